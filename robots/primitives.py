@@ -1,0 +1,101 @@
+"""Convex primitives that make up the surface of a link.
+
+Each primitive is a plain, frozen description in its link's frame (metres), as it stands in a robot's YAML file.
+Every one is convex and, where it has edges, rounded: its surface has a normal everywhere but on seams of measure
+zero, which is what the contact solvers need. `robots.surface` holds the compiled geometry of the same shapes.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, model_validator
+
+Vector = tuple[float, float, float]
+Positive = tuple[PositiveFloat, PositiveFloat, PositiveFloat]
+
+
+class _Shape(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Sphere(_Shape):
+    """A ball."""
+
+    kind: Literal["sphere"] = "sphere"
+    center: Vector
+    """Centre, link frame [m]."""
+    radius: PositiveFloat
+    """Radius [m]."""
+
+
+class Capsule(_Shape):
+    """All points within `radius` of the segment from `a` to `b`."""
+
+    kind: Literal["capsule"] = "capsule"
+    a: Vector
+    """One end of the core segment, link frame [m]."""
+    b: Vector
+    """Other end of the core segment, link frame [m]."""
+    radius: PositiveFloat
+    """Radius [m]."""
+
+    @model_validator(mode="after")
+    def _has_length(self) -> "Capsule":
+        if self.a == self.b:
+            raise ValueError("a and b are the same point; use kind: sphere")
+        return self
+
+
+class Cylinder(_Shape):
+    """A cylinder or truncated cone with flat caps and rounded rims.
+
+    The caps lie in the planes through `a` and `b`, square to the axis a-b. `radius_a` and `radius_b` are those of the
+    unrounded cone at its caps; the rims are rounded off inside it. Formally: the truncated cone, shrunk by `rounding`
+    on every side, plus a ball of radius `rounding`.
+    """
+
+    kind: Literal["cylinder"] = "cylinder"
+    a: Vector
+    """Centre of one cap, link frame [m]."""
+    b: Vector
+    """Centre of the other cap, link frame [m]."""
+    radius_a: PositiveFloat
+    """Radius of the sharp cone at cap a [m]."""
+    radius_b: PositiveFloat
+    """Radius of the sharp cone at cap b [m]."""
+    rounding: PositiveFloat
+    """Radius of the rims [m]; at most what fits into the cone."""
+
+
+class Ellipsoid(_Shape):
+    """An ellipsoid with semi-axes `radii` along its own axes."""
+
+    kind: Literal["ellipsoid"] = "ellipsoid"
+    center: Vector
+    """Centre, link frame [m]."""
+    rpy: Vector = (0.0, 0.0, 0.0)
+    """Orientation in the link frame: roll, pitch, yaw about fixed x, y, z [rad]."""
+    radii: Positive
+    """Semi-axes [m]."""
+
+
+class Box(_Shape):
+    """A box with rounded edges and corners."""
+
+    kind: Literal["box"] = "box"
+    center: Vector
+    """Centre, link frame [m]."""
+    rpy: Vector = (0.0, 0.0, 0.0)
+    """Orientation in the link frame: roll, pitch, yaw about fixed x, y, z [rad]."""
+    half: Positive
+    """Half edge lengths, rounding included [m]."""
+    rounding: PositiveFloat
+    """Radius of edges and corners [m]; at most the smallest of `half`."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> "Box":
+        if self.rounding > min(self.half):
+            raise ValueError(f"rounding {self.rounding} is larger than the smallest of half {self.half}")
+        return self
+
+
+Primitive = Annotated[Sphere | Capsule | Cylinder | Ellipsoid | Box, Field(discriminator="kind")]

@@ -1,0 +1,110 @@
+"""What an arm is: a serial chain of links and joints, with their inertia and surface. Frozen data."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robots.primitives import Primitive
+
+
+def _frozen(array: np.ndarray, shape: tuple[int, ...], name: str) -> np.ndarray:
+    result = np.array(array, dtype=np.float64)
+    if result.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape}, got {result.shape}")
+    if not np.all(np.isfinite(result)):
+        raise ValueError(f"{name}: expected finite numbers, got {result.tolist()}")
+    result.setflags(write=False)
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """Mass distribution of one body, in the body's own frame."""
+
+    mass: float
+    """Mass [kg]."""
+    com: np.ndarray
+    """Centre of mass [m], shape (3,)."""
+    tensor: np.ndarray
+    """Inertia tensor about the centre of mass, body axes [kg m^2], shape (3, 3)."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mass) and self.mass >= 0.0):
+            raise ValueError(f"mass: expected a finite number >= 0, got {self.mass}")
+        object.__setattr__(self, "com", _frozen(self.com, (3,), "com"))
+        object.__setattr__(self, "tensor", _frozen(self.tensor, (3, 3), "tensor"))
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A revolute joint: the frame of the link it carries, seen from the link before it.
+
+    The carried link's frame is `rotation` @ Rot(axis, q), placed at `translation`.
+    """
+
+    name: str
+    rotation: np.ndarray
+    """Orientation of the joint frame in the parent link's frame at q = 0, shape (3, 3)."""
+    translation: np.ndarray
+    """Origin of the joint frame in the parent link's frame [m], shape (3,)."""
+    axis: np.ndarray
+    """Unit axis in the joint frame, shape (3,)."""
+    position_limits: tuple[float, float]
+    """Lowest and highest angle [rad]."""
+    velocity_limit: float
+    """Largest speed [rad/s]."""
+    torque_limit: float
+    """Largest torque [Nm]."""
+    rotor_inertia: float = 0.0
+    """Inertia of the rotor as seen at the joint, gear ratio squared included [kg m^2]."""
+    torque_constant: float | None = None
+    """Joint torque per motor current [Nm/A], gear included; None where nobody has measured it."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotation", _frozen(self.rotation, (3, 3), f"joint {self.name}: rotation"))
+        object.__setattr__(self, "translation", _frozen(self.translation, (3,), f"joint {self.name}: translation"))
+        axis = _frozen(self.axis, (3,), f"joint {self.name}: axis")
+        if abs(float(axis @ axis) - 1.0) > 1e-9:
+            raise ValueError(f"joint {self.name}: axis: expected a unit vector, got {axis.tolist()}")
+        object.__setattr__(self, "axis", axis)
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A rigid body of the arm and the convex primitives of its surface, in its own frame."""
+
+    name: str
+    inertia: Inertia
+    primitives: tuple[Primitive, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """A serial arm: `links[0]` is fixed to the base, `joints[j]` carries `links[j + 1]`."""
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    flange_rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+    """Orientation of the tool flange in the last link's frame, shape (3, 3)."""
+    flange_translation: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    """Origin of the tool flange in the last link's frame [m], shape (3,)."""
+
+    def __post_init__(self) -> None:
+        if len(self.links) != len(self.joints) + 1:
+            raise ValueError(
+                f"robot {self.name}: {len(self.joints)} joints carry {len(self.joints)} links, "
+                f"and one base: expected {len(self.joints) + 1} links, got {len(self.links)}"
+            )
+        object.__setattr__(self, "flange_rotation", _frozen(self.flange_rotation, (3, 3), "flange_rotation"))
+        object.__setattr__(self, "flange_translation", _frozen(self.flange_translation, (3,), "flange_translation"))
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of all links, base first."""
+        return tuple(link.name for link in self.links)
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole arm, base included [kg]."""
+        return sum(link.inertia.mass for link in self.links)

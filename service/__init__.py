@@ -1,0 +1,1 @@
+"""The outside world: sensors, servers, recordings and the command line."""

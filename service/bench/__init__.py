@@ -1,0 +1,1 @@
+"""Benchmarks against ground truth and against yardsticks."""

@@ -1,0 +1,1 @@
+"""A simulated arm with sensors, served over the real protocols."""

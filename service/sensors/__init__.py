@@ -1,0 +1,1 @@
+"""Sensor sources: live clients and the alignment of their streams."""

@@ -1,0 +1,1 @@
+"""Reading and writing the bytes of sensor protocols; no sockets in here."""
