@@ -1,10 +1,12 @@
 """Convex primitives that make up the surface of a link.
 
-Each primitive is a plain, frozen description in its link's frame (metres), as it stands in a robot's YAML file.
-Every one is convex and, where it has edges, rounded: its surface has a normal everywhere but on seams of measure
-zero, which is what the contact solvers need. `robots.surface` holds the compiled geometry of the same shapes.
+Each primitive is a plain, frozen description in its link's frame (metres), as it stands in a robot's YAML
+file. Every one is convex and, where it has edges, rounded: its surface has a normal everywhere but on seams
+of measure zero, which is what the contact solvers need. `robots.surface` holds the compiled geometry of the
+same shapes.
 """
 
+from math import dist, sqrt
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, model_validator
@@ -48,9 +50,9 @@ class Capsule(_Shape):
 class Cylinder(_Shape):
     """A cylinder or truncated cone with flat caps and rounded rims.
 
-    The caps lie in the planes through `a` and `b`, square to the axis a-b. `radius_a` and `radius_b` are those of the
-    unrounded cone at its caps; the rims are rounded off inside it. Formally: the truncated cone, shrunk by `rounding`
-    on every side, plus a ball of radius `rounding`.
+    The caps lie in the planes through `a` and `b`, square to the axis a-b. `radius_a` and `radius_b` are
+    those of the unrounded cone at its caps; the rims are rounded off inside it. Formally: the truncated cone,
+    shrunk by `rounding` on every side, plus a ball of radius `rounding`.
     """
 
     kind: Literal["cylinder"] = "cylinder"
@@ -64,6 +66,31 @@ class Cylinder(_Shape):
     """Radius of the sharp cone at cap b [m]."""
     rounding: PositiveFloat
     """Radius of the rims [m]; at most what fits into the cone."""
+
+    def core(self) -> tuple[float, float, float]:
+        """Half length and both radii of the cone after `rounding` is taken off every side [m]."""
+        half, radius_a, radius_b = self._shrunk()
+        return max(half, 0.0), max(radius_a, 0.0), max(radius_b, 0.0)
+
+    def _shrunk(self) -> tuple[float, float, float]:
+        length = dist(self.a, self.b)
+        slope = (self.radius_b - self.radius_a) / length
+        off = self.rounding * sqrt(1.0 + slope * slope)
+        return (
+            length / 2.0 - self.rounding,
+            self.radius_a + slope * self.rounding - off,
+            self.radius_b - slope * self.rounding - off,
+        )
+
+    @model_validator(mode="after")
+    def _fits(self) -> "Cylinder":
+        if self.a == self.b:
+            raise ValueError("a and b are the same point: a cylinder needs a length")
+        if min(self._shrunk()) < -1e-9:
+            raise ValueError(
+                f"rounding {self.rounding} does not fit into the cone; at least one side vanishes"
+            )
+        return self
 
 
 class Ellipsoid(_Shape):

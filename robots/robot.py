@@ -62,7 +62,8 @@ class Joint:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rotation", _frozen(self.rotation, (3, 3), f"joint {self.name}: rotation"))
-        object.__setattr__(self, "translation", _frozen(self.translation, (3,), f"joint {self.name}: translation"))
+        translation = _frozen(self.translation, (3,), f"joint {self.name}: translation")
+        object.__setattr__(self, "translation", translation)
         axis = _frozen(self.axis, (3,), f"joint {self.name}: axis")
         if abs(float(axis @ axis) - 1.0) > 1e-9:
             raise ValueError(f"joint {self.name}: axis: expected a unit vector, got {axis.tolist()}")
@@ -97,7 +98,8 @@ class Robot:
                 f"and one base: expected {len(self.joints) + 1} links, got {len(self.links)}"
             )
         object.__setattr__(self, "flange_rotation", _frozen(self.flange_rotation, (3, 3), "flange_rotation"))
-        object.__setattr__(self, "flange_translation", _frozen(self.flange_translation, (3,), "flange_translation"))
+        translation = _frozen(self.flange_translation, (3,), "flange_translation")
+        object.__setattr__(self, "flange_translation", translation)
 
     @property
     def link_names(self) -> tuple[str, ...]:
