@@ -1,0 +1,200 @@
+"""What the simulated arm does, as a script in YAML: its motion, the contacts on it, its sensors' noise."""
+
+from pathlib import Path
+from typing import Annotated, Self
+
+import yaml
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    ValidationError,
+    model_validator,
+)
+
+Vector = tuple[float, float, float]
+Posture = Annotated[tuple[float, ...], Field(min_length=1)]
+
+SCRIPTS = Path(__file__).parent / "scripts"
+"""Folder of the scripts that come with the package."""
+
+
+class ScriptError(ValueError):
+    """A script cannot be read, or asks for something that its robot cannot do."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Noise(_Part):
+    """Standard deviations of the sensors' white noise."""
+
+    base_force: NonNegativeFloat = 0.0
+    """Base sensor's force, each axis [N]."""
+    base_moment: NonNegativeFloat = 0.0
+    """Base sensor's moment about the base origin, each axis [Nm]."""
+    joint_torque: NonNegativeFloat = 0.0
+    """Joint torques [Nm]."""
+    seed: NonNegativeInt = 0
+    """Same seed, same noise."""
+
+
+class Move(_Part):
+    """One stretch of the trajectory: a smooth move, then a stop."""
+
+    to: Posture
+    """Joint positions at its end [rad]."""
+    duration: PositiveFloat
+    """Time for the move [s]; a quintic, at rest at both ends."""
+    dwell: NonNegativeFloat = 0.0
+    """Time to stay there [s]."""
+
+
+class Trajectory(_Part):
+    """Joint motion: from rest, through postures, to rest."""
+
+    start: Posture
+    """Joint positions at the beginning [rad]."""
+    dwell: NonNegativeFloat = 1.0
+    """Time to stay there first [s]."""
+    moves: tuple[Move, ...] = ()
+    """The moves, in order."""
+
+    @property
+    def duration(self) -> float:
+        """Length of the whole trajectory [s]."""
+        return self.dwell + sum(move.duration + move.dwell for move in self.moves)
+
+
+class Contact(_Part):
+    """One scripted touch. Its force is given in one of three ways: `push`, `force_link` or `force_base`."""
+
+    link: str
+    """Name of the touched link."""
+    point: Vector
+    """Where, link frame [m]; moves with the link."""
+    start: NonNegativeFloat
+    """When the force sets in [s], from the beginning of the script."""
+    duration: PositiveFloat
+    """How long it lasts, ramps included [s]."""
+    ramp: NonNegativeFloat = 0.05
+    """Time in which the force rises and falls, raised cosine [s]."""
+    normal: Vector | None = None
+    """Outward normal of the surface there, link axes; any length. Needed for `push` and `torsion`."""
+    push: PositiveFloat | None = None
+    """Force against the outward normal [N]."""
+    force_link: Vector | None = None
+    """Force on the robot, link axes [N]."""
+    force_base: Vector | None = None
+    """Force on the robot, base axes [N]."""
+    torsion: float = 0.0
+    """Moment on the robot about the outward normal [Nm]."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        given = [name for name in ("push", "force_link", "force_base") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"expected exactly one of push, force_link, force_base, got {given or 'none'}")
+        if self.normal is None and (self.push is not None or self.torsion != 0.0):
+            raise ValueError("normal: expected an outward normal, since push or torsion is given, got none")
+        if self.normal is not None and sum(x * x for x in self.normal) < 1e-12:
+            raise ValueError(f"normal: expected a vector of some length, got {list(self.normal)}")
+        if 2.0 * self.ramp > self.duration:
+            raise ValueError(f"ramp: expected at most half of duration {self.duration} s, got {self.ramp} s")
+        return self
+
+
+class Script(_Part):
+    """A simulated arm's robot, motion, contacts and noise."""
+
+    robot: str
+    """Name of the robot, as `contactsense robots` lists them."""
+    rate: PositiveFloat = 500.0
+    """Samples a second [Hz]."""
+    gravity: Vector = (0.0, 0.0, -9.81)
+    """Acceleration of free fall, base axes [m/s^2]."""
+    noise: Noise = Noise()
+    """Noise of the sensors."""
+    trajectory: Trajectory
+    """Joint motion."""
+    contacts: tuple[Contact, ...] = ()
+    """Touches, in any order; they may overlap in time."""
+
+    @property
+    def duration(self) -> float:
+        """Length of the script [s]."""
+        return self.trajectory.duration
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        n = len(self.trajectory.start)
+        for index, move in enumerate(self.trajectory.moves):
+            if len(move.to) != n:
+                raise ValueError(
+                    f"trajectory.moves[{index}].to: expected {n} joint positions, as in trajectory.start, "
+                    f"got {len(move.to)}"
+                )
+        for index, contact in enumerate(self.contacts):
+            end = contact.start + contact.duration
+            if end > self.duration + 1e-9:
+                raise ValueError(
+                    f"contacts[{index}]: expected an end within the {self.duration:g} s of the trajectory, "
+                    f"got {end:g} s"
+                )
+        return self
+
+    @classmethod
+    def parse(cls, text: str, name: str = "script") -> "Script":
+        """A script from YAML text.
+
+        Raises:
+            ScriptError: What is wrong, where, and what was expected; `name` tells which script.
+        """
+        try:
+            data = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise ScriptError(f"{name}: not YAML: {' '.join(str(error).split())}") from None
+        if not isinstance(data, dict):
+            got = type(data).__name__
+            raise ScriptError(f"{name}: expected a mapping with robot, trajectory, contacts, got {got}")
+        try:
+            return cls.model_validate(data)
+        except ValidationError as error:
+            raise ScriptError(f"{name}: {explain(error)}") from None
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Script":
+        """A script from a YAML file.
+
+        Raises:
+            ScriptError: The file cannot be read or its content is wrong.
+        """
+        path = Path(path)
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ScriptError(f"{path}: {error}") from None
+        return cls.parse(text, str(path))
+
+    @classmethod
+    def demo(cls) -> "Script":
+        """The script of the demonstration: a UR5e, eight contacts on five links."""
+        return cls.load(SCRIPTS / "demo.yaml")
+
+
+def explain(error: ValidationError) -> str:
+    """All complaints of a validation in one line: field, what was expected, what came."""
+    parts = []
+    for issue in error.errors():
+        where = ""
+        for step in issue["loc"]:
+            where += f"[{step}]" if isinstance(step, int) else f".{step}" if where else str(step)
+        message = issue["msg"].removeprefix("Value error, ")
+        own = issue["type"] == "value_error"  # these messages already tell what came
+        got = "" if own or issue["type"] == "missing" else f", got {issue['input']!r:.60}"
+        parts.append(f"{where}: {message}{got}" if where else f"{message}{got}")
+    return "; ".join(parts)
