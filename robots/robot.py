@@ -77,6 +77,9 @@ class Link:
     name: str
     inertia: Inertia
     primitives: tuple[Primitive, ...] = ()
+    """The surface as a union of convex primitives."""
+    coarse: tuple[Primitive, ...] = ()
+    """The same with as few as one or two, for scenes that would rather be fast."""
 
 
 @dataclass(frozen=True, slots=True)

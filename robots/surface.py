@@ -14,7 +14,7 @@ is not unique and one is picked.
 """
 
 from collections.abc import Sequence
-from math import cos, fabs, hypot, sin, sqrt
+from math import fabs, hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ from numba import njit
 
 from robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from robots.robot import Link
+from robots.rotations import rotation_from_rpy
 
 REVOLVED = 0
 ELLIPSOID = 1
@@ -93,19 +94,6 @@ def body(shape: Primitive) -> tuple[int, np.ndarray, np.ndarray, tuple[float, ..
         core = tuple(half - shape.rounding for half in shape.half)
         return BOX, rotation_from_rpy(shape.rpy), np.array(shape.center), (*core, shape.rounding)
     raise TypeError(f"no geometry for {type(shape).__name__}")
-
-
-def rotation_from_rpy(rpy: Sequence[float]) -> np.ndarray:
-    """Rotation matrix (3, 3) of roll, pitch, yaw about the fixed axes x, y, z [rad], as in a URDF."""
-    cr, cp, cy = (cos(angle) for angle in rpy)
-    sr, sp, sy = (sin(angle) for angle in rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
 
 
 def _along(a: Sequence[float], b: Sequence[float]) -> tuple[np.ndarray, np.ndarray, float]:

@@ -1,0 +1,44 @@
+"""The arms that come with this package, and robots from files."""
+
+from importlib import resources
+from pathlib import Path
+
+from robots import schema
+from robots.robot import Robot
+from robots.schema import RobotError
+
+
+class UnknownRobotError(RobotError):
+    """A name that the library does not have; the message lists those that it has."""
+
+
+def names() -> tuple[str, ...]:
+    """Names of the arms that `load` knows."""
+    return tuple(
+        sorted(path.stem for path in _folder().glob("*.yaml") if not path.name.endswith(".surface.yaml"))
+    )
+
+
+def load(name: str | Path) -> Robot:
+    """An arm by its name in the library, or from a YAML file of the same form.
+
+    Args:
+        name: One of `names()`, or a path that ends in `.yaml`. Primitives are read from
+            `<name>.surface.yaml` beside it.
+
+    Raises:
+        UnknownRobotError: the library has no such arm.
+        RobotError: the file is missing or wrong; the message names the field.
+    """
+    path = Path(name)
+    if path.suffix != ".yaml":
+        if str(name) not in names():
+            raise UnknownRobotError(
+                f"unknown robot {str(name)!r}; there are {', '.join(names())}, or a path to a .yaml file"
+            )
+        path = _folder() / f"{name}.yaml"
+    return schema.robot(path)
+
+
+def _folder() -> Path:
+    return Path(str(resources.files("robots")))

@@ -1,0 +1,158 @@
+"""The robots that come with the package, and what the loader says about files that are wrong."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import robots
+from robots import library
+from tests.shared import truth
+
+DH = {
+    # d1, a2, a3, d4, d5, d6 as the maker publishes them [m].
+    "ur3e": (0.15185, -0.24355, -0.2132, 0.13105, 0.08535, 0.0921),
+    "ur5e": (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
+    "ur10e": (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
+    "ur16e": (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
+    "ur20": (0.2363, -0.862, -0.7287, 0.201, 0.1593, 0.1543),
+}
+GOOD = """
+name: two_bars
+links:
+  - {name: base, mass: 1.0, com: [0, 0, 0], tensor: [1, 0, 0, 1, 0, 1]}
+  - {name: bar, mass: 2.0, com: [0.1, 0, 0], rpy: [0, 0, 1.5707963267948966], tensor: [1, 0, 0, 2, 0, 2]}
+joints:
+  - {name: hinge, xyz: [0, 0, 0.5], rpy: [0, 0, 0], axis: [0, 2, 0], velocity_limit: 180, torque_limit: 5}
+"""
+
+
+def forward(robot: robots.Robot, q: np.ndarray, link: int) -> tuple[np.ndarray, np.ndarray]:
+    rotation, place = np.eye(3), np.zeros(3)
+    for joint, angle in zip(robot.joints[:link], q, strict=False):
+        assert joint.axis.tolist() == [0.0, 0.0, 1.0]
+        c, s = np.cos(angle), np.sin(angle)
+        place = place + rotation @ joint.translation
+        rotation = rotation @ joint.rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return rotation, place
+
+
+@pytest.mark.parametrize("name", sorted(DH))
+def test_flange_is_where_denavit_and_hartenberg_put_it(name: str) -> None:
+    robot = robots.load(name)
+    d1, a2, a3, d4, d5, d6 = DH[name]
+    rows = [(0.0, np.pi / 2, d1), (a2, 0, 0), (a3, 0, 0), (0, np.pi / 2, d4), (0, -np.pi / 2, d5), (0, 0, d6)]
+    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, size=(20, 6)):
+        pose = np.eye(4)
+        for (a, alpha, d), angle in zip(rows, q, strict=True):
+            ct, st, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)
+            pose = pose @ [
+                [ct, -st * ca, st * sa, a * ct],
+                [st, ct * ca, -ct * sa, a * st],
+                [0, sa, ca, d],
+                [0, 0, 0, 1],
+            ]
+        rotation, place = forward(robot, q, 6)
+        flange = rotation @ robot.flange_translation + place
+        np.testing.assert_allclose(flange, pose[:3, 3], atol=1e-8)
+        np.testing.assert_allclose(rotation @ robot.flange_rotation, pose[:3, :3], atol=1e-8)
+
+
+def test_names_and_links() -> None:
+    assert robots.names() == tuple(sorted(DH))
+    assert robots.load("ur5e").link_names == (
+        "base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["ur5e", "ur10e"])
+def test_agrees_with_the_ground_truth(name: str) -> None:
+    data = truth(f"static_points_{name}.npz")
+    robot = robots.load(name)
+    assert robot.mass == pytest.approx(-data["base_wrench"][0, 2] / 9.81 + data["f"][0, 2] / 9.81, abs=1e-6)
+    for i in range(200):
+        rotation, place = forward(robot, data["q"][i], data["link"][i])
+        np.testing.assert_allclose(rotation @ data["c_link"][i] + place, data["c_base"][i], atol=1e-12)
+
+
+def test_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(robots.UnknownRobotError, match=r"'ur7'; there are ur10e, .*ur5e"):
+        robots.load("ur7")
+
+
+def test_reads_a_file_of_ones_own(tmp_path: Path) -> None:
+    path = tmp_path / "two_bars.yaml"
+    path.write_text(GOOD)
+    robot = robots.load(path)
+    np.testing.assert_allclose(robot.links[1].inertia.tensor, np.diag([2.0, 1.0, 2.0]), atol=1e-12)
+    assert robot.joints[0].axis.tolist() == [0.0, 1.0, 0.0]
+    assert robot.joints[0].velocity_limit == pytest.approx(np.pi)
+    assert robot.joints[0].position_limits == (-np.inf, np.inf)
+    path.with_suffix(".surface.yaml").write_text(
+        yaml.safe_dump(
+            {
+                "robot": "two_bars",
+                "links": {
+                    "bar": {
+                        "fine": [{"kind": "capsule", "a": [0, 0, 0], "b": [1, 0, 0], "radius": 0.1}],
+                        "coarse": [{"kind": "sphere", "center": [0, 0, 0], "radius": 0.5}],
+                    }
+                },
+            }
+        )
+    )
+    robot = robots.load(path)
+    assert [len(link.primitives) for link in robot.links] == [0, 1]
+    assert [len(link.coarse) for link in robot.links] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("mass: 2.0", "mass: -2.0", r"two_bars.yaml: links.1.mass: .*greater than 0"),
+        ("mass: 2.0", "mass: .nan", r"links.1.mass"),
+        ("mass: 2.0", "weight: 2.0", r"links.1.mass: Field required"),
+        ("[1, 0, 0, 2, 0, 2]", "[1, 0, 0, 2, 0, 9]", r"links.1: .*no real body"),
+        ("[1, 0, 0, 2, 0, 2]", "[1, 0, 0, 2, 0]", r"links.1.tensor"),
+        ("name: bar", "name: base", r"base: the name is given 2 times"),
+        ("name: hinge", "name: hinge, position_limits: [10, -10]", r"joints.0: .*expected the lower first"),
+        ("  - {name: bar",
+         "  - {name: more, mass: 1.0, com: [0, 0, 0], tensor: [1, 0, 0, 1, 0, 1]}\n  - {name: bar",
+         r"1 joints need one link more, got 3"),
+        ("name: two_bars", "name: [", r"two_bars.yaml: no valid YAML"),
+    ],
+)  # fmt: skip
+def test_wrong_files_are_refused_with_place_and_reason(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    path = tmp_path / "two_bars.yaml"
+    assert old in GOOD
+    path.write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(robots.RobotError, match=message):
+        robots.load(path)
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(robots.RobotError, match=r"nothing.yaml: No such file"):
+        robots.load(tmp_path / "nothing.yaml")
+
+
+def test_surface_of_a_link_that_is_not_there(tmp_path: Path) -> None:
+    path = tmp_path / "two_bars.yaml"
+    path.write_text(GOOD)
+    surface = tmp_path / "two_bars.surface.yaml"
+    sphere = "[{kind: sphere, center: [0, 0, 0], radius: 1}]"
+    surface.write_text(f"robot: two_bars\nlinks: {{elbow: {{fine: {sphere}, coarse: {sphere}}}}}")
+    with pytest.raises(robots.RobotError, match=r"surface.yaml: links.elbow: two_bars has no such link"):
+        robots.load(path)
+    surface.write_text(
+        f"robot: two_bars\nlinks: {{bar: {{fine: {sphere.replace('1}', '-1}')}, coarse: {sphere}}}}}"
+    )
+    with pytest.raises(robots.RobotError, match=r"links.bar.fine.0.*radius"):
+        robots.load(path)
+
+
+def test_every_file_of_the_library_says_where_its_numbers_are_from() -> None:
+    for path in Path(library.__file__).parent.glob("*.yaml"):
+        assert path.read_text().startswith("#"), path
