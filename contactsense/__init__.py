@@ -1,5 +1,17 @@
 """Where is a robot arm being touched? Measurements in, contacts out."""
 
+from contactsense.localizer import Batch, Localizer
+from contactsense.scene import JointTorqueSensor, Scene, SceneError, WrenchSensor
 from contactsense.types import Contact, Estimate, Sample
 
-__all__ = ["Contact", "Estimate", "Sample"]
+__all__ = [
+    "Batch",
+    "Contact",
+    "Estimate",
+    "JointTorqueSensor",
+    "Localizer",
+    "Sample",
+    "Scene",
+    "SceneError",
+    "WrenchSensor",
+]

@@ -1,0 +1,128 @@
+"""The scene as the kernels see it: everything about arm, tool, sensors and surface that no sample changes."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.isolation import Sensors
+from contactsense.refine import Prior
+from contactsense.scene import Scene, WrenchSensor
+from kinematics.model import Model, build_model
+from robots import Inertia, Link, Robot
+from robots.surface import Surfaces, pack
+from robots.tool import join_inertia, move_inertia
+
+
+class Arm(NamedTuple):
+    """Constant arrays for the sample path, made once from a `Scene`."""
+
+    model: Model
+    """Kinematics and inertia, the tool joined to the last link."""
+    surfaces: Surfaces
+    """Touchable surface; a tool's primitives are given in the frame of the last link."""
+    sensors: Sensors
+    """What sees which link, and the noise."""
+    prior: Prior
+    """What is known of contacts beforehand."""
+    touchable: np.ndarray
+    """Whether each link can be touched, shape (links,), bool."""
+    gravity: np.ndarray
+    """Gravity, base axes, shape (3,) [m/s^2]."""
+    tool_mass: float
+    """Mass beyond the wrist sensor [kg]."""
+    tool_com: np.ndarray
+    """Its centre of mass, last link's frame, shape (3,) [m]."""
+    tool_inertia: np.ndarray
+    """Its inertia about that, last link's axes, shape (3, 3) [kg m^2]."""
+    wrist_rotation: np.ndarray
+    """Orientation of the wrist sensor in the last link's frame, shape (3, 3)."""
+    wrist_origin: np.ndarray
+    """Origin of the wrist sensor in the last link's frame, shape (3,) [m]."""
+
+
+def build_arm(scene: Scene) -> Arm:
+    """Arrays for the kernels."""
+    robot = scene.robot
+    flange_rotation, flange_origin = robot.flange_rotation, robot.flange_translation
+    tool = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    if scene.tool is not None:
+        tool = move_inertia(scene.tool.inertia, flange_rotation, flange_origin)
+    last = robot.links[-1]
+    carried = Robot(
+        name=robot.name,
+        links=(*robot.links[:-1], Link(last.name, join_inertia(last.inertia, tool), last.primitives)),
+        joints=robot.joints,
+    )
+    wrist = scene.wrist_wrench or WrenchSensor()
+    return Arm(
+        model=build_model(carried),
+        surfaces=_surfaces(scene),
+        sensors=_sensors(scene),
+        prior=Prior(lean=scene.friction / 2.0, lever=scene.torsion, offset=scene.surface_error),
+        touchable=np.array([scene.touchable is None or name in scene.touchable for name in scene.link_names]),
+        gravity=scene.gravity_base,
+        tool_mass=tool.mass,
+        tool_com=tool.com,
+        tool_inertia=tool.tensor,
+        wrist_rotation=flange_rotation @ wrist.rotation,
+        wrist_origin=flange_rotation @ np.array(wrist.translation) + flange_origin,
+    )
+
+
+def _surfaces(scene: Scene) -> Surfaces:
+    links = list(scene.robot.links)
+    if len(scene.link_names) == len(links):
+        return pack(links)
+    assert scene.tool is not None
+    links.append(Link(scene.tool.name, scene.tool.inertia, scene.tool.primitives))
+    surfaces = pack(links)
+    first = surfaces.start[-2]
+    R, o = scene.robot.flange_rotation, scene.robot.flange_translation
+    surfaces.rotation[first:] = R @ surfaces.rotation[first:]
+    surfaces.origin[first:] = surfaces.origin[first:] @ R.T + o
+    return surfaces
+
+
+def _sensors(scene: Scene) -> Sensors:
+    joints = len(scene.robot.joints)
+    links = len(scene.link_names)
+    base = scene.base_wrench or WrenchSensor()
+    transfer = about_base(np.eye(3), np.array(base.translation))
+    noise = np.array([base.force_noise] * 3 + [base.moment_noise] * 3)
+    torque_noise = scene.joint_torque.noise if scene.joint_torque is not None else 1.0
+    wrist = scene.wrist_wrench or WrenchSensor()
+    return Sensors(
+        depth=np.minimum(np.arange(links), joints),
+        beyond_wrist=np.arange(links) > joints,
+        # The sensor's noise is the same in every direction, so that its orientation does not matter here.
+        base_covariance=transfer @ np.diag(noise**2) @ transfer.T,
+        base_information=np.linalg.inv(transfer).T @ np.diag(noise**-2.0) @ np.linalg.inv(transfer),
+        torque_variance=np.broadcast_to(np.square(torque_noise), (joints,)).copy(),
+        wrist_variance=np.array([wrist.force_noise**2, wrist.moment_noise**2]),
+    )
+
+
+def about_base(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """6x6 matrix that carries a wrench from a sensor's frame to base axes and the base origin.
+
+    Args:
+        rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
+        translation: Its origin in the base frame, shape (3,) [m].
+    """
+    x, y, z = translation
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[rotation, np.zeros((3, 3))], [cross @ rotation, rotation]])
+
+
+def base_wrench_from(sensor: WrenchSensor, reading: np.ndarray) -> np.ndarray:
+    """Wrench of the arm on the base sensor, base axes, about the base origin, from readings in the sensor's own way.
+
+    Args:
+        sensor: Place, orientation and sign of the sensor.
+        reading: Force and moment as the sensor gives them, shape (..., 6) [N, Nm].
+
+    Returns:
+        Shape (..., 6) [N, Nm].
+    """
+    sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
+    return sign * reading @ about_base(sensor.rotation, np.array(sensor.translation)).T

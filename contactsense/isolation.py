@@ -1,0 +1,222 @@
+"""Which link is touched: every link is a hypothesis with its fused wrench and its evidence (theory, section 3).
+
+The hypothesis "link k is touched" says that the base sensor and the joints below the link see the contact wrench w,
+
+    base:   y_b = w + noise          joints:  r_j = s_j . w + noise  for j <= depth(k),   r_j = noise  beyond,
+
+and that a wrist sensor sees it for links beyond the wrist only. Starting from the base measurement, or from a broad
+prior where there is none, one scalar Kalman step per joint, going outward, gives all hypotheses in turn. Any subset of
+sensors is the same code with steps left out.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+BROAD = 1e3
+"""Standard deviation of the wrench before any measurement, where there is no base sensor [N and Nm]."""
+
+_LOG_2PI = math.log(2.0 * math.pi)
+
+
+class Sensors(NamedTuple):
+    """What sees which link, and how noisy the sensors are. Covariances are about the base origin, base axes."""
+
+    depth: np.ndarray
+    """Number of joints between the base and each link, rising, shape (links,), int64."""
+    beyond_wrist: np.ndarray
+    """Whether the wrist sensor sees a contact on each link, shape (links,), bool."""
+    base_covariance: np.ndarray
+    """Covariance of the base wrench, shape (6, 6)."""
+    base_information: np.ndarray
+    """Its inverse, shape (6, 6)."""
+    torque_variance: np.ndarray
+    """Variance of each joint torque, shape (n,) [Nm^2]."""
+    wrist_variance: np.ndarray
+    """Variance of each force and each moment component of the wrist sensor about its origin, shape (2,) [N^2, Nm^2]."""
+
+
+class Hypotheses(NamedTuple):
+    """One row per link, filled by `isolate`."""
+
+    wrench: np.ndarray
+    """Fused contact wrench about the base origin, base axes, shape (links, 6) [N, Nm]."""
+    covariance: np.ndarray
+    """Its covariance, shape (links, 6, 6)."""
+    information: np.ndarray
+    """Inverse of `covariance`; summed up on the way, not inverted, shape (links, 6, 6)."""
+    energy: np.ndarray
+    """Half the squared residuals that remain at the fused wrench, in units of the noise, shape (links,)."""
+    log_evidence: np.ndarray
+    """Log likelihood of all measurements if this link is touched by any wrench at all, shape (links,)."""
+
+
+def empty_hypotheses(links: int) -> Hypotheses:
+    """Arrays for that many links."""
+    return Hypotheses(
+        wrench=np.empty((links, 6)),
+        covariance=np.empty((links, 6, 6)),
+        information=np.empty((links, 6, 6)),
+        energy=np.empty(links),
+        log_evidence=np.empty(links),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _null(value, variance):  # type: ignore[no-untyped-def]
+    """Energy and log likelihood of a measurement that is noise only."""
+    energy = 0.5 * value * value / variance
+    return energy, -energy - 0.5 * (math.log(variance) + _LOG_2PI)
+
+
+@njit(cache=True, error_model="numpy")
+def _observe(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
+    """Kalman step for value = a . w + noise, in place; energy and log likelihood of the innovation."""
+    g = (
+        P[0, 0] * a[0] + P[0, 1] * a[1] + P[0, 2] * a[2] + P[0, 3] * a[3] + P[0, 4] * a[4] + P[0, 5] * a[5],
+        P[1, 0] * a[0] + P[1, 1] * a[1] + P[1, 2] * a[2] + P[1, 3] * a[3] + P[1, 4] * a[4] + P[1, 5] * a[5],
+        P[2, 0] * a[0] + P[2, 1] * a[1] + P[2, 2] * a[2] + P[2, 3] * a[3] + P[2, 4] * a[4] + P[2, 5] * a[5],
+        P[3, 0] * a[0] + P[3, 1] * a[1] + P[3, 2] * a[2] + P[3, 3] * a[3] + P[3, 4] * a[4] + P[3, 5] * a[5],
+        P[4, 0] * a[0] + P[4, 1] * a[1] + P[4, 2] * a[2] + P[4, 3] * a[3] + P[4, 4] * a[4] + P[4, 5] * a[5],
+        P[5, 0] * a[0] + P[5, 1] * a[1] + P[5, 2] * a[2] + P[5, 3] * a[3] + P[5, 4] * a[4] + P[5, 5] * a[5],
+    )
+    s = variance
+    innovation = value
+    for i in range(6):
+        s += a[i] * g[i]
+        innovation -= a[i] * w[i]
+    for i in range(6):
+        w[i] += g[i] / s * innovation
+        for k in range(i + 1):
+            P[i, k] -= g[i] * g[k] / s
+            P[k, i] = P[i, k]
+            L[i, k] += a[i] * a[k] / variance
+            L[k, i] = L[i, k]
+    return _null(innovation, s)
+
+
+@njit(cache=True, error_model="numpy")
+def _observe_wrist(variance_f, variance_m, y, origin, w, P, L):  # type: ignore[no-untyped-def]
+    """Six steps for a wrist sensor at `origin`: its force, and its moment about its own origin, where noise is isotropic."""
+    energy = 0.0
+    log_likelihood = 0.0
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    mx, my, mz = y[3] - oy * y[2] + oz * y[1], y[4] - oz * y[0] + ox * y[2], y[5] - ox * y[1] + oy * y[0]
+    rows = (
+        ((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), y[0], variance_f),
+        ((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), y[1], variance_f),
+        ((0.0, 0.0, 1.0, 0.0, 0.0, 0.0), y[2], variance_f),
+        ((0.0, oz, -oy, 1.0, 0.0, 0.0), mx, variance_m),
+        ((-oz, 0.0, ox, 0.0, 1.0, 0.0), my, variance_m),
+        ((oy, -ox, 0.0, 0.0, 0.0, 1.0), mz, variance_m),
+    )
+    for row, value, variance in rows:
+        cost, fit = _observe(row, value, variance, w, P, L)
+        energy += cost
+        log_likelihood += fit
+    return energy, log_likelihood
+
+
+@njit(cache=True, error_model="numpy")
+def _null_wrist(variance_f, variance_m, y, origin):  # type: ignore[no-untyped-def]
+    """Energy and log likelihood of a wrist reading if nothing touches beyond the wrist."""
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    energy = 0.0
+    log_likelihood = 0.0
+    moment = (y[3] - oy * y[2] + oz * y[1], y[4] - oz * y[0] + ox * y[2], y[5] - ox * y[1] + oy * y[0])
+    for i in range(3):
+        cost, fit = _null(y[i], variance_f)
+        energy += cost
+        log_likelihood += fit
+        cost, fit = _null(moment[i], variance_m)
+        energy += cost
+        log_likelihood += fit
+    return energy, log_likelihood
+
+
+@njit(cache=True, error_model="numpy")
+def isolate(
+    sensors: Sensors,
+    screw: np.ndarray,
+    base_wrench: np.ndarray,
+    has_base: bool,
+    torque: np.ndarray,
+    has_torque: bool,
+    wrist_wrench: np.ndarray,
+    has_wrist: bool,
+    wrist_origin: np.ndarray,
+    scale: float,
+    out: Hypotheses,
+) -> None:
+    """Fill `out` with one hypothesis per link.
+
+    Args:
+        sensors: What sees which link, and the noise.
+        screw: Joint screws in the base frame, shape (n, 6).
+        base_wrench: External wrench that the base sensor sees (the arm's own part taken off), shape (6,).
+        has_base: Whether `base_wrench` was measured.
+        torque: External part of the joint torques, as s_j . w: what contacts ask of the joint, shape (n,).
+        has_torque: Whether `torque` was measured.
+        wrist_wrench: External wrench that the wrist sensor sees, about the base origin, base axes, shape (6,).
+        has_wrist: Whether `wrist_wrench` was measured.
+        wrist_origin: Origin of the wrist sensor in the base frame [m], shape (3,).
+        scale: Factor on all variances: below one for filtered measurements.
+        out: Filled row by row.
+    """
+    joints = torque.shape[0]
+    links = sensors.depth.shape[0]
+    w, P, L = out.wrench, out.covariance, out.information
+    for i in range(6):
+        w[0, i] = base_wrench[i] if has_base else 0.0
+        for k in range(6):
+            if has_base:
+                P[0, i, k] = sensors.base_covariance[i, k] * scale
+                L[0, i, k] = sensors.base_information[i, k] / scale
+            else:
+                P[0, i, k] = BROAD * BROAD if i == k else 0.0
+                L[0, i, k] = 1.0 / (BROAD * BROAD) if i == k else 0.0
+    seen = 0
+    energy = 0.0
+    log_evidence = 0.0
+    if has_torque:
+        for j in range(joints):
+            cost, fit = _null(torque[j], sensors.torque_variance[j] * scale)
+            energy += cost
+            log_evidence += fit
+    wrist_seen = False
+    null_wrist = (0.0, 0.0)
+    force_variance = sensors.wrist_variance[0] * scale
+    moment_variance = sensors.wrist_variance[1] * scale
+    if has_wrist:
+        null_wrist = _null_wrist(force_variance, moment_variance, wrist_wrench, wrist_origin)
+        energy += null_wrist[0]
+        log_evidence += null_wrist[1]
+    for link in range(links):
+        if link > 0:
+            w[link] = w[link - 1]
+            P[link] = P[link - 1]
+            L[link] = L[link - 1]
+        while seen < sensors.depth[link]:
+            if has_torque:
+                # Under this hypothesis the joint sees the contact: its null term gives way to an innovation.
+                cost, fit = _null(torque[seen], sensors.torque_variance[seen] * scale)
+                energy -= cost
+                log_evidence -= fit
+                variance = sensors.torque_variance[seen] * scale
+                cost, fit = _observe(screw[seen], torque[seen], variance, w[link], P[link], L[link])
+                energy += cost
+                log_evidence += fit
+            seen += 1
+        if has_wrist and sensors.beyond_wrist[link] and not wrist_seen:
+            wrist_seen = True
+            energy -= null_wrist[0]
+            log_evidence -= null_wrist[1]
+            cost, fit = _observe_wrist(
+                force_variance, moment_variance, wrist_wrench, wrist_origin, w[link], P[link], L[link]
+            )
+            energy += cost
+            log_evidence += fit
+        out.energy[link] = energy
+        out.log_evidence[link] = log_evidence

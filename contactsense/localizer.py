@@ -1,0 +1,263 @@
+"""`Localizer`: samples go in, estimates come out. It alone remembers anything between samples."""
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from contactsense.answer import Composer
+from contactsense.arm import build_arm
+from contactsense.check import checked_rows, checked_vector
+from contactsense.feed import Feed
+from contactsense.observer import noise_gain
+from contactsense.pipeline import empty_memory, explain, explain_batch, follow, rest
+from contactsense.scene import Scene
+from contactsense.types import Estimate, Sample
+
+SETTLE = 5.0
+"""Time constants of the observer after a start until its residual is used: it is within 1 % of its value by then."""
+_SENSORS = ("base_wrench", "joint_torque", "wrist_wrench")
+
+
+class Batch(NamedTuple):
+    """Best explanation of each of N samples, as arrays; base axes unless said otherwise."""
+
+    link: np.ndarray
+    """Number of the touched link, -1 where no push on any link explains the sample, shape (N,), int64."""
+    primitive: np.ndarray
+    """Number of the touched primitive among all of the arm, -1 likewise, shape (N,), int64."""
+    probability: np.ndarray
+    """Probability of this explanation, shape (N,)."""
+    link_probability: np.ndarray
+    """Probability of each link, shape (N, links)."""
+    point_base: np.ndarray
+    """Contact centroid, base frame, shape (N, 3) [m]."""
+    normal_base: np.ndarray
+    """Outward unit normal, shape (N, 3)."""
+    force_base: np.ndarray
+    """Force on the robot, shape (N, 3) [N]."""
+    torsion: np.ndarray
+    """Moment on the robot about the outward normal, shape (N,) [Nm]."""
+    covariance: np.ndarray
+    """Covariance of `point_base`, shape (N, 3, 3) [m^2]."""
+    detected: np.ndarray
+    """Whether noise alone is too unlikely an explanation, shape (N,), bool."""
+
+
+class Localizer:
+    """Locates contacts on the arm of one scene.
+
+    One instance serves one stream and one thread; instances share nothing. The first one in a fresh installation
+    compiles the kernels, which takes a while; they are cached on disk.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Prepare for `scene`, and compile."""
+        self.scene = scene
+        self._arm = build_arm(scene)
+        self._memory = empty_memory(self._arm)
+        self._composer = Composer(scene, self._arm)
+        self._joints = self._arm.model.joints
+        self._fitted = (
+            scene.base_wrench is not None,
+            scene.joint_torque is not None,
+            scene.wrist_wrench is not None,
+        )
+        self._sizes = (6, self._joints, 6)
+        self._blank = tuple(np.zeros(size) for size in self._sizes)
+        self._thresholds: dict[tuple[bool, bool, bool], float] = {}
+        self.reset()
+        self.locate(np.zeros(self._joints), **self._silence())
+        self._warm_up()
+
+    def reset(self) -> None:
+        """Forget all samples; the next one starts a new stream."""
+        settle = SETTLE / (2.0 * math.pi * self.scene.bandwidth)
+        self._feeds = tuple(Feed(settle) for _ in _SENSORS)
+        self._t = -math.inf
+        self._dt = 0.0
+
+    def step(self, sample: Sample) -> Estimate:
+        """Take the next sample of a live stream, of an arm that may move, and say what touches it now.
+
+        A sensor whose value is None or not finite counts as silent in this sample. Positions or velocities that are not
+        finite make the sample unusable. Neither raises: the estimate is `degraded` and says why.
+
+        Raises:
+            ValueError: a field has the wrong shape; the message names it.
+        """
+        q = self._shaped("q", sample.q, self._joints)
+        qd = self._shaped("qd", sample.qd, self._joints)
+        t = sample.t
+        if not (math.isfinite(t) and np.isfinite(q).all() and np.isfinite(qd).all()):
+            return self._composer.quiet(
+                t, "degraded", "time, positions or velocities are not finite: sample unused"
+            )
+        if t <= self._t:
+            if t == self._t:
+                return self._composer.quiet(t, "degraded", "same time as the sample before: sample unused")
+            self.reset()
+        if self._t > -math.inf:
+            self._dt = t - self._t
+        self._t = t
+        values, steps, ready, troubles = self._read(sample)
+        follow(
+            self._arm, self._memory, q, qd,
+            values[1], steps[1], values[0], steps[0], values[2], steps[2], self.scene.bandwidth,
+        )  # fmt: skip
+        reason = "; ".join(troubles)
+        if not (ready[0] or ready[1]):
+            return self._composer.quiet(t, "degraded", reason or "observer settles after its start")
+        scale = noise_gain(self.scene.bandwidth, self._dt)
+        return self._answer(t, ready, scale, reason, detect=True)
+
+    def locate(
+        self,
+        q: np.ndarray,
+        *,
+        base_wrench: np.ndarray | None = None,
+        joint_torque: np.ndarray | None = None,
+        wrist_wrench: np.ndarray | None = None,
+        external: bool = True,
+        detect: bool = True,
+    ) -> Estimate:
+        """Explain one measurement of an arm at rest; nothing is remembered.
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+            base_wrench: Wrench of the arm on the base sensor, base axes, about the base origin, shape (6,) [N, Nm].
+            joint_torque: Torque that each actuator applies, shape (n,) [Nm].
+            wrist_wrench: Wrench of all beyond the wrist sensor on it, base axes, base origin, shape (6,) [N, Nm].
+            external: The arm's own weight has been taken off the measurements already (a contact wrench w leaves w in
+                `base_wrench` and -s_j . w in `joint_torque`); False: it is taken off here.
+            detect: Answer `none` where noise alone explains the measurement; False: a contact is known to be there.
+
+        Raises:
+            ValueError: an argument has the wrong shape or is not finite, or the scene has no such sensor.
+        """
+        q = checked_vector("q", q, self._joints, "rad")
+        given = (base_wrench, joint_torque, wrist_wrench)
+        present = self._present(given)
+        values = [
+            self._blank[i] if value is None else checked_vector(_SENSORS[i], value, self._sizes[i], "N, Nm")
+            for i, value in enumerate(given)
+        ]
+        rest(self._arm, self._memory, q, values[1], values[0], values[2], external)
+        return self._answer(0.0, present, 1.0, "", detect)
+
+    def locate_batch(
+        self,
+        q: np.ndarray,
+        *,
+        base_wrench: np.ndarray | None = None,
+        joint_torque: np.ndarray | None = None,
+        wrist_wrench: np.ndarray | None = None,
+        external: bool = True,
+    ) -> Batch:
+        """Explain N measurements of an arm at rest, each by its most probable contact.
+
+        The arguments are those of `locate` with a leading axis N. Whether a sample shows a contact at all is said by
+        `detected`; the explanation is given in any case.
+        """
+        q = checked_rows("q", q, None, self._joints, "rad")
+        n = len(q)
+        given = (base_wrench, joint_torque, wrist_wrench)
+        present = self._present(given)
+        values = [
+            np.zeros((n, self._sizes[i]))
+            if value is None
+            else checked_rows(_SENSORS[i], value, n, self._sizes[i], "N, Nm")
+            for i, value in enumerate(given)
+        ]
+        links = len(self.scene.link_names)
+        nothing = np.empty(n)
+        out = Batch(
+            link=np.empty(n, dtype=np.int64),
+            primitive=np.empty(n, dtype=np.int64),
+            probability=np.empty(n),
+            link_probability=np.empty((n, links)),
+            point_base=np.empty((n, 3)),
+            normal_base=np.empty((n, 3)),
+            force_base=np.empty((n, 3)),
+            torsion=np.empty(n),
+            covariance=np.empty((n, 3, 3)),
+            detected=np.empty(n, dtype=bool),
+        )
+        explain_batch(
+            self._arm, self._memory, q, values[1], present[1], values[0], present[0], values[2], present[2], external,
+            nothing, *out[:-1],
+        )  # fmt: skip
+        out.detected[:] = nothing > self._threshold(present)
+        return out
+
+    def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
+        """Estimates of a whole stream of samples, from its start."""
+        self.reset()
+        for sample in recording:
+            yield self.step(sample)
+
+    def _answer(
+        self, t: float, present: tuple[bool, bool, bool], scale: float, reason: str, detect: bool
+    ) -> Estimate:
+        count, nothing = explain(self._arm, self._memory, *present, scale)
+        if detect and nothing <= self._threshold(present):
+            return self._composer.quiet(t, "degraded" if reason else "none", reason)
+        return self._composer.contacts(t, self._memory, count, reason)
+
+    def _threshold(self, present: tuple[bool, bool, bool]) -> float:
+        """Energy of "nothing touches" that noise exceeds with the scene's false-alarm probability."""
+        if present not in self._thresholds:
+            freedom = sum(size for size, there in zip(self._sizes, present, strict=True) if there)
+            self._thresholds[present] = float(chi2.isf(self.scene.false_alarm, freedom)) / 2.0
+        return self._thresholds[present]
+
+    def _present(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
+        for name, value, fitted in zip(_SENSORS, given, self._fitted, strict=True):
+            if value is not None and not fitted:
+                raise ValueError(f"{name}: the scene has no such sensor, yet a value came")
+        if given[0] is None and given[1] is None:
+            raise ValueError("base_wrench, joint_torque: expected at least one of the two, got none")
+        return given[0] is not None, given[1] is not None, given[2] is not None
+
+    def _read(
+        self, sample: Sample
+    ) -> tuple[list[np.ndarray], list[float], tuple[bool, bool, bool], list[str]]:
+        """Values, observer steps and readiness of each sensor, and what is wrong with any."""
+        values, steps, ready, troubles = [], [], [], []
+        given = (sample.base_wrench, sample.joint_torque, sample.wrist_wrench)
+        for i, name in enumerate(_SENSORS):
+            value = (
+                None
+                if given[i] is None or not self._fitted[i]
+                else self._shaped(name, given[i], self._sizes[i])
+            )
+            finite = value is not None and bool(np.isfinite(value).all())
+            feed = self._feeds[i]
+            steps.append(feed.step(sample.t, finite))
+            values.append(value if value is not None and finite else self._blank[i])
+            ready.append(feed.ready(sample.t))
+            if self._fitted[i] and feed.silent(sample.t):
+                troubles.append(f"{name} is missing")
+            elif value is not None and not finite:
+                troubles.append(f"{name} is not finite")
+        return values, steps, (ready[0], ready[1], ready[2]), troubles
+
+    @staticmethod
+    def _shaped(name: str, value: object, size: int) -> np.ndarray:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+        if array.shape != (size,):
+            raise ValueError(f"{name}: expected shape ({size},), got shape {array.shape}")
+        return array
+
+    def _silence(self) -> dict[str, np.ndarray]:
+        """A measurement of nothing by all fitted sensors."""
+        return {name: self._blank[i] for i, name in enumerate(_SENSORS) if self._fitted[i]}
+
+    def _warm_up(self) -> None:
+        """Compile the rest of the sample path before the first sample comes."""
+        zero = self._blank[1]
+        self.step(Sample(0.0, zero, zero, **self._silence()))
+        self.locate_batch(zero[None], **{name: value[None] for name, value in self._silence().items()})
+        self.reset()

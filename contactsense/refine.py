@@ -1,0 +1,421 @@
+"""Maximum a posteriori contact on one primitive (theory, section 5), by Gauss-Newton on the surface.
+
+The unknowns are the force f (3), the torsion xi and the place c on the surface (2). With the fused wrench w_k and its
+information matrix L of the link's hypothesis, and d = (f, c x f + xi n) - w_k, the energy is
+
+    E = 1/2 d^T L' d  +  1/2 (xi / (lever |f_n|))^2  +  1/2 |f_t|^2 / (mu |f_n| / 2)^2 .
+
+The second term says how much torsion a contact patch can carry, the third how far friction lets a force lean: a force
+spread evenly over the friction disc has the standard deviation mu |f_n| / 2 in each tangent direction. L' is L made
+looser by what is not known of the surface: an offset of standard deviation s along the normal adds s^2 u u^T to the
+covariance, u = (0, n x f). The same 6x6 matrix gives the curvature of the optimum: covariance and evidence (Laplace).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from robots.surface import curvature, project
+
+ITERATIONS = 12
+"""Most Gauss-Newton steps for one primitive."""
+HALVINGS = 6
+"""Most times that one step is halved before the search ends."""
+ENOUGH = 1e-4
+"""A step that lowers the energy by less than this ends the search: a hundredth of a standard deviation."""
+
+
+LEAST_FORCE = 1e-3
+"""Force that a search starts with where the fused wrench has none [N]."""
+
+
+class Prior(NamedTuple):
+    """What is known of contacts before any measurement."""
+
+    lean: float
+    """Standard deviation of tangential over normal force, each tangent direction; half the friction coefficient."""
+    lever: float
+    """Standard deviation of torsion over normal force [m]."""
+    offset: float
+    """Standard deviation of the real surface's offset from the primitive [m]."""
+
+
+class Work(NamedTuple):
+    """Scratch arrays of `refine`, and its matrix results."""
+
+    local: np.ndarray
+    """Information matrix about the contact point, shape (6, 6)."""
+    normal_equations: np.ndarray
+    """Gauss-Newton matrix of (f, xi, v1, v2), then its Cholesky factor, shape (6, 6)."""
+    gradient: np.ndarray
+    """Gradient of the energy, then the step, shape (6,)."""
+    frame: np.ndarray
+    """Columns: outward normal and two tangents, base axes, shape (3, 3)."""
+    lever: np.ndarray
+    """Columns: change of the moment about c by xi, v1, v2, base axes, shape (3, 3)."""
+
+
+def empty_work() -> Work:
+    """Scratch for one thread."""
+    return Work(
+        local=np.zeros((6, 6)),
+        normal_equations=np.zeros((6, 6)),
+        gradient=np.zeros(6),
+        frame=np.zeros((3, 3)),
+        lever=np.zeros((3, 3)),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _energy(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
+    """Energy of a contact, and the factor 1 + s^2 u^T L u by which the surface's offset widens the covariance."""
+    push = -(fx * nx + fy * ny + fz * nz)
+    if push <= 0.0:
+        return math.inf, 1.0
+    d = (
+        fx - w[0],
+        fy - w[1],
+        fz - w[2],
+        cy * fz - cz * fy + xi * nx - w[3],
+        cz * fx - cx * fz + xi * ny - w[4],
+        cx * fy - cy * fx + xi * nz - w[5],
+    )
+    ux, uy, uz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
+    dLd = 0.0
+    uLd = 0.0
+    for i in range(6):
+        Ld = (
+            L[i, 0] * d[0]
+            + L[i, 1] * d[1]
+            + L[i, 2] * d[2]
+            + L[i, 3] * d[3]
+            + L[i, 4] * d[4]
+            + L[i, 5] * d[5]
+        )
+        dLd += d[i] * Ld
+        if i == 3:
+            uLd += ux * Ld
+        elif i == 4:
+            uLd += uy * Ld
+        elif i == 5:
+            uLd += uz * Ld
+    uLu = (
+        ux * (L[3, 3] * ux + 2.0 * (L[3, 4] * uy + L[3, 5] * uz))
+        + uy * (L[4, 4] * uy + 2.0 * L[4, 5] * uz)
+        + L[5, 5] * uz * uz
+    )
+    s = prior.offset * prior.offset
+    widen = 1.0 + s * uLu
+    twist = xi / (prior.lever * push)
+    along = fx * fx + fy * fy + fz * fz - push * push
+    lean = along / (prior.lean * push) ** 2
+    return 0.5 * (dLd - s * uLd * uLd / widen + twist * twist + lean), widen
+
+
+@njit(cache=True, error_model="numpy")
+def _tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Two unit tangents, continuous but for one direction (Duff et al. 2017, "Building an orthonormal basis, revisited")."""
+    sign = 1.0 if nz >= 0.0 else -1.0
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
+
+
+@njit(cache=True, error_model="numpy")
+def _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # type: ignore[no-untyped-def]
+    """Fill gradient and Gauss-Newton matrix at one point of the search. W: shape operator, base axes, six floats."""
+    t1x, t1y, t1z, t2x, t2y, t2z = _tangents(nx, ny, nz)
+    frame, B, A, H, g = work.frame, work.lever, work.local, work.normal_equations, work.gradient
+    frame[0, 0], frame[1, 0], frame[2, 0] = nx, ny, nz
+    frame[0, 1], frame[1, 1], frame[2, 1] = t1x, t1y, t1z
+    frame[0, 2], frame[1, 2], frame[2, 2] = t2x, t2y, t2z
+    # How the normal turns with a step along each tangent, and the curvature in the tangent plane.
+    w1x = W[0] * t1x + W[1] * t1y + W[2] * t1z
+    w1y = W[1] * t1x + W[3] * t1y + W[4] * t1z
+    w1z = W[2] * t1x + W[4] * t1y + W[5] * t1z
+    w2x = W[0] * t2x + W[1] * t2y + W[2] * t2z
+    w2y = W[1] * t2x + W[3] * t2y + W[4] * t2z
+    w2z = W[2] * t2x + W[4] * t2y + W[5] * t2z
+    k11 = t1x * w1x + t1y * w1y + t1z * w1z
+    k12 = t1x * w2x + t1y * w2y + t1z * w2z
+    k22 = t2x * w2x + t2y * w2y + t2z * w2z
+    B[0, 0], B[1, 0], B[2, 0] = nx, ny, nz
+    B[0, 1] = t1y * fz - t1z * fy + xi * w1x
+    B[1, 1] = t1z * fx - t1x * fz + xi * w1y
+    B[2, 1] = t1x * fy - t1y * fx + xi * w1z
+    B[0, 2] = t2y * fz - t2z * fy + xi * w2x
+    B[1, 2] = t2z * fx - t2x * fz + xi * w2y
+    B[2, 2] = t2x * fy - t2y * fx + xi * w2z
+    # Information about c: A = X^T L X with X = [1 0; [c]x 1]; first L X, then X^T of that.
+    for i in range(6):
+        a, b, c = L[i, 3], L[i, 4], L[i, 5]
+        A[i, 0] = L[i, 0] + b * cz - c * cy
+        A[i, 1] = L[i, 1] + c * cx - a * cz
+        A[i, 2] = L[i, 2] + a * cy - b * cx
+        A[i, 3] = a
+        A[i, 4] = b
+        A[i, 5] = c
+    for k in range(6):
+        a, b, c = A[3, k], A[4, k], A[5, k]
+        A[0, k] += b * cz - c * cy
+        A[1, k] += c * cx - a * cz
+        A[2, k] += a * cy - b * cx
+    # The surface's offset: A <- A - s^2 (A u)(A u)^T / (1 + s^2 u^T A u).
+    ux, uy, uz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
+    s = prior.offset * prior.offset
+    v = (
+        A[0, 3] * ux + A[0, 4] * uy + A[0, 5] * uz,
+        A[1, 3] * ux + A[1, 4] * uy + A[1, 5] * uz,
+        A[2, 3] * ux + A[2, 4] * uy + A[2, 5] * uz,
+        A[3, 3] * ux + A[3, 4] * uy + A[3, 5] * uz,
+        A[4, 3] * ux + A[4, 4] * uy + A[4, 5] * uz,
+        A[5, 3] * ux + A[5, 4] * uy + A[5, 5] * uz,
+    )
+    s /= 1.0 + s * (ux * v[3] + uy * v[4] + uz * v[5])
+    for i in range(6):
+        for k in range(6):
+            A[i, k] -= s * v[i] * v[k]
+    # Residual wrench about c.
+    dx, dy, dz = fx - w[0], fy - w[1], fz - w[2]
+    d = (
+        dx,
+        dy,
+        dz,
+        xi * nx - w[3] + cy * w[2] - cz * w[1],
+        xi * ny - w[4] + cz * w[0] - cx * w[2],
+        xi * nz - w[5] + cx * w[1] - cy * w[0],
+    )
+    # H = G^T A G and g = G^T A d with G = diag(1, B).
+    for i in range(6):
+        p = (
+            A[i, 0] * d[0]
+            + A[i, 1] * d[1]
+            + A[i, 2] * d[2]
+            + A[i, 3] * d[3]
+            + A[i, 4] * d[4]
+            + A[i, 5] * d[5]
+        )
+        if i < 3:
+            g[i] = p
+            for k in range(3):
+                H[i, k] = A[i, k]
+                H[i, k + 3] = A[i, 3] * B[0, k] + A[i, 4] * B[1, k] + A[i, 5] * B[2, k]
+        else:
+            for k in range(3):
+                # Row i of (moment block) B; kept where H's lower right block goes, and multiplied from the left below.
+                H[i, k] = A[i, 3] * B[0, k] + A[i, 4] * B[1, k] + A[i, 5] * B[2, k]
+            g[i] = p
+    g3, g4, g5 = g[3], g[4], g[5]
+    for k in range(3):
+        g[k + 3] = B[0, k] * g3 + B[1, k] * g4 + B[2, k] * g5
+        for i in range(3):
+            H[i + 3, k + 3] = B[0, i] * H[3, k] + B[1, i] * H[4, k] + B[2, i] * H[5, k]
+    # Priors. Torsion ratio xi / (lever F) and lean (t . f) / (lean F), F = -n . f the normal force; their derivatives
+    # by (f, xi, v), where dF = -n . df - sum_a f_a k_ai dv_i and the tangents turn by k_ai F dv_i.
+    F = -(fx * nx + fy * ny + fz * nz)
+    f1 = t1x * fx + t1y * fy + t1z * fz
+    f2 = t2x * fx + t2y * fy + t2z * fz
+    F1 = -(f1 * k11 + f2 * k12)
+    F2 = -(f1 * k12 + f2 * k22)
+    i = 1.0 / (prior.lever * F)
+    r = xi * i
+    q = r / F
+    _add_prior(H, g, r, (q * nx, q * ny, q * nz, i, -q * F1, -q * F2))
+    i = 1.0 / (prior.lean * F)
+    r = f1 * i
+    q = r / F
+    row = (
+        t1x * i + q * nx,
+        t1y * i + q * ny,
+        t1z * i + q * nz,
+        0.0,
+        k11 * F * i - q * F1,
+        k12 * F * i - q * F2,
+    )
+    _add_prior(H, g, r, row)
+    r = f2 * i
+    q = r / F
+    row = (
+        t2x * i + q * nx,
+        t2y * i + q * ny,
+        t2z * i + q * nz,
+        0.0,
+        k12 * F * i - q * F1,
+        k22 * F * i - q * F2,
+    )
+    _add_prior(H, g, r, row)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_prior(H, g, r, row):  # type: ignore[no-untyped-def]
+    """Add a squared residual r with the given derivatives to the upper triangle of H and to g."""
+    for i in range(6):
+        g[i] += r * row[i]
+        for k in range(i, 6):
+            H[i, k] += row[i] * row[k]
+
+
+@njit(cache=True, error_model="numpy")
+def _factorize(H):  # type: ignore[no-untyped-def]
+    """Cholesky of the upper triangle of H into its lower triangle; log determinant, or infinity if not positive."""
+    log_det = 0.0
+    for i in range(6):
+        for k in range(i + 1):
+            acc = H[k, i]
+            for j in range(k):
+                acc -= H[i, j] * H[k, j]
+            if i == k:
+                if not acc > 0.0:
+                    return math.inf
+                log_det += math.log(acc)
+                H[i, i] = math.sqrt(acc)
+            else:
+                H[i, k] = acc / H[k, k]
+    return log_det
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(H, g):  # type: ignore[no-untyped-def]
+    """Solve in place with the factor that `_factorize` left in the lower triangle of H."""
+    for i in range(6):
+        acc = g[i]
+        for j in range(i):
+            acc -= H[i, j] * g[j]
+        g[i] = acc / H[i, i]
+    for i in range(5, -1, -1):
+        acc = g[i]
+        for j in range(i + 1, 6):
+            acc -= H[j, i] * g[j]
+        g[i] = acc / H[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _to_body(R, o, x, y, z):  # type: ignore[no-untyped-def]
+    """Coordinates of a base-frame point in a body frame with axes R (columns) and origin o."""
+    x, y, z = x - o[0], y - o[1], z - o[2]
+    return (
+        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
+        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
+        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def turn(R, x, y, z):  # type: ignore[no-untyped-def]
+    """R times (x, y, z)."""
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def nearest(kind, size, R, o, x, y, z):  # type: ignore[no-untyped-def]
+    """`robots.surface.project` for a body placed in the base frame: distance, point and normal, base axes."""
+    bx, by, bz = _to_body(R, o, x, y, z)
+    d, px, py, pz, nx, ny, nz = project(kind, size, bx, by, bz)
+    px, py, pz = turn(R, px, py, pz)
+    nx, ny, nz = turn(R, nx, ny, nz)
+    return d, px + o[0], py + o[1], pz + o[2], nx, ny, nz
+
+
+@njit(cache=True, error_model="numpy")
+def _bend(kind, size, R, o, cx, cy, cz, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Shape operator in base axes at a surface point of a placed body: xx, xy, xz, yy, yz, zz."""
+    x, y, z = _to_body(R, o, cx, cy, cz)
+    ax = R[0, 0] * nx + R[1, 0] * ny + R[2, 0] * nz
+    ay = R[0, 1] * nx + R[1, 1] * ny + R[2, 1] * nz
+    az = R[0, 2] * nx + R[1, 2] * ny + R[2, 2] * nz
+    xx, xy, xz, yy, yz, zz = curvature(kind, size, x, y, z, ax, ay, az)
+    # Columns of W R^T, then R times those.
+    ax, ay, az = turn(
+        R,
+        xx * R[0, 0] + xy * R[0, 1] + xz * R[0, 2],
+        xy * R[0, 0] + yy * R[0, 1] + yz * R[0, 2],
+        xz * R[0, 0] + yz * R[0, 1] + zz * R[0, 2],
+    )
+    bx, by, bz = turn(
+        R,
+        xx * R[1, 0] + xy * R[1, 1] + xz * R[1, 2],
+        xy * R[1, 0] + yy * R[1, 1] + yz * R[1, 2],
+        xz * R[1, 0] + yz * R[1, 1] + zz * R[1, 2],
+    )
+    cx, cy, cz = turn(
+        R,
+        xx * R[2, 0] + xy * R[2, 1] + xz * R[2, 2],
+        xy * R[2, 0] + yy * R[2, 1] + yz * R[2, 2],
+        xz * R[2, 0] + yz * R[2, 1] + zz * R[2, 2],
+    )
+    return ax, ay, az, by, bz, cz
+
+
+@njit(cache=True, error_model="numpy")
+def refine(kind, size, R, o, w, L, prior, cx, cy, cz, nx, ny, nz, work):  # type: ignore[no-untyped-def]
+    """Most probable contact on one primitive, from a first guess on its surface.
+
+    Args:
+        kind, size: The primitive, as in `robots.surface.Surfaces`.
+        R, o: Axes (columns) and origin [m] of its body frame in the base frame, shapes (3, 3) and (3,).
+        w, L: Fused wrench about the base origin and its information matrix, base axes, shapes (6,) and (6, 6).
+        prior: What is known of contacts beforehand.
+        cx, cy, cz, nx, ny, nz: First guess: a point of the surface [m] and the outward normal there, base frame.
+        work: Scratch; on return its `frame` holds normal and tangents at the result.
+
+    Returns:
+        energy, log evidence per area (up to a constant common to all primitives and links), point (3), normal (3),
+        force (3) [N], torsion [Nm], and the covariance of the point along the two tangents (vv11, vv12, vv22) [m^2].
+        The energy is infinite where the force cannot push there, or where the matrix is not positive.
+    """
+    fx, fy, fz = w[0], w[1], w[2]
+    push = -(fx * nx + fy * ny + fz * nz)
+    strength = max(math.sqrt(fx * fx + fy * fy + fz * fz), LEAST_FORCE)
+    if push < 0.1 * strength:
+        # Start where the priors are finite: lean the force into the surface.
+        lift = 0.1 * strength - push
+        fx, fy, fz = fx - lift * nx, fy - lift * ny, fz - lift * nz
+    xi = 0.0
+    energy, widen = _energy(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi)
+    H, g, T = work.normal_equations, work.gradient, work.frame
+    log_det = math.inf
+    for iteration in range(ITERATIONS + 1):
+        W = _bend(kind, size, R, o, cx, cy, cz, nx, ny, nz)
+        _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work)
+        log_det = _factorize(H)
+        if log_det == math.inf or iteration == ITERATIONS:
+            break
+        _solve(H, g)
+        scale = 1.0
+        gained = -1.0
+        for _ in range(HALVINGS):
+            v1, v2 = -scale * g[4], -scale * g[5]
+            _, ax, ay, az, mx, my, mz = nearest(
+                kind,
+                size,
+                R,
+                o,
+                cx + v1 * T[0, 1] + v2 * T[0, 2],
+                cy + v1 * T[1, 1] + v2 * T[1, 2],
+                cz + v1 * T[2, 1] + v2 * T[2, 2],
+            )
+            hx, hy, hz, ti = fx - scale * g[0], fy - scale * g[1], fz - scale * g[2], xi - scale * g[3]
+            tried, wide = _energy(w, L, prior, ax, ay, az, mx, my, mz, hx, hy, hz, ti)
+            if tried < energy:
+                gained = energy - tried
+                cx, cy, cz, nx, ny, nz, fx, fy, fz, xi = ax, ay, az, mx, my, mz, hx, hy, hz, ti
+                energy, widen = tried, wide
+                break
+            scale *= 0.4
+        if gained < ENOUGH:
+            break
+    if log_det == math.inf or energy == math.inf:
+        return math.inf, -math.inf, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, 0.0, 0.0, 0.0
+    push = -(fx * nx + fy * ny + fz * nz)
+    log_z = -energy - 0.5 * (log_det + math.log(widen)) - 4.0 * math.log(push)
+    # Lower right 2x2 block of H^-1 from the last rows of its Cholesky factor.
+    a, b, c = H[4, 4], H[5, 4], H[5, 5]
+    i, k = 1.0 / a, 1.0 / c
+    j = -b * i * k
+    return energy, log_z, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, i * i + j * j, j * k, k * k

@@ -1,0 +1,184 @@
+"""The scene: which arm, how it is mounted, what it carries, which sensors it has and how noisy they are."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+import yaml
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    InstanceOf,
+    PlainSerializer,
+    PositiveFloat,
+    ValidationError,
+    model_validator,
+)
+from scipy.spatial.transform import Rotation
+
+import robots
+from robots import Robot
+from robots.primitives import Vector
+from robots.tool import Tool
+
+_MOUNTINGS: dict[str, Vector] = {
+    "table": (0.0, 0.0, 0.0),
+    "ceiling": (np.pi, 0.0, 0.0),
+    "wall": (0.0, np.pi / 2, 0.0),
+}
+
+JointTorqueSignal = Literal["actual_current_as_torque", "actual_current", "target_moment"]
+"""Which RTDE signal carries the joint torques:
+
+- `actual_current_as_torque`: motor torque at the joint in Nm, as the controller computes it (from PolyScope 5.23 / 10.11);
+- `actual_current`: motor current in A, times `torque_constants`;
+- `target_moment`: what the controller's own model asks for in Nm; it feels no contact and is of use for trials only.
+"""
+
+
+class SceneError(ValueError):
+    """A scene that cannot be used: the message names the file, the field, what was expected and what came."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class WrenchSensor(_Part):
+    """A six-axis force/torque sensor: where its frame is, which way its readings count, how noisy they are."""
+
+    force_noise: PositiveFloat = 0.25
+    """Standard deviation of each force component of one sample [N]."""
+    moment_noise: PositiveFloat = 0.05
+    """Standard deviation of each moment component of one sample, about the sensor's origin [Nm]."""
+    rpy: Vector = (0.0, 0.0, 0.0)
+    """Orientation of the sensor's frame in the base frame: roll, pitch, yaw about fixed x, y, z [rad]."""
+    translation: Vector = (0.0, 0.0, 0.0)
+    """Origin of the sensor's frame in the base frame [m]."""
+    sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor"
+    """Whose push is counted positive: with `arm_on_sensor` a table-mounted arm at rest reads a force along -z."""
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """Orientation of the sensor's frame in the base frame, shape (3, 3)."""
+        return np.asarray(Rotation.from_euler("xyz", self.rpy).as_matrix())
+
+
+class JointTorqueSensor(_Part):
+    """Joint torques from motor currents: which signal, and how noisy it is."""
+
+    signal: JointTorqueSignal = "actual_current_as_torque"
+    """The RTDE signal that is read."""
+    torque_constants: tuple[PositiveFloat, ...] | None = None
+    """Joint torque per motor current [Nm/A], one per joint; needed for `actual_current` where the robot's data have none."""
+    noise: PositiveFloat | tuple[PositiveFloat, ...] = 1.0
+    """Standard deviation of one sample, one number for all joints or one each [Nm]."""
+
+
+def _as_robot(value: object) -> object:
+    return robots.load(value) if isinstance(value, str) else value
+
+
+class Scene(BaseModel):
+    """One arm in its place. Immutable; a `Localizer` is made from it.
+
+    From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`, with the same fields.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    robot: Annotated[
+        InstanceOf[Robot],
+        BeforeValidator(_as_robot),
+        PlainSerializer(lambda robot: robot.name, return_type=str),
+    ]
+    """The arm: a name that `robots.names()` lists, or a `robots.Robot`."""
+    mounting: Literal["table", "wall", "ceiling"] | Vector = "table"
+    """How the base stands in the world, z of the world being up: `table`, `ceiling` (upside down), `wall` (base x
+    points down), or roll, pitch, yaw of the base frame about fixed world axes [rad]."""
+    gravity: PositiveFloat = 9.81
+    """Acceleration of gravity [m/s^2]."""
+    tool: Tool | None = None
+    """What is mounted on the tool flange."""
+    base_wrench: WrenchSensor | None = WrenchSensor()
+    """Force/torque sensor under the base, or none."""
+    joint_torque: JointTorqueSensor | None = JointTorqueSensor()
+    """Joint torques, or none."""
+    wrist_wrench: WrenchSensor | None = None
+    """Force/torque sensor between tool flange and tool, or none. Its frame is given in the flange's frame."""
+    touchable: tuple[str, ...] | None = None
+    """Names of the links that can be touched; none named: all. The others cost nothing."""
+    friction: PositiveFloat = 0.5
+    """Coefficient of friction of what touches the arm: contact forces lean this far from the normal, seldom further."""
+    torsion: PositiveFloat = 0.0025
+    """Torsional moment per normal force, standard deviation [m]: about friction times the radius of the contact patch."""
+    surface_error: PositiveFloat = 0.002
+    """How far the primitives are off the real surface, standard deviation [m]."""
+    bandwidth: PositiveFloat = 10.0
+    """Cut-off frequency of the momentum observer [Hz]: lower is less noisy, higher is faster."""
+    false_alarm: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-9
+    """Probability that noise alone makes one sample look like a contact."""
+    clear: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
+    """An answer less probable than this is reported as `ambiguous`."""
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        joints = len(self.robot.joints)
+        if self.base_wrench is None and self.joint_torque is None:
+            raise ValueError("base_wrench, joint_torque: expected at least one of the two sensors, got none")
+        for name in self.touchable or ():
+            if name not in self.link_names:
+                raise ValueError(f"touchable: expected links of {', '.join(self.link_names)}, got {name!r}")
+        if self.joint_torque is not None:
+            for field in ("noise", "torque_constants"):
+                value = getattr(self.joint_torque, field)
+                if isinstance(value, tuple) and len(value) != joints:
+                    raise ValueError(f"joint_torque.{field}: expected {joints} numbers, got {len(value)}")
+        if self.wrist_wrench is not None and self.tool is None:
+            raise ValueError("wrist_wrench: expected a tool beyond the wrist sensor, got none")
+        return self
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a scene from a YAML file.
+
+        Raises:
+            SceneError: the file is missing, is no YAML, or a field is wrong; the message names it.
+        """
+        try:
+            content: Any = yaml.safe_load(Path(path).read_text())
+        except OSError as error:
+            raise SceneError(f"{path}: cannot read the scene: {error.strerror}") from None
+        except yaml.YAMLError as error:
+            raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+        if not isinstance(content, dict):
+            raise SceneError(f"{path}: expected fields such as `robot: ur5e`, got {type(content).__name__}")
+        try:
+            return cls(**content)
+        except ValidationError as error:
+            raise SceneError(f"{path}: {describe(error)}") from None
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of all links that can be told apart: the arm's, base first, then the tool if it has a surface."""
+        tool = (self.tool.name,) if self.tool is not None and self.tool.primitives else ()
+        return self.robot.link_names + tool
+
+    @property
+    def gravity_base(self) -> np.ndarray:
+        """Gravity in base axes [m/s^2], shape (3,)."""
+        rpy = _MOUNTINGS[self.mounting] if isinstance(self.mounting, str) else self.mounting
+        return np.asarray(Rotation.from_euler("xyz", rpy).inv().apply([0.0, 0.0, -self.gravity]))
+
+
+def describe(error: ValidationError) -> str:
+    """All that is wrong, in one line: field, what was expected, what came."""
+    parts = []
+    for item in error.errors(include_url=False):
+        field = ".".join(str(key) for key in item["loc"])
+        message = item["msg"].removeprefix("Value error, ")
+        got = "" if item["type"] in {"missing", "value_error"} else f", got {item['input']!r}"
+        parts.append(f"{field}: {message}{got}" if field else f"{message}{got}")
+    return "; ".join(parts)

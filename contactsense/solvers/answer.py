@@ -1,0 +1,161 @@
+"""What every solver kernel returns, and the last lines that they share.
+
+A kernel is `solve_<surface>(fx, fy, fz, mx, my, mz, <size of the surface>) -> Answer`: the wrench on the body, moment
+about the origin of the frame in which the surface is described, and a flat tuple of numbers back. Kernels are total:
+no input makes one raise or answer NaN.
+"""
+
+from enum import IntEnum
+from math import frexp, inf, ldexp, sqrt
+
+from numba import njit
+
+Answer = tuple[int, float, float, float, float, float, float, float, float, float]
+"""status, cx, cy, cz, nx, ny, nz, xi, residual, condition."""
+
+OK, PULLING, MISS, TANGENT, PARALLEL, NO_FORCE, NOT_FINITE, NOT_CONVERGED, SHARP = range(9)
+
+
+class Status(IntEnum):
+    """What a solver says about a wrench. From `TANGENT` on the problem is degenerate, and the name says why."""
+
+    OK = OK
+    """The contact centroid: pushing, on the surface, in balance with the wrench."""
+    PULLING = PULLING
+    """Only a force that pulls at the surface balances the wrench; the answer is the point where it pulls."""
+    MISS = MISS
+    """No contact balances the wrench; the answer is the surface point nearest to the force's line."""
+    TANGENT = TANGENT
+    """The force's line touches the surface without entering; the answer is that point."""
+    PARALLEL = PARALLEL
+    """The force lies along the surface everywhere: in a plane, or along a cylinder's axis."""
+    NO_FORCE = NO_FORCE
+    """There is no force, so there is no place."""
+    NOT_FINITE = NOT_FINITE
+    """A measured number is infinite or not a number."""
+    NOT_CONVERGED = NOT_CONVERGED
+    """The iteration ended early; the answer is its best point, its residual says how good."""
+    SHARP = SHARP
+    """The force enters at a sharp edge or corner, where there is no normal and so no torsion."""
+
+    @property
+    def degenerate(self) -> bool:
+        """Whether the wrench asks no question with an answer."""
+        return self >= TANGENT and self != SHARP
+
+
+SMALL, LARGE = 1e-120, 1e120
+"""Squares between these can be squared again without leaving the range of floats."""
+
+TINY = 1e-300
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float:
+    """Largest stretch of a moment error, per force, into a shift on the surface: |f| times the norm of M^-1.
+
+    M = fn J - xi W with the shape operator W, trace and determinant given (theory, section 4). It is 1 for a contact
+    square to a flat, 1 / cos(angle between force and normal) without torsion, and it diverges where the force grazes.
+    """
+    bend = xi * trace
+    spread = xi * xi * (trace * trace - 4.0 * det)
+    stretch = 0.5 * (sqrt(4.0 * fn * fn + bend * bend) + sqrt(max(spread, 0.0)))
+    volume = fn * fn + xi * xi * det
+    return sqrt(ff) * stretch / volume if volume > TINY else inf
+
+
+@njit(cache=True, error_model="numpy")
+def finish(
+    status: int,
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    cx: float,
+    cy: float,
+    cz: float,
+    nx: float,
+    ny: float,
+    nz: float,
+    xi: float,
+    trace: float,
+    det: float,
+) -> Answer:
+    """Put an answer together: how well it balances the wrench, and how grazing it is.
+
+    Args:
+        status: One of `Status`.
+        fx, fy, fz, mx, my, mz: The wrench.
+        cx, cy, cz, nx, ny, nz, xi: Contact centroid, outward unit normal, torsion.
+        trace, det: Of the surface's shape operator there: sum and product of its principal curvatures.
+
+    Returns:
+        The answer; `residual` is |m - xi n - c x f| over the root of |m|^2 + |c|^2 |f|^2.
+    """
+    rx = mx - xi * nx - (cy * fz - cz * fy)
+    ry = my - xi * ny - (cz * fx - cx * fz)
+    rz = mz - xi * nz - (cx * fy - cy * fx)
+    ff = fx * fx + fy * fy + fz * fz
+    scale = mx * mx + my * my + mz * mz + (cx * cx + cy * cy + cz * cz) * ff
+    residual = sqrt((rx * rx + ry * ry + rz * rz) / scale) if scale > TINY else 0.0
+    condition = inf
+    if status == OK or status == PULLING:
+        condition = _grazing(ff, fx * nx + fy * ny + fz * nz, xi, trace, det)
+    return status, cx, cy, cz, nx, ny, nz, xi, residual, condition
+
+
+@njit(cache=True)
+def nothing(status: int) -> Answer:
+    """The answer where there is no place to speak of."""
+    return status, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, inf, inf
+
+
+@njit(cache=True)
+def unusable(fx: float, fy: float, fz: float, mx: float, my: float, mz: float) -> int:
+    """`NOT_FINITE` or `NO_FORCE` where that is the matter with a wrench, else `OK`."""
+    if not 0.0 * fx + 0.0 * fy + 0.0 * fz + 0.0 * mx + 0.0 * my + 0.0 * mz == 0.0:
+        return NOT_FINITE
+    if fx == 0.0 and fy == 0.0 and fz == 0.0:
+        return NO_FORCE
+    return OK
+
+
+_FAINT = 300
+"""A force weaker than the moment by more than 2^300 does not move the contact; the kernels take it as this weak."""
+
+
+@njit(cache=True)
+def unit_exponents(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, length: float
+) -> tuple[int, int, int]:
+    """Exponents to bring a wrench and a surface of size `length` to order one without rounding.
+
+    Returns:
+        Exponents of the unit of force to use for the force, of that for the moment (over length), and of the length.
+        The first two differ only where the force is too faint to matter.
+    """
+    k = frexp(length)[1]
+    force = frexp(max(abs(fx), abs(fy), abs(fz)))[1]
+    moment = max(abs(mx), abs(my), abs(mz))
+    e = max(force, frexp(moment)[1] - k) if moment > 0.0 else force
+    return (e if force > e - _FAINT else force + _FAINT), e, k
+
+
+@njit(cache=True)
+def rescaled(answer: Answer, force: int, moment: int, k: int) -> Answer:
+    """An answer found in the units of `unit_exponents`, in those that were asked in."""
+    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = answer
+    return (
+        status,
+        ldexp(cx, k),
+        ldexp(cy, k),
+        ldexp(cz, k),
+        nx,
+        ny,
+        nz,
+        ldexp(xi, moment + k),
+        residual,
+        ldexp(condition, force - moment),
+    )

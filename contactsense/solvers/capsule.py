@@ -1,0 +1,171 @@
+"""Capsule and tapered capsule: two spheres and the cone (or cylinder) that touches both, each in closed form.
+
+The patches share their normals where they meet, so exactly one holds the contact (paper, section 7). Rounding may place
+a contact on a seam just outside of both: the patch that it leaves the least is taken, so there is no gap.
+"""
+
+from math import ldexp, sqrt
+
+from numba import njit
+
+from contactsense.solvers.answer import (
+    LARGE,
+    OK,
+    SMALL,
+    Answer,
+    finish,
+    nothing,
+    rescaled,
+    unit_exponents,
+    unusable,
+)
+from contactsense.solvers.cylinder import directions, height, on_lateral
+from contactsense.solvers.ellipsoid import unit_sphere
+from contactsense.solvers.nearest import nearest_to_line
+
+SEAM = 1e-9
+"""How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
+
+
+@njit(cache=True, error_model="numpy")
+def ball(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, at: float, radius: float
+) -> tuple[int, float, float, float, float]:
+    """Contact on a ball about (0, 0, at): status, outward normal, torsion."""
+    lx, ly = mx + at * fy, my - at * fx
+    ux, uy, uz = radius * fx, radius * fy, radius * fz
+    return unit_sphere(
+        ux, uy, uz, lx, ly, mz, ux * ux + uy * uy + uz * uz, lx * lx + ly * ly + mz * mz
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def project_tapered_capsule(
+    size: tuple[float, float, float], x: float, y: float, z: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Nearest point of a tapered capsule, as `nearest_to_line` wants it."""
+    half, radius_a, radius_b = size
+    rho = sqrt(x * x + y * y)
+    ux, uy = (x / rho, y / rho) if rho > 0.0 else (1.0, 0.0)
+    sin_beta = (radius_a - radius_b) / (2.0 * half)
+    cos_beta = sqrt(1.0 - sin_beta * sin_beta)
+    along = (z + half) * cos_beta - rho * sin_beta
+    if 0.0 < along < 2.0 * half * cos_beta:
+        distance = rho * cos_beta + (z + half) * sin_beta - radius_a
+        nr, nz = cos_beta, sin_beta
+    else:
+        at, radius = (-half, radius_a) if along <= 0.0 else (half, radius_b)
+        gap = sqrt(rho * rho + (z - at) * (z - at))
+        nr, nz = (rho / gap, (z - at) / gap) if gap > 0.0 else (1.0, 0.0)
+        distance = gap - radius
+    pr, pz = rho - distance * nr, z - distance * nz
+    return distance, pr * ux, pr * uy, pz, nr * ux, nr * uy, nz
+
+
+@njit(cache=True, error_model="numpy")
+def _tapered_capsule(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    half: float,
+    radius_a: float,
+    radius_b: float,
+) -> Answer:
+    sin_beta = (radius_a - radius_b) / (2.0 * half)
+    cos_beta = sqrt((1.0 - sin_beta) * (1.0 + sin_beta))
+    taper = sin_beta / cos_beta
+    radius = 0.5 * (radius_a + radius_b) / cos_beta
+    low, high = radius_a * sin_beta - half, radius_b * sin_beta + half
+    best, patch = 1e300, 0
+    ex = ey = z = nx = ny = nz = xi = 0.0
+    disc, a, b, u, v = directions(fx, fy, mx, my, mz, radius, taper)
+    if disc > 0.0:
+        for sign in (-1.0, 1.0):
+            ax, ay = a + sign * u, b + sign * v
+            at, push = height(fx, fy, fz, mx, my, ax, ay, radius, taper)
+            if push < 0.0:
+                outside = max(at - high, low - at)
+                if outside < best:
+                    best, patch = outside, 1
+                    ex, ey, z = ax, ay, at
+            if best <= 0.0 or taper == 0.0:
+                break
+    if best > 0.0:
+        upper = patch == 0 or z > 0.5 * (low + high)
+        for turn in range(2):
+            top = upper == (turn == 0)
+            at, r = (half, radius_b) if top else (-half, radius_a)
+            status, sx, sy, sz, k = ball(fx, fy, fz, mx, my, mz, at, r)
+            outside = r * ((sin_beta - sz) if top else (sz - sin_beta))
+            if status == OK and outside < best:
+                best, patch = outside, 3 if top else 2
+                nx, ny, nz, xi = sx, sy, sz, k
+            if best <= 0.0:
+                break
+    if best > SEAM * (half + radius):
+        return nearest_to_line(
+            project_tapered_capsule, (half, radius_a, radius_b), half + max(radius_a, radius_b), fx, fy, fz, mx, my, mz
+        )
+    if patch == 1:
+        return on_lateral(OK, fx, fy, fz, mx, my, mz, ex, ey, z, radius, taper)
+    at, r = (half, radius_b) if patch == 3 else (-half, radius_a)
+    bend = 1.0 / r
+    return finish(
+        OK, fx, fy, fz, mx, my, mz, r * nx, r * ny, at + r * nz, nx, ny, nz, xi, 2.0 * bend, bend * bend
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def solve_tapered_capsule(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    half: float,
+    radius_a: float,
+    radius_b: float,
+) -> Answer:
+    """Contact centroid on the convex hull of two balls on z.
+
+    Args:
+        fx, fy, fz, mx, my, mz: Wrench on the body.
+        half: Half the distance of their centres, (0, 0, -half) and (0, 0, half).
+        radius_a, radius_b: Of the lower and the upper ball; they differ by less than 2 half.
+
+    Returns:
+        See `contactsense.solvers.answer`.
+    """
+    size = max(radius_a, radius_b)
+    ff = fx * fx + fy * fy + fz * fz
+    mm = mx * mx + my * my + mz * mz
+    if SMALL < size * size * ff < LARGE and mm < LARGE and half * half * ff < LARGE:
+        return _tapered_capsule(fx, fy, fz, mx, my, mz, half, radius_a, radius_b)
+    status = unusable(fx, fy, fz, mx, my, mz)
+    if status != OK:
+        return nothing(status)
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, half + size)
+    answer = _tapered_capsule(
+        ldexp(fx, -e),
+        ldexp(fy, -e),
+        ldexp(fz, -e),
+        ldexp(mx, -g - k),
+        ldexp(my, -g - k),
+        ldexp(mz, -g - k),
+        ldexp(half, -k),
+        ldexp(radius_a, -k),
+        ldexp(radius_b, -k),
+    )
+    return rescaled(answer, e, g, k)
+
+
+@njit(cache=True, error_model="numpy")
+def solve_capsule(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, half: float, radius: float
+) -> Answer:
+    """Contact centroid on a capsule about z, the ends of its segment at (0, 0, -half) and (0, 0, half)."""
+    return solve_tapered_capsule(fx, fy, fz, mx, my, mz, half, radius, radius)

@@ -1,0 +1,182 @@
+"""Ellipsoid and sphere: the paper's closed form (section 5) in the form that never divides by zero.
+
+With x = c / (a, b, c) on the unit sphere, u = (bc f1, ca f2, ab f3) and v = (a m1, b m2, c m3), the balance
+m = xi n + c x f becomes v = K x + x x u: every ellipsoid is the unit sphere. There K and l = -u.x satisfy
+
+    K^2 - l^2 = |v|^2 - |u|^2 = sigma,      K l = -u.v = -tau,
+
+so each comes, up to sign, from the branch of (16) that adds, and the other from their product. Nothing is subtracted
+from nearly itself, torsion zero is no special case: there K = 0 and the result is the wrench-axis solution.
+"""
+
+from math import ldexp, sqrt
+
+from numba import njit
+
+from contactsense.solvers.answer import (
+    LARGE,
+    MISS,
+    OK,
+    SMALL,
+    TANGENT,
+    Answer,
+    finish,
+    nothing,
+    rescaled,
+    unit_exponents,
+    unusable,
+)
+
+
+@njit(cache=True, error_model="numpy")
+def unit_sphere(
+    ux: float, uy: float, uz: float, vx: float, vy: float, vz: float, uu: float, vv: float
+) -> tuple[int, float, float, float, float]:
+    """Solve v = K x + x x u, |x| = 1, u.x < 0.
+
+    Args:
+        ux, uy, uz, vx, vy, vz: The wrench, u not zero.
+        uu, vv: Their squares.
+
+    Returns:
+        Status (`OK`, `MISS`, `TANGENT`), x, y, z, K. On a miss the point nearest to the line, and K = 0.
+    """
+    tau = ux * vx + uy * vy + uz * vz
+    size = abs(tau)
+    sigma = vv - uu
+    # The maximum keeps the torsion where its square underflows.
+    rho = max(sqrt(sigma * sigma + 4.0 * tau * tau), 2.0 * size)
+    status = OK
+    if sigma < 0.0:
+        l = sqrt(0.5 * (rho - sigma))  # noqa: E741
+        k = size / l
+    elif tau != 0.0:
+        k = sqrt(0.5 * (rho + sigma))
+        l = size / k  # noqa: E741
+    else:
+        k = l = 0.0  # noqa: E741
+        status = MISS if sigma > 0.0 else TANGENT
+    if tau > 0.0:
+        k = -k
+    inverse = 1.0 / (k * k + uu) if status == OK else 1.0 / sqrt(uu * vv)
+    x = (k * vx + (uy * vz - uz * vy) - l * ux) * inverse
+    y = (k * vy + (uz * vx - ux * vz) - l * uy) * inverse
+    z = (k * vz + (ux * vy - uy * vx) - l * uz) * inverse
+    return status, x, y, z, k
+
+
+@njit(cache=True, error_model="numpy")
+def _scaled_ellipsoid(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
+) -> Answer:
+    bc, ca, ab = b * c, c * a, a * b
+    ux, uy, uz = bc * fx, ca * fy, ab * fz
+    vx, vy, vz = a * mx, b * my, c * mz
+    uu = ux * ux + uy * uy + uz * uz
+    vv = vx * vx + vy * vy + vz * vz
+    return _from_unit_sphere(fx, fy, fz, mx, my, mz, a, b, c, bc, ca, ab, ux, uy, uz, vx, vy, vz, uu, vv)
+
+
+@njit(cache=True, error_model="numpy")
+def _from_unit_sphere(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    a: float,
+    b: float,
+    c: float,
+    bc: float,
+    ca: float,
+    ab: float,
+    ux: float,
+    uy: float,
+    uz: float,
+    vx: float,
+    vy: float,
+    vz: float,
+    uu: float,
+    vv: float,
+) -> Answer:
+    status, x, y, z, k = unit_sphere(ux, uy, uz, vx, vy, vz, uu, vv)
+    nx, ny, nz = bc * x, ca * y, ab * z
+    slope = sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / slope, ny / slope, nz / slope
+    volume = a * bc
+    # (1 - n1^2) etc. as sums: the mean curvature of a needle keeps its digits.
+    xx, yy, zz = nx * nx, ny * ny, nz * nz
+    trace = (bc * bc * (yy + zz) + ca * ca * (zz + xx) + ab * ab * (xx + yy)) / (volume * slope)
+    det = volume / (slope * slope)
+    return finish(
+        status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx, ny, nz, k * slope / volume, trace, det * det
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def solve_ellipsoid(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
+) -> Answer:
+    """Contact centroid on an ellipsoid about the origin (paper, (14) and (16)).
+
+    Args:
+        fx, fy, fz, mx, my, mz: Wrench on the body.
+        a, b, c: Semi-axes along x, y, z.
+
+    Returns:
+        See `contactsense.solvers.answer`. A pushing solution exists for every wrench whose force and f.m are not zero.
+    """
+    bc, ca, ab = b * c, c * a, a * b
+    ux, uy, uz = bc * fx, ca * fy, ab * fz
+    vx, vy, vz = a * mx, b * my, c * mz
+    uu = ux * ux + uy * uy + uz * uz
+    vv = vx * vx + vy * vy + vz * vz
+    if SMALL < uu < LARGE and vv < LARGE:
+        return _from_unit_sphere(fx, fy, fz, mx, my, mz, a, b, c, bc, ca, ab, ux, uy, uz, vx, vy, vz, uu, vv)
+    status = unusable(fx, fy, fz, mx, my, mz)
+    if status != OK:
+        return nothing(status)
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, max(a, b, c))
+    answer = _scaled_ellipsoid(
+        ldexp(fx, -e),
+        ldexp(fy, -e),
+        ldexp(fz, -e),
+        ldexp(mx, -g - k),
+        ldexp(my, -g - k),
+        ldexp(mz, -g - k),
+        ldexp(a, -k),
+        ldexp(b, -k),
+        ldexp(c, -k),
+    )
+    return rescaled(answer, e, g, k)
+
+
+@njit(cache=True, error_model="numpy")
+def solve_sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
+    """Contact centroid on a sphere about the origin (paper, section 5.1.1)."""
+    ux, uy, uz = radius * fx, radius * fy, radius * fz
+    uu = ux * ux + uy * uy + uz * uz
+    vv = mx * mx + my * my + mz * mz
+    if SMALL < uu < LARGE and vv < LARGE:
+        status, x, y, z, xi = unit_sphere(ux, uy, uz, mx, my, mz, uu, vv)
+        bend = 1.0 / radius
+        return finish(
+            status,
+            fx,
+            fy,
+            fz,
+            mx,
+            my,
+            mz,
+            radius * x,
+            radius * y,
+            radius * z,
+            x,
+            y,
+            z,
+            xi,
+            2.0 * bend,
+            bend * bend,
+        )
+    return solve_ellipsoid(fx, fy, fz, mx, my, mz, radius, radius, radius)

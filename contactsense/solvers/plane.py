@@ -1,0 +1,92 @@
+"""Plane: closed form (paper, section 5.1.3, with the signs of a pushing contact)."""
+
+from math import frexp, ldexp
+
+from numba import njit
+
+from contactsense.solvers.answer import (
+    LARGE,
+    OK,
+    PARALLEL,
+    PULLING,
+    SMALL,
+    Answer,
+    finish,
+    nothing,
+    rescaled,
+    unusable,
+)
+
+
+@njit(cache=True, error_model="numpy")
+def _plane(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    nx: float,
+    ny: float,
+    nz: float,
+    offset: float,
+) -> Answer:
+    push = nx * fx + ny * fy + nz * fz
+    if push == 0.0:
+        return nothing(PARALLEL)
+    cx = (ny * mz - nz * my + offset * fx) / push
+    cy = (nz * mx - nx * mz + offset * fy) / push
+    cz = (nx * my - ny * mx + offset * fz) / push
+    xi = (fx * mx + fy * my + fz * mz) / push
+    status = OK if push < 0.0 else PULLING
+    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, 0.0, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def solve_plane(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    nx: float,
+    ny: float,
+    nz: float,
+    offset: float,
+) -> Answer:
+    """Contact centroid on the plane n.c = offset, the body on its inner side: c = (n x m + offset f) / (n.f).
+
+    Args:
+        fx, fy, fz, mx, my, mz: Wrench on the body.
+        nx, ny, nz: Outward unit normal.
+        offset: Distance of the plane from the origin along the normal.
+
+    Returns:
+        See `contactsense.solvers.answer`.
+    """
+    ff = fx * fx + fy * fy + fz * fz
+    mm = mx * mx + my * my + mz * mz
+    if SMALL < ff < LARGE and mm < LARGE:
+        return _plane(fx, fy, fz, mx, my, mz, nx, ny, nz, offset)
+    status = unusable(fx, fy, fz, mx, my, mz)
+    if status != OK:
+        return nothing(status)
+    e = frexp(max(abs(fx), abs(fy), abs(fz)))[1]
+    moment = max(abs(mx), abs(my), abs(mz))
+    k = frexp(offset)[1]
+    if moment > 0.0:
+        k = max(k, frexp(moment)[1] - e)
+    answer = _plane(
+        ldexp(fx, -e),
+        ldexp(fy, -e),
+        ldexp(fz, -e),
+        ldexp(mx, -e - k),
+        ldexp(my, -e - k),
+        ldexp(mz, -e - k),
+        nx,
+        ny,
+        nz,
+        ldexp(offset, -k),
+    )
+    return rescaled(answer, e, e, k)

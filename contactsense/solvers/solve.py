@@ -1,0 +1,151 @@
+"""`solve` and `solve_batch`: a surface and a wrench in, the contact out."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from contactsense.solvers.answer import Status
+from contactsense.solvers.surfaces import Kernel, Placed, Problem, Surface
+
+Method = Literal["exact", "wrench_axis"]
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """A soft-finger contact that balances a wrench, or the nearest to one that there is."""
+
+    status: Status
+    """What the other fields are worth."""
+    centroid: np.ndarray
+    """Contact centroid [m], shape (3,)."""
+    normal: np.ndarray
+    """Outward unit normal there, shape (3,)."""
+    force: np.ndarray
+    """Force on the body, as measured [N], shape (3,)."""
+    torsion: float
+    """Moment on the body about the outward normal [Nm]."""
+    residual: float
+    """What of the moment is left unexplained, relative to moment and lever."""
+    condition: float
+    """Shift on the surface for a small shift of the force's line, 1 where it is pressed squarely on a flat, infinite
+    where it grazes."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether this is the contact."""
+        return self.status == Status.OK
+
+
+@dataclass(frozen=True, slots=True)
+class Solutions:
+    """One solution a row."""
+
+    status: np.ndarray
+    """Numbers of `Status`, shape (N,)."""
+    centroid: np.ndarray
+    """Contact centroids [m], shape (N, 3)."""
+    normal: np.ndarray
+    """Outward unit normals, shape (N, 3)."""
+    force: np.ndarray
+    """Forces on the body [N], shape (N, 3)."""
+    torsion: np.ndarray
+    """Moments about the normals [Nm], shape (N,)."""
+    residual: np.ndarray
+    """Relative residuals, shape (N,)."""
+    condition: np.ndarray
+    """Condition numbers, shape (N,)."""
+
+    @property
+    def ok(self) -> np.ndarray:
+        """Which rows are contacts, shape (N,)."""
+        return self.status == Status.OK
+
+
+METHODS: tuple[Method, ...] = get_args(Method)
+
+
+def _problem(surface: Surface, method: Method) -> Problem:
+    if method == "exact":
+        return surface.problem()
+    if method == "wrench_axis":
+        return surface.line_problem()
+    raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
+
+
+def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solution:
+    """Find where a wrench enters a surface.
+
+    Args:
+        surface: What is touched.
+        force: Force on the body [N], shape (3,).
+        moment: Moment on the body about the frame's origin [Nm], shape (3,).
+        method: `exact`, with torsion; or `wrench_axis`, the paper's section 4, as if there were none.
+
+    Returns:
+        The solution, in the frame of the wrench. No measurement makes this raise.
+
+    Raises:
+        ValueError: The method has another name.
+    """
+    f = np.asarray(force, dtype=float).reshape(3)
+    m = np.asarray(moment, dtype=float).reshape(3)
+    if isinstance(surface, Placed):
+        R, p = surface.rotation, surface.origin
+        local = solve(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
+        return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f)
+    kernel, size = _problem(surface, method)
+    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = kernel(
+        float(f[0]), float(f[1]), float(f[2]), float(m[0]), float(m[1]), float(m[2]), *size
+    )
+    return Solution(
+        Status(status), np.array((cx, cy, cz)), np.array((nx, ny, nz)), f, xi, residual, condition
+    )
+
+
+# No cache: a compiled function among the arguments defeats it.
+@njit(error_model="numpy")
+def run_kernel(
+    kernel: Kernel, wrenches: np.ndarray, size: tuple[Any, ...], status: np.ndarray, out: np.ndarray
+) -> None:
+    """Solve rows of wrenches (N, 6) into `status` (N,) and `out` (N, 9), the rest of each answer."""
+    for i in range(wrenches.shape[0]):
+        w = wrenches[i]
+        s, cx, cy, cz, nx, ny, nz, xi, residual, condition = kernel(w[0], w[1], w[2], w[3], w[4], w[5], *size)
+        status[i] = s
+        row = out[i]
+        row[0], row[1], row[2] = cx, cy, cz
+        row[3], row[4], row[5] = nx, ny, nz
+        row[6], row[7], row[8] = xi, residual, condition
+
+
+def solve_batch(
+    surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact"
+) -> Solutions:
+    """Find where many wrenches enter a surface.
+
+    Args:
+        surface: What is touched.
+        force: Forces on the body [N], shape (N, 3).
+        moment: Moments on the body about the frame's origin [Nm], shape (N, 3).
+        method: As for `solve`.
+
+    Returns:
+        One solution a row, in the frame of the wrenches.
+    """
+    f = np.asarray(force, dtype=float).reshape(-1, 3)
+    m = np.asarray(moment, dtype=float).reshape(-1, 3)
+    if isinstance(surface, Placed):
+        R, p = surface.rotation, surface.origin
+        local = solve_batch(surface.surface, f @ R, (m - np.cross(p, f)) @ R, method)
+        return replace(
+            local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f
+        )
+    kernel, size = _problem(surface, method)
+    wrenches = np.concatenate((f, m), axis=1)
+    status = np.empty(len(wrenches), dtype=np.int64)
+    out = np.empty((len(wrenches), 9))
+    run_kernel(kernel, wrenches, size, status, out)
+    return Solutions(status, out[:, :3], out[:, 3:6], f, out[:, 6], out[:, 7], out[:, 8])

@@ -1,0 +1,49 @@
+"""A tool or payload at the flange: its inertia and its surface, in the tool flange's frame."""
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat
+
+from robots.primitives import Primitive, Vector
+from robots.robot import Inertia
+
+_Tensor = tuple[float, float, float, float, float, float]
+
+
+class Tool(BaseModel):
+    """Something rigidly mounted on the tool flange; what has no primitives is felt as weight, but cannot be touched."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    name: str = "tool"
+    mass: NonNegativeFloat = 0.0
+    """Mass [kg]."""
+    com: Vector = (0.0, 0.0, 0.0)
+    """Centre of mass, flange frame [m]."""
+    tensor: _Tensor = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """Inertia about the centre of mass, flange axes, as ixx, ixy, ixz, iyy, iyz, izz [kg m^2]."""
+    primitives: tuple[Primitive, ...] = Field(default=())
+    """Surface, flange frame."""
+
+    @property
+    def inertia(self) -> Inertia:
+        """Inertia in the flange frame."""
+        xx, xy, xz, yy, yz, zz = self.tensor
+        return Inertia(self.mass, np.array(self.com), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+
+
+def move_inertia(inertia: Inertia, rotation: np.ndarray, translation: np.ndarray) -> Inertia:
+    """The same body seen from a frame in which its own frame has `rotation` (3, 3) and `translation` (3,) [m]."""
+    return Inertia(inertia.mass, rotation @ inertia.com + translation, rotation @ inertia.tensor @ rotation.T)
+
+
+def join_inertia(a: Inertia, b: Inertia) -> Inertia:
+    """Two bodies rigidly joined, both given in one frame (parallel-axis theorem)."""
+    mass = a.mass + b.mass
+    if mass == 0.0:
+        return a
+    com = (a.mass * a.com + b.mass * b.com) / mass
+    tensor = np.zeros((3, 3))
+    for body in (a, b):
+        r = body.com - com
+        tensor += body.tensor + body.mass * ((r @ r) * np.eye(3) - np.outer(r, r))
+    return Inertia(mass, com, tensor)
