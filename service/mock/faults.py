@@ -1,0 +1,49 @@
+"""What can go wrong on the wire, for tests: how a mock mistreats the packets it sends."""
+
+from enum import Enum
+
+
+class Fault(Enum):
+    """How the mock RTDE server misbehaves towards all its clients."""
+
+    NONE = "none"
+    MUTE = "mute"
+    """Connections stay open, nothing is sent, no request is answered."""
+    CLOSE = "close"
+    """Connections are closed, new ones too."""
+    HALF = "half"
+    """Half a packet, then silence."""
+    SPLIT = "split"
+    """Every packet in two writes, half a period apart."""
+    GARBAGE = "garbage"
+    """Bytes that are no RTDE instead of packets."""
+    ZERO_LENGTH = "zero_length"
+    """Packets whose header says that they are 0 bytes long."""
+    LOST_BYTE = "lost_byte"
+    """Every packet lacks one byte in its middle."""
+    NAN = "nan"
+    """All floating-point values but the time stamp are no numbers."""
+    TIME_BACK = "time_back"
+    """The time stamps are 100 s earlier."""
+
+
+TIME_BACK_BY = 100.0
+"""How far time jumps back with `Fault.TIME_BACK` [s]."""
+
+
+def mangle(fault: Fault, packet: bytes) -> list[bytes]:
+    """What goes out instead of a packet: pieces to be written one by one; none: nothing goes out."""
+    middle = len(packet) // 2
+    match fault:
+        case Fault.MUTE | Fault.CLOSE | Fault.HALF:
+            return []
+        case Fault.SPLIT:
+            return [packet[:middle], packet[middle:]]
+        case Fault.GARBAGE:
+            return [bytes((i * 37 + 11) & 0xFF for i in range(len(packet)))]
+        case Fault.ZERO_LENGTH:
+            return [b"\x00\x00" + packet[2:]]
+        case Fault.LOST_BYTE:
+            return [packet[:middle] + packet[middle + 1 :]]
+        case _:
+            return [packet]

@@ -1,0 +1,196 @@
+"""An ATI Net F/T sensor as clients see it: RDT over UDP and the configuration page over HTTP.
+
+It stands under the base of the simulated arm and serves the same motion on the same clock as the RTDE server.
+"""
+
+import socket
+import threading
+import time
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+import numpy as np
+
+from service.mock.feed import NS, Feed, Playback, SimClock
+from service.wire import netft as wire
+
+
+class _Stream:
+    """What one client has asked for."""
+
+    def __init__(self, count: int) -> None:
+        self.sequence = 0
+        self.left = count  # 0: without end
+
+
+class NetFtServer:
+    """Serves the base wrench of a recorded motion to any number of RDT clients.
+
+    Args:
+        feed: The motion.
+        playback: Which sample is due when; values between two samples are interpolated.
+        clock: Simulated time, shared with the robot.
+        host: Address to listen on.
+        port: UDP port; 0: any free one, see `port`.
+        http_port: TCP port of the configuration page; 0: any free one, see `http_port`.
+        rate: Readings a second [Hz].
+        to_sensor: Sensor's reading = `to_sensor` @ base wrench, shape (6, 6); default: both are the same.
+        configuration: Counts per unit and units (`N`, `Nm` or `Nmm`).
+        limits: Largest force and moment component that can be read [N, Nm]; readings beyond are marked bad.
+        delay: How much later than the instant of its values a record leaves [s].
+        clock_scale: By what factor the sensor's clock runs too fast.
+    """
+
+    def __init__(
+        self,
+        feed: Feed,
+        playback: Playback,
+        clock: SimClock,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 49152,
+        http_port: int = 0,
+        rate: float = 1000.0,
+        to_sensor: np.ndarray | None = None,
+        configuration: wire.Configuration | None = None,
+        limits: tuple[float, float] = (2000.0, 2000.0),
+        delay: float = 0.0,
+        clock_scale: float = 1.0,
+    ) -> None:
+        self.host = host
+        self._playback = playback
+        self._clock = clock
+        self._rate = rate * clock_scale
+        self._delay_ns = round(delay * NS)
+        self._configuration = configuration or wire.Configuration()
+        matrix = np.eye(6) if to_sensor is None else np.asarray(to_sensor, dtype=float)
+        readings = np.asarray(feed.base_wrench, dtype=float) @ matrix.T
+        self._saturated = np.any(np.abs(readings) > np.repeat(limits, 3), axis=1)
+        self._counts = np.rint(readings * self._counts_per_unit())
+        self._bias = np.zeros(6)
+        self.mute = False
+        """Set to send no readings and answer no requests."""
+        self.status = 0
+        """Status word of all records; set it to a nonzero one to have them marked bad."""
+        self._streams: dict[tuple[str, int], _Stream] = {}
+        self._stopping = threading.Event()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((host, port))
+        self._socket.setblocking(False)
+        self.port: int = self._socket.getsockname()[1]
+        """UDP port that clients send their requests to."""
+        self._http = _page_server(host, http_port, self._configuration.encode())
+        self.http_port: int = self._http.server_address[1]
+        """TCP port of the configuration page."""
+        self._threads = [
+            threading.Thread(target=self._run, name=f"netft-readings-{self.port}", daemon=True),
+            threading.Thread(
+                target=self._http.serve_forever, args=(0.05,), name=f"netft-page-{self.http_port}"
+            ),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def _counts_per_unit(self) -> np.ndarray:
+        units = {"N": 1.0, "Nm": 1.0, "N-m": 1.0, "Nmm": 1e3, "N-mm": 1e3}
+        configuration = self._configuration
+        force = configuration.counts_per_force * units[configuration.force_unit]
+        torque = configuration.counts_per_torque * units[configuration.torque_unit]
+        return np.repeat((force, torque), 3)
+
+    @property
+    def clients(self) -> int:
+        """How many clients are being sent to."""
+        return len(self._streams)
+
+    def close(self) -> None:
+        """Stop."""
+        self._stopping.set()
+        self._http.shutdown()
+        for thread in self._threads:
+            thread.join(5.0)
+        self._http.server_close()
+        self._socket.close()
+
+    def __enter__(self) -> "NetFtServer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        k = max(0, int(self._clock.now() * self._rate))
+        while not self._stopping.is_set():
+            deadline = self._clock.deadline_ns(k / self._rate) + self._delay_ns
+            while deadline - time.monotonic_ns() > NS // 5 and not self._stopping.is_set():
+                time.sleep(0.2)
+                self._hear()
+            self._clock.sleep_until(deadline)
+            self._hear()
+            if self._streams and not self.mute:
+                self._send(k)
+            k += 1
+
+    def _hear(self) -> None:
+        while True:
+            try:
+                datagram, address = self._socket.recvfrom(1500)
+            except (BlockingIOError, ConnectionError):
+                return
+            if self.mute:
+                continue
+            with suppress(wire.RdtProtocolError):
+                self._obey(wire.parse_request(datagram), address)
+
+    def _obey(self, request: wire.Request, address: tuple[str, int]) -> None:
+        match request.command:
+            case wire.Command.START_REALTIME | wire.Command.START_BUFFERED:
+                self._streams[address] = _Stream(request.count)
+            case wire.Command.STOP:
+                self._streams.pop(address, None)
+            case wire.Command.SET_BIAS:
+                self._bias = self._counts[self._playback.index(self._clock.now())].copy()
+
+    def _send(self, k: int) -> None:
+        position = self._playback.position(k / self._rate)
+        before = min(int(position), len(self._counts) - 1)
+        after = min(before + 1, len(self._counts) - 1)
+        share = position - before
+        value = self._counts[before] + share * (self._counts[after] - self._counts[before]) - self._bias
+        counts, clipped = wire.to_counts(value.tolist(), 1.0)
+        bad = clipped or bool(self._saturated[before] or self._saturated[after])
+        status = self.status or (wire.SATURATED if bad else 0)
+        for address, stream in list(self._streams.items()):
+            stream.sequence = (stream.sequence + 1) & 0xFFFFFFFF
+            record = wire.Record(stream.sequence, k & 0xFFFFFFFF, status, tuple(counts))  # type: ignore[arg-type]
+            try:
+                self._socket.sendto(record.encode(), address)
+            except BlockingIOError:
+                continue  # as on a real network: a datagram that finds no room is lost
+            except OSError:
+                self._streams.pop(address, None)
+                continue
+            stream.left -= 1
+            if stream.left == 0:
+                self._streams.pop(address, None)
+
+
+def _page_server(host: str, port: int, page: bytes) -> ThreadingHTTPServer:
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            """Answer with the configuration page, or that there is none."""
+            found = self.path == wire.CONFIGURATION_PATH
+            body = page if found else b""
+            self.send_response(200 if found else 404)
+            self.send_header("Content-Type", "text/xml")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, format: str, *args: Any) -> None:
+            """Say nothing."""
+
+    server = ThreadingHTTPServer((host, port), Handler)
+    server.daemon_threads = True
+    return server

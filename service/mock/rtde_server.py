@@ -1,0 +1,300 @@
+"""A UR controller's RTDE server as clients see it, serving a recorded motion at 500 Hz.
+
+Two threads: one accepts clients and answers requests, one sends the packets on absolute deadlines
+(`time.sleep` keeps them within some tenths of a millisecond, asyncio's clock does not). Every packet due is
+sent, late ones at once, so a stall of the host shows up as lateness, never as a missing sample.
+"""
+
+import selectors
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from service.mock.controller import Controller
+from service.mock.faults import Fault, mangle
+from service.mock.feed import NS, SimClock
+from service.mock.sent_log import SentLog
+from service.wire import rtde as wire
+
+RATE = 500.0
+"""Packets a second of an e-Series controller [Hz]."""
+
+_CHUNK = 1 << 16
+
+
+class _Client:
+    """One connected client: what it asked for, and what waits to be sent to it."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self.connection = connection
+        self.decoder = wire.FrameDecoder()
+        self.lock = threading.Lock()
+        self.pack: Callable[[float], bytes] | None = None
+        self.every = 1
+        self.started = False
+        self.inputs: dict[int, wire.Recipe] = {}
+        self.backlog = bytearray()
+        self.stuck_ns = 0
+        self.half_sent = False
+        self.gone = False
+
+    def send(self, data: bytes, now_ns: int) -> None:
+        """Send without waiting; what the socket does not take is kept. Call with the lock held."""
+        self.backlog += data
+        try:
+            sent = self.connection.send(self.backlog)
+        except BlockingIOError:
+            sent = 0
+        except OSError:
+            self.gone = True
+            return
+        del self.backlog[:sent]
+        if sent or not self.backlog:
+            self.stuck_ns = now_ns
+
+    def hang_up(self) -> None:
+        """Wake the thread that reads from this client; it cleans up."""
+        self.gone = True
+        with suppress(OSError):
+            self.connection.shutdown(socket.SHUT_RDWR)
+
+
+class RtdeServer:
+    """Serves the fields of a simulated controller to any number of RTDE clients.
+
+    Args:
+        controller: Where the values come from.
+        clock: Simulated time, shared with the other sensors.
+        host: Address to listen on.
+        port: Port to listen on; 0: any free one, see `port`.
+        delay: How much later than the instant of its values a packet leaves [s].
+        drop_after: A client that takes nothing for so long is dropped, as UR's controllers do [s].
+        sent: Where to note when each packet left.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        clock: SimClock,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 30004,
+        delay: float = 0.0,
+        drop_after: float = 10.0,
+        sent: SentLog | None = None,
+    ) -> None:
+        self.controller = controller
+        self.host = host
+        self.sent = sent or SentLog(rate=RATE)
+        self._clock = clock
+        self._delay_ns = round(delay * NS)
+        self._drop_ns = round(drop_after * NS)
+        self._fault = Fault.NONE
+        self._clients: list[_Client] = []
+        self._clients_lock = threading.Lock()
+        self._stopping = threading.Event()
+        self._listener = socket.create_server((host, port), backlog=16)
+        self._listener.setblocking(False)
+        self.port: int = self._listener.getsockname()[1]
+        """Port that clients connect to."""
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._wake, waker = socket.socketpair()
+        self._waker = waker
+        self._selector.register(self._wake, selectors.EVENT_READ)
+        self._threads = [
+            threading.Thread(target=self._answer, name=f"rtde-answers-{self.port}", daemon=True),
+            threading.Thread(target=self._stream, name=f"rtde-packets-{self.port}", daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def clients(self) -> int:
+        """How many clients are connected."""
+        with self._clients_lock:
+            return len(self._clients)
+
+    @property
+    def fault(self) -> Fault:
+        """How the server misbehaves at present; set it to inject a fault."""
+        return self._fault
+
+    @fault.setter
+    def fault(self, fault: Fault) -> None:
+        self._fault = self.controller.fault = fault
+        if fault is Fault.CLOSE:
+            self._everybody(_Client.hang_up)
+
+    def say(self, message: str, *, source: str = "RTDE", level: int = 3) -> None:
+        """Send a text message to all clients."""
+        data = wire.encode(wire.TextMessage(message, source, level))
+        self._everybody(lambda client: self._send(client, data))
+
+    def close(self) -> None:
+        """Hang up on everybody and stop."""
+        self._stopping.set()
+        with suppress(OSError):
+            self._waker.send(b"x")
+        for thread in self._threads:
+            thread.join(5.0)
+        self._everybody(lambda client: client.connection.close())
+        for each in (self._listener, self._wake, self._waker):
+            each.close()
+        self._selector.close()
+
+    def __enter__(self) -> "RtdeServer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _everybody(self, action: Callable[[_Client], None]) -> None:
+        with self._clients_lock:
+            clients = list(self._clients)
+        for client in clients:
+            action(client)
+
+    def _answer(self) -> None:
+        while not self._stopping.is_set():
+            for key, _ in self._selector.select(1.0):
+                if key.fileobj is self._listener:
+                    self._accept()
+                elif isinstance(key.data, _Client):
+                    self._hear(key.data)
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except OSError:
+            return
+        if self._fault is Fault.CLOSE:
+            connection.close()
+            return
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client = _Client(connection)
+        self._selector.register(connection, selectors.EVENT_READ, client)
+        with self._clients_lock:
+            self._clients.append(client)
+
+    def _hear(self, client: _Client) -> None:
+        try:
+            chunk = client.connection.recv(_CHUNK)
+        except BlockingIOError:
+            return
+        except OSError:
+            chunk = b""
+        if not chunk or client.gone:
+            self._forget(client)
+            return
+        if self._fault is Fault.MUTE:
+            return
+        client.decoder.feed(chunk)
+        try:
+            while (frame := client.decoder.next_frame()) is not None:
+                self._obey(client, wire.parse_request(frame))
+        except wire.RtdeProtocolError as error:
+            self._send(client, wire.encode(wire.TextMessage(str(error), "RTDE", 0)))
+            self._forget(client)
+
+    def _forget(self, client: _Client) -> None:
+        with self._clients_lock:
+            if client in self._clients:
+                self._clients.remove(client)
+        self._selector.unregister(client.connection)
+        with client.lock:
+            client.gone = True
+            client.connection.close()
+
+    def _obey(self, client: _Client, request: wire.Request) -> None:
+        reply: wire.Reply | None = None
+        match request:
+            case wire.ProtocolVersionRequest(version):
+                reply = wire.ProtocolVersionReply(version == wire.PROTOCOL_VERSION)
+            case wire.ControllerVersionRequest():
+                reply = wire.ControllerVersion(*self.controller.version)
+            case wire.OutputSetup():
+                reply = self._set_up_outputs(client, request)
+            case wire.InputSetup(names):
+                reply = self._set_up_inputs(client, names)
+            case wire.Start():
+                client.started = client.pack is not None
+                reply = wire.StartReply(client.started)
+            case wire.Pause():
+                client.started = False
+                reply = wire.PauseReply(True)
+            case wire.Data():
+                self._take(client, request)
+            case _:
+                pass  # text messages go to a log that nobody reads here
+        if reply is not None:
+            self._send(client, wire.encode(reply))
+
+    def _set_up_outputs(self, client: _Client, setup: wire.OutputSetup) -> wire.SetupReply:
+        types = tuple(self.controller.output_types(setup.names))
+        if not setup.names or "NOT_FOUND" in types or not 0.0 < setup.frequency <= RATE:
+            return wire.SetupReply(False, 0, types)
+        client.pack = self.controller.packer(wire.Recipe(1, setup.names, types))
+        client.every = max(1, round(RATE / setup.frequency))
+        return wire.SetupReply(False, 1, types)
+
+    def _set_up_inputs(self, client: _Client, names: tuple[str, ...]) -> wire.SetupReply:
+        types = tuple(self.controller.input_types(names))
+        if not names or "NOT_FOUND" in types:
+            return wire.SetupReply(True, 0, types)
+        number = len(client.inputs) + 1
+        client.inputs[number] = wire.Recipe(number, names, types)
+        return wire.SetupReply(True, number, types)
+
+    def _take(self, client: _Client, data: wire.Data) -> None:
+        recipe = client.inputs.get(data.recipe_id)
+        if recipe is None:
+            raise wire.RtdeProtocolError(
+                f"expected data of a recipe out of {sorted(client.inputs)}, got recipe {data.recipe_id}"
+            )
+        values = recipe.unpack(data.payload)
+        for name, where in recipe.slices.items():
+            self.controller.inputs[name] = values[where]
+
+    def _send(self, client: _Client, data: bytes) -> None:
+        with client.lock:
+            if not client.gone:
+                client.send(data, time.monotonic_ns())
+
+    def _stream(self) -> None:
+        k = max(0, int(self._clock.now() * RATE))
+        while not self._stopping.is_set():
+            deadline = self._clock.deadline_ns(k / RATE) + self._delay_ns
+            # In steps, so that a clock that starts later does not hold up the end.
+            while (left := deadline - time.monotonic_ns()) > NS // 5 and not self._stopping.is_set():
+                time.sleep(0.2 if left > NS // 5 else 0.0)
+            self._clock.sleep_until(deadline)
+            with self._clients_lock:
+                due = [c for c in self._clients if c.started and c.pack is not None and k % c.every == 0]
+            now = time.monotonic_ns()
+            if due:
+                self.sent.note(k, now)
+            for client in due:
+                self._send_packet(client, k, now)
+            k += 1
+
+    def _send_packet(self, client: _Client, k: int, now: int) -> None:
+        assert client.pack is not None
+        packet = client.pack(k / RATE)
+        if self._fault is Fault.HALF and not client.half_sent:
+            client.half_sent = True
+            pieces = [packet[: len(packet) // 2]]
+        else:
+            pieces = mangle(self._fault, packet)
+        for number, piece in enumerate(pieces):
+            if number:
+                time.sleep(0.5 / RATE)
+            with client.lock:
+                if client.gone:
+                    return
+                client.send(piece, now)
+        if client.backlog and now - client.stuck_ns > self._drop_ns:
+            client.hang_up()

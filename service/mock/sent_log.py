@@ -1,0 +1,37 @@
+"""When each robot packet left the mock: what a latency measurement starts from, shared through a file."""
+
+from pathlib import Path
+
+import numpy as np
+
+DEFAULT_SIZE = 1 << 16
+
+
+class SentLog:
+    """Host times by the number of the packet, the latest `size` of them.
+
+    Args:
+        path: File to share them through; None: this process only.
+        size: How many packets back can be looked up.
+        rate: Packets a second [Hz]: packet k carries the time stamp t0 + k / rate.
+        t0: Time stamp of packet 0 [s].
+    """
+
+    def __init__(
+        self, path: Path | None = None, *, size: int = DEFAULT_SIZE, rate: float = 500.0, t0: float = 0.0
+    ) -> None:
+        self._rate = rate
+        self._t0 = t0
+        if path is None:
+            self._times = np.zeros(size, dtype=np.int64)
+        else:
+            exists = path.exists() and path.stat().st_size == size * 8
+            self._times = np.memmap(path, dtype=np.int64, mode="r+" if exists else "w+", shape=(size,))
+
+    def note(self, packet: int, host_ns: int) -> None:
+        """Packet number `packet` leaves at this host time."""
+        self._times[packet % len(self._times)] = host_ns
+
+    def left_ns(self, timestamp: float) -> int:
+        """Host time at which the packet with that time stamp left; 0 if none did [ns]."""
+        return int(self._times[round((timestamp - self._t0) * self._rate) % len(self._times)])

@@ -1,0 +1,89 @@
+"""The process in which ur_rtde's receive interface lives; it may abort or hang without harm to its parent.
+
+Started by `service.sensors.ur_rtde_source`. Arguments: a socket's descriptor, host, frequency, field names.
+Sends datagrams on the socket: `R` and doubles for a record, `E` and text for a failure.
+"""
+
+import ctypes
+import signal
+import socket
+import struct
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+GETTERS = {
+    "actual_q": "getActualQ",
+    "actual_qd": "getActualQd",
+    "actual_current": "getActualCurrent",
+    "target_q": "getTargetQ",
+    "target_qd": "getTargetQd",
+    "target_qdd": "getTargetQdd",
+    "target_current": "getTargetCurrent",
+    "target_moment": "getTargetMoment",
+    "actual_TCP_pose": "getActualTCPPose",
+    "actual_TCP_speed": "getActualTCPSpeed",
+    "actual_TCP_force": "getActualTCPForce",
+    "ft_raw_wrench": "getFtRawWrench",
+    "joint_temperatures": "getJointTemperatures",
+    "speed_scaling": "getSpeedScaling",
+    "robot_mode": "getRobotMode",
+    "safety_mode": "getSafetyMode",
+    "safety_status_bits": "getSafetyStatusBits",
+    "runtime_state": "getRuntimeState",
+    "payload": "getPayload",
+    "payload_cog": "getPayloadCog",
+}
+"""RTDE field -> the getter of ur_rtde's receive interface; what has no getter cannot be had from it."""
+
+HEAD = struct.Struct("=cqd")
+"""Head of a record: its letter, arrival on the host's monotonic clock [ns], the robot's time stamp [s]."""
+
+_PAUSE = 0.0002
+"""How long to wait between two looks at the time stamp [s]; the robot sends every 2 ms."""
+
+_PR_SET_PDEATHSIG = 1
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Read until the connection is gone, then say so and leave."""
+    if sys.platform == "linux":
+        # A child that hangs inside ur_rtde would not notice that its parent has gone.
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    channel = socket.socket(fileno=int(arguments[0]))
+    host, frequency, fields = arguments[1], float(arguments[2]), arguments[3:]
+    from rtde_receive import RTDEReceiveInterface
+
+    try:
+        robot = RTDEReceiveInterface(host, frequency, ["timestamp", *fields])
+    except RuntimeError as error:
+        channel.send(b"E" + str(error).encode())
+        return
+    _pump(robot, [getattr(robot, GETTERS[name]) for name in fields], channel)
+    channel.send(b"E" + b"the connection to the robot was lost")
+
+
+def _pump(robot: Any, getters: Sequence[Callable[[], Any]], channel: socket.socket) -> None:
+    last = -1.0
+    while True:
+        stamp = robot.getTimestamp()
+        if stamp == last:
+            if not robot.isConnected():
+                return
+            time.sleep(_PAUSE)
+            continue
+        arrival = time.monotonic_ns()
+        values: list[float] = []
+        for getter in getters:
+            value = getter()
+            values.extend(value if isinstance(value, list) else (value,))
+        if robot.getTimestamp() != stamp:
+            continue  # a packet came in between: the values are of two instants
+        last = stamp
+        channel.send(HEAD.pack(b"R", arrival, stamp) + struct.pack(f"={len(values)}d", *values))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

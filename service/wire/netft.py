@@ -1,0 +1,166 @@
+"""Raw Data Transfer (RDT) of ATI Net F/T sensors over UDP, and the sensor's configuration page; no sockets.
+
+Reading a sensor is pynetft's work; this codec is the sensor's side of the wire.
+Source: ATI, "Network Force/Torque Sensor System, Installation and Operation Manual" (9620-05-NET FT).
+"""
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from xml.etree import ElementTree
+
+_REQUEST = struct.Struct(">HHI")
+_RECORD = struct.Struct(">III6i")
+_MAGIC = 0x1234
+
+CONFIGURATION_PATH = "/netftapi2.xml"
+"""Where the sensor's web server tells counts per unit."""
+
+SATURATED = 0x80020000
+"""Status of a record whose transducer is beyond its range."""
+
+COUNTS_LIMIT = 2**31 - 1
+"""A count has 32 bits and a sign."""
+
+
+class RdtProtocolError(Exception):
+    """The datagram is no RDT request or record; the text says what was expected and what came."""
+
+
+class Command(IntEnum):
+    """What a client may ask for."""
+
+    STOP = 0x0000
+    START_REALTIME = 0x0002
+    START_BUFFERED = 0x0003
+    SET_BIAS = 0x0042
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Client to sensor: a command, and how many records are wanted (0: without end)."""
+
+    command: Command
+    count: int = 0
+
+    def encode(self) -> bytes:
+        """The 8 bytes on the wire."""
+        return _REQUEST.pack(_MAGIC, self.command, self.count)
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Sensor to client: one reading in counts, force then torque."""
+
+    rdt_sequence: int
+    """Number of the record within the stream, modulo 2^32."""
+    ft_sequence: int
+    """Number of the reading on the sensor's own clock, modulo 2^32."""
+    status: int
+    """0: healthy."""
+    counts: tuple[int, int, int, int, int, int]
+
+    def encode(self) -> bytes:
+        """The 36 bytes on the wire."""
+        return _RECORD.pack(self.rdt_sequence, self.ft_sequence, self.status, *self.counts)
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """What the sensor's web page says about its counts; units as it spells them (`N`, `Nm`, `Nmm`, ...)."""
+
+    counts_per_force: float = 1e6
+    counts_per_torque: float = 1e6
+    force_unit: str = "N"
+    torque_unit: str = "Nm"
+    product: str = "ATI Net F/T"
+
+    def encode(self) -> bytes:
+        """The page as XML."""
+        root = ElementTree.Element("netft")
+        for tag, value in (
+            ("prodname", self.product),
+            ("cfgcpf", repr(self.counts_per_force)),
+            ("cfgcpt", repr(self.counts_per_torque)),
+            ("scfgfu", self.force_unit),
+            ("scfgtu", self.torque_unit),
+        ):
+            ElementTree.SubElement(root, tag).text = value
+        page: bytes = ElementTree.tostring(root, encoding="us-ascii", xml_declaration=True)
+        return page
+
+
+def parse_request(datagram: bytes) -> Request:
+    """What a client asks for.
+
+    Raises:
+        RdtProtocolError: Not an RDT request.
+    """
+    if len(datagram) != _REQUEST.size:
+        raise RdtProtocolError(f"expected a request of {_REQUEST.size} bytes, got {len(datagram)}")
+    magic, command, count = _REQUEST.unpack(datagram)
+    if magic != _MAGIC:
+        raise RdtProtocolError(f"expected a request that begins with {_MAGIC:#06x}, got {magic:#06x}")
+    try:
+        return Request(Command(command), count)
+    except ValueError:
+        known = ", ".join(f"{c:#06x}" for c in Command)
+        raise RdtProtocolError(f"expected one of the commands {known}, got {command:#06x}") from None
+
+
+def parse_record(datagram: bytes) -> Record:
+    """One reading.
+
+    Raises:
+        RdtProtocolError: Not an RDT record.
+    """
+    if len(datagram) != _RECORD.size:
+        raise RdtProtocolError(f"expected a record of {_RECORD.size} bytes, got {len(datagram)}")
+    rdt, ft, status, *counts = _RECORD.unpack(datagram)
+    return Record(rdt, ft, status, (counts[0], counts[1], counts[2], counts[3], counts[4], counts[5]))
+
+
+def parse_configuration(page: bytes) -> Configuration:
+    """Counts per unit and units, off the sensor's configuration page.
+
+    Raises:
+        RdtProtocolError: The page lacks an entry, or an entry is no positive number.
+    """
+    try:
+        root = ElementTree.fromstring(page)
+    except ElementTree.ParseError as error:
+        raise RdtProtocolError(
+            f"expected the sensor's configuration as XML, got {page[:40]!r}: {error}"
+        ) from None
+
+    def entry(tag: str) -> str:
+        text = (root.findtext(f".//{tag}") or "").strip()
+        if not text:
+            raise RdtProtocolError(f"expected an entry {tag} in the sensor's configuration, got none")
+        return text
+
+    def positive(tag: str) -> float:
+        text = entry(tag)
+        try:
+            number = float(text)
+        except ValueError:
+            number = -1.0
+        if not 0.0 < number < float("inf"):
+            raise RdtProtocolError(f"{tag}: expected a positive number, got {text!r}")
+        return number
+
+    return Configuration(
+        counts_per_force=positive("cfgcpf"),
+        counts_per_torque=positive("cfgcpt"),
+        force_unit=entry("scfgfu"),
+        torque_unit=entry("scfgtu"),
+        product=(root.findtext(".//prodname") or "").strip(),
+    )
+
+
+def to_counts(values: Sequence[float], counts_per_unit: float) -> tuple[list[int], bool]:
+    """Values in counts, clipped to what a count can hold, and whether any had to be clipped."""
+    exact = [round(value * counts_per_unit) for value in values]
+    clipped = [max(-COUNTS_LIMIT - 1, min(COUNTS_LIMIT, count)) for count in exact]
+    return clipped, clipped != exact
