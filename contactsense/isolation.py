@@ -13,7 +13,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from robots.compiled import kernel
 
 BROAD = 1e3
 """Standard deviation of the wrench before any measurement, where there is no base sensor [N and Nm]."""
@@ -64,14 +65,14 @@ def empty_hypotheses(links: int) -> Hypotheses:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _null(value, variance):  # type: ignore[no-untyped-def]
     """Energy and log likelihood of a measurement that is noise only."""
     energy = 0.5 * value * value / variance
     return energy, -energy - 0.5 * (math.log(variance) + _LOG_2PI)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _observe(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
     """Kalman step for value = a . w + noise, in place; energy and log likelihood of the innovation."""
     g = (
@@ -97,7 +98,7 @@ def _observe(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
     return _null(innovation, s)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _observe_wrist(variance_f, variance_m, y, origin, w, P, L):  # type: ignore[no-untyped-def]
     """Six steps for a wrist sensor at `origin`: its force, and its moment about its own origin, where noise is isotropic."""
     energy = 0.0
@@ -119,7 +120,7 @@ def _observe_wrist(variance_f, variance_m, y, origin, w, P, L):  # type: ignore[
     return energy, log_likelihood
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _null_wrist(variance_f, variance_m, y, origin):  # type: ignore[no-untyped-def]
     """Energy and log likelihood of a wrist reading if nothing touches beyond the wrist."""
     ox, oy, oz = origin[0], origin[1], origin[2]
@@ -136,7 +137,7 @@ def _null_wrist(variance_f, variance_m, y, origin):  # type: ignore[no-untyped-d
     return energy, log_likelihood
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def isolate(
     sensors: Sensors,
     screw: np.ndarray,

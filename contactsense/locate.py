@@ -9,16 +9,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from contactsense.isolation import Hypotheses
 from contactsense.refine import Prior, Work, nearest, refine, turn
 from contactsense.seed import enter
 from kinematics.model import Motion
+from robots.compiled import kernel
 from robots.surface import Surfaces
 
-CUT = 20.0
-"""Explanations whose log evidence is worse than the best by this much are dropped (probability 2e-9)."""
+CUT = 16.0
+"""Explanations whose log evidence is worse than the best by this much are dropped (probability 1e-7)."""
 
 
 class Candidates(NamedTuple):
@@ -65,7 +65,7 @@ def empty_candidates(primitives: int) -> Candidates:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def place_primitives(surfaces: Surfaces, depth: np.ndarray, motion: Motion, out: Candidates) -> None:
     """Body frames of all primitives in the base frame, for the links' poses in `motion`."""
     for p in range(surfaces.kind.shape[0]):
@@ -78,7 +78,7 @@ def place_primitives(surfaces: Surfaces, depth: np.ndarray, motion: Motion, out:
                 out.rotation[p, i, k] = R[i, 0] * S[0, k] + R[i, 1] * S[1, k] + R[i, 2] * S[2, k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _least_energy(w, P, o, radius, offset):  # type: ignore[no-untyped-def]
     """About the least energy that moves the wrench axis into the ball of that radius about o."""
     fx, fy, fz = w[0], w[1], w[2]
@@ -103,7 +103,7 @@ def _least_energy(w, P, o, radius, offset):  # type: ignore[no-untyped-def]
     return 0.5 * gap * gap * ff / (max(trace, 0.0) + offset * offset * ff)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _cover(surfaces, found, count, best, spread):  # type: ignore[no-untyped-def]
     """Lower the score of candidates that lie inside another primitive of their link or of its neighbours.
 
@@ -128,7 +128,7 @@ def _cover(surfaces, found, count, best, spread):  # type: ignore[no-untyped-def
         found.score[i] -= 0.5 * (deepest / spread) ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _rank(surfaces, found, count, apart, link_probability):  # type: ignore[no-untyped-def]
     """Sort candidates, drop doubles and the hopeless, turn scores into probabilities; how many are left."""
     kept = 0
@@ -169,7 +169,7 @@ def _rank(surfaces, found, count, apart, link_probability):  # type: ignore[no-u
     return kept
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _store(found, row, primitive, shift, result, frame, offset):  # type: ignore[no-untyped-def]
     """Keep one result of `refine`; `shift` is what the link's own energy takes off its evidence."""
     _, log_z, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, v11, v12, v22 = result
@@ -188,8 +188,8 @@ def _store(found, row, primitive, shift, result, frame, offset):  # type: ignore
             )
 
 
-@njit(cache=True, error_model="numpy")
-def _from_sides(kind, size, radius, R, o, w, L, prior, work):  # type: ignore[no-untyped-def]
+@kernel
+def _from_sides(kind, size, radius, R, o, w, L, prior, limit, work):  # type: ignore[no-untyped-def]
     """Best of several starts, one from each side of the body: for a wrench that is too little known to aim with."""
     best = (math.inf, -math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for side in range(6):
@@ -197,18 +197,18 @@ def _from_sides(kind, size, radius, R, o, w, L, prior, work):  # type: ignore[no
         axis = side % 3
         x, y, z = o[0] + sign * R[0, axis], o[1] + sign * R[1, axis], o[2] + sign * R[2, axis]
         _, cx, cy, cz, nx, ny, nz = nearest(kind, size, R, o, x, y, z)
-        result = refine(kind, size, R, o, w, L, prior, cx, cy, cz, nx, ny, nz, work)
+        result = refine(kind, size, R, o, w, L, prior, limit, cx, cy, cz, nx, ny, nz, work)
         if result[1] > best[1]:
             best = result
     if best[1] > -math.inf:
         # Once more from there, so that the scratch holds the frame of the best.
         best = refine(
-            kind, size, R, o, w, L, prior, best[2], best[3], best[4], best[5], best[6], best[7], work
+            kind, size, R, o, w, L, prior, limit, best[2], best[3], best[4], best[5], best[6], best[7], work
         )
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def locate(
     surfaces: Surfaces,
     touchable: np.ndarray,
@@ -250,12 +250,13 @@ def locate(
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
             R, o, kind, size = found.rotation[p], found.origin[p], surfaces.kind[p], surfaces.size[p]
             radius = surfaces.radius[p]
+            limit = least + CUT - own
             if aimed:
-                if own + _least_energy(w, P, o, radius, prior.offset) > least + CUT:
+                if _least_energy(w, P, o, radius, prior.offset) > limit:
                     continue
-                result = _aim(kind, size, radius, R, o, w, L, prior, work)
+                result = _aim(kind, size, radius, R, o, w, L, prior, limit, work)
             else:
-                result = _from_sides(kind, size, radius, R, o, w, L, prior, work)
+                result = _from_sides(kind, size, radius, R, o, w, L, prior, limit, work)
             if result[1] > -math.inf:
                 _store(found, count, p, own, result, work.frame, prior.offset)
                 least = min(least, own + result[0])
@@ -265,8 +266,8 @@ def locate(
     return _rank(surfaces, found, count, 2.0 * prior.offset, link_probability)
 
 
-@njit(cache=True, error_model="numpy")
-def _aim(kind, size, radius, R, o, w, L, prior, work):  # type: ignore[no-untyped-def]
+@kernel
+def _aim(kind, size, radius, R, o, w, L, prior, limit, work):  # type: ignore[no-untyped-def]
     """Refine from where the wrench axis enters the body, or comes nearest."""
     fx, fy, fz = w[0], w[1], w[2]
     mx = w[3] - o[1] * fz + o[2] * fy
@@ -285,4 +286,4 @@ def _aim(kind, size, radius, R, o, w, L, prior, work):  # type: ignore[no-untype
     )
     cx, cy, cz = turn(R, x, y, z)
     nx, ny, nz = turn(R, ux, uy, uz)
-    return refine(kind, size, R, o, w, L, prior, cx + o[0], cy + o[1], cz + o[2], nx, ny, nz, work)
+    return refine(kind, size, R, o, w, L, prior, limit, cx + o[0], cy + o[1], cz + o[2], nx, ny, nz, work)

@@ -12,10 +12,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from kinematics.core import dot6
 from kinematics.model import Model, Motion
+from robots.compiled import kernel
 
 
 class Observer(NamedTuple):
@@ -39,7 +39,7 @@ def noise_gain(bandwidth: float, dt: float) -> float:
     return -math.expm1(-2.0 * math.pi * bandwidth * dt) / 2.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _advance(state, i, momentum, drift, dt, forget):  # type: ignore[no-untyped-def]
     """One equation's step; dt = 0 starts it anew."""
     if dt > 0.0:
@@ -51,7 +51,7 @@ def _advance(state, i, momentum, drift, dt, forget):  # type: ignore[no-untyped-
     state.drift[i] = drift
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def observe_joints(
     model: Model,
     motion: Motion,
@@ -79,7 +79,7 @@ def observe_joints(
         _advance(state, j, h, drift, dt, forget)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def observe_wrench(
     momentum: np.ndarray,
     gravity: np.ndarray,

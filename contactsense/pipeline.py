@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from contactsense.arm import Arm
 from contactsense.isolation import Hypotheses, empty_hypotheses, isolate
@@ -12,6 +11,7 @@ from contactsense.observer import Observer, empty_observer, observe_joints, obse
 from contactsense.refine import Work, empty_work
 from kinematics.core import carry, dot6, move
 from kinematics.model import Motion, empty_motion
+from robots.compiled import kernel
 
 
 class Memory(NamedTuple):
@@ -62,7 +62,7 @@ def empty_memory(arm: Arm) -> Memory:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _place_wrist(arm: Arm, memory: Memory) -> None:
     """Momentum and weight of the tool, and where the wrist sensor is."""
     last = memory.motion.rotation.shape[0] - 1
@@ -83,7 +83,7 @@ def _place_wrist(arm: Arm, memory: Memory) -> None:
         memory.wrist_origin[i] = o[i] + R[i, 0] * s[0] + R[i, 1] * s[1] + R[i, 2] * s[2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def follow(
     arm: Arm,
     memory: Memory,
@@ -115,7 +115,7 @@ def follow(
     memory.wrist_wrench[:] = memory.wrist.residual
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def rest(
     arm: Arm,
     memory: Memory,
@@ -141,7 +141,7 @@ def rest(
         memory.wrist_wrench[i] = wrist_wrench[i] - (0.0 if external else memory.carried[1, i])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def explain(
     arm: Arm, memory: Memory, has_base: bool, has_torque: bool, has_wrist: bool, scale: float
 ) -> tuple[int, float]:
@@ -190,7 +190,7 @@ def explain(
     return count, nothing
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def explain_batch(
     arm: Arm,
     memory: Memory,

@@ -15,16 +15,18 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from robots.compiled import kernel
 from robots.surface import curvature, project
 
 ITERATIONS = 12
 """Most Gauss-Newton steps for one primitive."""
 HALVINGS = 6
 """Most times that one step is halved before the search ends."""
-ENOUGH = 1e-4
-"""A step that lowers the energy by less than this ends the search: a hundredth of a standard deviation."""
+ENOUGH = 1e-3
+"""A step that lowers the energy by less than this ends the search: a twentieth of a standard deviation."""
+PATIENCE = 4.0
+"""How many times the gain that a step promises is hoped for before a candidate above the limit is given up."""
 
 
 LEAST_FORCE = 1e-3
@@ -68,7 +70,7 @@ def empty_work() -> Work:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _energy(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
     """Energy of a contact, and the factor 1 + s^2 u^T L u by which the surface's offset widens the covariance."""
     push = -(fx * nx + fy * ny + fz * nz)
@@ -114,7 +116,7 @@ def _energy(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignor
     return 0.5 * (dLd - s * uLd * uLd / widen + twist * twist + lean), widen
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
     """Two unit tangents, continuous but for one direction (Duff et al. 2017, "Building an orthonormal basis, revisited")."""
     sign = 1.0 if nz >= 0.0 else -1.0
@@ -123,7 +125,7 @@ def _tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
     return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # type: ignore[no-untyped-def]
     """Fill gradient and Gauss-Newton matrix at one point of the search. W: shape operator, base axes, six floats."""
     t1x, t1y, t1z, t2x, t2y, t2z = _tangents(nx, ny, nz)
@@ -248,7 +250,7 @@ def _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # ty
     _add_prior(H, g, r, row)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add_prior(H, g, r, row):  # type: ignore[no-untyped-def]
     """Add a squared residual r with the given derivatives to the upper triangle of H and to g."""
     for i in range(6):
@@ -257,7 +259,7 @@ def _add_prior(H, g, r, row):  # type: ignore[no-untyped-def]
             H[i, k] += row[i] * row[k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _factorize(H):  # type: ignore[no-untyped-def]
     """Cholesky of the upper triangle of H into its lower triangle; log determinant, or infinity if not positive."""
     log_det = 0.0
@@ -276,7 +278,7 @@ def _factorize(H):  # type: ignore[no-untyped-def]
     return log_det
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _solve(H, g):  # type: ignore[no-untyped-def]
     """Solve in place with the factor that `_factorize` left in the lower triangle of H."""
     for i in range(6):
@@ -291,7 +293,7 @@ def _solve(H, g):  # type: ignore[no-untyped-def]
         g[i] = acc / H[i, i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _to_body(R, o, x, y, z):  # type: ignore[no-untyped-def]
     """Coordinates of a base-frame point in a body frame with axes R (columns) and origin o."""
     x, y, z = x - o[0], y - o[1], z - o[2]
@@ -302,7 +304,7 @@ def _to_body(R, o, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def turn(R, x, y, z):  # type: ignore[no-untyped-def]
     """R times (x, y, z)."""
     return (
@@ -312,7 +314,7 @@ def turn(R, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def nearest(kind, size, R, o, x, y, z):  # type: ignore[no-untyped-def]
     """`robots.surface.project` for a body placed in the base frame: distance, point and normal, base axes."""
     bx, by, bz = _to_body(R, o, x, y, z)
@@ -322,7 +324,7 @@ def nearest(kind, size, R, o, x, y, z):  # type: ignore[no-untyped-def]
     return d, px + o[0], py + o[1], pz + o[2], nx, ny, nz
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bend(kind, size, R, o, cx, cy, cz, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Shape operator in base axes at a surface point of a placed body: xx, xy, xz, yy, yz, zz."""
     x, y, z = _to_body(R, o, cx, cy, cz)
@@ -352,8 +354,8 @@ def _bend(kind, size, R, o, cx, cy, cz, nx, ny, nz):  # type: ignore[no-untyped-
     return ax, ay, az, by, bz, cz
 
 
-@njit(cache=True, error_model="numpy")
-def refine(kind, size, R, o, w, L, prior, cx, cy, cz, nx, ny, nz, work):  # type: ignore[no-untyped-def]
+@kernel
+def refine(kind, size, R, o, w, L, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ignore[no-untyped-def]
     """Most probable contact on one primitive, from a first guess on its surface.
 
     Args:
@@ -361,13 +363,14 @@ def refine(kind, size, R, o, w, L, prior, cx, cy, cz, nx, ny, nz, work):  # type
         R, o: Axes (columns) and origin [m] of its body frame in the base frame, shapes (3, 3) and (3,).
         w, L: Fused wrench about the base origin and its information matrix, base axes, shapes (6,) and (6, 6).
         prior: What is known of contacts beforehand.
+        limit: Energy above which the contact is of no interest; the search ends once it is sure to stay there.
         cx, cy, cz, nx, ny, nz: First guess: a point of the surface [m] and the outward normal there, base frame.
         work: Scratch; on return its `frame` holds normal and tangents at the result.
 
     Returns:
         energy, log evidence per area (up to a constant common to all primitives and links), point (3), normal (3),
         force (3) [N], torsion [Nm], and the covariance of the point along the two tangents (vv11, vv12, vv22) [m^2].
-        The energy is infinite where the force cannot push there, or where the matrix is not positive.
+        The log evidence is -infinity where the energy stays above the limit, or where the matrix is not positive.
     """
     fx, fy, fz = w[0], w[1], w[2]
     push = -(fx * nx + fy * ny + fz * nz)
@@ -386,7 +389,14 @@ def refine(kind, size, R, o, w, L, prior, cx, cy, cz, nx, ny, nz, work):  # type
         log_det = _factorize(H)
         if log_det == math.inf or iteration == ITERATIONS:
             break
+        slope = (g[0], g[1], g[2], g[3], g[4], g[5])
         _solve(H, g)
+        # What the step would gain if the energy were the parabola that the matrix describes.
+        hope = 0.0
+        for i in range(6):
+            hope += 0.5 * slope[i] * g[i]
+        if hope < ENOUGH or energy - PATIENCE * hope > limit:
+            break
         scale = 1.0
         gained = -1.0
         for _ in range(HALVINGS):
@@ -410,7 +420,7 @@ def refine(kind, size, R, o, w, L, prior, cx, cy, cz, nx, ny, nz, work):  # type
             scale *= 0.4
         if gained < ENOUGH:
             break
-    if log_det == math.inf or energy == math.inf:
+    if log_det == math.inf or energy > limit:
         return math.inf, -math.inf, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, 0.0, 0.0, 0.0
     push = -(fx * nx + fy * ny + fz * nz)
     log_z = -energy - 0.5 * (log_det + math.log(widen)) - 4.0 * math.log(push)

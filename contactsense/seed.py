@@ -7,14 +7,13 @@ nearest to it, turned towards the force so that it can push.
 
 import math
 
-from numba import njit
-
+from robots.compiled import kernel
 from robots.surface import project
 
 _STEPS = 30
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def enter(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[no-untyped-def]
     """Where the wrench axis enters a primitive, pushing.
 

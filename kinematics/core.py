@@ -8,12 +8,12 @@ The kernels fill arrays that the caller owns and allocate nothing. They trust th
 import math
 
 import numpy as np
-from numba import njit
 
 from kinematics.model import Model, Motion
+from robots.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def _rotate_about(axis: np.ndarray, angle: float, before: np.ndarray, after: np.ndarray) -> None:
     """Set `after = before @ Rot(axis, angle)` by Rodrigues' formula."""
     s = math.sin(angle)
@@ -35,7 +35,7 @@ def _rotate_about(axis: np.ndarray, angle: float, before: np.ndarray, after: np.
         after[i, 2] = b0 * r02 + b1 * r12 + b2 * r22
 
 
-@njit(cache=True)
+@kernel
 def place(model: Model, q: np.ndarray, motion: Motion) -> None:
     """Forward kinematics: fill `rotation`, `origin` and `screw` of `motion` for joint positions q [rad]."""
     rotation, origin, screw = motion.rotation, motion.origin, motion.screw
@@ -73,7 +73,7 @@ def place(model: Model, q: np.ndarray, motion: Motion) -> None:
         _rotate_about(axis, q[j], child, child)
 
 
-@njit(cache=True)
+@kernel
 def move(model: Model, q: np.ndarray, qd: np.ndarray, gravity: np.ndarray, motion: Motion) -> None:
     """Fill all of `motion` for joint positions q [rad], velocities qd [rad/s] and gravity in base axes [m/s^2]."""
     place(model, q, motion)
@@ -98,7 +98,7 @@ def move(model: Model, q: np.ndarray, qd: np.ndarray, gravity: np.ndarray, motio
     _accumulate(model, gravity, motion)
 
 
-@njit(cache=True)
+@kernel
 def _accumulate(model: Model, gravity: np.ndarray, motion: Motion) -> None:
     """Suffix sums of momentum and gravity wrench, from the last link to the base."""
     momentum, weight = motion.momentum, motion.gravity
@@ -121,7 +121,7 @@ def _accumulate(model: Model, gravity: np.ndarray, motion: Motion) -> None:
                 weight[j, i] += weight[j + 1, i]
 
 
-@njit(cache=True)
+@kernel
 def carry(
     mass: float,
     com: np.ndarray,
@@ -165,7 +165,7 @@ def carry(
     weight[5] = cx * fy - cy * fx
 
 
-@njit(cache=True)
+@kernel
 def _center(R: np.ndarray, c: np.ndarray, o: np.ndarray) -> tuple[float, float, float]:
     """The body-frame point c in the base frame [m]."""
     return (
@@ -175,7 +175,7 @@ def _center(R: np.ndarray, c: np.ndarray, o: np.ndarray) -> tuple[float, float, 
     )
 
 
-@njit(cache=True)
+@kernel
 def _spin(R: np.ndarray, J: np.ndarray, x: float, y: float, z: float) -> tuple[float, float, float]:
     """R J R^T times the vector (x, y, z): an inertia tensor given in body axes, applied in base axes."""
     bx = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
@@ -191,13 +191,13 @@ def _spin(R: np.ndarray, J: np.ndarray, x: float, y: float, z: float) -> tuple[f
     )
 
 
-@njit(cache=True)
+@kernel
 def dot6(a: np.ndarray, b: np.ndarray) -> float:
     """Scalar product of two 6-vectors, a screw with a wrench or a momentum."""
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
 
 
-@njit(cache=True)
+@kernel
 def inverse_dynamics(
     model: Model,
     q: np.ndarray,

@@ -18,8 +18,8 @@ from math import fabs, hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from robots.compiled import kernel
 from robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from robots.robot import Link
 from robots.rotations import rotation_from_rpy
@@ -116,7 +116,7 @@ def _bounding_radius(kind: int, size: np.ndarray) -> float:
     return float(np.linalg.norm(size[:3]) + size[3])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def project(kind, size, x, y, z):  # type: ignore[no-untyped-def]
     """Nearest surface point of a primitive.
 
@@ -136,7 +136,7 @@ def project(kind, size, x, y, z):  # type: ignore[no-untyped-def]
     return _project_box(size, x, y, z)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _project_revolved(size, x, y, z):  # type: ignore[no-untyped-def]
     h, R0, R1, r = size[0], size[1], size[2], size[3]
     rho = sqrt(x * x + y * y)
@@ -178,7 +178,7 @@ def _project_revolved(size, x, y, z):  # type: ignore[no-untyped-def]
     return distance - r, pr * ux, pr * uy, qz + r * nz, nr * ux, nr * uy, nz
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _project_ellipsoid(size, x, y, z):  # type: ignore[no-untyped-def]
     # Nearest point c with c_i = a_i^2 y_i / (t + a_i^2); t is the largest root of F(t) = sum (a_i y_i / (t +
     # a_i^2))^2 - 1, which falls and is convex, so Newton from the left runs monotonously into it (Eberly,
@@ -246,7 +246,7 @@ def _project_ellipsoid(size, x, y, z):  # type: ignore[no-untyped-def]
     return distance, px, py, pz, nx, ny, nz
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _project_box(size, x, y, z):  # type: ignore[no-untyped-def]
     bx, by, bz, r = size[0], size[1], size[2], size[3]
     sx = 1.0 if x >= 0.0 else -1.0
@@ -269,7 +269,7 @@ def _project_box(size, x, y, z):  # type: ignore[no-untyped-def]
     return distance - r, px, py, pz, nx, ny, nz
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def curvature(kind, size, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Shape operator of a primitive at a surface point: how the outward normal turns with a step on the
     surface.
@@ -299,7 +299,7 @@ def curvature(kind, size, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-de
     return _tangential(kx, ky, kz, nx, ny, nz)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _tangential(kx, ky, kz, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Six numbers of P diag(k) P with P = 1 - n n^T."""
     kn = kx * nx * nx + ky * ny * ny + kz * nz * nz
@@ -313,7 +313,7 @@ def _tangential(kx, ky, kz, nx, ny, nz):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _curvature_revolved(size, px, py, nx, ny, nz):  # type: ignore[no-untyped-def]
     h, R0, R1, r = size[0], size[1], size[2], size[3]
     rho = sqrt(px * px + py * py)
@@ -343,7 +343,7 @@ def _curvature_revolved(size, px, py, nx, ny, nz):  # type: ignore[no-untyped-de
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def support(kind, size, dx, dy, dz):  # type: ignore[no-untyped-def]
     """Surface point farthest along a direction.
 

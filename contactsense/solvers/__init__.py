@@ -1,6 +1,8 @@
-"""Where on a surface does a wrench enter? The contact sensing problem of Bicchi, Salisbury & Brock (1993), solved.
+"""Where on a surface does a wrench enter? The contact sensing problem of Bicchi, Salisbury & Brock (1993),
+solved.
 
-Given force and moment (f, m) on a convex body, find its contact centroid c: m = xi n(c) + c x f with f.n(c) < 0.
+Given force and moment (f, m) on a convex body, find its contact centroid c: m = xi n(c) + c x f with f.n(c) <
+0.
 """
 
 from contactsense.solvers.answer import Status

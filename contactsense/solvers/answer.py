@@ -1,8 +1,8 @@
 """What every solver kernel returns, and the last lines that they share.
 
-A kernel is `solve_<surface>(fx, fy, fz, mx, my, mz, <size of the surface>) -> Answer`: the wrench on the body, moment
-about the origin of the frame in which the surface is described, and a flat tuple of numbers back. Kernels are total:
-no input makes one raise or answer NaN.
+A kernel is `solve_<surface>(fx, fy, fz, mx, my, mz, <size of the surface>) -> Answer`: the wrench on the
+body, moment about the origin of the frame in which the surface is described, and a flat tuple of numbers
+back. Kernels are total: no input makes one raise or answer NaN.
 """
 
 from enum import IntEnum
@@ -17,7 +17,8 @@ OK, PULLING, MISS, TANGENT, PARALLEL, NO_FORCE, NOT_FINITE, NOT_CONVERGED, SHARP
 
 
 class Status(IntEnum):
-    """What a solver says about a wrench. From `TANGENT` on the problem is degenerate, and the name says why."""
+    """What a solver says about a wrench. From `TANGENT` on the problem is degenerate, and the name says
+    why."""
 
     OK = OK
     """The contact centroid: pushing, on the surface, in balance with the wrench."""
@@ -54,8 +55,9 @@ TINY = 1e-300
 def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float:
     """Largest stretch of a moment error, per force, into a shift on the surface: |f| times the norm of M^-1.
 
-    M = fn J - xi W with the shape operator W, trace and determinant given (theory, section 4). It is 1 for a contact
-    square to a flat, 1 / cos(angle between force and normal) without torsion, and it diverges where the force grazes.
+    M = fn J - xi W with the shape operator W, trace and determinant given (theory, section 4). It is 1 for a
+    contact square to a flat, 1 / cos(angle between force and normal) without torsion, and it diverges where
+    the force grazes.
     """
     bend = xi * trace
     spread = xi * xi * (trace * trace - 4.0 * det)
@@ -101,8 +103,11 @@ def finish(
     scale = mx * mx + my * my + mz * mz + (cx * cx + cy * cy + cz * cz) * ff
     residual = sqrt((rx * rx + ry * ry + rz * rz) / scale) if scale > TINY else 0.0
     condition = inf
-    if status == OK or status == PULLING:
+    if status <= PULLING:
         condition = _grazing(ff, fx * nx + fy * ny + fz * nz, xi, trace, det)
+    # Only a centroid that is too far for a float makes these other than numbers.
+    residual = residual if residual >= 0.0 else inf
+    condition = condition if condition >= 0.0 else inf
     return status, cx, cy, cz, nx, ny, nz, xi, residual, condition
 
 
@@ -115,7 +120,7 @@ def nothing(status: int) -> Answer:
 @njit(cache=True)
 def unusable(fx: float, fy: float, fz: float, mx: float, my: float, mz: float) -> int:
     """`NOT_FINITE` or `NO_FORCE` where that is the matter with a wrench, else `OK`."""
-    if not 0.0 * fx + 0.0 * fy + 0.0 * fz + 0.0 * mx + 0.0 * my + 0.0 * mz == 0.0:
+    if 0.0 * fx + 0.0 * fy + 0.0 * fz + 0.0 * mx + 0.0 * my + 0.0 * mz != 0.0:
         return NOT_FINITE
     if fx == 0.0 and fy == 0.0 and fz == 0.0:
         return NO_FORCE
@@ -123,7 +128,8 @@ def unusable(fx: float, fy: float, fz: float, mx: float, my: float, mz: float) -
 
 
 _FAINT = 300
-"""A force weaker than the moment by more than 2^300 does not move the contact; the kernels take it as this weak."""
+"""A force weaker than the moment by more than 2^300 does not move the contact; the kernels take it as this
+weak."""
 
 
 @njit(cache=True)
@@ -133,14 +139,30 @@ def unit_exponents(
     """Exponents to bring a wrench and a surface of size `length` to order one without rounding.
 
     Returns:
-        Exponents of the unit of force to use for the force, of that for the moment (over length), and of the length.
-        The first two differ only where the force is too faint to matter.
+        Exponents of the unit of force to use for the force, of that for the moment (over length), and of the
+        length. The first two differ only where the force is too faint to matter.
     """
     k = frexp(length)[1]
     force = frexp(max(abs(fx), abs(fy), abs(fz)))[1]
     moment = max(abs(mx), abs(my), abs(mz))
     e = max(force, frexp(moment)[1] - k) if moment > 0.0 else force
     return (e if force > e - _FAINT else force + _FAINT), e, k
+
+
+@njit(cache=True)
+def scaled(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, force: int, moment: int, k: int
+) -> tuple[float, float, float, float, float, float]:
+    """The wrench in the units of `unit_exponents`."""
+    lever = moment + k
+    return (
+        ldexp(fx, -force),
+        ldexp(fy, -force),
+        ldexp(fz, -force),
+        ldexp(mx, -lever),
+        ldexp(my, -lever),
+        ldexp(mz, -lever),
+    )
 
 
 @njit(cache=True)

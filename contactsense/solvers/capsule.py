@@ -1,6 +1,7 @@
 """Capsule and tapered capsule: two spheres and the cone (or cylinder) that touches both, each in closed form.
 
-The patches share their normals where they meet, so exactly one holds the contact (paper, section 7). Rounding may place
+The patches share their normals where they meet, so exactly one holds the contact (paper, section 7). Rounding
+may place
 a contact on a seam just outside of both: the patch that it leaves the least is taken, so there is no gap.
 """
 
@@ -16,12 +17,13 @@ from contactsense.solvers.answer import (
     finish,
     nothing,
     rescaled,
+    scaled,
     unit_exponents,
     unusable,
 )
 from contactsense.solvers.cylinder import directions, height, on_lateral
 from contactsense.solvers.ellipsoid import unit_sphere
-from contactsense.solvers.nearest import nearest_to_line
+from contactsense.solvers.nearest import TAPERED, nearest_to_line
 
 SEAM = 1e-9
 """How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
@@ -34,32 +36,7 @@ def ball(
     """Contact on a ball about (0, 0, at): status, outward normal, torsion."""
     lx, ly = mx + at * fy, my - at * fx
     ux, uy, uz = radius * fx, radius * fy, radius * fz
-    return unit_sphere(
-        ux, uy, uz, lx, ly, mz, ux * ux + uy * uy + uz * uz, lx * lx + ly * ly + mz * mz
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def project_tapered_capsule(
-    size: tuple[float, float, float], x: float, y: float, z: float
-) -> tuple[float, float, float, float, float, float, float]:
-    """Nearest point of a tapered capsule, as `nearest_to_line` wants it."""
-    half, radius_a, radius_b = size
-    rho = sqrt(x * x + y * y)
-    ux, uy = (x / rho, y / rho) if rho > 0.0 else (1.0, 0.0)
-    sin_beta = (radius_a - radius_b) / (2.0 * half)
-    cos_beta = sqrt(1.0 - sin_beta * sin_beta)
-    along = (z + half) * cos_beta - rho * sin_beta
-    if 0.0 < along < 2.0 * half * cos_beta:
-        distance = rho * cos_beta + (z + half) * sin_beta - radius_a
-        nr, nz = cos_beta, sin_beta
-    else:
-        at, radius = (-half, radius_a) if along <= 0.0 else (half, radius_b)
-        gap = sqrt(rho * rho + (z - at) * (z - at))
-        nr, nz = (rho / gap, (z - at) / gap) if gap > 0.0 else (1.0, 0.0)
-        distance = gap - radius
-    pr, pz = rho - distance * nr, z - distance * nz
-    return distance, pr * ux, pr * uy, pz, nr * ux, nr * uy, nz
+    return unit_sphere(ux, uy, uz, lx, ly, mz, ux * ux + uy * uy + uz * uz, lx * lx + ly * ly + mz * mz)
 
 
 @njit(cache=True, error_model="numpy")
@@ -106,9 +83,8 @@ def _tapered_capsule(
             if best <= 0.0:
                 break
     if best > SEAM * (half + radius):
-        return nearest_to_line(
-            project_tapered_capsule, (half, radius_a, radius_b), half + max(radius_a, radius_b), fx, fy, fz, mx, my, mz
-        )
+        size = (half, radius_a, radius_b, 0.0)
+        return nearest_to_line(TAPERED, size, half + max(radius_a, radius_b), fx, fy, fz, mx, my, mz)
     if patch == 1:
         return on_lateral(OK, fx, fy, fz, mx, my, mz, ex, ey, z, radius, taper)
     at, r = (half, radius_b) if patch == 3 else (-half, radius_a)
@@ -149,18 +125,9 @@ def solve_tapered_capsule(
     if status != OK:
         return nothing(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, half + size)
-    answer = _tapered_capsule(
-        ldexp(fx, -e),
-        ldexp(fy, -e),
-        ldexp(fz, -e),
-        ldexp(mx, -g - k),
-        ldexp(my, -g - k),
-        ldexp(mz, -g - k),
-        ldexp(half, -k),
-        ldexp(radius_a, -k),
-        ldexp(radius_b, -k),
-    )
-    return rescaled(answer, e, g, k)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
+    half, radius_a, radius_b = ldexp(half, -k), ldexp(radius_a, -k), ldexp(radius_b, -k)
+    return rescaled(_tapered_capsule(fx, fy, fz, mx, my, mz, half, radius_a, radius_b), e, g, k)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,13 +1,14 @@
 """Cylinder and cone about z: closed forms.
 
-Both are one surface, of radius R - z tan(beta) at height z. With e the radial direction of the contact, the moment
-about the generator through it gives the direction alone, and the moment about the circle's tangent the height:
+Both are one surface, of radius R - z tan(beta) at height z. With e the radial direction of the contact, the
+moment about the generator through it gives the direction alone, and the moment about the circle's tangent the
+height:
 
     e.p = m_z,      p = (R f_y + tan(beta) m_x, -R f_x + tan(beta) m_y)
     z = (m_theta + R f_z) / (f_rho + tan(beta) f_z)
 
-For beta = 0 this is the paper's cylinder (section 5.1.2) without its division by the torsion: where the contact lies
-around the axis does not depend on it.
+For beta = 0 this is the paper's cylinder (section 5.1.2) without its division by the torsion: where the
+contact lies around the axis does not depend on it.
 """
 
 from math import ldexp, sqrt
@@ -27,6 +28,7 @@ from contactsense.solvers.answer import (
     finish,
     nothing,
     rescaled,
+    scaled,
     unit_exponents,
     unusable,
 )
@@ -39,8 +41,8 @@ def directions(
     """The two radial directions with e.p = m_z are (a, b) + (u, v) and (a, b) - (u, v).
 
     Returns:
-        The discriminant |p|^2 - m_z^2 (no direction exists where it is negative), then a, b, u, v. On a cylinder the
-        pushing one is the second.
+        The discriminant |p|^2 - m_z^2 (no direction exists where it is negative), then a, b, u, v. On a
+        cylinder the pushing one is the second.
     """
     px = radius * fy + taper * mx
     py = taper * my - radius * fx
@@ -91,7 +93,7 @@ def on_lateral(
     cos_beta = 1.0 / sqrt(1.0 + taper * taper)
     nx, ny, nz = cos_beta * ex, cos_beta * ey, cos_beta * taper
     xi = 0.0
-    if status == OK or status == PULLING:
+    if status <= PULLING:
         xi = (fx * mx + fy * my + fz * mz) / (fx * nx + fy * ny + fz * nz)
     return finish(status, fx, fy, fz, mx, my, mz, rho * ex, rho * ey, z, nx, ny, nz, xi, cos_beta / rho, 0.0)
 
@@ -140,13 +142,5 @@ def solve_cylinder(fx: float, fy: float, fz: float, mx: float, my: float, mz: fl
     if status != OK:
         return nothing(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
-    answer = _cylinder(
-        ldexp(fx, -e),
-        ldexp(fy, -e),
-        ldexp(fz, -e),
-        ldexp(mx, -g - k),
-        ldexp(my, -g - k),
-        ldexp(mz, -g - k),
-        ldexp(radius, -k),
-    )
-    return rescaled(answer, e, g, k)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
+    return rescaled(_cylinder(fx, fy, fz, mx, my, mz, ldexp(radius, -k)), e, g, k)

@@ -5,7 +5,8 @@ m = xi n + c x f becomes v = K x + x x u: every ellipsoid is the unit sphere. Th
 
     K^2 - l^2 = |v|^2 - |u|^2 = sigma,      K l = -u.v = -tau,
 
-so each comes, up to sign, from the branch of (16) that adds, and the other from their product. Nothing is subtracted
+so each comes, up to sign, from the branch of (16) that adds, and the other from their product. Nothing is
+subtracted
 from nearly itself, torsion zero is no special case: there K = 0 and the result is the wrench-axis solution.
 """
 
@@ -23,9 +24,14 @@ from contactsense.solvers.answer import (
     finish,
     nothing,
     rescaled,
+    scaled,
     unit_exponents,
     unusable,
 )
+
+
+_PLAIN = 1e6
+"""Bodies below this size need no other unit of length."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -66,7 +72,7 @@ def unit_sphere(
 
 
 @njit(cache=True, error_model="numpy")
-def _scaled_ellipsoid(
+def _ellipsoid(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
 ) -> Answer:
     bc, ca, ab = b * c, c * a, a * b
@@ -74,32 +80,6 @@ def _scaled_ellipsoid(
     vx, vy, vz = a * mx, b * my, c * mz
     uu = ux * ux + uy * uy + uz * uz
     vv = vx * vx + vy * vy + vz * vz
-    return _from_unit_sphere(fx, fy, fz, mx, my, mz, a, b, c, bc, ca, ab, ux, uy, uz, vx, vy, vz, uu, vv)
-
-
-@njit(cache=True, error_model="numpy")
-def _from_unit_sphere(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    a: float,
-    b: float,
-    c: float,
-    bc: float,
-    ca: float,
-    ab: float,
-    ux: float,
-    uy: float,
-    uz: float,
-    vx: float,
-    vy: float,
-    vz: float,
-    uu: float,
-    vv: float,
-) -> Answer:
     status, x, y, z, k = unit_sphere(ux, uy, uz, vx, vy, vz, uu, vv)
     nx, ny, nz = bc * x, ca * y, ab * z
     slope = sqrt(nx * nx + ny * ny + nz * nz)
@@ -108,10 +88,22 @@ def _from_unit_sphere(
     # (1 - n1^2) etc. as sums: the mean curvature of a needle keeps its digits.
     xx, yy, zz = nx * nx, ny * ny, nz * nz
     trace = (bc * bc * (yy + zz) + ca * ca * (zz + xx) + ab * ab * (xx + yy)) / (volume * slope)
-    det = volume / (slope * slope)
+    root = volume / (slope * slope)
+    xi = k * slope / volume
     return finish(
-        status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx, ny, nz, k * slope / volume, trace, det * det
+        status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx, ny, nz, xi, trace, root * root
     )
+
+
+@njit(cache=True, error_model="numpy")
+def _sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
+    ux, uy, uz = radius * fx, radius * fy, radius * fz
+    uu = ux * ux + uy * uy + uz * uz
+    vv = mx * mx + my * my + mz * mz
+    status, x, y, z, xi = unit_sphere(ux, uy, uz, mx, my, mz, uu, vv)
+    cx, cy, cz = radius * x, radius * y, radius * z
+    bend = 1.0 / radius
+    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, x, y, z, xi, 2.0 * bend, bend * bend)
 
 
 @njit(cache=True, error_model="numpy")
@@ -125,58 +117,35 @@ def solve_ellipsoid(
         a, b, c: Semi-axes along x, y, z.
 
     Returns:
-        See `contactsense.solvers.answer`. A pushing solution exists for every wrench whose force and f.m are not zero.
+        See `contactsense.solvers.answer`. A pushing solution exists for every wrench whose force and f.m are
+        not zero.
     """
-    bc, ca, ab = b * c, c * a, a * b
-    ux, uy, uz = bc * fx, ca * fy, ab * fz
-    vx, vy, vz = a * mx, b * my, c * mz
-    uu = ux * ux + uy * uy + uz * uz
-    vv = vx * vx + vy * vy + vz * vz
-    if SMALL < uu < LARGE and vv < LARGE:
-        return _from_unit_sphere(fx, fy, fz, mx, my, mz, a, b, c, bc, ca, ab, ux, uy, uz, vx, vy, vz, uu, vv)
+    size = max(a, b, c)
+    least = min(a, b, c)
+    square = least * least
+    ff = fx * fx + fy * fy + fz * fz
+    mm = mx * mx + my * my + mz * mz
+    if SMALL < square * square * ff and ff < LARGE and mm < LARGE and size < _PLAIN:
+        return _ellipsoid(fx, fy, fz, mx, my, mz, a, b, c)
     status = unusable(fx, fy, fz, mx, my, mz)
     if status != OK:
         return nothing(status)
-    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, max(a, b, c))
-    answer = _scaled_ellipsoid(
-        ldexp(fx, -e),
-        ldexp(fy, -e),
-        ldexp(fz, -e),
-        ldexp(mx, -g - k),
-        ldexp(my, -g - k),
-        ldexp(mz, -g - k),
-        ldexp(a, -k),
-        ldexp(b, -k),
-        ldexp(c, -k),
-    )
-    return rescaled(answer, e, g, k)
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, size)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
+    a, b, c = ldexp(a, -k), ldexp(b, -k), ldexp(c, -k)
+    return rescaled(_ellipsoid(fx, fy, fz, mx, my, mz, a, b, c), e, g, k)
 
 
 @njit(cache=True, error_model="numpy")
 def solve_sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
-    """Contact centroid on a sphere about the origin (paper, section 5.1.1)."""
-    ux, uy, uz = radius * fx, radius * fy, radius * fz
-    uu = ux * ux + uy * uy + uz * uz
-    vv = mx * mx + my * my + mz * mz
-    if SMALL < uu < LARGE and vv < LARGE:
-        status, x, y, z, xi = unit_sphere(ux, uy, uz, mx, my, mz, uu, vv)
-        bend = 1.0 / radius
-        return finish(
-            status,
-            fx,
-            fy,
-            fz,
-            mx,
-            my,
-            mz,
-            radius * x,
-            radius * y,
-            radius * z,
-            x,
-            y,
-            z,
-            xi,
-            2.0 * bend,
-            bend * bend,
-        )
-    return solve_ellipsoid(fx, fy, fz, mx, my, mz, radius, radius, radius)
+    """Contact centroid on a sphere of that radius about the origin (paper, section 5.1.1)."""
+    ff = radius * radius * (fx * fx + fy * fy + fz * fz)
+    mm = mx * mx + my * my + mz * mz
+    if SMALL < ff < LARGE and mm < LARGE:
+        return _sphere(fx, fy, fz, mx, my, mz, radius)
+    status = unusable(fx, fy, fz, mx, my, mz)
+    if status != OK:
+        return nothing(status)
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
+    return rescaled(_sphere(fx, fy, fz, mx, my, mz, ldexp(radius, -k)), e, g, k)

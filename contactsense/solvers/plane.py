@@ -14,6 +14,7 @@ from contactsense.solvers.answer import (
     finish,
     nothing,
     rescaled,
+    scaled,
     unusable,
 )
 
@@ -40,6 +41,16 @@ def _plane(
     xi = (fx * mx + fy * my + fz * mz) / push
     status = OK if push < 0.0 else PULLING
     return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, 0.0, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def plane_exponent(mx: float, my: float, mz: float, offset: float, e: int) -> int:
+    """Exponent k of a unit of length 2^k for which offset and lever are of order one, for a force of order 2^e."""
+    moment = max(abs(mx), abs(my), abs(mz))
+    k = frexp(offset)[1] if offset != 0.0 else -2000
+    if moment > 0.0:
+        k = max(k, frexp(moment)[1] - e)
+    return k if k > -2000 else 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,20 +84,6 @@ def solve_plane(
     if status != OK:
         return nothing(status)
     e = frexp(max(abs(fx), abs(fy), abs(fz)))[1]
-    moment = max(abs(mx), abs(my), abs(mz))
-    k = frexp(offset)[1]
-    if moment > 0.0:
-        k = max(k, frexp(moment)[1] - e)
-    answer = _plane(
-        ldexp(fx, -e),
-        ldexp(fy, -e),
-        ldexp(fz, -e),
-        ldexp(mx, -e - k),
-        ldexp(my, -e - k),
-        ldexp(mz, -e - k),
-        nx,
-        ny,
-        nz,
-        ldexp(offset, -k),
-    )
-    return rescaled(answer, e, e, k)
+    k = plane_exponent(mx, my, mz, offset, e)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, e, k)
+    return rescaled(_plane(fx, fy, fz, mx, my, mz, nx, ny, nz, ldexp(offset, -k)), e, e, k)

@@ -30,8 +30,8 @@ class Solution:
     residual: float
     """What of the moment is left unexplained, relative to moment and lever."""
     condition: float
-    """Shift on the surface for a small shift of the force's line, 1 where it is pressed squarely on a flat, infinite
-    where it grazes."""
+    """Shift on the surface for a small shift of the force's line, 1 where it is pressed squarely on a flat,
+    infinite where it grazes."""
 
     @property
     def ok(self) -> bool:
@@ -61,7 +61,7 @@ class Solutions:
     @property
     def ok(self) -> np.ndarray:
         """Which rows are contacts, shape (N,)."""
-        return self.status == Status.OK
+        return np.equal(self.status, Status.OK)
 
 
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -121,9 +121,7 @@ def run_kernel(
         row[6], row[7], row[8] = xi, residual, condition
 
 
-def solve_batch(
-    surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact"
-) -> Solutions:
+def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solutions:
     """Find where many wrenches enter a surface.
 
     Args:
@@ -140,9 +138,7 @@ def solve_batch(
     if isinstance(surface, Placed):
         R, p = surface.rotation, surface.origin
         local = solve_batch(surface.surface, f @ R, (m - np.cross(p, f)) @ R, method)
-        return replace(
-            local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f
-        )
+        return replace(local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f)
     kernel, size = _problem(surface, method)
     wrenches = np.concatenate((f, m), axis=1)
     status = np.empty(len(wrenches), dtype=np.int64)
