@@ -29,7 +29,6 @@ from contactsense.solvers.answer import (
     unusable,
 )
 
-
 _PLAIN = 1e6
 """Bodies below this size need no other unit of length."""
 
@@ -90,9 +89,7 @@ def _ellipsoid(
     trace = (bc * bc * (yy + zz) + ca * ca * (zz + xx) + ab * ab * (xx + yy)) / (volume * slope)
     root = volume / (slope * slope)
     xi = k * slope / volume
-    return finish(
-        status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx, ny, nz, xi, trace, root * root
-    )
+    return finish(status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx, ny, nz, xi, trace, root * root)
 
 
 @njit(cache=True, error_model="numpy")
@@ -125,7 +122,7 @@ def solve_ellipsoid(
     square = least * least
     ff = fx * fx + fy * fy + fz * fz
     mm = mx * mx + my * my + mz * mz
-    if SMALL < square * square * ff and ff < LARGE and mm < LARGE and size < _PLAIN:
+    if square * square * ff > SMALL and ff < LARGE and mm < LARGE and size < _PLAIN:
         return _ellipsoid(fx, fy, fz, mx, my, mz, a, b, c)
     status = unusable(fx, fy, fz, mx, my, mz)
     if status != OK:

@@ -45,7 +45,8 @@ def _plane(
 
 @njit(cache=True, error_model="numpy")
 def plane_exponent(mx: float, my: float, mz: float, offset: float, e: int) -> int:
-    """Exponent k of a unit of length 2^k for which offset and lever are of order one, for a force of order 2^e."""
+    """Exponent k of a unit of length 2^k for which offset and lever are of order one, for a force of order
+    2^e."""
     moment = max(abs(mx), abs(my), abs(mz))
     k = frexp(offset)[1] if offset != 0.0 else -2000
     if moment > 0.0:

@@ -61,7 +61,7 @@ class Solutions:
     @property
     def ok(self) -> np.ndarray:
         """Which rows are contacts, shape (N,)."""
-        return np.equal(self.status, Status.OK)
+        return np.asarray(self.status == Status.OK)
 
 
 METHODS: tuple[Method, ...] = get_args(Method)

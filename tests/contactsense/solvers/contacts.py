@@ -1,0 +1,108 @@
+"""Contacts that are known because they were constructed: surface points, normals, and wrenches that act
+there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactsense.solvers import Capsule, Cylinder, Ellipsoid, Plane, Sphere, Surface, TaperedCapsule
+
+POINTS = {}
+"""Type of a surface -> function (surface, rng, count) that draws surface points and their normals."""
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Rows scaled to length one."""
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Constructed contacts, one a row."""
+
+    centroid: np.ndarray
+    normal: np.ndarray
+    force: np.ndarray
+    moment: np.ndarray
+    torsion: np.ndarray
+
+    def relative_condition(self, condition: np.ndarray) -> np.ndarray:
+        """Relative shift of the centroid for a small relative change of the wrench, shape (N,)."""
+        lever = np.linalg.norm(self.moment, axis=1) / np.linalg.norm(self.force, axis=1)
+        return 1.0 + condition * (1.0 + lever / np.linalg.norm(self.centroid, axis=1))
+
+
+def draw(surface: Surface, rng: np.random.Generator, count: int, torsion: float = 0.5) -> Contacts:
+    """Random pushing contacts on a surface, forces of some newtons from all sides.
+
+    `torsion` is the size of the moment about the normal relative to force times the surface's size.
+    """
+    centroid, normal = POINTS[type(surface)](surface, rng, count)
+    force = 10.0 * unit(rng.normal(size=(count, 3))) * rng.lognormal(size=(count, 1))
+    force *= -np.sign(np.sum(force * normal, axis=1, keepdims=True))
+    size = np.abs(centroid).max()
+    xi = torsion * size * rng.normal(size=count) * np.linalg.norm(force, axis=1)
+    moment = np.cross(centroid, force) + xi[:, None] * normal
+    return Contacts(centroid, normal, force, moment, xi)
+
+
+def points_on(*kinds: type) -> object:
+    """Register a sampler of surface points."""
+
+    def register(function):  # type: ignore[no-untyped-def]
+        POINTS.update(dict.fromkeys(kinds, function))
+        return function
+
+    return register
+
+
+@points_on(Sphere)
+def _sphere(surface: Sphere, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    n = unit(rng.normal(size=(count, 3)))
+    return surface.radius * n, n
+
+
+@points_on(Ellipsoid)
+def _ellipsoid(surface: Ellipsoid, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    axes = np.array((surface.a, surface.b, surface.c))
+    x = unit(rng.normal(size=(count, 3)))
+    return x * axes, unit(x / axes)
+
+
+def _around(rng: np.random.Generator, count: int) -> np.ndarray:
+    angle = rng.uniform(0.0, 2.0 * np.pi, count)
+    return np.column_stack((np.cos(angle), np.sin(angle), np.zeros(count)))
+
+
+@points_on(Cylinder)
+def _cylinder(surface: Cylinder, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    e = _around(rng, count)
+    return surface.radius * e + rng.normal(size=(count, 1)) * (0.0, 0.0, 1.0), e
+
+
+@points_on(Plane)
+def _plane(surface: Plane, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    n = unit(np.array(surface.normal, dtype=float))
+    c = rng.normal(size=(count, 3))
+    return c - np.outer(c @ n - surface.offset, n), np.tile(n, (count, 1))
+
+
+@points_on(Capsule, TaperedCapsule)
+def _capsule(
+    surface: Capsule | TaperedCapsule, rng: np.random.Generator, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    half = surface.half
+    a, b = (
+        (surface.radius, surface.radius)
+        if isinstance(surface, Capsule)
+        else (surface.radius_a, surface.radius_b)
+    )
+    lower, upper = np.array((0.0, 0.0, -half)), np.array((0.0, 0.0, half))
+    sin_beta = (a - b) / (2.0 * half)
+    n = unit(rng.normal(size=(count, 3)))
+    c = np.where(n[:, 2:] > sin_beta, upper + b * n, lower + a * n)
+    side = _around(rng, count) * np.sqrt(1.0 - sin_beta**2) + (0.0, 0.0, sin_beta)
+    share = rng.uniform(size=(count, 1))
+    on_side = rng.uniform(size=(count, 1)) < 0.5
+    c = np.where(on_side, (1.0 - share) * (lower + a * side) + share * (upper + b * side), c)
+    return c, np.where(on_side, side, n)
