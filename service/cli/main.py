@@ -7,6 +7,7 @@ import click
 
 COMMANDS = {
     "robots": "service.cli.robots:robots",
+    "bench": "service.cli.bench:bench",
 }
 """Command name -> where its click command lives."""
 
