@@ -8,7 +8,7 @@ back. Kernels are total: no input makes one raise or answer NaN.
 from enum import IntEnum
 from math import frexp, inf, ldexp, sqrt
 
-from numba import njit
+from contactsense.solvers.typed import kernel
 
 Answer = tuple[int, float, float, float, float, float, float, float, float, float]
 """status, cx, cy, cz, nx, ny, nz, xi, residual, condition."""
@@ -51,7 +51,7 @@ SMALL, LARGE = 1e-120, 1e120
 TINY = 1e-300
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel
 def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float:
     """Largest stretch of a moment error, per force, into a shift on the surface: |f| times the norm of M^-1.
 
@@ -66,7 +66,7 @@ def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float
     return sqrt(ff) * stretch / volume if volume > TINY else inf
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def finish(
     status: int,
     fx: float,
@@ -111,13 +111,13 @@ def finish(
     return status, cx, cy, cz, nx, ny, nz, xi, residual, condition
 
 
-@njit(cache=True)
+@kernel
 def nothing(status: int) -> Answer:
     """The answer where there is no place to speak of."""
     return status, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, inf, inf
 
 
-@njit(cache=True)
+@kernel
 def unusable(fx: float, fy: float, fz: float, mx: float, my: float, mz: float) -> int:
     """`NOT_FINITE` or `NO_FORCE` where that is the matter with a wrench, else `OK`."""
     if 0.0 * fx + 0.0 * fy + 0.0 * fz + 0.0 * mx + 0.0 * my + 0.0 * mz != 0.0:
@@ -132,7 +132,7 @@ _FAINT = 300
 weak."""
 
 
-@njit(cache=True)
+@kernel
 def unit_exponents(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, length: float
 ) -> tuple[int, int, int]:
@@ -149,7 +149,7 @@ def unit_exponents(
     return (e if force > e - _FAINT else force + _FAINT), e, k
 
 
-@njit(cache=True)
+@kernel
 def scaled(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, force: int, moment: int, k: int
 ) -> tuple[float, float, float, float, float, float]:
@@ -165,7 +165,7 @@ def scaled(
     )
 
 
-@njit(cache=True)
+@kernel
 def rescaled(answer: Answer, force: int, moment: int, k: int) -> Answer:
     """An answer found in the units of `unit_exponents`, in those that were asked in."""
     status, cx, cy, cz, nx, ny, nz, xi, residual, condition = answer

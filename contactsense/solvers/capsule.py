@@ -7,8 +7,6 @@ a contact on a seam just outside of both: the patch that it leaves the least is 
 
 from math import ldexp, sqrt
 
-from numba import njit
-
 from contactsense.solvers.answer import (
     LARGE,
     OK,
@@ -24,12 +22,13 @@ from contactsense.solvers.answer import (
 from contactsense.solvers.cylinder import directions, height, on_lateral
 from contactsense.solvers.ellipsoid import unit_sphere
 from contactsense.solvers.nearest import TAPERED, nearest_to_line
+from contactsense.solvers.typed import kernel
 
 SEAM = 1e-9
 """How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def ball(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, at: float, radius: float
 ) -> tuple[int, float, float, float, float]:
@@ -39,7 +38,7 @@ def ball(
     return unit_sphere(ux, uy, uz, lx, ly, mz, ux * ux + uy * uy + uz * uz, lx * lx + ly * ly + mz * mz)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _tapered_capsule(
     fx: float,
     fy: float,
@@ -94,7 +93,7 @@ def _tapered_capsule(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solve_tapered_capsule(
     fx: float,
     fy: float,
@@ -130,7 +129,7 @@ def solve_tapered_capsule(
     return rescaled(_tapered_capsule(fx, fy, fz, mx, my, mz, half, radius_a, radius_b), e, g, k)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solve_capsule(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, half: float, radius: float
 ) -> Answer:

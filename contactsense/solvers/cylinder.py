@@ -13,8 +13,6 @@ contact lies around the axis does not depend on it.
 
 from math import ldexp, sqrt
 
-from numba import njit
-
 from contactsense.solvers.answer import (
     LARGE,
     MISS,
@@ -32,9 +30,10 @@ from contactsense.solvers.answer import (
     unit_exponents,
     unusable,
 )
+from contactsense.solvers.typed import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def directions(
     fx: float, fy: float, mx: float, my: float, mz: float, radius: float, taper: float
 ) -> tuple[float, float, float, float, float]:
@@ -56,7 +55,7 @@ def directions(
     return disc, along * px, along * py, -across * py, across * px
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def height(
     fx: float,
     fy: float,
@@ -73,7 +72,7 @@ def height(
     return (ex * my - ey * mx + radius * fz) / push, push
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def on_lateral(
     status: int,
     fx: float,
@@ -98,7 +97,7 @@ def on_lateral(
     return finish(status, fx, fy, fz, mx, my, mz, rho * ex, rho * ey, z, nx, ny, nz, xi, cos_beta / rho, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _nearest_height(fx: float, fy: float, fz: float, mx: float, my: float, mz: float) -> float:
     """Height at which the force's line is nearest to the axis."""
     ff = fx * fx + fy * fy + fz * fz
@@ -108,7 +107,7 @@ def _nearest_height(fx: float, fy: float, fz: float, mx: float, my: float, mz: f
     return rz - fz * (fx * rx + fy * ry) / (fx * fx + fy * fy)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _cylinder(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
     if radius * radius * (fx * fx + fy * fy) < TINY:
         return nothing(PARALLEL)
@@ -123,7 +122,7 @@ def _cylinder(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, 
     return on_lateral(status, fx, fy, fz, mx, my, mz, a / size, b / size, z, radius, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solve_cylinder(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
     """Contact centroid on an infinite cylinder about z (paper, section 5.1.2).
 

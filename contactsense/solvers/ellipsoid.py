@@ -12,8 +12,6 @@ from nearly itself, torsion zero is no special case: there K = 0 and the result 
 
 from math import ldexp, sqrt
 
-from numba import njit
-
 from contactsense.solvers.answer import (
     LARGE,
     MISS,
@@ -28,12 +26,13 @@ from contactsense.solvers.answer import (
     unit_exponents,
     unusable,
 )
+from contactsense.solvers.typed import kernel
 
 _PLAIN = 1e6
 """Bodies below this size need no other unit of length."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def unit_sphere(
     ux: float, uy: float, uz: float, vx: float, vy: float, vz: float, uu: float, vv: float
 ) -> tuple[int, float, float, float, float]:
@@ -70,7 +69,7 @@ def unit_sphere(
     return status, x, y, z, k
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _ellipsoid(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
 ) -> Answer:
@@ -92,7 +91,7 @@ def _ellipsoid(
     return finish(status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx, ny, nz, xi, trace, root * root)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
     ux, uy, uz = radius * fx, radius * fy, radius * fz
     uu = ux * ux + uy * uy + uz * uz
@@ -103,7 +102,7 @@ def _sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, ra
     return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, x, y, z, xi, 2.0 * bend, bend * bend)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solve_ellipsoid(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
 ) -> Answer:
@@ -133,7 +132,7 @@ def solve_ellipsoid(
     return rescaled(_ellipsoid(fx, fy, fz, mx, my, mz, a, b, c), e, g, k)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solve_sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
     """Contact centroid on a sphere of that radius about the origin (paper, section 5.1.1)."""
     ff = radius * radius * (fx * fx + fy * fy + fz * fz)

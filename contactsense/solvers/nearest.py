@@ -6,9 +6,8 @@ its sign.
 
 from math import sqrt
 
-from numba import njit
-
 from contactsense.solvers.answer import LARGE, MISS, NOT_FINITE, OK, Answer, finish, nothing, unusable
+from contactsense.solvers.typed import kernel
 from robots.surface import project
 
 TAPERED = 100
@@ -20,7 +19,7 @@ _HALVINGS = 60
 _STEPS = 60
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def project_body(
     kind: int, size: Size, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float, float]:
@@ -30,7 +29,7 @@ def project_body(
     return project(kind, size, x, y, z)  # type: ignore[no-any-return]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _project_tapered(
     size: Size, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float, float]:
@@ -52,7 +51,7 @@ def _project_tapered(
     return distance, pr * ux, pr * uy, pz, nr * ux, nr * uy, nz
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def nearest_to_line(
     kind: int,
     size: Size,
@@ -89,7 +88,7 @@ def nearest_to_line(
     return finish(MISS, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def enter(
     kind: int,
     size: Size,

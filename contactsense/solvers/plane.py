@@ -2,8 +2,6 @@
 
 from math import frexp, ldexp
 
-from numba import njit
-
 from contactsense.solvers.answer import (
     LARGE,
     OK,
@@ -17,9 +15,10 @@ from contactsense.solvers.answer import (
     scaled,
     unusable,
 )
+from contactsense.solvers.typed import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _plane(
     fx: float,
     fy: float,
@@ -43,7 +42,7 @@ def _plane(
     return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, 0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def plane_exponent(mx: float, my: float, mz: float, offset: float, e: int) -> int:
     """Exponent k of a unit of length 2^k for which offset and lever are of order one, for a force of order
     2^e."""
@@ -54,7 +53,7 @@ def plane_exponent(mx: float, my: float, mz: float, offset: float, e: int) -> in
     return k if k > -2000 else 0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solve_plane(
     fx: float,
     fy: float,

@@ -96,8 +96,8 @@ def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method 
         R, p = surface.rotation, surface.origin
         local = solve(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
         return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f)
-    kernel, size = _problem(surface, method)
-    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = kernel(
+    solver, size = _problem(surface, method)
+    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(
         float(f[0]), float(f[1]), float(f[2]), float(m[0]), float(m[1]), float(m[2]), *size
     )
     return Solution(
@@ -108,12 +108,12 @@ def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method 
 # No cache: a compiled function among the arguments defeats it.
 @njit(error_model="numpy")
 def run_kernel(
-    kernel: Kernel, wrenches: np.ndarray, size: tuple[Any, ...], status: np.ndarray, out: np.ndarray
+    solver: Kernel, wrenches: np.ndarray, size: tuple[Any, ...], status: np.ndarray, out: np.ndarray
 ) -> None:
     """Solve rows of wrenches (N, 6) into `status` (N,) and `out` (N, 9), the rest of each answer."""
     for i in range(wrenches.shape[0]):
         w = wrenches[i]
-        s, cx, cy, cz, nx, ny, nz, xi, residual, condition = kernel(w[0], w[1], w[2], w[3], w[4], w[5], *size)
+        s, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(w[0], w[1], w[2], w[3], w[4], w[5], *size)
         status[i] = s
         row = out[i]
         row[0], row[1], row[2] = cx, cy, cz
@@ -139,9 +139,9 @@ def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: M
         R, p = surface.rotation, surface.origin
         local = solve_batch(surface.surface, f @ R, (m - np.cross(p, f)) @ R, method)
         return replace(local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f)
-    kernel, size = _problem(surface, method)
+    solver, size = _problem(surface, method)
     wrenches = np.concatenate((f, m), axis=1)
     status = np.empty(len(wrenches), dtype=np.int64)
     out = np.empty((len(wrenches), 9))
-    run_kernel(kernel, wrenches, size, status, out)
+    run_kernel(solver, wrenches, size, status, out)
     return Solutions(status, out[:, :3], out[:, 3:6], f, out[:, 6], out[:, 7], out[:, 8])

@@ -6,8 +6,6 @@ wrench has of it shows in their residual.
 
 from math import frexp, ldexp, sqrt
 
-from numba import njit
-
 from contactsense.solvers.answer import (
     LARGE,
     MISS,
@@ -24,9 +22,10 @@ from contactsense.solvers.answer import (
 from contactsense.solvers.cylinder import solve_cylinder
 from contactsense.solvers.nearest import TAPERED, enter
 from contactsense.solvers.plane import plane_exponent, solve_plane
+from contactsense.solvers.typed import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def line_moment(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float
 ) -> tuple[float, float, float]:
@@ -35,7 +34,7 @@ def line_moment(
     return mx - pitch * fx, my - pitch * fy, mz - pitch * fz
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _ellipsoid(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
 ) -> Answer:
@@ -64,7 +63,7 @@ def _ellipsoid(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wrench_axis_ellipsoid(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
 ) -> Answer:
@@ -84,7 +83,7 @@ def wrench_axis_ellipsoid(
     return rescaled(_ellipsoid(fx, fy, fz, mx, my, mz, ldexp(a, -k), ldexp(b, -k), ldexp(c, -k)), e, g, k)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wrench_axis_sphere(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float
 ) -> Answer:
@@ -92,7 +91,7 @@ def wrench_axis_sphere(
     return wrench_axis_ellipsoid(fx, fy, fz, mx, my, mz, radius, radius, radius)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _without_torsion(
     answer: Answer, fx: float, fy: float, fz: float, mx: float, my: float, mz: float
 ) -> Answer:
@@ -103,7 +102,7 @@ def _without_torsion(
     return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wrench_axis_cylinder(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float
 ) -> Answer:
@@ -118,7 +117,7 @@ def wrench_axis_cylinder(
     return rescaled(_without_torsion(answer, fx, fy, fz, mx, my, mz), e, g, k)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wrench_axis_plane(
     fx: float,
     fy: float,
@@ -143,7 +142,7 @@ def wrench_axis_plane(
     return rescaled(_without_torsion(answer, fx, fy, fz, mx, my, mz), e, e, k)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wrench_axis_tapered_capsule(
     fx: float,
     fy: float,
@@ -160,7 +159,7 @@ def wrench_axis_tapered_capsule(
     return enter(TAPERED, size, half + max(radius_a, radius_b), fx, fy, fz, mx, my, mz)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wrench_axis_capsule(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, half: float, radius: float
 ) -> Answer:

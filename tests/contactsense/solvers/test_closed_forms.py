@@ -150,8 +150,8 @@ def test_what_is_not_finite_is_named(surface: Surface, method: str, bad: float) 
         found = solve(surface, wrench[:3], wrench[3:], method)  # type: ignore[arg-type]
         assert found.status == Status.NOT_FINITE
         assert np.all(np.isfinite(found.centroid))
-    assert solve(surface, np.zeros(3), (0.1, 0.2, 0.3), method).status == Status.NO_FORCE  # type:
-    ignore[arg - type]
+    none = solve(surface, np.zeros(3), (0.1, 0.2, 0.3), method)  # type: ignore[arg-type]
+    assert none.status == Status.NO_FORCE
 
 
 @pytest.mark.parametrize("surface", SURFACES[:6] + SURFACES[7:], ids=str)
