@@ -51,6 +51,7 @@ class RtdeConnection:
         self._timeout = timeout
         self._decoder = wire.FrameDecoder()
         self._pending: wire.RtdeProtocolError | None = None
+        self._first = True
         names = tuple(fields) if "timestamp" in fields else ("timestamp", *fields)
         try:
             self._socket = socket.create_connection((host, port), timeout)
@@ -125,6 +126,12 @@ class RtdeConnection:
         """
         if self._pending is not None:
             raise self._pending
+        if self._first:
+            # Packets may have come along with the answer to the start.
+            self._first = False
+            records = self._decode(self._last_ns)
+            if records:
+                return records
         if self._poller.poll(timeout * 1e3):
             chunk = self._receive()
             arrival = time.monotonic_ns()
