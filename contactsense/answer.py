@@ -53,13 +53,12 @@ class Composer:
     def _contact(self, memory: Memory, row: int) -> Contact:
         found = memory.found
         surfaces = self._arm.surfaces
-        number = int(found.primitive[row])
-        link = int(surfaces.link[number])
+        link = int(surfaces.link[row])
         point = found.point[row].copy()
         return Contact(
             link=self._names[link],
             link_index=link,
-            primitive=number - int(surfaces.start[link]),
+            primitive=row - int(surfaces.start[link]),
             probability=float(found.probability[row]),
             point=self.in_link(memory.motion.rotation, memory.motion.origin, link, point),
             point_base=point,

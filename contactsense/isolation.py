@@ -88,12 +88,15 @@ def _observe(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
     for i in range(6):
         s += a[i] * g[i]
         innovation -= a[i] * w[i]
+    sharpness = 1.0 / s
+    weight = 1.0 / variance
     for i in range(6):
-        w[i] += g[i] / s * innovation
+        gain = g[i] * sharpness
+        w[i] += gain * innovation
         for k in range(i + 1):
-            P[i, k] -= g[i] * g[k] / s
+            P[i, k] -= gain * g[k]
             P[k, i] = P[i, k]
-            L[i, k] += a[i] * a[k] / variance
+            L[i, k] += a[i] * a[k] * weight
             L[k, i] = L[i, k]
     return _null(innovation, s)
 

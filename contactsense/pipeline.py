@@ -229,8 +229,8 @@ def explain_batch(
             covariance[i] = 0.0
             continue
         top = memory.found.order[0]
-        link[i] = arm.surfaces.link[memory.found.primitive[top]]
-        primitive[i] = memory.found.primitive[top]
+        link[i] = arm.surfaces.link[top]
+        primitive[i] = top
         probability[i] = memory.found.probability[top]
         point[i] = memory.found.point[top]
         normal[i] = memory.found.normal[top]

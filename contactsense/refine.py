@@ -21,10 +21,14 @@ from robots.surface import curvature, project
 
 ITERATIONS = 12
 """Most Gauss-Newton steps for one primitive."""
-HALVINGS = 6
-"""Most times that one step is halved before the search ends."""
-ENOUGH = 1e-3
-"""A step that lowers the energy by less than this ends the search: a twentieth of a standard deviation."""
+TRIALS = 4
+"""Most lengths that are tried for one step before the search ends."""
+CUT = 12.0
+"""Explanations whose energy or log evidence is worse than the best by this much are dropped (probability 6e-6)."""
+ENOUGH = 5e-3
+"""A step that lowers the energy by less than this ends the search: a tenth of a standard deviation."""
+SLACK = 0.05
+"""How much more that may be per unit of energy by which a candidate is worse than the best so far."""
 PATIENCE = 4.0
 """How many times the gain that a step promises is hoped for before a candidate above the limit is given up."""
 
@@ -47,6 +51,10 @@ class Prior(NamedTuple):
 class Work(NamedTuple):
     """Scratch arrays of `refine`, and its matrix results."""
 
+    wrench: np.ndarray
+    """Fused wrench about the origin of the body frame, body axes, shape (6,) [N, Nm]."""
+    information: np.ndarray
+    """Its information matrix, shape (6, 6)."""
     local: np.ndarray
     """Information matrix about the contact point, shape (6, 6)."""
     normal_equations: np.ndarray
@@ -54,14 +62,16 @@ class Work(NamedTuple):
     gradient: np.ndarray
     """Gradient of the energy, then the step, shape (6,)."""
     frame: np.ndarray
-    """Columns: outward normal and two tangents, base axes, shape (3, 3)."""
+    """Columns: outward normal and two tangents, body axes, shape (3, 3)."""
     lever: np.ndarray
-    """Columns: change of the moment about c by xi, v1, v2, base axes, shape (3, 3)."""
+    """Columns: change of the moment about c by xi, v1, v2, body axes, shape (3, 3)."""
 
 
 def empty_work() -> Work:
     """Scratch for one thread."""
     return Work(
+        wrench=np.zeros(6),
+        information=np.zeros((6, 6)),
         local=np.zeros((6, 6)),
         normal_equations=np.zeros((6, 6)),
         gradient=np.zeros(6),
@@ -71,7 +81,7 @@ def empty_work() -> Work:
 
 
 @kernel
-def _energy(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
+def energy_at(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
     """Energy of a contact, and the factor 1 + s^2 u^T L u by which the surface's offset widens the covariance."""
     push = -(fx * nx + fy * ny + fz * nz)
     if push <= 0.0:
@@ -117,6 +127,15 @@ def _energy(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignor
 
 
 @kernel
+def lean_in(fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """The force, turned into the surface as far as needed for the priors to be finite: a start for the search."""
+    push = -(fx * nx + fy * ny + fz * nz)
+    least = 0.1 * max(math.sqrt(fx * fx + fy * fy + fz * fz), LEAST_FORCE)
+    lift = max(least - push, 0.0)
+    return fx - lift * nx, fy - lift * ny, fz - lift * nz
+
+
+@kernel
 def _tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
     """Two unit tangents, continuous but for one direction (Duff et al. 2017, "Building an orthonormal basis, revisited")."""
     sign = 1.0 if nz >= 0.0 else -1.0
@@ -127,7 +146,7 @@ def _tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
 
 @kernel
 def _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # type: ignore[no-untyped-def]
-    """Fill gradient and Gauss-Newton matrix at one point of the search. W: shape operator, base axes, six floats."""
+    """Fill gradient and Gauss-Newton matrix at one point of the search. W: shape operator, six floats."""
     t1x, t1y, t1z, t2x, t2y, t2z = _tangents(nx, ny, nz)
     frame, B, A, H, g = work.frame, work.lever, work.local, work.normal_equations, work.gradient
     frame[0, 0], frame[1, 0], frame[2, 0] = nx, ny, nz
@@ -150,20 +169,7 @@ def _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # ty
     B[0, 2] = t2y * fz - t2z * fy + xi * w2x
     B[1, 2] = t2z * fx - t2x * fz + xi * w2y
     B[2, 2] = t2x * fy - t2y * fx + xi * w2z
-    # Information about c: A = X^T L X with X = [1 0; [c]x 1]; first L X, then X^T of that.
-    for i in range(6):
-        a, b, c = L[i, 3], L[i, 4], L[i, 5]
-        A[i, 0] = L[i, 0] + b * cz - c * cy
-        A[i, 1] = L[i, 1] + c * cx - a * cz
-        A[i, 2] = L[i, 2] + a * cy - b * cx
-        A[i, 3] = a
-        A[i, 4] = b
-        A[i, 5] = c
-    for k in range(6):
-        a, b, c = A[3, k], A[4, k], A[5, k]
-        A[0, k] += b * cz - c * cy
-        A[1, k] += c * cx - a * cz
-        A[2, k] += a * cy - b * cx
+    _about(L, cx, cy, cz, A)
     # The surface's offset: A <- A - s^2 (A u)(A u)^T / (1 + s^2 u^T A u).
     ux, uy, uz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
     s = prior.offset * prior.offset
@@ -261,130 +267,114 @@ def _add_prior(H, g, r, row):  # type: ignore[no-untyped-def]
 
 @kernel
 def _factorize(H):  # type: ignore[no-untyped-def]
-    """Cholesky of the upper triangle of H into its lower triangle; log determinant, or infinity if not positive."""
-    log_det = 0.0
+    """Cholesky of the upper triangle of H into its lower triangle, with the inverse of the factor's diagonal.
+
+    Returns the log determinant, or infinity if H is not positive.
+    """
+    det = 1.0
     for i in range(6):
-        for k in range(i + 1):
+        for k in range(i):
             acc = H[k, i]
             for j in range(k):
                 acc -= H[i, j] * H[k, j]
-            if i == k:
-                if not acc > 0.0:
-                    return math.inf
-                log_det += math.log(acc)
-                H[i, i] = math.sqrt(acc)
-            else:
-                H[i, k] = acc / H[k, k]
-    return log_det
+            H[i, k] = acc * H[k, k]
+        acc = H[i, i]
+        for j in range(i):
+            acc -= H[i, j] * H[i, j]
+        if not acc > 0.0:
+            return math.inf
+        det *= acc
+        H[i, i] = 1.0 / math.sqrt(acc)
+    return math.log(det) if 1e-300 < det < 1e300 else math.inf
 
 
 @kernel
 def _solve(H, g):  # type: ignore[no-untyped-def]
-    """Solve in place with the factor that `_factorize` left in the lower triangle of H."""
+    """Solve in place with what `_factorize` left in the lower triangle of H."""
     for i in range(6):
         acc = g[i]
         for j in range(i):
             acc -= H[i, j] * g[j]
-        g[i] = acc / H[i, i]
+        g[i] = acc * H[i, i]
     for i in range(5, -1, -1):
         acc = g[i]
         for j in range(i + 1, 6):
             acc -= H[j, i] * g[j]
-        g[i] = acc / H[i, i]
+        g[i] = acc * H[i, i]
 
 
 @kernel
-def _to_body(R, o, x, y, z):  # type: ignore[no-untyped-def]
-    """Coordinates of a base-frame point in a body frame with axes R (columns) and origin o."""
-    x, y, z = x - o[0], y - o[1], z - o[2]
-    return (
-        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
-        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
-        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
-    )
+def view(w, L, R, o, work):  # type: ignore[no-untyped-def]
+    """Bring a fused wrench and its information matrix into a body frame, into `work`.
+
+    Args:
+        w, L: Wrench about the base origin and its information matrix, base axes, shapes (6,) and (6, 6).
+        R, o: Axes (columns) and origin [m] of the body frame in the base frame, shapes (3, 3) and (3,).
+        work: Its `wrench` and `information` are filled, `local` is used.
+    """
+    A, out = work.local, work.information
+    x, y, z = o[0], o[1], o[2]
+    mx, my, mz = w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0]
+    for i in range(3):
+        work.wrench[i] = R[0, i] * w[0] + R[1, i] * w[1] + R[2, i] * w[2]
+        work.wrench[i + 3] = R[0, i] * mx + R[1, i] * my + R[2, i] * mz
+    _about(L, x, y, z, A)
+    # Blocks of the upper triangle, turned: out = R^T A R.
+    for block in range(3):
+        r, c = (0, 0) if block == 0 else ((0, 3) if block == 1 else (3, 3))
+        for i in range(3):
+            h0 = R[0, i] * A[r, c] + R[1, i] * A[r + 1, c] + R[2, i] * A[r + 2, c]
+            h1 = R[0, i] * A[r, c + 1] + R[1, i] * A[r + 1, c + 1] + R[2, i] * A[r + 2, c + 1]
+            h2 = R[0, i] * A[r, c + 2] + R[1, i] * A[r + 1, c + 2] + R[2, i] * A[r + 2, c + 2]
+            for k in range(3):
+                out[r + i, c + k] = h0 * R[0, k] + h1 * R[1, k] + h2 * R[2, k]
+    for i in range(3):
+        for k in range(3):
+            out[i + 3, k] = out[k, i + 3]
 
 
 @kernel
-def turn(R, x, y, z):  # type: ignore[no-untyped-def]
-    """R times (x, y, z)."""
-    return (
-        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
-        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
-        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
-    )
+def _about(L, x, y, z, A):  # type: ignore[no-untyped-def]
+    """Information about another point: A = X^T L X with X = [1 0; [c]x 1], c = (x, y, z); first L X, then X^T that."""
+    for i in range(6):
+        a, b, c = L[i, 3], L[i, 4], L[i, 5]
+        A[i, 0] = L[i, 0] + b * z - c * y
+        A[i, 1] = L[i, 1] + c * x - a * z
+        A[i, 2] = L[i, 2] + a * y - b * x
+        A[i, 3] = a
+        A[i, 4] = b
+        A[i, 5] = c
+    for k in range(6):
+        a, b, c = A[3, k], A[4, k], A[5, k]
+        A[0, k] += b * z - c * y
+        A[1, k] += c * x - a * z
+        A[2, k] += a * y - b * x
 
 
 @kernel
-def nearest(kind, size, R, o, x, y, z):  # type: ignore[no-untyped-def]
-    """`robots.surface.project` for a body placed in the base frame: distance, point and normal, base axes."""
-    bx, by, bz = _to_body(R, o, x, y, z)
-    d, px, py, pz, nx, ny, nz = project(kind, size, bx, by, bz)
-    px, py, pz = turn(R, px, py, pz)
-    nx, ny, nz = turn(R, nx, ny, nz)
-    return d, px + o[0], py + o[1], pz + o[2], nx, ny, nz
-
-
-@kernel
-def _bend(kind, size, R, o, cx, cy, cz, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Shape operator in base axes at a surface point of a placed body: xx, xy, xz, yy, yz, zz."""
-    x, y, z = _to_body(R, o, cx, cy, cz)
-    ax = R[0, 0] * nx + R[1, 0] * ny + R[2, 0] * nz
-    ay = R[0, 1] * nx + R[1, 1] * ny + R[2, 1] * nz
-    az = R[0, 2] * nx + R[1, 2] * ny + R[2, 2] * nz
-    xx, xy, xz, yy, yz, zz = curvature(kind, size, x, y, z, ax, ay, az)
-    # Columns of W R^T, then R times those.
-    ax, ay, az = turn(
-        R,
-        xx * R[0, 0] + xy * R[0, 1] + xz * R[0, 2],
-        xy * R[0, 0] + yy * R[0, 1] + yz * R[0, 2],
-        xz * R[0, 0] + yz * R[0, 1] + zz * R[0, 2],
-    )
-    bx, by, bz = turn(
-        R,
-        xx * R[1, 0] + xy * R[1, 1] + xz * R[1, 2],
-        xy * R[1, 0] + yy * R[1, 1] + yz * R[1, 2],
-        xz * R[1, 0] + yz * R[1, 1] + zz * R[1, 2],
-    )
-    cx, cy, cz = turn(
-        R,
-        xx * R[2, 0] + xy * R[2, 1] + xz * R[2, 2],
-        xy * R[2, 0] + yy * R[2, 1] + yz * R[2, 2],
-        xz * R[2, 0] + yz * R[2, 1] + zz * R[2, 2],
-    )
-    return ax, ay, az, by, bz, cz
-
-
-@kernel
-def refine(kind, size, R, o, w, L, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ignore[no-untyped-def]
-    """Most probable contact on one primitive, from a first guess on its surface.
+def refine(kind, size, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ignore[no-untyped-def]
+    """Most probable contact on one primitive, from a first guess on its surface. All in the body frame.
 
     Args:
         kind, size: The primitive, as in `robots.surface.Surfaces`.
-        R, o: Axes (columns) and origin [m] of its body frame in the base frame, shapes (3, 3) and (3,).
-        w, L: Fused wrench about the base origin and its information matrix, base axes, shapes (6,) and (6, 6).
         prior: What is known of contacts beforehand.
         limit: Energy above which the contact is of no interest; the search ends once it is sure to stay there.
-        cx, cy, cz, nx, ny, nz: First guess: a point of the surface [m] and the outward normal there, base frame.
-        work: Scratch; on return its `frame` holds normal and tangents at the result.
+        cx, cy, cz, nx, ny, nz: First guess: a point of the surface [m] and the outward normal there.
+        work: `wrench` and `information` as left by `view`; on return `frame` holds normal and tangents at the result.
 
     Returns:
         energy, log evidence per area (up to a constant common to all primitives and links), point (3), normal (3),
         force (3) [N], torsion [Nm], and the covariance of the point along the two tangents (vv11, vv12, vv22) [m^2].
         The log evidence is -infinity where the energy stays above the limit, or where the matrix is not positive.
     """
-    fx, fy, fz = w[0], w[1], w[2]
-    push = -(fx * nx + fy * ny + fz * nz)
-    strength = max(math.sqrt(fx * fx + fy * fy + fz * fz), LEAST_FORCE)
-    if push < 0.1 * strength:
-        # Start where the priors are finite: lean the force into the surface.
-        lift = 0.1 * strength - push
-        fx, fy, fz = fx - lift * nx, fy - lift * ny, fz - lift * nz
+    w, L = work.wrench, work.information
+    fx, fy, fz = lean_in(w[0], w[1], w[2], nx, ny, nz)
     xi = 0.0
-    energy, widen = _energy(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi)
+    energy, widen = energy_at(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi)
     H, g, T = work.normal_equations, work.gradient, work.frame
     log_det = math.inf
     for iteration in range(ITERATIONS + 1):
-        W = _bend(kind, size, R, o, cx, cy, cz, nx, ny, nz)
+        W = curvature(kind, size, cx, cy, cz, nx, ny, nz)
         _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work)
         log_det = _factorize(H)
         if log_det == math.inf or iteration == ITERATIONS:
@@ -395,29 +385,35 @@ def refine(kind, size, R, o, w, L, prior, limit, cx, cy, cz, nx, ny, nz, work): 
         hope = 0.0
         for i in range(6):
             hope += 0.5 * slope[i] * g[i]
-        if hope < ENOUGH or energy - PATIENCE * hope > limit:
+        # The worse a candidate is, the less its place and weight matter.
+        if (
+            hope < ENOUGH + SLACK * max(energy - hope - (limit - CUT), 0.0)
+            or energy - PATIENCE * hope > limit
+        ):
             break
         scale = 1.0
-        gained = -1.0
-        for _ in range(HALVINGS):
+        accepted = False
+        for _ in range(TRIALS):
             v1, v2 = -scale * g[4], -scale * g[5]
-            _, ax, ay, az, mx, my, mz = nearest(
+            _, ax, ay, az, mx, my, mz = project(
                 kind,
                 size,
-                R,
-                o,
                 cx + v1 * T[0, 1] + v2 * T[0, 2],
                 cy + v1 * T[1, 1] + v2 * T[1, 2],
                 cz + v1 * T[2, 1] + v2 * T[2, 2],
             )
             hx, hy, hz, ti = fx - scale * g[0], fy - scale * g[1], fz - scale * g[2], xi - scale * g[3]
-            tried, wide = _energy(w, L, prior, ax, ay, az, mx, my, mz, hx, hy, hz, ti)
+            tried, wide = energy_at(w, L, prior, ax, ay, az, mx, my, mz, hx, hy, hz, ti)
             if tried < energy:
-                gained = energy - tried
-                cx, cy, cz, nx, ny, nz, fx, fy, fz, xi = ax, ay, az, mx, my, mz, hx, hy, hz, ti
-                energy, widen = tried, wide
+                accepted = True
                 break
-            scale *= 0.4
+            # Least place of the parabola through both energies and the slope between them.
+            scale *= min(max(hope * scale / (tried - energy + 2.0 * hope * scale), 0.1), 0.5)
+        if not accepted:
+            break
+        cx, cy, cz, nx, ny, nz, fx, fy, fz, xi = ax, ay, az, mx, my, mz, hx, hy, hz, ti
+        gained = energy - tried
+        energy, widen = tried, wide
         if gained < ENOUGH:
             break
     if log_det == math.inf or energy > limit:
@@ -425,7 +421,6 @@ def refine(kind, size, R, o, w, L, prior, limit, cx, cy, cz, nx, ny, nz, work): 
     push = -(fx * nx + fy * ny + fz * nz)
     log_z = -energy - 0.5 * (log_det + math.log(widen)) - 4.0 * math.log(push)
     # Lower right 2x2 block of H^-1 from the last rows of its Cholesky factor.
-    a, b, c = H[4, 4], H[5, 4], H[5, 5]
-    i, k = 1.0 / a, 1.0 / c
-    j = -b * i * k
+    i, k = H[4, 4], H[5, 5]
+    j = -H[5, 4] * i * k
     return energy, log_z, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, i * i + j * j, j * k, k * k
