@@ -1,0 +1,285 @@
+"""What goes over HTTP and WebSocket, with units and frames for the OpenAPI page.
+
+Names and shapes are those of `contactsense.types`. The base frame is the robot controller's own; wrenches are
+force then moment, moments about the base origin.
+"""
+
+import json
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+from contactsense.types import Contact, Estimate, Status
+
+Numbers = list[float]
+Three = Annotated[Numbers, Field(min_length=3, max_length=3)]
+Six = Annotated[Numbers, Field(min_length=6, max_length=6)]
+MAX_SAMPLES = 10_000
+"""Samples in one request."""
+
+
+class _In(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
+
+
+class SampleIn(_In):
+    """What the sensors say at one instant, the arm at rest."""
+
+    q: Numbers = Field(description="Joint positions [rad], one per joint.")
+    base_wrench: Six | None = Field(
+        None,
+        description="Wrench of the arm on the sensor under its base, force then moment about the base "
+        "origin, base axes [N, Nm]. With external=true only the contact's share: a force f on the robot at c "
+        "leaves (f, c x f).",
+    )
+    joint_torque: Numbers | None = Field(
+        None,
+        description="Torque that each actuator applies [Nm], one per joint. With external=true only the "
+        "contact's share: a force f on the robot leaves -J^T f.",
+    )
+    wrist_wrench: Six | None = Field(
+        None,
+        description="Wrench of all beyond the wrist sensor on that sensor, force then moment about the base "
+        "origin, base axes [N, Nm].",
+    )
+
+
+class LocateOneIn(SampleIn):
+    """One sample to locate."""
+
+    external: bool = Field(
+        True,
+        description="true: gravity is already taken off, the readings are what contacts cause. "
+        "false: raw readings; the scene's model is subtracted.",
+    )
+
+
+class LocateManyIn(_In):
+    """Several samples to locate, each by itself."""
+
+    samples: list[SampleIn] = Field(min_length=1, max_length=MAX_SAMPLES, description="The samples.")
+    external: bool = Field(True, description="As for one sample; holds for all of them.")
+
+
+def _one_or_many(value: Any) -> str:
+    many = "samples" in value if isinstance(value, dict) else isinstance(value, LocateManyIn)
+    return "many" if many else "one"
+
+
+LocateIn = Annotated[
+    Annotated[LocateOneIn, Tag("one")] | Annotated[LocateManyIn, Tag("many")], Discriminator(_one_or_many)
+]
+
+
+class ContactOut(BaseModel):
+    """One explanation of the measurement: a place on a link and the force that enters there."""
+
+    link: str = Field(description="Name of the touched link.")
+    link_index: int = Field(description="Its number, the base being 0.")
+    primitive: int = Field(description="Number of the touched primitive among that link's own.")
+    probability: float = Field(description="Probability that this is the contact, given the measurement.")
+    point: Three = Field(description="Contact centroid, link frame [m].")
+    point_base: Three = Field(description="Contact centroid, base frame [m].")
+    normal_base: Three = Field(description="Outward unit normal of the link there, base axes.")
+    force_base: Three = Field(description="Force on the robot, base axes [N].")
+    torsion: float = Field(description="Moment on the robot about the outward normal [Nm].")
+    covariance: list[list[float | None]] = Field(
+        description="Covariance of point_base, base axes [m^2], 3 x 3; null where it is not bounded."
+    )
+
+
+class EstimateOut(BaseModel):
+    """What the localizer makes of one sample."""
+
+    t: float = Field(description="Time of the sample on the robot's clock [s].")
+    status: Status = Field(
+        description="none: nothing touches; contact: one clear answer; ambiguous: others are not clearly "
+        "worse; multiple: more than one contact at a time; degraded: a sensor is missing or unusable, see "
+        "reason."
+    )
+    contacts: list[ContactOut] = Field(description="Explanations, most probable first.")
+    link_probability: Numbers = Field(
+        description="Probability that each link is the touched one, in the order of the scene's links; zeros "
+        "where nothing touches."
+    )
+    wrench: list[float | None] = Field(
+        description="External wrench on the arm under the best explanation, force then moment about the base "
+        "origin, base axes [N, Nm]; null where it cannot be told."
+    )
+    covariance: list[list[float | None]] = Field(
+        description="Covariance of wrench, 6 x 6; null where it is not bounded."
+    )
+    reason: str = Field(description="Why the status is what it is, where that is not plain.")
+
+
+class EstimatesOut(BaseModel):
+    """Answer to several samples."""
+
+    estimates: list[EstimateOut] = Field(description="One per sample, in their order.")
+
+
+class LostOut(BaseModel):
+    """Message of the stream to a reader that was too slow."""
+
+    lost: int = Field(description="Estimates that this reader has lost since its last message.")
+
+
+class LinkOut(BaseModel):
+    """A rigid body of the arm."""
+
+    name: str
+    mass: float = Field(description="Mass [kg].")
+    com: Three = Field(description="Centre of mass, link frame [m].")
+    primitives: list[dict[str, Any]] = Field(description="Convex pieces of its surface, link frame [m].")
+
+
+class JointOut(BaseModel):
+    """A revolute joint."""
+
+    name: str
+    position_limits: tuple[float, float] = Field(description="Lowest and highest angle [rad].")
+    velocity_limit: float = Field(description="Largest speed [rad/s].")
+    torque_limit: float = Field(description="Largest torque [Nm].")
+
+
+class RobotOut(BaseModel):
+    """The arm."""
+
+    name: str
+    mass: float = Field(description="Mass of the whole arm, base included [kg].")
+    links: list[LinkOut] = Field(description="Links, base first.")
+    joints: list[JointOut] = Field(description="Joint j carries link j, counting joints from 1.")
+
+
+class SceneOut(BaseModel):
+    """The arm in its place."""
+
+    links: list[str] = Field(description="Names of all links that can be told apart, base first.")
+    gravity_base: Three = Field(description="Gravity in base axes [m/s^2].")
+    scene: dict[str, Any] = Field(description="The scene as its YAML file would have it.")
+
+
+class SensorHealth(BaseModel):
+    """One sensor's stream since the pipeline began."""
+
+    state: Literal["connecting", "streaming", "waiting", "closed"] = Field(
+        "connecting", description="streaming: readings come; waiting: it is silent or away and tried again."
+    )
+    received: int = Field(0, description="Readings received.")
+    lost: int = Field(
+        0, description="Readings that it took and that never arrived, by gaps in their numbering."
+    )
+    last_error: str = Field("", description="What went wrong last; stays after recovery.")
+
+
+class SourceHealth(BaseModel):
+    """The sensors' side."""
+
+    connected: bool = Field(False, description="Whether samples come from the robot.")
+    trouble: str = Field("", description="What is wrong at this moment; empty if all is well.")
+    rate: float = Field(0.0, description="Samples a second over the last second [Hz].")
+    age: float | None = Field(None, description="Time since the last sample [s]; null before the first.")
+    without_wrench: int = Field(0, description="Samples that came without the base sensor's reading.")
+    robot: SensorHealth = Field(SensorHealth(), description="The robot's controller.")
+    base_wrench: SensorHealth | None = Field(
+        None, description="The force/torque sensor under the base; null where none is read over the network."
+    )
+
+
+class PipelineHealth(BaseModel):
+    """The process that turns samples into estimates."""
+
+    alive: bool = Field(False, description="Whether it runs and answers.")
+    restarts: int = Field(0, description="How often it had to be started again.")
+    dropped: int = Field(0, description="Estimates that could not be handed over in time.")
+    step: float | None = Field(None, description="Time that one sample takes it, lately, typically [s].")
+
+
+class StreamHealth(BaseModel):
+    """The readers' side."""
+
+    readers: int = Field(0, description="Open WebSocket streams.")
+    lost: int = Field(0, description="Estimates lost by slow readers, all together.")
+
+
+class HealthOut(BaseModel):
+    """How the service fares."""
+
+    status: Literal["ok", "degraded", "starting", "waiting", "failing", "idle"] = Field(
+        description="ok: samples come and are worked on; degraded: they come, but without the base sensor's "
+        "reading; starting: kernels are being loaded; waiting: the robot is silent or unreachable and tried "
+        "again all the time; failing: the pipeline itself broke and is started again; idle: no robot was "
+        "named, only POST /v1/locate works."
+    )
+    message: str = Field(description="The same for a person, with what to do about it.")
+    since: str = Field(description="When this status began, ISO 8601 in UTC.")
+    uptime: float = Field(description="Time since the service began [s].")
+    version: str = Field(description="Version of the package.")
+    source: SourceHealth
+    pipeline: PipelineHealth
+    stream: StreamHealth
+
+
+class FieldError(BaseModel):
+    """What is wrong with one field."""
+
+    field: str = Field(description="Path of the field, as samples[3].q.")
+    reason: str = Field(description="What was expected and what came.")
+
+
+class ErrorOut(BaseModel):
+    """Why a request was refused."""
+
+    errors: list[FieldError]
+
+
+def estimate_dict(estimate: Estimate) -> dict[str, Any]:
+    """The fields of `EstimateOut`, finite or null throughout."""
+    return {
+        "t": estimate.t,
+        "status": estimate.status,
+        "contacts": [_contact_dict(contact) for contact in estimate.contacts],
+        "link_probability": estimate.link_probability.tolist(),
+        "wrench": _finite(estimate.wrench),
+        "covariance": _finite(estimate.covariance),
+        "reason": estimate.reason,
+    }
+
+
+def estimate_json(estimate: Estimate) -> bytes:
+    """An estimate as JSON in the form of `EstimateOut`; made on the 500 Hz path, hence no validation.
+
+    Raises:
+        ValueError: A number that is never undefined is not finite; that is a defect of the localizer.
+    """
+    return json.dumps(estimate_dict(estimate), allow_nan=False, separators=(",", ":")).encode()
+
+
+def _contact_dict(contact: Contact) -> dict[str, Any]:
+    return {
+        "link": contact.link,
+        "link_index": contact.link_index,
+        "primitive": contact.primitive,
+        "probability": contact.probability,
+        "point": contact.point.tolist(),
+        "point_base": contact.point_base.tolist(),
+        "normal_base": contact.normal_base.tolist(),
+        "force_base": contact.force_base.tolist(),
+        "torsion": contact.torsion,
+        "covariance": _finite(contact.covariance),
+    }
+
+
+def _finite(array: np.ndarray) -> Any:
+    """Nested lists of an array; JSON knows neither infinity nor NaN, they become null."""
+    if np.isfinite(array).all():
+        return array.tolist()
+    return _null(array.tolist())
+
+
+def _null(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_null(item) for item in value]
+    return value if math.isfinite(value) else None

@@ -1,0 +1,98 @@
+"""Sources of samples without sensors. The pipeline's process imports them by name."""
+
+import os
+import time
+
+import numpy as np
+
+from contactsense import Sample, Scene
+from service.sensors.source import SourceHealth
+from service.sensors.streams import State, StreamHealth
+
+
+class Steady:
+    """A resting arm, pushed at its forearm with 30 N, at 500 Hz. Raw readings: its weight is in them."""
+
+    state: State = "streaming"
+    error = ""
+
+    def __init__(self, scene: Scene) -> None:
+        from service.mock.arm import simulate
+        from service.mock.script import Script
+
+        script = {
+            "robot": scene.robot.name,
+            "trajectory": {"start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "dwell": 1.0},
+            "contacts": [
+                {
+                    "link": "forearm",
+                    "point": [-0.1747, 0.0373, 0.0095],
+                    "normal": [-0.0008, 0.9931, 0.1174],
+                    "push": 30.0,
+                    "start": 0.0,
+                    "duration": 1.0,
+                    "ramp": 0.0,
+                }
+            ],
+        }
+        self._motion = simulate(Script.model_validate(script))
+        self._next = time.monotonic()
+        self._count = 0
+
+    def poll(self, timeout: float) -> list[Sample]:
+        self._next += 0.002
+        time.sleep(max(0.0, self._next - time.monotonic()))
+        self._count += 1
+        motion = self._motion
+        return [
+            Sample(
+                self._count * 0.002,
+                motion.q[250],
+                motion.qd[250],
+                motion.joint_torque[250],
+                motion.base_wrench[250],
+            )
+        ]
+
+    @property
+    def health(self) -> SourceHealth:
+        robot = StreamHealth(state=self.state, error=self.error, received=self._count)
+        return SourceHealth(robot, None, 0, 0, 0.0)
+
+    def close(self) -> None:
+        pass
+
+
+class Mute(Steady):
+    """Nobody at the other end."""
+
+    state: State = "waiting"
+    error = "robot at 192.0.2.1:30004 cannot be reached: no answer in time"
+
+    def poll(self, timeout: float) -> list[Sample]:
+        time.sleep(timeout)
+        return []
+
+
+class Crashing(Steady):
+    """Dies after a while without a word, as a process does that a foreign library aborts."""
+
+    def poll(self, timeout: float) -> list[Sample]:
+        if self._count == 100:
+            os._exit(3)
+        return super().poll(timeout)
+
+
+class Broken(Steady):
+    """Raises while it is read."""
+
+    def poll(self, timeout: float) -> list[Sample]:
+        raise ValueError("no such field")
+
+
+class Hasty(Steady):
+    """Samples as fast as they are taken."""
+
+    def poll(self, timeout: float) -> list[Sample]:
+        self._next = -np.inf
+        return super().poll(timeout)
