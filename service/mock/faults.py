@@ -1,5 +1,6 @@
 """What can go wrong on the wire, for tests: how a mock mistreats the packets it sends."""
 
+import random
 from enum import Enum
 
 
@@ -14,7 +15,7 @@ class Fault(Enum):
     HALF = "half"
     """Half a packet, then silence."""
     SPLIT = "split"
-    """Every packet in two writes, half a period apart."""
+    """Every write ends in the middle of a packet; the rest comes with the next."""
     GARBAGE = "garbage"
     """Bytes that are no RTDE instead of packets."""
     ZERO_LENGTH = "zero_length"
@@ -31,19 +32,17 @@ TIME_BACK_BY = 100.0
 """How far time jumps back with `Fault.TIME_BACK` [s]."""
 
 
-def mangle(fault: Fault, packet: bytes) -> list[bytes]:
-    """What goes out instead of a packet: pieces to be written one by one; none: nothing goes out."""
+def mangle(fault: Fault, packet: bytes) -> bytes:
+    """What goes out instead of a packet, with a fault that needs no memory; empty: nothing goes out."""
     middle = len(packet) // 2
     match fault:
         case Fault.MUTE | Fault.CLOSE | Fault.HALF:
-            return []
-        case Fault.SPLIT:
-            return [packet[:middle], packet[middle:]]
+            return b""
         case Fault.GARBAGE:
-            return [bytes((i * 37 + 11) & 0xFF for i in range(len(packet)))]
+            return random.Random(0).randbytes(len(packet))
         case Fault.ZERO_LENGTH:
-            return [b"\x00\x00" + packet[2:]]
+            return b"\x00\x00" + packet[2:]
         case Fault.LOST_BYTE:
-            return [packet[:middle] + packet[middle + 1 :]]
+            return packet[:middle] + packet[middle + 1 :]
         case _:
-            return [packet]
+            return packet

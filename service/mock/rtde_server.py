@@ -38,6 +38,7 @@ class _Client:
         self.backlog = bytearray()
         self.stuck_ns = 0
         self.half_sent = False
+        self.rest = b""
         self.gone = False
 
     def send(self, data: bytes, now_ns: int) -> None:
@@ -141,6 +142,7 @@ class RtdeServer:
         for thread in self._threads:
             thread.join(5.0)
         self._everybody(lambda client: client.connection.close())
+        self._clients.clear()
         for each in (self._listener, self._wake, self._waker):
             each.close()
         self._selector.close()
@@ -284,17 +286,17 @@ class RtdeServer:
     def _send_packet(self, client: _Client, k: int, now: int) -> None:
         assert client.pack is not None
         packet = client.pack(k / RATE)
+        middle = len(packet) // 2
         if self._fault is Fault.HALF and not client.half_sent:
             client.half_sent = True
-            pieces = [packet[: len(packet) // 2]]
+            data = packet[:middle]
+        elif self._fault is Fault.SPLIT:
+            data, client.rest = client.rest + packet[:middle], packet[middle:]
         else:
-            pieces = mangle(self._fault, packet)
-        for number, piece in enumerate(pieces):
-            if number:
-                time.sleep(0.5 / RATE)
-            with client.lock:
-                if client.gone:
-                    return
-                client.send(piece, now)
+            data, client.rest = client.rest + mangle(self._fault, packet), b""
+        with client.lock:
+            if client.gone:
+                return
+            client.send(data, now)
         if client.backlog and now - client.stuck_ns > self._drop_ns:
             client.hang_up()

@@ -111,7 +111,7 @@ class NetFtStream:
                 rdt_port=port,
                 http_port=http_port,
                 receive_timeout=timeout,
-                reconnect_initial_delay=0.1,
+                reconnect_initial_delay=0.05,
                 reconnect_max_delay=2.0,
                 calibration_override=calibration,
             )

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -137,9 +137,10 @@ class LiveSource:
 
     @property
     def health(self) -> SourceHealth:
-        """Counters and the latest troubles of all sensors."""
+        """Counters and the latest troubles of all sensors, as they are now."""
         wrench = None if self._sensor is None else self._sensor.health
-        return SourceHealth(self._robot.health, wrench, self._unusable, self._without_wrench, self._age)
+        robot = replace(self._robot.health)
+        return SourceHealth(robot, wrench, self._unusable, self._without_wrench, self._age)
 
     def close(self) -> None:
         """Let go of all sensors."""
