@@ -115,7 +115,8 @@ def about_base(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
 
 
 def base_wrench_from(sensor: WrenchSensor, reading: np.ndarray) -> np.ndarray:
-    """Wrench of the arm on the base sensor, base axes, about the base origin, from readings in the sensor's own way.
+    """Wrench of the arm on the base sensor, base axes, about the base origin, from readings in the sensor's
+    own way.
 
     Args:
         sensor: Place, orientation and sign of the sensor.

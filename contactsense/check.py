@@ -27,7 +27,8 @@ def checked_rows(name: str, value: object, rows: int | None, size: int, unit: st
 
 
 def checked(name: str, value: object, shape: tuple[int, ...], unit: str) -> np.ndarray:
-    """`value` as a contiguous float array of that shape, all finite; otherwise a ValueError that names the argument."""
+    """`value` as a contiguous float array of that shape, all finite; otherwise a ValueError that names the
+    argument."""
     array = as_floats(name, value)
     if array.shape != shape:
         raise ValueError(f"{name}: expected shape {shape} in {unit}, got shape {array.shape}")

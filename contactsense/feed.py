@@ -14,7 +14,8 @@ class Feed:
         self._last: float | None = None
 
     def step(self, t: float, present: bool) -> float:
-        """Time since the sensor's last value [s]; 0: start anew; negative: no value in the sample at time t."""
+        """Time since the sensor's last value [s]; 0: start anew; negative: no value in the sample at time
+        t."""
         if not present:
             return -1.0
         last, self._last = self._last, t

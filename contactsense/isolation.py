@@ -1,12 +1,14 @@
-"""Which link is touched: every link is a hypothesis with its fused wrench and its evidence (theory, section 3).
+"""Which link is touched: every link is a hypothesis with its fused wrench and its evidence (theory, section
+3).
 
-The hypothesis "link k is touched" says that the base sensor and the joints below the link see the contact wrench w,
+The hypothesis "link k is touched" says that the base sensor and the joints below the link see the contact
+wrench w,
 
     base:   y_b = w + noise          joints:  r_j = s_j . w + noise  for j <= depth(k),   r_j = noise  beyond,
 
-and that a wrist sensor sees it for links beyond the wrist only. Starting from the base measurement, or from a broad
-prior where there is none, one scalar Kalman step per joint, going outward, gives all hypotheses in turn. Any subset of
-sensors is the same code with steps left out.
+and that a wrist sensor sees it for links beyond the wrist only. Starting from the base measurement, or from a
+broad prior where there is none, one scalar Kalman step per joint, going outward, gives all hypotheses in
+turn. Any subset of sensors is the same code with steps left out.
 """
 
 import math
@@ -23,7 +25,8 @@ _LOG_2PI = math.log(2.0 * math.pi)
 
 
 class Sensors(NamedTuple):
-    """What sees which link, and how noisy the sensors are. Covariances are about the base origin, base axes."""
+    """What sees which link, and how noisy the sensors are. Covariances are about the base origin, base
+    axes."""
 
     depth: np.ndarray
     """Number of joints between the base and each link, rising, shape (links,), int64."""
@@ -36,7 +39,8 @@ class Sensors(NamedTuple):
     torque_variance: np.ndarray
     """Variance of each joint torque, shape (n,) [Nm^2]."""
     wrist_variance: np.ndarray
-    """Variance of each force and each moment component of the wrist sensor about its origin, shape (2,) [N^2, Nm^2]."""
+    """Variance of each force and each moment component of the wrist sensor about its origin, shape (2,) [N^2,
+    Nm^2]."""
 
 
 class Hypotheses(NamedTuple):
@@ -103,7 +107,8 @@ def _observe(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
 
 @kernel
 def _observe_wrist(variance_f, variance_m, y, origin, w, P, L):  # type: ignore[no-untyped-def]
-    """Six steps for a wrist sensor at `origin`: its force, and its moment about its own origin, where noise is isotropic."""
+    """Six steps for a wrist sensor at `origin`: its force, and its moment about its own origin, where noise
+    is isotropic."""
     energy = 0.0
     log_likelihood = 0.0
     ox, oy, oz = origin[0], origin[1], origin[2]
@@ -163,7 +168,8 @@ def isolate(
         has_base: Whether `base_wrench` was measured.
         torque: External part of the joint torques, as s_j . w: what contacts ask of the joint, shape (n,).
         has_torque: Whether `torque` was measured.
-        wrist_wrench: External wrench that the wrist sensor sees, about the base origin, base axes, shape (6,).
+        wrist_wrench: External wrench that the wrist sensor sees, about the base origin, base axes, shape
+            (6,).
         has_wrist: Whether `wrist_wrench` was measured.
         wrist_origin: Origin of the wrist sensor in the base frame [m], shape (3,).
         scale: Factor on all variances: below one for filtered measurements.

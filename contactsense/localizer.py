@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
@@ -17,7 +17,12 @@ from contactsense.scene import Scene
 from contactsense.types import Estimate, Sample
 
 SETTLE = 5.0
-"""Time constants of the observer after a start until its residual is used: it is within 1 % of its value by then."""
+"""Time constants of the observer after a start until its residual is used: it is within 1 % of its value by
+then."""
+Method = Literal["joint", "torques_first"]
+"""How link and place are decided: `joint`: together; `torques_first`: the link from the evidence of base
+wrench and torques alone, then the place on it, which is what a gate in front of a locator does and is kept
+for comparison."""
 _SENSORS = ("base_wrench", "joint_torque", "wrist_wrench")
 
 
@@ -49,13 +54,14 @@ class Batch(NamedTuple):
 class Localizer:
     """Locates contacts on the arm of one scene.
 
-    One instance serves one stream and one thread; instances share nothing. The first one in a fresh installation
-    compiles the kernels, which takes a while; they are cached on disk.
+    One instance serves one stream and one thread; instances share nothing. The first one in a fresh
+    installation compiles the kernels, which takes a while; they are cached on disk.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, method: Method = "joint") -> None:
         """Prepare for `scene`, and compile."""
         self.scene = scene
+        self._gate = method == "torques_first"
         self._arm = build_arm(scene)
         self._memory = empty_memory(self._arm)
         self._composer = Composer(scene, self._arm)
@@ -82,8 +88,8 @@ class Localizer:
     def step(self, sample: Sample) -> Estimate:
         """Take the next sample of a live stream, of an arm that may move, and say what touches it now.
 
-        A sensor whose value is None or not finite counts as silent in this sample. Positions or velocities that are not
-        finite make the sample unusable. Neither raises: the estimate is `degraded` and says why.
+        A sensor whose value is None or not finite counts as silent in this sample. Positions or velocities
+        that are not finite make the sample unusable. Neither raises: the estimate is `degraded` and says why.
 
         Raises:
             ValueError: a field has the wrong shape; the message names it.
@@ -127,12 +133,15 @@ class Localizer:
 
         Args:
             q: Joint positions, shape (n,) [rad].
-            base_wrench: Wrench of the arm on the base sensor, base axes, about the base origin, shape (6,) [N, Nm].
+            base_wrench: Wrench of the arm on the base sensor, base axes, about the base origin, shape (6,)
+                [N, Nm].
             joint_torque: Torque that each actuator applies, shape (n,) [Nm].
-            wrist_wrench: Wrench of all beyond the wrist sensor on it, base axes, base origin, shape (6,) [N, Nm].
-            external: The arm's own weight has been taken off the measurements already (a contact wrench w leaves w in
-                `base_wrench` and -s_j . w in `joint_torque`); False: it is taken off here.
-            detect: Answer `none` where noise alone explains the measurement; False: a contact is known to be there.
+            wrist_wrench: Wrench of all beyond the wrist sensor on it, base axes, base origin, shape (6,) [N,
+                Nm].
+            external: The arm's own weight has been taken off the measurements already (a contact wrench w
+                leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is taken off here.
+            detect: Answer `none` where noise alone explains the measurement; False: a contact is known to be
+                there.
 
         Raises:
             ValueError: an argument has the wrong shape or is not finite, or the scene has no such sensor.
@@ -158,8 +167,8 @@ class Localizer:
     ) -> Batch:
         """Explain N measurements of an arm at rest, each by its most probable contact.
 
-        The arguments are those of `locate` with a leading axis N. Whether a sample shows a contact at all is said by
-        `detected`; the explanation is given in any case.
+        The arguments are those of `locate` with a leading axis N. Whether a sample shows a contact at all is
+        said by `detected`; the explanation is given in any case.
         """
         q = checked_rows("q", q, None, self._joints, "rad")
         n = len(q)
@@ -186,8 +195,8 @@ class Localizer:
             detected=np.empty(n, dtype=bool),
         )
         explain_batch(
-            self._arm, self._memory, q, values[1], present[1], values[0], present[0], values[2], present[2], external,
-            nothing, *out[:-1],
+            self._arm, self._memory, q, values[1], present[1], values[0], present[0], values[2], present[2],
+            external, self._gate, nothing, *out[:-1],
         )  # fmt: skip
         out.detected[:] = nothing > self._threshold(present)
         return out
@@ -201,7 +210,7 @@ class Localizer:
     def _answer(
         self, t: float, present: tuple[bool, bool, bool], scale: float, reason: str, detect: bool
     ) -> Estimate:
-        count, nothing = explain(self._arm, self._memory, *present, scale)
+        count, nothing = explain(self._arm, self._memory, *present, scale, self._gate)
         if detect and nothing <= self._threshold(present):
             return self._composer.quiet(t, "degraded" if reason else "none", reason)
         return self._composer.contacts(t, self._memory, count, reason)

@@ -1,9 +1,9 @@
 """Where the arm is touched: every touchable primitive is tried, and link and place are decided together.
 
-For each link's fused wrench, the search on a primitive starts where the wrench axis enters it and ends at the most
-probable place. The places on all primitives of all links compete on one scale, the log evidence: fit of the torques
-and of the base wrench, plausibility of force direction and torsion, and how sharply the place is determined (theory,
-sections 3 to 5).
+For each link's fused wrench, the search on a primitive starts where the wrench axis enters it and ends at the
+most probable place. The places on all primitives of all links compete on one scale, the log evidence: fit of
+the torques and of the base wrench, plausibility of force direction and torsion, and how sharply the place is
+determined (theory, sections 3 to 5).
 """
 
 import math
@@ -20,7 +20,8 @@ from robots.surface import Surfaces, project
 
 
 class Candidates(NamedTuple):
-    """Explanations of one measurement. Row p belongs to primitive p; `order` lists the rows that count. Base axes."""
+    """Explanations of one measurement. Row p belongs to primitive p; `order` lists the rows that count. Base
+    axes."""
 
     order: np.ndarray
     """Rows by falling probability, shape (P,), int64."""
@@ -135,7 +136,8 @@ def _place_primitives(surfaces, depth, motion, found):  # type: ignore[no-untype
 
 @kernel
 def _aim_all(surfaces, touchable, hypotheses, aimed, prior, found, work):  # type: ignore[no-untyped-def]
-    """First guess on every touchable primitive that is worth a search: listed in `order`, its energy as `score`."""
+    """First guess on every touchable primitive that is worth a search: listed in `order`, its energy as
+    `score`."""
     ceiling = math.inf
     count = 0
     for link in range(touchable.shape[0]):
@@ -185,7 +187,8 @@ def _least_energy(w, P, o, radius, offset):  # type: ignore[no-untyped-def]
 
 @kernel
 def _aim(surfaces, found, p, prior, work):  # type: ignore[no-untyped-def]
-    """Where the wrench axis enters primitive p, or comes nearest, as its point and normal; the energy there."""
+    """Where the wrench axis enters primitive p, or comes nearest, as its point and normal; the energy
+    there."""
     w = work.wrench
     _, cx, cy, cz, nx, ny, nz = enter(
         surfaces.kind[p], surfaces.size[p], surfaces.radius[p], w[0], w[1], w[2], w[3], w[4], w[5]
@@ -283,7 +286,8 @@ def _cover(surfaces, found, count, best, spread):  # type: ignore[no-untyped-def
 
 @kernel
 def _rank(surfaces, found, count, apart, link_probability):  # type: ignore[no-untyped-def]
-    """Sort the explanations, drop doubles and the hopeless, turn scores into probabilities; how many are left."""
+    """Sort the explanations, drop doubles and the hopeless, turn scores into probabilities; how many are
+    left."""
     kept = 0
     best = 0.0
     total = 0.0

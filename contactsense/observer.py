@@ -1,11 +1,13 @@
-"""Momentum observer: external joint torques and external base wrench without accelerations (theory, section 2).
+"""Momentum observer: external joint torques and external base wrench without accelerations (theory, section
+2).
 
-Joints and base obey equations of one shape, dh/dt = drift + external, with h = s_j . H_j for a joint and h = H_0 for
-the base. One first-order observer serves both, with one gain, so that their residuals keep the same phase.
+Joints and base obey equations of one shape, dh/dt = drift + external, with h = s_j . H_j for a joint and h =
+H_0 for the base. One first-order observer serves both, with one gain, so that their residuals keep the same
+phase.
 
 Between two samples the mean of the external part is what the change of h leaves over beside the drift's mean:
-e = (h1 - h0) / dt - (drift0 + drift1) / 2. The residual follows it as r <- a r + (1 - a) e with a = exp(-2 pi f dt):
-exact for a constant external part, stable for every dt, and indifferent to lost samples and jitter.
+e = (h1 - h0) / dt - (drift0 + drift1) / 2. The residual follows it as r <- a r + (1 - a) e with a = exp(-2 pi
+f dt): exact for a constant external part, stable for every dt, and indifferent to lost samples and jitter.
 """
 
 import math
@@ -26,7 +28,8 @@ class Observer(NamedTuple):
     drift: np.ndarray
     """Known part of dh/dt at the last sample, shape (k,) [Nm; N and Nm]."""
     residual: np.ndarray
-    """Low-passed external part, shape (k,): s_j . w of contacts beyond each joint [Nm], or the wrench w [N, Nm]."""
+    """Low-passed external part, shape (k,): s_j . w of contacts beyond each joint [Nm], or the wrench w [N,
+    Nm]."""
 
 
 def empty_observer(size: int) -> Observer:
@@ -35,7 +38,8 @@ def empty_observer(size: int) -> Observer:
 
 
 def noise_gain(bandwidth: float, dt: float) -> float:
-    """Variance of the residual over that of white noise in the measurement, at a steady sample time dt [s]."""
+    """Variance of the residual over that of white noise in the measurement, at a steady sample time dt
+    [s]."""
     return -math.expm1(-2.0 * math.pi * bandwidth * dt) / 2.0
 
 
@@ -91,7 +95,8 @@ def observe_wrench(
     """Advance the residual of a force/torque sensor by one sample.
 
     Args:
-        momentum: Linear and angular momentum of all that the sensor carries, about the base origin, shape (6,).
+        momentum: Linear and angular momentum of all that the sensor carries, about the base origin, shape
+            (6,).
         gravity: Gravity wrench on that, shape (6,) [N, Nm].
         wrench: Wrench of that on the sensor, shape (6,) [N, Nm].
         dt: Time since the last sample [s]; 0 starts anew.

@@ -1,4 +1,5 @@
-"""The way of one sample, compiled: poses, external parts, link hypotheses, explanations. Nothing is allocated."""
+"""The way of one sample, compiled: poses, external parts, link hypotheses, explanations. Nothing is
+allocated."""
 
 from typing import NamedTuple
 
@@ -38,6 +39,8 @@ class Memory(NamedTuple):
     """External wrench on the wrist sensor, base axes, base origin, shape (6,) [N, Nm]."""
     rest: np.ndarray
     """Zero joint velocities, shape (n,)."""
+    open: np.ndarray
+    """Links among which the contact is sought, shape (links,), bool."""
 
 
 def empty_memory(arm: Arm) -> Memory:
@@ -59,6 +62,7 @@ def empty_memory(arm: Arm) -> Memory:
         torque=np.zeros(joints),
         wrist_wrench=np.zeros(6),
         rest=np.zeros(joints),
+        open=np.zeros(links, dtype=bool),
     )
 
 
@@ -127,8 +131,8 @@ def rest(
 ) -> None:
     """Take one sample of an arm at rest: poses, and the external parts, which are left in `memory`.
 
-    With `external` the measurements have the arm's own part taken off already; the joint torques keep the actuator's
-    sign, so that a contact wrench w adds -s_j . w to them.
+    With `external` the measurements have the arm's own part taken off already; the joint torques keep the
+    actuator's sign, so that a contact wrench w adds -s_j . w to them.
     """
     motion = memory.motion
     move(arm.model, q, memory.rest, arm.gravity, motion)
@@ -143,7 +147,7 @@ def rest(
 
 @kernel
 def explain(
-    arm: Arm, memory: Memory, has_base: bool, has_torque: bool, has_wrist: bool, scale: float
+    arm: Arm, memory: Memory, has_base: bool, has_torque: bool, has_wrist: bool, scale: float, gate: bool
 ) -> tuple[int, float]:
     """Explain the external parts in `memory` by a contact.
 
@@ -152,9 +156,11 @@ def explain(
         memory: With poses and external parts; explanations are left in `found` and `link_probability`.
         has_base, has_torque, has_wrist: Which sensors have a value.
         scale: Factor on all variances of the scene's noise.
+        gate: Decide for the link of the best evidence first and look for the place on that link only.
 
     Returns:
-        Number of explanations, and the energy of "nothing touches": half the sum of squares in units of the noise.
+        Number of explanations, and the energy of "nothing touches": half the sum of squares in units of the
+        noise.
     """
     isolate(
         arm.sensors,
@@ -169,15 +175,25 @@ def explain(
         scale,
         memory.hypotheses,
     )
-    # A contact on the base link is seen by the base sensor alone: the joints' part of its energy is that of no contact.
+    # A contact on the base link is seen by the base sensor alone: the joints' part of its energy is that of
+    # no contact.
     nothing = memory.hypotheses.energy[0]
     if has_base:
         for i in range(6):
             row = dot6(arm.sensors.base_information[i], memory.base_wrench)
             nothing += 0.5 * memory.base_wrench[i] * row / scale
+    best = -1
+    for link in range(arm.touchable.shape[0]):
+        memory.open[link] = arm.touchable[link] and not gate
+        if arm.touchable[link] and (
+            best < 0 or memory.hypotheses.log_evidence[link] > memory.hypotheses.log_evidence[best]
+        ):
+            best = link
+    if best >= 0:
+        memory.open[best] = True
     count = locate(
         arm.surfaces,
-        arm.touchable,
+        memory.open,
         arm.sensors.depth,
         memory.motion,
         memory.hypotheses,
@@ -202,6 +218,7 @@ def explain_batch(
     wrist_wrench: np.ndarray,
     has_wrist: bool,
     external: bool,
+    gate: bool,
     nothing: np.ndarray,
     link: np.ndarray,
     primitive: np.ndarray,
@@ -213,10 +230,11 @@ def explain_batch(
     torsion: np.ndarray,
     covariance: np.ndarray,
 ) -> None:
-    """`rest` and `explain` for N samples; the best explanation of each goes into row i of the outputs, link -1 for none."""
+    """`rest` and `explain` for N samples; the best explanation of each goes into row i of the outputs, link
+    -1 for none."""
     for i in range(q.shape[0]):
         rest(arm, memory, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
-        count, nothing[i] = explain(arm, memory, has_base, has_torque, has_wrist, 1.0)
+        count, nothing[i] = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate)
         link_probability[i] = memory.link_probability
         if count == 0:
             link[i] = -1

@@ -1,14 +1,16 @@
 """Maximum a posteriori contact on one primitive (theory, section 5), by Gauss-Newton on the surface.
 
-The unknowns are the force f (3), the torsion xi and the place c on the surface (2). With the fused wrench w_k and its
-information matrix L of the link's hypothesis, and d = (f, c x f + xi n) - w_k, the energy is
+The unknowns are the force f (3), the torsion xi and the place c on the surface (2). With the fused wrench w_k
+and its information matrix L of the link's hypothesis, and d = (f, c x f + xi n) - w_k, the energy is
 
     E = 1/2 d^T L' d  +  1/2 (xi / (lever |f_n|))^2  +  1/2 |f_t|^2 / (mu |f_n| / 2)^2 .
 
-The second term says how much torsion a contact patch can carry, the third how far friction lets a force lean: a force
-spread evenly over the friction disc has the standard deviation mu |f_n| / 2 in each tangent direction. L' is L made
-looser by what is not known of the surface: an offset of standard deviation s along the normal adds s^2 u u^T to the
-covariance, u = (0, n x f). The same 6x6 matrix gives the curvature of the optimum: covariance and evidence (Laplace).
+The second term says how much torsion a contact patch can carry, the third how far friction lets a force lean:
+a force spread evenly over the friction disc has the standard deviation mu |f_n| / 2 in each tangent
+direction. L' is L made
+looser by what is not known of the surface: an offset of standard deviation s along the normal adds s^2 u u^T
+to the covariance, u = (0, n x f). The same 6x6 matrix gives the curvature of the optimum: covariance and
+evidence (Laplace).
 """
 
 import math
@@ -24,13 +26,15 @@ ITERATIONS = 12
 TRIALS = 4
 """Most lengths that are tried for one step before the search ends."""
 CUT = 12.0
-"""Explanations whose energy or log evidence is worse than the best by this much are dropped (probability 6e-6)."""
+"""Explanations whose energy or log evidence is worse than the best by this much are dropped (probability
+6e-6)."""
 ENOUGH = 5e-3
 """A step that lowers the energy by less than this ends the search: a tenth of a standard deviation."""
 SLACK = 0.05
 """How much more that may be per unit of energy by which a candidate is worse than the best so far."""
 PATIENCE = 4.0
-"""How many times the gain that a step promises is hoped for before a candidate above the limit is given up."""
+"""How many times the gain that a step promises is hoped for before a candidate above the limit is given
+up."""
 
 
 LEAST_FORCE = 1e-3
@@ -41,7 +45,8 @@ class Prior(NamedTuple):
     """What is known of contacts before any measurement."""
 
     lean: float
-    """Standard deviation of tangential over normal force, each tangent direction; half the friction coefficient."""
+    """Standard deviation of tangential over normal force, each tangent direction; half the friction
+    coefficient."""
     lever: float
     """Standard deviation of torsion over normal force [m]."""
     offset: float
@@ -82,7 +87,8 @@ def empty_work() -> Work:
 
 @kernel
 def energy_at(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
-    """Energy of a contact, and the factor 1 + s^2 u^T L u by which the surface's offset widens the covariance."""
+    """Energy of a contact, and the factor 1 + s^2 u^T L u by which the surface's offset widens the
+    covariance."""
     push = -(fx * nx + fy * ny + fz * nz)
     if push <= 0.0:
         return math.inf, 1.0
@@ -128,7 +134,8 @@ def energy_at(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ign
 
 @kernel
 def lean_in(fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """The force, turned into the surface as far as needed for the priors to be finite: a start for the search."""
+    """The force, turned into the surface as far as needed for the priors to be finite: a start for the
+    search."""
     push = -(fx * nx + fy * ny + fz * nz)
     least = 0.1 * max(math.sqrt(fx * fx + fy * fy + fz * fz), LEAST_FORCE)
     lift = max(least - push, 0.0)
@@ -137,7 +144,8 @@ def lean_in(fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 @kernel
 def _tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Two unit tangents, continuous but for one direction (Duff et al. 2017, "Building an orthonormal basis, revisited")."""
+    """Two unit tangents, continuous but for one direction (Duff et al. 2017, "Building an orthonormal basis,
+    revisited")."""
     sign = 1.0 if nz >= 0.0 else -1.0
     a = -1.0 / (sign + nz)
     b = nx * ny * a
@@ -212,7 +220,8 @@ def _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # ty
                 H[i, k + 3] = A[i, 3] * B[0, k] + A[i, 4] * B[1, k] + A[i, 5] * B[2, k]
         else:
             for k in range(3):
-                # Row i of (moment block) B; kept where H's lower right block goes, and multiplied from the left below.
+                # Row i of (moment block) B; kept where H's lower right block goes, and multiplied from the
+                # left below.
                 H[i, k] = A[i, 3] * B[0, k] + A[i, 4] * B[1, k] + A[i, 5] * B[2, k]
             g[i] = p
     g3, g4, g5 = g[3], g[4], g[5]
@@ -220,7 +229,8 @@ def _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # ty
         g[k + 3] = B[0, k] * g3 + B[1, k] * g4 + B[2, k] * g5
         for i in range(3):
             H[i + 3, k + 3] = B[0, i] * H[3, k] + B[1, i] * H[4, k] + B[2, i] * H[5, k]
-    # Priors. Torsion ratio xi / (lever F) and lean (t . f) / (lean F), F = -n . f the normal force; their derivatives
+    # Priors. Torsion ratio xi / (lever F) and lean (t . f) / (lean F), F = -n . f the normal force; their
+    # derivatives
     # by (f, xi, v), where dF = -n . df - sum_a f_a k_ai dv_i and the tangents turn by k_ai F dv_i.
     F = -(fx * nx + fy * ny + fz * nz)
     f1 = t1x * fx + t1y * fy + t1z * fz
@@ -335,7 +345,8 @@ def view(w, L, R, o, work):  # type: ignore[no-untyped-def]
 
 @kernel
 def _about(L, x, y, z, A):  # type: ignore[no-untyped-def]
-    """Information about another point: A = X^T L X with X = [1 0; [c]x 1], c = (x, y, z); first L X, then X^T that."""
+    """Information about another point: A = X^T L X with X = [1 0; [c]x 1], c = (x, y, z); first L X, then X^T
+    that."""
     for i in range(6):
         a, b, c = L[i, 3], L[i, 4], L[i, 5]
         A[i, 0] = L[i, 0] + b * z - c * y
@@ -358,14 +369,17 @@ def refine(kind, size, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ign
     Args:
         kind, size: The primitive, as in `robots.surface.Surfaces`.
         prior: What is known of contacts beforehand.
-        limit: Energy above which the contact is of no interest; the search ends once it is sure to stay there.
+        limit: Energy above which the contact is of no interest; the search ends once it is sure to stay
+            there.
         cx, cy, cz, nx, ny, nz: First guess: a point of the surface [m] and the outward normal there.
-        work: `wrench` and `information` as left by `view`; on return `frame` holds normal and tangents at the result.
+        work: `wrench` and `information` as left by `view`; on return `frame` holds normal and tangents at the
+            result.
 
     Returns:
-        energy, log evidence per area (up to a constant common to all primitives and links), point (3), normal (3),
-        force (3) [N], torsion [Nm], and the covariance of the point along the two tangents (vv11, vv12, vv22) [m^2].
-        The log evidence is -infinity where the energy stays above the limit, or where the matrix is not positive.
+        energy, log evidence per area (up to a constant common to all primitives and links), point (3), normal
+        (3), force (3) [N], torsion [Nm], and the covariance of the point along the two tangents (vv11, vv12,
+        vv22) [m^2]. The log evidence is -infinity where the energy stays above the limit, or where the matrix
+        is not positive.
     """
     w, L = work.wrench, work.information
     fx, fy, fz = lean_in(w[0], w[1], w[2], nx, ny, nz)

@@ -32,9 +32,11 @@ _MOUNTINGS: dict[str, Vector] = {
 JointTorqueSignal = Literal["actual_current_as_torque", "actual_current", "target_moment"]
 """Which RTDE signal carries the joint torques:
 
-- `actual_current_as_torque`: motor torque at the joint in Nm, as the controller computes it (from PolyScope 5.23 / 10.11);
+- `actual_current_as_torque`: motor torque at the joint in Nm, as the controller computes it (from PolyScope
+5.23 / 10.11);
 - `actual_current`: motor current in A, times `torque_constants`;
-- `target_moment`: what the controller's own model asks for in Nm; it feels no contact and is of use for trials only.
+- `target_moment`: what the controller's own model asks for in Nm; it feels no contact and is of use for
+trials only.
 """
 
 
@@ -47,7 +49,8 @@ class _Part(BaseModel):
 
 
 class WrenchSensor(_Part):
-    """A six-axis force/torque sensor: where its frame is, which way its readings count, how noisy they are."""
+    """A six-axis force/torque sensor: where its frame is, which way its readings count, how noisy they
+    are."""
 
     force_noise: PositiveFloat = 0.25
     """Standard deviation of each force component of one sample [N]."""
@@ -58,7 +61,8 @@ class WrenchSensor(_Part):
     translation: Vector = (0.0, 0.0, 0.0)
     """Origin of the sensor's frame in the base frame [m]."""
     sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor"
-    """Whose push is counted positive: with `arm_on_sensor` a table-mounted arm at rest reads a force along -z."""
+    """Whose push is counted positive: with `arm_on_sensor` a table-mounted arm at rest reads a force along
+    -z."""
 
     @property
     def rotation(self) -> np.ndarray:
@@ -72,7 +76,8 @@ class JointTorqueSensor(_Part):
     signal: JointTorqueSignal = "actual_current_as_torque"
     """The RTDE signal that is read."""
     torque_constants: tuple[PositiveFloat, ...] | None = None
-    """Joint torque per motor current [Nm/A], one per joint; needed for `actual_current` where the robot's data have none."""
+    """Joint torque per motor current [Nm/A], one per joint; needed for `actual_current` where the robot's
+    data have none."""
     noise: PositiveFloat | tuple[PositiveFloat, ...] = 1.0
     """Standard deviation of one sample, one number for all joints or one each [Nm]."""
 
@@ -84,7 +89,8 @@ def _as_robot(value: object) -> object:
 class Scene(BaseModel):
     """One arm in its place. Immutable; a `Localizer` is made from it.
 
-    From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`, with the same fields.
+    From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`, with the
+        same fields.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -96,8 +102,8 @@ class Scene(BaseModel):
     ]
     """The arm: a name that `robots.names()` lists, or a `robots.Robot`."""
     mounting: Literal["table", "wall", "ceiling"] | Vector = "table"
-    """How the base stands in the world, z of the world being up: `table`, `ceiling` (upside down), `wall` (base x
-    points down), or roll, pitch, yaw of the base frame about fixed world axes [rad]."""
+    """How the base stands in the world, z of the world being up: `table`, `ceiling` (upside down), `wall`
+    (base x points down), or roll, pitch, yaw of the base frame about fixed world axes [rad]."""
     gravity: PositiveFloat = 9.81
     """Acceleration of gravity [m/s^2]."""
     tool: Tool | None = None
@@ -111,9 +117,11 @@ class Scene(BaseModel):
     touchable: tuple[str, ...] | None = None
     """Names of the links that can be touched; none named: all. The others cost nothing."""
     friction: PositiveFloat = 0.5
-    """Coefficient of friction of what touches the arm: contact forces lean this far from the normal, seldom further."""
+    """Coefficient of friction of what touches the arm: contact forces lean this far from the normal, seldom
+    further."""
     torsion: PositiveFloat = 0.0025
-    """Torsional moment per normal force, standard deviation [m]: about friction times the radius of the contact patch."""
+    """Torsional moment per normal force, standard deviation [m]: about friction times the radius of the
+    contact patch."""
     surface_error: PositiveFloat = 0.002
     """How far the primitives are off the real surface, standard deviation [m]."""
     bandwidth: PositiveFloat = 10.0
@@ -162,7 +170,8 @@ class Scene(BaseModel):
 
     @property
     def link_names(self) -> tuple[str, ...]:
-        """Names of all links that can be told apart: the arm's, base first, then the tool if it has a surface."""
+        """Names of all links that can be told apart: the arm's, base first, then the tool if it has a
+        surface."""
         tool = (self.tool.name,) if self.tool is not None and self.tool.primitives else ()
         return self.robot.link_names + tool
 

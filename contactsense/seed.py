@@ -1,8 +1,8 @@
 """A first guess for the contact on one primitive: where the wrench axis enters it (the paper, section 4).
 
 The signed distance to a convex body is a convex function along a line, so Newton's method from outside runs
-monotonously into the first crossing, whatever the body. Where the axis misses, the guess is the place of the body
-nearest to it, turned towards the force so that it can push.
+monotonously into the first crossing, whatever the body. Where the axis misses, the guess is the place of the
+body nearest to it, turned towards the force so that it can push.
 """
 
 import math
@@ -30,7 +30,8 @@ def enter(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[no-untype
         return False, x, y, z, nx, ny, nz
     f = math.sqrt(ff)
     ux, uy, uz = fx / f, fy / f, fz / f
-    # Point of the axis nearest to the body's centre (paper, equation 6), then back along it to outside the body.
+    # Point of the axis nearest to the body's centre (paper, equation 6), then back along it to outside the
+    # body.
     ax, ay, az = (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
     s = -math.sqrt(max(0.0, radius * radius - (ax * ax + ay * ay + az * az))) - 1e-3 * radius
     for _ in range(_STEPS):

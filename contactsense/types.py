@@ -21,9 +21,11 @@ class Sample:
     joint_torque: np.ndarray | None = None
     """Torque that each actuator applies [Nm], shape (n,)."""
     base_wrench: np.ndarray | None = None
-    """Wrench of the arm on the sensor below it, force then moment about the base origin, base axes [N, Nm], shape (6,)."""
+    """Wrench of the arm on the sensor below it, force then moment about the base origin, base axes [N, Nm],
+    shape (6,)."""
     wrist_wrench: np.ndarray | None = None
-    """Wrench of all beyond the wrist sensor on it, force then moment about the base origin, base axes [N, Nm], shape (6,)."""
+    """Wrench of all beyond the wrist sensor on it, force then moment about the base origin, base axes [N,
+    Nm], shape (6,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +61,15 @@ class Estimate:
     t: float
     """Time of the sample [s]."""
     status: Status
-    """`none`: nothing touches; `contact`: one clear answer; `ambiguous`: others are not clearly worse; `degraded`: a sensor is missing or unusable, see `reason`."""
+    """`none`: nothing touches; `contact`: one clear answer; `ambiguous`: others are not clearly worse;
+    `degraded`: a sensor is missing or unusable, see `reason`."""
     contacts: tuple[Contact, ...]
     """Explanations, most probable first; their probabilities add up to at most one."""
     link_probability: np.ndarray
     """Probability that each link is the touched one, shape (n + 1,); zeros where nothing touches."""
     wrench: np.ndarray
-    """External wrench on the arm under the best explanation, force then moment about the base origin, base axes [N, Nm], shape (6,)."""
+    """External wrench on the arm under the best explanation, force then moment about the base origin, base
+    axes [N, Nm], shape (6,)."""
     covariance: np.ndarray
     """Covariance of `wrench`, shape (6, 6)."""
     reason: str = ""

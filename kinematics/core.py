@@ -1,8 +1,10 @@
-"""Kernels: one outward pass and one suffix sum give poses, screws, momenta and gravity wrenches (theory, sections 1, 2).
+"""Kernels: one outward pass and one suffix sum give poses, screws, momenta and gravity wrenches (theory,
+sections 1, 2).
 
-All quantities are in base axes, moments and angular momenta about the base origin. A wrench is (force, moment). No
-accelerations are needed for the external wrench; `inverse_dynamics` exists for simulation and for checks.
-The kernels fill arrays that the caller owns and allocate nothing. They trust their arguments: shapes are checked above.
+All quantities are in base axes, moments and angular momenta about the base origin. A wrench is (force,
+moment). No accelerations are needed for the external wrench; `inverse_dynamics` exists for simulation and for
+checks. The kernels fill arrays that the caller owns and allocate nothing. They trust their arguments: shapes
+are checked above.
 """
 
 import math
@@ -75,7 +77,8 @@ def place(model: Model, q: np.ndarray, motion: Motion) -> None:
 
 @kernel
 def move(model: Model, q: np.ndarray, qd: np.ndarray, gravity: np.ndarray, motion: Motion) -> None:
-    """Fill all of `motion` for joint positions q [rad], velocities qd [rad/s] and gravity in base axes [m/s^2]."""
+    """Fill all of `motion` for joint positions q [rad], velocities qd [rad/s] and gravity in base axes
+    [m/s^2]."""
     place(model, q, motion)
     n = q.shape[0]
     twist, screw, rate = motion.twist, motion.screw, motion.screw_rate
@@ -136,7 +139,8 @@ def carry(
     """Momentum and gravity wrench of one body, about the base origin.
 
     Args:
-        mass, com, inertia: Of the body, in a frame fixed to it: [kg], [m] (3,), about its com [kg m^2] (3, 3).
+        mass, com, inertia: Of the body, in a frame fixed to it: [kg], [m] (3,), about its com [kg m^2] (3,
+            3).
         rotation, origin: That frame in the base frame, (3, 3) and (3,) [m].
         twist: Velocity of the body at the base origin [m/s] and angular velocity [rad/s], base axes, (6,).
         gravity: In base axes (3,) [m/s^2].

@@ -10,7 +10,8 @@ _Tensor = tuple[float, float, float, float, float, float]
 
 
 class Tool(BaseModel):
-    """Something rigidly mounted on the tool flange; what has no primitives is felt as weight, but cannot be touched."""
+    """Something rigidly mounted on the tool flange; what has no primitives is felt as weight, but cannot be
+    touched."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -32,7 +33,8 @@ class Tool(BaseModel):
 
 
 def move_inertia(inertia: Inertia, rotation: np.ndarray, translation: np.ndarray) -> Inertia:
-    """The same body seen from a frame in which its own frame has `rotation` (3, 3) and `translation` (3,) [m]."""
+    """The same body seen from a frame in which its own frame has `rotation` (3, 3) and `translation` (3,)
+    [m]."""
     return Inertia(inertia.mass, rotation @ inertia.com + translation, rotation @ inertia.tensor @ rotation.T)
 
 

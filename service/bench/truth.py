@@ -1,0 +1,167 @@
+"""`contactsense bench truth FOLDER`: links and places found on simulated ground truth, with and without
+noise."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense.localizer import Method
+from service.bench.static_points import StaticPoints, read
+
+SENSORS = {
+    "all": (True, True),
+    "base": (True, False),
+    "torques": (False, True),
+}
+"""Set of sensors -> whether there are a base wrench and joint torques."""
+
+
+class Noise(NamedTuple):
+    """Standard deviations of one sample."""
+
+    force: float
+    """Base force [N]."""
+    moment: float
+    """Base moment [Nm]."""
+    torque: float
+    """Joint torque [Nm]."""
+
+
+COLUMNS = (Noise(0.0, 0.0, 0.0), Noise(0.05, 0.01, 0.3), Noise(0.25, 0.05, 1.0), Noise(1.0, 0.2, 3.0))
+"""The noise levels of the design's tables."""
+ASSUMED = Noise(0.02, 0.004, 0.02)
+"""What the estimator is told of sensors that have no noise at all: it needs a finite figure."""
+
+
+@click.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--robot", "robots", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
+@click.option(
+    "--method",
+    type=click.Choice(get_args(Method)),
+    default="joint",
+    show_default=True,
+    help="joint: link and place together; torques_first: the link from the torques, then the place on it.",
+)
+@click.option(
+    "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="What is measured."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def truth(folder: Path, robots: tuple[str, ...], method: Method, sensors: str, as_json: bool) -> None:
+    """Locate the static ground-truth contacts in FOLDER (static_points_ROBOT.npz).
+
+    Every sample counts: one without an answer has an infinite error.
+    """
+    cases = [(read(folder, robot), noise) for robot in robots for noise in COLUMNS]
+    results = [
+        measure(points, noise, method, sensors)
+        for points, noise in track(
+            cases, description="locating", console=Console(stderr=True), transient=True
+        )
+    ]
+    if as_json:
+        click.echo(json.dumps({"method": method, "sensors": sensors, "results": results}, indent=1))
+    else:
+        _print(results, method, sensors)
+
+
+def measure(points: StaticPoints, noise: Noise, method: Method, sensors: str) -> dict[str, Any]:
+    """Locate all points with that noise added to base wrench and torques.
+
+    Returns:
+        Plain numbers for a table or JSON; errors in mm, infinite ones as None.
+    """
+    told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
+    has_base, has_torque = SENSORS[sensors]
+    scene = Scene(
+        robot=points.robot,
+        gravity=points.gravity,
+        base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment) if has_base else None,
+        joint_torque=JointTorqueSensor(noise=told.torque) if has_torque else None,
+    )
+    batch = Localizer(scene, method).locate_batch(
+        points.q,
+        base_wrench=points.base_wrench + points.noise_wrench * np.repeat(noise[:2], 3) if has_base else None,
+        joint_torque=points.torque + points.noise_torque * noise.torque if has_torque else None,
+        external=False,
+    )
+    right = batch.link == points.link
+    error = np.linalg.norm(batch.point_base - points.point_base, axis=1) * 1e3
+    error[batch.link < 0] = np.inf
+    links = len(scene.link_names)
+    confusion = np.zeros((links, links + 1), dtype=int)
+    np.add.at(confusion, (points.link, batch.link), 1)  # no answer: -1, the last column
+    return {
+        "robot": points.robot,
+        "noise": noise._asdict(),
+        "samples": len(right),
+        "link_right": float(right.mean()),
+        "error_mm": _quantiles(error),
+        "error_mm_link_right": _quantiles(error[right]),
+        "ambiguous": float((batch.probability < scene.clear).mean()),
+        "undetected": float((~batch.detected).mean()),
+        "no_answer": float((batch.link < 0).mean()),
+        "links": list(scene.link_names),
+        "confusion": confusion.tolist(),
+    }
+
+
+def _quantiles(error: np.ndarray) -> dict[str, float | None]:
+    if len(error) == 0:
+        return {"median": None, "p95": None}
+    values = np.quantile(error, [0.5, 0.95], method="higher")
+    return {
+        name: float(v) if np.isfinite(v) else None for name, v in zip(("median", "p95"), values, strict=True)
+    }
+
+
+def _print(results: Sequence[dict[str, Any]], method: str, sensors: str) -> None:
+    console = Console(width=118)
+    table = Table(
+        title=f"static contacts, method {method}, sensors {sensors}; errors in mm, failures included"
+    )
+    table.add_column("arm")
+    table.add_column("noise N / Nm / Nm")
+    for name in (
+        "link right",
+        "median",
+        "p95",
+        "median, link right",
+        "p95, link right",
+        "ambiguous",
+        "no answer",
+    ):
+        table.add_column(name, justify="right")
+    for r in results:
+        table.add_row(
+            r["robot"],
+            " / ".join(f"{level:g}" for level in r["noise"].values()),
+            f"{100 * r['link_right']:.1f} %",
+            *(_mm(r[key][q]) for key in ("error_mm", "error_mm_link_right") for q in ("median", "p95")),
+            f"{100 * r['ambiguous']:.1f} %",
+            f"{100 * r['no_answer']:.1f} %",
+        )
+    console.print(table)
+    for r in results:
+        levels = " / ".join(f"{level:g}" for level in r["noise"].values())
+        confusion = Table(
+            title=f"{r['robot']}, noise {levels}: links found (columns) for each link touched (rows)"
+        )
+        confusion.add_column("touched")
+        for name in (*r["links"], "none"):
+            confusion.add_column(name, justify="right")
+        for name, row in zip(r["links"], r["confusion"], strict=True):
+            confusion.add_row(name, *(str(count) if count else "." for count in row))
+        console.print(confusion)
+
+
+def _mm(value: float | None) -> str:
+    return "no answer" if value is None else f"{value:.2f}"
