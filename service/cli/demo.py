@@ -1,0 +1,198 @@
+"""`contactsense demo`: a simulated arm, the service, and the truth beside what the service says."""
+
+import signal
+import socket
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import NoReturn
+
+import click
+from rich.console import Console
+from rich.text import Text
+
+from service.children import Child, ChildError, child
+from service.cli.mock import READY as MOCK_READY
+from service.cli.serve import READY as SERVE_READY
+from service.client import Client, ClientError
+from service.mock.arm import Motion, simulate
+from service.mock.script import Script, ScriptError
+from service.scoreboard import Scoreboard, Verdict
+
+COLUMNS = {
+    "at": 7,
+    "touched": 11,
+    "found": 11,
+    "share": 7,
+    "force": 7,
+    "force error": 13,
+    "point error": 13,
+    "found after": 13,
+}
+"""Heading and width of the table's columns; `share`: of the samples under full force that name the true link."""
+
+_LOADING = 600.0
+"""Time in which the kernels must have been compiled [s]."""
+
+
+@click.command()
+@click.option(
+    "--script", type=click.Path(path_type=Path), help="What the arm does (YAML); default: the demo's."
+)
+@click.option("--serve", is_flag=True, help="Stay until interrupted; the arm begins anew again and again.")
+@click.option("--port", default=0, help="Port to serve at.  [default: a free one]")
+def demo(script: Path | None, serve: bool, port: int) -> int:
+    """Touch a simulated UR arm and print where the service finds each contact, beside the truth.
+
+    Starts the service, and a mock robot with a force/torque sensor that speak the real protocols, each in a
+    process of its own, and reads the service's WebSocket stream as any client would. Exit status 0 only if
+    every link was found.
+    """
+    signal.signal(signal.SIGTERM, _interrupted)
+    try:
+        played = Script.demo() if script is None else Script.load(script)
+        motion = simulate(played)
+    except ScriptError as error:
+        raise click.ClickException(str(error)) from None
+    if serve and not motion.loops:
+        raise click.ClickException("--serve: expected a script that ends where it begins")
+    more = [] if script is None else ["--script", str(script)]
+    more += ["--loop"] if serve else []
+    console = Console(highlight=False, soft_wrap=True)
+    try:
+        with ExitStack() as stack:
+            client = _start(console, stack, played, port, more)
+            status = _compare(console, client, Scoreboard(motion), motion)
+            if serve:
+                _stay(console, client)
+            return status
+    except (ChildError, ClientError) as error:
+        raise click.ClickException(str(error)) from None
+    except KeyboardInterrupt:
+        raise click.Abort from None
+
+
+def _start(console: Console, stack: ExitStack, script: Script, port: int, more: list[str]) -> Client:
+    """The service first, which then waits for its robot as a real one would; then the arm."""
+    noise = script.noise
+    console.print(
+        f"A simulated {script.robot} is touched {len(script.contacts)} times in {script.duration:g} s.\n"
+        f"Noise: {noise.base_force:g} N and {noise.base_moment:g} Nm at the base, "
+        f"{noise.joint_torque:g} Nm at the joints."
+    )
+    ports = {"robot": _free_port(), "ft": _free_port(socket.SOCK_DGRAM), "page": _free_port()}
+    began = time.monotonic()
+    with console.status(
+        "The service starts. The very first time it compiles its kernels, which takes a while."
+    ):
+        service = stack.enter_context(
+            child(
+                "serve",
+                *("--robot", script.robot, "--robot-host", "127.0.0.1", "--robot-port", str(ports["robot"])),
+                *(
+                    "--ft-host",
+                    "127.0.0.1",
+                    "--ft-port",
+                    str(ports["ft"]),
+                    "--ft-http-port",
+                    str(ports["page"]),
+                ),
+                *("--port", str(port)),
+            )
+        )
+        client = stack.enter_context(Client(service.wait_for(SERVE_READY)))
+        _until_loaded(service, client)
+    console.print(f"The service is up after {time.monotonic() - began:.1f} s.")
+    arm = stack.enter_context(
+        child(
+            "mock",
+            *("--rtde-port", str(ports["robot"]), "--ft-port", str(ports["ft"])),
+            *("--ft-http-port", str(ports["page"]), *more),
+        )
+    )
+    arm.wait_for(MOCK_READY)
+    return client
+
+
+def _until_loaded(service: Child, client: Client) -> None:
+    deadline = time.monotonic() + _LOADING
+    while True:
+        service.check()
+        health = client.health()
+        if health.status == "failing":
+            raise ChildError(health.message)
+        if health.status != "starting":
+            return
+        if time.monotonic() > deadline:
+            raise ChildError(f"the service is still starting after {_LOADING:g} s")
+        time.sleep(0.1)
+
+
+def _compare(console: Console, client: Client, board: Scoreboard, motion: Motion) -> int:
+    console.print(Text(_row(list(COLUMNS)), style="bold"))
+    verdicts: list[Verdict] = []
+    lost = 0
+    for message in client.stream():
+        if isinstance(message, int):
+            lost += message
+            continue
+        verdict = board.take(message)
+        if verdict is not None:
+            verdicts.append(verdict)
+            console.print(Text(_line(verdict), style="" if verdict.right else "red"))
+        if board.done:
+            break
+    right = sum(verdict.right for verdict in verdicts)
+    links = len({touch.link for touch in motion.touches})
+    console.print(
+        Text(
+            f"{right} of {len(verdicts)} contacts on {links} links found on the right link; "
+            f"{board.seen} estimates, {lost} lost, {board.false_alarms} false alarms.",
+            style="bold green" if right == len(verdicts) else "bold red",
+        )
+    )
+    return 0 if right == len(verdicts) else 1
+
+
+def _stay(console: Console, client: Client) -> None:
+    client.close()  # an unread stream would only fill up
+    console.print(
+        f"The arm goes on; Ctrl-C ends it.\n  latest estimate  {client.url}/v1/contacts\n"
+        f"  stream           {client.stream_url}\n  interface        {client.url}/docs"
+    )
+    with suppress(KeyboardInterrupt):
+        while True:
+            time.sleep(3600.0)
+
+
+def _line(verdict: Verdict) -> str:
+    """One contact: when, truth, what was found, how far off, how soon."""
+    touch = verdict.touch
+    force = max((touch.force_base**2).sum(axis=1)) ** 0.5
+    return _row(
+        [
+            f"{touch.start:.1f} s",
+            touch.link,
+            verdict.link or "nothing",
+            f"{100.0 * verdict.share:.0f} %",
+            f"{force:.0f} N",
+            f"{verdict.force_error:.1f} N",
+            f"{1e3 * verdict.error:.1f} mm",
+            f"{1e3 * verdict.onset:.0f} ms",
+        ]
+    )
+
+
+def _row(cells: list[str]) -> str:
+    return "".join(cell.rjust(width) for cell, width in zip(cells, COLUMNS.values(), strict=True))
+
+
+def _free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _interrupted(*_: object) -> NoReturn:
+    raise KeyboardInterrupt
