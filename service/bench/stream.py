@@ -15,23 +15,27 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import click
 import numpy as np
 
+from contactsense.scene import Scene
+from contactsense.types import Sample
 from service.mock.rtde_server import RATE
 from service.mock.sent_log import SentLog
 from service.mock.servers import MockServers, MockSettings
 from service.sensors.rtde import DEFAULT_PORT, RtdeStream
-from service.sensors.streams import RobotRecord, RobotStream, SensorError
+from service.sensors.source import LiveSource, SourceSettings
+from service.sensors.streams import RobotStream, SensorError
 from service.sensors.ur_rtde_source import UrRtdeStream
 
-Client = Literal["rtde", "ur_rtde"]
+Client = Literal["rtde", "ur_rtde", "joined"]
 
 NAMES: dict[Client, str] = {
     "rtde": "own reader",
     "ur_rtde": "ur_rtde's receive interface, in a process of its own",
+    "joined": "own reader, joined with the force/torque sensor to samples",
 }
 FIELDS = ("actual_q", "actual_qd", "actual_current", "target_moment")
 """What is read: what the estimator needs, of what both clients offer."""
@@ -39,6 +43,16 @@ FIELDS = ("actual_q", "actual_qd", "actual_current", "target_moment")
 _SPAWN = multiprocessing.get_context("spawn")
 _START = 20.0
 _WARM_UP = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where the mock listens, and where it notes when packets left."""
+
+    host: str
+    netft_port: int
+    http_port: int
+    sent_log: Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +120,9 @@ def measure(clients: tuple[Client, ...], seconds: float, tick: Callable[[float],
     with tempfile.TemporaryDirectory() as folder:
         sent_log = Path(folder) / "sent"
         with _process(_serve, host, sent_log) as mock:
-            _answer(mock, "the mock", _START)
+            place = _answer(mock, "the mock", _START)
             with contextlib.ExitStack() as stack:
-                readers = [stack.enter_context(_process(_read, c, host, sent_log, seconds)) for c in clients]
+                readers = [stack.enter_context(_process(_read, c, place, seconds)) for c in clients]
                 begin = time.monotonic()
                 while (passed := time.monotonic() - begin) < seconds:
                     tick(passed)
@@ -132,11 +146,10 @@ def _process(target: Callable[..., None], *arguments: object) -> Iterator[Connec
             process.join()
 
 
-def _answer(connection: Connection, who: str, timeout: float) -> StreamResult:
+def _answer(connection: Connection, who: str, timeout: float) -> Any:
     try:
         if connection.poll(timeout):
-            answer: StreamResult = connection.recv()
-            return answer
+            return connection.recv()
     except EOFError:
         pass
     raise SensorError(f"{who} did not answer within {timeout:g} s, or its process ended")
@@ -144,16 +157,16 @@ def _answer(connection: Connection, who: str, timeout: float) -> StreamResult:
 
 def _serve(connection: Connection, host: str, sent_log: Path) -> None:
     settings = MockSettings(host=host, netft_port=0, http_port=0, loop=True, sent_log=sent_log)
-    with MockServers(waves(), settings):
-        connection.send("ready")
+    with MockServers(waves(), settings) as servers:
+        connection.send(_Place(host, servers.netft.port, servers.netft.http_port, sent_log))
         with contextlib.suppress(EOFError):
             connection.recv()  # until the bench hangs up
 
 
-def _read(connection: Connection, client: Client, host: str, sent_log: Path, seconds: float) -> None:
-    stream: RobotStream = RtdeStream(host, FIELDS) if client == "rtde" else UrRtdeStream(host, FIELDS)
-    log = SentLog(sent_log, rate=RATE)
-    _collect(stream, _WARM_UP)
+def _read(connection: Connection, client: Client, place: _Place, seconds: float) -> None:
+    stream = _open(client, place)
+    log = SentLog(place.sent_log, rate=RATE)
+    _collect(stream, _WARM_UP, log)
     begin = time.process_time()
     stamps, late = _collect(stream, seconds, log)
     cpu = time.process_time() - begin
@@ -161,7 +174,7 @@ def _read(connection: Connection, client: Client, host: str, sent_log: Path, sec
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu += children.ru_utime + children.ru_stime
     if len(stamps) < 2:
-        raise SensorError(f"{NAMES[client]}: {stream.health.error or 'no samples'}")
+        raise SensorError(f"{NAMES[client]}: no samples; {stream.health}")
     duration = stamps[-1] - stamps[0]
     samples = round(duration * RATE) + 1
     p50, p99 = np.percentile(late, [50, 99])
@@ -173,21 +186,34 @@ def _read(connection: Connection, client: Client, host: str, sent_log: Path, sec
     )
 
 
+def _open(client: Client, place: _Place) -> RobotStream | LiveSource:
+    if client == "rtde":
+        return RtdeStream(place.host, FIELDS)
+    if client == "ur_rtde":
+        return UrRtdeStream(place.host, FIELDS)
+    settings = SourceSettings(
+        place.host,
+        wrench_host=place.host,
+        wrench_port=place.netft_port,
+        wrench_http_port=place.http_port,
+    )
+    return LiveSource(Scene(robot="ur5e"), settings)
+
+
 def _collect(
-    stream: RobotStream, seconds: float, log: SentLog | None = None
+    stream: RobotStream | LiveSource, seconds: float, log: SentLog
 ) -> tuple[list[float], list[float]]:
     stamps: list[float] = []
     late: list[float] = []
     end = None
     give_up = time.monotonic() + _START
     while time.monotonic() < (give_up if end is None else end):
-        records: list[RobotRecord] = stream.poll(0.1)
-        if records and end is None:
+        for item in stream.poll(0.1):
+            stamp = item.t if isinstance(item, Sample) else item.timestamp
+            stamps.append(stamp)
+            late.append(1e-6 * (time.monotonic_ns() - log.left_ns(stamp)))
+        if stamps and end is None:
             end = time.monotonic() + seconds  # counted from the first sample: starting up is no loss
-        now = time.monotonic_ns()
-        stamps += [record.timestamp for record in records]
-        if log is not None:
-            late += [1e-6 * (now - log.left_ns(record.timestamp)) for record in records]
     return stamps, late
 
 
@@ -197,11 +223,11 @@ def _collect(
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 def stream(seconds: float, as_json: bool) -> int:
-    """Samples lost at 500 Hz from the mock: our own reader against ur_rtde's.
+    """Samples lost at 500 Hz: our own reader, ur_rtde, our reader joined with the sensor under the base.
 
     Exit status 1 where our own reader lost any.
     """
-    clients: tuple[Client, ...] = ("rtde", "ur_rtde")
+    clients: tuple[Client, ...] = ("rtde", "ur_rtde", "joined")
     with click.progressbar(length=round(seconds * 10), label="reading", file=sys.stderr) as bar:
         done = 0
 

@@ -24,11 +24,11 @@ def test_command():
     done = CliRunner().invoke(stream, ["--seconds", "1", "--json"], standalone_mode=False)
     assert done.exception is None, done.output
     results = json.loads(done.stdout)
-    assert [result["client"] for result in results] == ["rtde", "ur_rtde"]
+    assert [result["client"] for result in results] == ["rtde", "ur_rtde", "joined"]
     assert done.return_value == int(results[0]["lost"] > 0)
     done = CliRunner().invoke(stream, ["--seconds", "1"], standalone_mode=False)
     assert done.stdout.split()[:2] == ["source", "samples"]
-    assert len(done.stdout.splitlines()) == 3
+    assert len(done.stdout.splitlines()) == 4
 
 
 def test_help_names_every_measurement():
