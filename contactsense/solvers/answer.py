@@ -63,7 +63,40 @@ def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float
     spread = xi * xi * (trace * trace - 4.0 * det)
     stretch = 0.5 * (sqrt(4.0 * fn * fn + bend * bend) + sqrt(max(spread, 0.0)))
     volume = fn * fn + xi * xi * det
-    return sqrt(ff) * stretch / volume if volume > TINY else inf
+    condition = sqrt(ff) * stretch / volume
+    return condition if condition >= 0.0 else inf
+
+
+@kernel
+def torsion(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    cx: float,
+    cy: float,
+    cz: float,
+    nx: float,
+    ny: float,
+    nz: float,
+) -> float:
+    """The torsion at a contact.
+
+    f.m / f.n keeps its digits where the torsion vanishes, the normal part of m - c x f where the force
+    grazes.
+    """
+    push = fx * nx + fy * ny + fz * nz
+    if push * push > 1e-3 * (fx * fx + fy * fy + fz * fz):
+        return (fx * mx + fy * my + fz * mz) / push
+    return nx * (mx - (cy * fz - cz * fy)) + ny * (my - (cz * fx - cx * fz)) + nz * (mz - (cx * fy - cy * fx))
+
+
+@kernel
+def nothing(status: int) -> Answer:
+    """The answer where there is no place to speak of."""
+    return status, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, inf, inf
 
 
 @kernel
@@ -101,20 +134,14 @@ def finish(
     rz = mz - xi * nz - (cx * fy - cy * fx)
     ff = fx * fx + fy * fy + fz * fz
     scale = mx * mx + my * my + mz * mz + (cx * cx + cy * cy + cz * cz) * ff
-    residual = sqrt((rx * rx + ry * ry + rz * rz) / scale) if scale > TINY else 0.0
+    residual = 0.0 if scale <= TINY else sqrt((rx * rx + ry * ry + rz * rz) / scale)
     condition = inf
     if status <= PULLING:
         condition = _grazing(ff, fx * nx + fy * ny + fz * nz, xi, trace, det)
-    # Only a centroid that is too far for a float makes these other than numbers.
-    residual = residual if residual >= 0.0 else inf
-    condition = condition if condition >= 0.0 else inf
+    if not residual >= 0.0:
+        # Too far away for a float.
+        return nothing(MISS)
     return status, cx, cy, cz, nx, ny, nz, xi, residual, condition
-
-
-@kernel
-def nothing(status: int) -> Answer:
-    """The answer where there is no place to speak of."""
-    return status, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, inf, inf
 
 
 @kernel

@@ -27,6 +27,7 @@ from contactsense.solvers.answer import (
     nothing,
     rescaled,
     scaled,
+    torsion,
     unit_exponents,
     unusable,
 )
@@ -91,10 +92,10 @@ def on_lateral(
     rho = radius - taper * z
     cos_beta = 1.0 / sqrt(1.0 + taper * taper)
     nx, ny, nz = cos_beta * ex, cos_beta * ey, cos_beta * taper
-    xi = 0.0
+    cx, cy, xi = rho * ex, rho * ey, 0.0
     if status <= PULLING:
-        xi = (fx * mx + fy * my + fz * mz) / (fx * nx + fy * ny + fz * nz)
-    return finish(status, fx, fy, fz, mx, my, mz, rho * ex, rho * ey, z, nx, ny, nz, xi, cos_beta / rho, 0.0)
+        xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, z, nx, ny, nz)
+    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, z, nx, ny, nz, xi, cos_beta / rho, 0.0)
 
 
 @kernel
@@ -143,3 +144,50 @@ def solve_cylinder(fx: float, fy: float, fz: float, mx: float, my: float, mz: fl
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     return rescaled(_cylinder(fx, fy, fz, mx, my, mz, ldexp(radius, -k)), e, g, k)
+
+
+@kernel
+def _cone(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float, taper: float
+) -> Answer:
+    disc, a, b, u, v = directions(fx, fy, mx, my, mz, radius, taper)
+    if disc <= 0.0:
+        return nothing(MISS)
+    ex = ey = z = 0.0
+    status = MISS
+    for sign in (-1.0, 1.0):
+        ax, ay = a + sign * u, b + sign * v
+        at, push = height(fx, fy, fz, mx, my, ax, ay, radius, taper)
+        # The mirrored cone beyond the apex is none of the body's.
+        if push != 0.0 and radius - taper * at > 0.0 and status != OK:
+            ex, ey, z = ax, ay, at
+            status = OK if push < 0.0 else PULLING
+    if status == MISS:
+        return nothing(MISS)
+    return on_lateral(status, fx, fy, fz, mx, my, mz, ex, ey, z, radius, taper)
+
+
+@kernel
+def solve_cone(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float, taper: float
+) -> Answer:
+    """Contact centroid on the endless cone of radius `radius` - `taper` z about z, up to its apex.
+
+    Args:
+        fx, fy, fz, mx, my, mz: Wrench on the body.
+        radius: At z = 0, positive.
+        taper: Tangent of the angle between side and axis, not zero.
+
+    Returns:
+        See `contactsense.solvers.answer`; where no contact exists, or only one that pulls, no nearest point.
+    """
+    ff = fx * fx + fy * fy + fz * fz
+    mm = mx * mx + my * my + mz * mz
+    if radius * radius * ff > SMALL and (1.0 + radius * radius) * ff < LARGE and mm < LARGE:
+        return _cone(fx, fy, fz, mx, my, mz, radius, taper)
+    status = unusable(fx, fy, fz, mx, my, mz)
+    if status != OK:
+        return nothing(status)
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
+    return rescaled(_cone(fx, fy, fz, mx, my, mz, ldexp(radius, -k), taper), e, g, k)

@@ -13,6 +13,7 @@ from contactsense.solvers.answer import (
     nothing,
     rescaled,
     scaled,
+    torsion,
     unusable,
 )
 from contactsense.solvers.typed import kernel
@@ -37,7 +38,7 @@ def _plane(
     cx = (ny * mz - nz * my + offset * fx) / push
     cy = (nz * mx - nx * mz + offset * fy) / push
     cz = (nx * my - ny * mx + offset * fz) / push
-    xi = (fx * mx + fy * my + fz * mz) / push
+    xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
     status = OK if push < 0.0 else PULLING
     return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, 0.0, 0.0)
 

@@ -9,8 +9,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from contactsense.solvers import capsule, cylinder, ellipsoid, plane, wrench_axis
+from contactsense.solvers import box, capsule, cylinder, ellipsoid, plane, revolved, wrench_axis
 from contactsense.solvers.answer import Answer
+from robots.primitives import Primitive
+from robots.surface import ELLIPSOID, REVOLVED, body
 
 Kernel = Callable[..., Answer]
 Problem = tuple[Kernel, tuple[Any, ...]]
@@ -33,6 +35,12 @@ def _positive(surface: object, **lengths: float) -> None:
     for name, value in lengths.items():
         if not 0.0 < value < np.inf:
             raise ValueError(f"{type(surface).__name__}: {name} must be positive and finite, not {value}")
+
+
+def _not_negative(surface: object, **lengths: float) -> None:
+    for name, value in lengths.items():
+        if not 0.0 <= value < np.inf:
+            raise ValueError(f"{type(surface).__name__}: {name} must not be negative, not {value}")
 
 
 @dataclass(frozen=True)
@@ -94,6 +102,29 @@ class Cylinder:
     def line_problem(self) -> Problem:
         """Its wrench axis."""
         return wrench_axis.wrench_axis_cylinder, self.problem()[1]
+
+
+@dataclass(frozen=True)
+class Cone:
+    """An endless cone about z, of radius `radius` - `taper` z, up to its apex."""
+
+    radius: float
+    """Radius at z = 0 [m]."""
+    taper: float
+    """Tangent of the angle between its side and the axis; not zero."""
+
+    def __post_init__(self) -> None:
+        _positive(self, radius=self.radius)
+        if self.taper == 0.0 or not np.isfinite(self.taper):
+            raise ValueError(f"Cone: taper must be finite and not zero, not {self.taper}; use Cylinder")
+
+    def problem(self) -> Problem:
+        """Closed form."""
+        return cylinder.solve_cone, (float(self.radius), float(self.taper))
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return wrench_axis.wrench_axis_cone, self.problem()[1]
 
 
 @dataclass(frozen=True)
@@ -165,6 +196,58 @@ class TaperedCapsule:
 
 
 @dataclass(frozen=True)
+class Revolved:
+    """A truncated cone about z with flat caps, plus a ball: disc, cylinder and cone with rounded rims."""
+
+    half: float
+    """Half the height of the cone, without the ball [m]; may be zero."""
+    lower: float
+    """Radius of the cone at -half [m]; may be zero."""
+    upper: float
+    """Radius of the cone at half [m]; may be zero."""
+    rounding: float
+    """Radius of the ball [m]."""
+
+    def __post_init__(self) -> None:
+        _positive(self, rounding=self.rounding)
+        _not_negative(self, half=self.half, lower=self.lower, upper=self.upper)
+
+    def problem(self) -> Problem:
+        """Closed forms of caps and side; rims by Newton's method."""
+        size = (float(self.half), float(self.lower), float(self.upper), float(self.rounding))
+        return revolved.solve_revolved, size
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return wrench_axis.wrench_axis_revolved, self.problem()[1]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box about the origin, plus a ball."""
+
+    bx: float
+    """Half its length along x, without the ball [m]; may be zero, as may the others."""
+    by: float
+    """Half its length along y [m]."""
+    bz: float
+    """Half its length along z [m]."""
+    rounding: float
+    """Radius of the ball [m]; zero for a sharp box."""
+
+    def __post_init__(self) -> None:
+        _not_negative(self, bx=self.bx, by=self.by, bz=self.bz, rounding=self.rounding)
+
+    def problem(self) -> Problem:
+        """Closed forms of its patches."""
+        return box.solve_box, (float(self.bx), float(self.by), float(self.bz), float(self.rounding))
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return wrench_axis.wrench_axis_box, self.problem()[1]
+
+
+@dataclass(frozen=True)
 class Placed:
     """A surface whose own frame stands somewhere else."""
 
@@ -182,3 +265,16 @@ class Placed:
     def line_problem(self) -> Problem:
         """That of the surface, in its own frame."""
         return self.surface.line_problem()
+
+
+def place(primitive: Primitive) -> Placed:
+    """A primitive of a robot as a surface in its link's frame."""
+    kind, rotation, origin, size = body(primitive)
+    surface: Surface
+    if kind == ELLIPSOID:
+        surface = Ellipsoid(*size)
+    elif kind == REVOLVED:
+        surface = Revolved(*size) if max(size[:3]) > 0.0 else Sphere(size[3])
+    else:
+        surface = Box(*size)
+    return Placed(surface, origin, rotation)

@@ -19,10 +19,13 @@ from contactsense.solvers.answer import (
     unit_exponents,
     unusable,
 )
-from contactsense.solvers.cylinder import solve_cylinder
+from contactsense.solvers.cylinder import solve_cone, solve_cylinder
 from contactsense.solvers.nearest import TAPERED, enter
 from contactsense.solvers.plane import plane_exponent, solve_plane
 from contactsense.solvers.typed import kernel
+
+_REVOLVED, _BOX = 0, 2
+"""Numbers of kinds in `robots.surface`."""
 
 
 @kernel
@@ -118,6 +121,21 @@ def wrench_axis_cylinder(
 
 
 @kernel
+def wrench_axis_cone(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float, taper: float
+) -> Answer:
+    """Where the wrench axis enters an endless cone about z."""
+    status = unusable(fx, fy, fz, mx, my, mz)
+    if status != OK:
+        return nothing(status)
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
+    lx, ly, lz = line_moment(fx, fy, fz, mx, my, mz)
+    answer = solve_cone(fx, fy, fz, lx, ly, lz, ldexp(radius, -k), taper)
+    return rescaled(_without_torsion(answer, fx, fy, fz, mx, my, mz), e, g, k)
+
+
+@kernel
 def wrench_axis_plane(
     fx: float,
     fy: float,
@@ -165,3 +183,39 @@ def wrench_axis_capsule(
 ) -> Answer:
     """Where the wrench axis enters a capsule about z."""
     return wrench_axis_tapered_capsule(fx, fy, fz, mx, my, mz, half, radius, radius)
+
+
+@kernel
+def wrench_axis_revolved(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    half: float,
+    lower: float,
+    upper: float,
+    rounding: float,
+) -> Answer:
+    """Where the wrench axis enters a truncated cone about z plus a ball."""
+    size = (half, lower, upper, rounding)
+    return enter(_REVOLVED, size, half + max(lower, upper) + rounding, fx, fy, fz, mx, my, mz)
+
+
+@kernel
+def wrench_axis_box(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    bx: float,
+    by: float,
+    bz: float,
+    rounding: float,
+) -> Answer:
+    """Where the wrench axis enters a box about the origin plus a ball."""
+    size = (bx, by, bz, rounding)
+    return enter(_BOX, size, bx + by + bz + rounding, fx, fy, fz, mx, my, mz)

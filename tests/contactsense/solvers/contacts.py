@@ -5,7 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.solvers import Capsule, Cylinder, Ellipsoid, Plane, Sphere, Surface, TaperedCapsule
+from contactsense.solvers import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Plane,
+    Revolved,
+    Sphere,
+    Surface,
+    TaperedCapsule,
+)
+from robots.surface import BOX, REVOLVED, project
 
 POINTS = {}
 """Type of a surface -> function (surface, rng, count) that draws surface points and their normals."""
@@ -106,3 +118,27 @@ def _capsule(
     on_side = rng.uniform(size=(count, 1)) < 0.5
     c = np.where(on_side, (1.0 - share) * (lower + a * side) + share * (upper + b * side), c)
     return c, np.where(on_side, side, n)
+
+
+@points_on(Cone)
+def _cone(surface: Cone, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    e = _around(rng, count)
+    apex = surface.radius / surface.taper
+    z = apex * (1.0 - rng.lognormal(size=(count, 1)))
+    n = unit(e + np.array((0.0, 0.0, surface.taper)))
+    return (surface.radius - surface.taper * z) * e + z * (0.0, 0.0, 1.0), n
+
+
+@points_on(Revolved, Box)
+def _packed(surface: Revolved | Box, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    if isinstance(surface, Revolved):
+        kind, size = REVOLVED, (surface.half, surface.lower, surface.upper, surface.rounding)
+        extent = np.array((size[1] + size[2] + size[3],) * 2 + (size[0] + size[3],))
+    else:
+        kind, size = BOX, (surface.bx, surface.by, surface.bz, surface.rounding)
+        extent = np.array(size[:3]) + size[3]
+    points = 1.5 * extent * rng.normal(size=(count, 3))
+    out = np.array([project(kind, size, *p) for p in points])
+    # Once more from far outside, where the normal is exact.
+    out = np.array([project(kind, size, *(row[1:4] + sum(size) * row[4:])) for row in out])
+    return out[:, 1:4], out[:, 4:]

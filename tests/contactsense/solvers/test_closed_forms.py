@@ -4,18 +4,25 @@ import numpy as np
 import pytest
 
 from contactsense.solvers import (
+    Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
     Placed,
     Plane,
+    Revolved,
     Sphere,
     Status,
     Surface,
     TaperedCapsule,
+    place,
     solve,
     solve_batch,
+    solve_primitive,
 )
+from robots import primitives
+from robots.surface import body, project
 from tests.contactsense.solvers.contacts import draw
 
 SURFACES = [
@@ -29,6 +36,14 @@ SURFACES = [
     Capsule(0.2, 0.06),
     TaperedCapsule(0.2, 0.08, 0.05),
     TaperedCapsule(0.1, 0.02, 0.2),
+    Cone(0.1, 0.2),
+    Cone(0.1, -3.0),
+    Box(0.1, 0.04, 0.07, 0.01),
+    Box(0.1, 0.0, 0.07, 1e-4),
+    Revolved(0.1, 0.04, 0.02, 0.01),
+    Revolved(0.0, 0.05, 0.05, 0.02),
+    Revolved(0.1, 0.05, 0.0, 1e-4),
+    Revolved(0.1, 0.0, 0.0, 0.05),
 ]
 
 
@@ -175,6 +190,53 @@ def test_kernels_are_total(surface: Surface) -> None:
         found = solve_batch(surface, wrenches[:, :3], wrenches[:, 3:], method)  # type: ignore[arg-type]
         for values_of in (found.centroid, found.normal, found.torsion, found.residual, found.condition):
             assert not np.any(np.isnan(values_of))
+
+
+def test_a_sharp_box_is_solved_on_its_faces_and_honest_about_its_edges() -> None:
+    block = Box(0.1, 0.2, 0.3, 0.0)
+    force = np.array((1.0, -2.0, -3.0))
+    on_face = solve(block, force, np.cross((0.05, 0.1, 0.3), force) + np.array((0.0, 0.0, 0.01)))
+    assert on_face.ok
+    np.testing.assert_allclose(on_face.centroid, (0.05, 0.1, 0.3), atol=1e-15)
+    assert on_face.torsion == pytest.approx(0.01)
+    # Torsion about a corner pushes the contact out of each of its three faces.
+    force = np.array((-1.0, -2.0, -3.0))
+    moment = np.cross((0.1, 0.2, 0.3), force) + np.full(3, 0.001)
+    on_corner = solve(block, force, moment)
+    assert on_corner.status == Status.SHARP
+    assert not on_corner.status.degenerate
+    np.testing.assert_allclose(on_corner.centroid, (0.1, 0.2, 0.3), atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder", "ellipsoid", "box"])
+def test_packed_primitives_are_solved_where_they_stand(kind: str) -> None:
+    shapes = {
+        "sphere": primitives.Sphere(center=(0.1, 0.2, 0.3), radius=0.05),
+        "capsule": primitives.Capsule(a=(0.0, 0.1, 0.0), b=(0.2, 0.1, 0.3), radius=0.05),
+        "cylinder": primitives.Cylinder(
+            a=(0.0, 0.1, 0.0), b=(0.2, 0.1, 0.3), radius_a=0.06, radius_b=0.05, rounding=0.01
+        ),
+        "ellipsoid": primitives.Ellipsoid(
+            center=(0.1, 0.0, 0.0), rpy=(0.1, 0.2, 0.3), radii=(0.1, 0.05, 0.2)
+        ),
+        "box": primitives.Box(
+            center=(0.1, 0.0, 0.0), rpy=(0.1, 0.2, 0.3), half=(0.1, 0.05, 0.2), rounding=0.01
+        ),
+    }
+    number, rotation, origin, dimensions = body(shapes[kind])
+    size = np.zeros(8)
+    size[: len(dimensions)] = dimensions
+    rng = np.random.default_rng(11)
+    for _ in range(100):
+        row = np.array(project(number, size, *rng.normal(size=3)))
+        c, n = row[1:4], row[4:]
+        f = rng.normal(size=3)
+        f *= -np.sign(f @ n)
+        answer = solve_primitive(number, size, *f, *(np.cross(c, f) + 0.01 * rng.normal() * n))
+        assert answer[0] == Status.OK
+        np.testing.assert_allclose(answer[1:4], c, atol=1e-9)
+        placed = solve(place(shapes[kind]), rotation @ f, np.cross(origin + rotation @ c, rotation @ f))
+        np.testing.assert_allclose(placed.centroid, origin + rotation @ c, atol=1e-8)
 
 
 def test_sizes_must_make_sense() -> None:

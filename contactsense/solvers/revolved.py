@@ -1,0 +1,273 @@
+"""Bodies of revolution with rounded rims: disc, ball, capsule, cylinder and truncated cone with flat caps.
+
+Patches, exactly one of which holds the contact: two caps (planes) and the side (cylinder or cone) in closed
+form, and
+two rims: balls in closed form where a cap has no radius, else parts of a torus. What rounding leaves outside
+of every patch goes to the nearest.
+"""
+
+from math import ldexp, sqrt
+
+from contactsense.solvers.answer import (
+    LARGE,
+    NOT_CONVERGED,
+    OK,
+    SMALL,
+    Answer,
+    finish,
+    nothing,
+    rescaled,
+    scaled,
+    torsion,
+    unit_exponents,
+    unusable,
+)
+from contactsense.solvers.capsule import ball
+from contactsense.solvers.cylinder import directions, height, on_lateral
+from contactsense.solvers.nearest import nearest_to_line
+from contactsense.solvers.rim import refine_rim, search_rim, start_rim
+from contactsense.solvers.typed import kernel
+
+_SEAM = 1e-9
+"""How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
+
+_REVOLVED = 0
+"""Number of this kind in `robots.surface`."""
+
+_PURE = 1e-12
+"""Torsion per force and moment below which a wrench that enters nowhere is a force that passes by."""
+
+_FAR = 1e300
+
+
+@kernel
+def _on_cap(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, cx: float, cy: float, top: float
+) -> Answer:
+    nz = 1.0 if fz < 0.0 else -1.0
+    xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, top, 0.0, 0.0, nz)
+    return finish(OK, fx, fy, fz, mx, my, mz, cx, cy, top, 0.0, 0.0, nz, xi, 0.0, 0.0)
+
+
+@kernel
+def _on_end(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    at: float,
+    ring: float,
+    r: float,
+    ex: float,
+    ey: float,
+    ca: float,
+    sa: float,
+) -> Answer:
+    """The answer on the ball of radius r about the circle at height `at`, or about its centre if `ring` is
+    0."""
+    nx, ny, nz = ca * ex, ca * ey, sa
+    rho = ring + r * ca
+    cx, cy, cz = rho * ex, rho * ey, at + r * sa
+    xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
+    bend = 1.0 / r
+    around = ca / rho if ring > 0.0 else bend
+    return finish(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, bend + around, bend * around)
+
+
+@kernel
+def _side(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    radius: float,
+    taper: float,
+    low: float,
+    high: float,
+) -> tuple[float, float, float, float]:
+    """Contact on the side, between the heights `low` and `high`: radial direction, height, and how far
+    outside."""
+    ex = ey = z = 0.0
+    least = _FAR
+    disc, a, b, u, v = directions(fx, fy, mx, my, mz, radius, taper)
+    if disc > 0.0:
+        # Of the two directions on a cylinder only the first is pushed at; on a cone it may be either, or
+        # both.
+        for sign in (-1.0, 1.0):
+            ax, ay = a + sign * u, b + sign * v
+            at, push = height(fx, fy, fz, mx, my, ax, ay, radius, taper)
+            outside = max(at - high, low - at)
+            if push < 0.0 and outside < least:
+                ex, ey, z, least = ax, ay, at, outside
+            if taper == 0.0:
+                break
+    return ex, ey, z, least
+
+
+@kernel
+def _end(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    at: float,
+    ring: float,
+    r: float,
+    ca: float,
+    sa: float,
+) -> tuple[bool, float, float, float, float]:
+    """Contact on the rim about height `at`, or on the ball there, started at the elevation (ca, sa)."""
+    lx, ly = mx + at * fy, my - at * fx
+    if ring == 0.0:
+        status, nx, ny, nz, _ = ball(fx, fy, fz, mx, my, mz, at, r)
+        across = sqrt(nx * nx + ny * ny)
+        ex, ey = (nx / across, ny / across) if across > 0.0 else (1.0, 0.0)
+        return status == OK, ex, ey, across, nz
+    found, ex, ey, ca, sa = start_rim(fx, fy, fz, lx, ly, mz, ring, r, ca, sa)
+    if found:
+        found, ex, ey, ca, sa, _ = refine_rim(fx, fy, fz, lx, ly, mz, ring, r, ex, ey, ca, sa)
+    return found, ex, ey, ca, sa
+
+
+@kernel
+def _nowhere(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    half: float,
+    lower: float,
+    upper: float,
+    r: float,
+    cos_beta: float,
+    sin_beta: float,
+) -> Answer:
+    """The rims once more, from all around; where that fails too, the wrench misses."""
+    reach = half + max(lower, upper) + r
+    for side in (1.0, -1.0):
+        at, ring = side * half, upper if side > 0.0 else lower
+        if ring > 0.0:
+            found, ex, ey, ca, sa = search_rim(fx, fy, fz, mx + at * fy, my - at * fx, mz, ring, r)
+            if found and side * (sin_beta * ca - sa * cos_beta) < _SEAM:
+                return _on_end(fx, fy, fz, mx, my, mz, at, ring, r, ex, ey, ca, sa)
+    size = (half, lower, upper, r)
+    answer = nearest_to_line(_REVOLVED, size, reach, fx, fy, fz, mx, my, mz)
+    t = fx * mx + fy * my + fz * mz
+    ff = fx * fx + fy * fy + fz * fz
+    mm = mx * mx + my * my + mz * mz
+    if t * t > _PURE * _PURE * ff * (mm + reach * reach * ff):
+        return NOT_CONVERGED, *answer[1:]
+    return answer
+
+
+@kernel
+def _revolved(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    half: float,
+    lower: float,
+    upper: float,
+    r: float,
+) -> Answer:
+    reach = half + max(lower, upper) + r
+    length = sqrt(4.0 * half * half + (lower - upper) * (lower - upper))
+    cos_beta, sin_beta = (2.0 * half / length, (lower - upper) / length) if length > 0.0 else (1.0, 0.0)
+    # The cap that is pushed at.
+    up = fz < 0.0
+    top, ring = (half + r, upper) if up else (-half - r, lower)
+    cap_x = cap_y = 0.0
+    over_cap = _FAR
+    if fz != 0.0 and ring > 0.0:
+        cap_x, cap_y = (top * fx - my) / fz, (top * fy + mx) / fz
+        over_cap = sqrt(cap_x * cap_x + cap_y * cap_y) - ring
+        if over_cap <= 0.0:
+            return _on_cap(fx, fy, fz, mx, my, mz, cap_x, cap_y, top)
+    # The side.
+    side_x = side_y = side_z = taper = radius = 0.0
+    over_side = _FAR
+    if cos_beta > 0.0 and half > 0.0:
+        taper = sin_beta / cos_beta
+        radius = 0.5 * (lower + upper) + r / cos_beta
+        low, high = r * sin_beta - half, r * sin_beta + half
+        side_x, side_y, side_z, over_side = _side(fx, fy, fz, mx, my, mz, radius, taper, low, high)
+        if over_side <= 0.0:
+            return on_lateral(OK, fx, fy, fz, mx, my, mz, side_x, side_y, side_z, radius, taper)
+    best = min(over_cap, over_side)
+    # The ends: first the one that the side, or else the cap, points at.
+    first = side_z > r * sin_beta if over_side < _FAR else up
+    at = ring = ex = ey = ca = sa = 0.0
+    on_end = False
+    for turn in range(2):
+        at_top = first == (turn == 0)
+        a_at, a_ring, sign = (half, upper, 1.0) if at_top else (-half, lower, -1.0)
+        # Start between side and cap, by how far each of them overshoots.
+        share = 0.5
+        if at_top == up and over_side < _FAR and over_cap < _FAR:
+            share = over_side / (over_side + over_cap)
+        c, s = (1.0 - share) * cos_beta, (1.0 - share) * sin_beta + sign * share
+        size = sqrt(c * c + s * s)
+        c, s = (c / size, s / size) if size > 0.0 else (1.0, 0.0)
+        found, ax, ay, ac, as_ = _end(fx, fy, fz, mx, my, mz, a_at, a_ring, r, c, s)
+        outside = reach * sign * (sin_beta * ac - as_ * cos_beta)
+        if found and outside < best:
+            best, on_end = outside, True
+            at, ring, ex, ey, ca, sa = a_at, a_ring, ax, ay, ac, as_
+            if best <= 0.0:
+                break
+    if best > _SEAM * reach:
+        return _nowhere(fx, fy, fz, mx, my, mz, half, lower, upper, r, cos_beta, sin_beta)
+    if on_end:
+        return _on_end(fx, fy, fz, mx, my, mz, at, ring, r, ex, ey, ca, sa)
+    if over_cap <= over_side:
+        return _on_cap(fx, fy, fz, mx, my, mz, cap_x, cap_y, top)
+    return on_lateral(OK, fx, fy, fz, mx, my, mz, side_x, side_y, side_z, radius, taper)
+
+
+@kernel
+def solve_revolved(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    half: float,
+    lower: float,
+    upper: float,
+    rounding: float,
+) -> Answer:
+    """Contact centroid on a truncated cone about z plus a ball: the `REVOLVED` of `robots.surface`.
+
+    Args:
+        fx, fy, fz, mx, my, mz: Wrench on the body.
+        half: Half the height of the cone (without the ball), may be zero.
+        lower, upper: Radii of the cone at -half and half, may be zero.
+        rounding: Radius of the ball.
+
+    Returns:
+        See `contactsense.solvers.answer`.
+    """
+    size = half + max(lower, upper) + rounding
+    ff = fx * fx + fy * fy + fz * fz
+    mm = mx * mx + my * my + mz * mz
+    if rounding * rounding * ff > SMALL and size * size * ff < LARGE and mm < LARGE:
+        return _revolved(fx, fy, fz, mx, my, mz, half, lower, upper, rounding)
+    status = unusable(fx, fy, fz, mx, my, mz)
+    if status != OK:
+        return nothing(status)
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, size)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
+    half, lower, upper, rounding = ldexp(half, -k), ldexp(lower, -k), ldexp(upper, -k), ldexp(rounding, -k)
+    return rescaled(_revolved(fx, fy, fz, mx, my, mz, half, lower, upper, rounding), e, g, k)
