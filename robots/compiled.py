@@ -1,24 +1,23 @@
 """`kernel`: how all compiled functions of this project are made.
 
-Numba keeps machine code on disk and tells by the source file of a function whether it is stale, but the
-functions that it calls from other files are compiled into it. `kernel` makes the stamp cover those files too,
-so that editing or updating one file never leaves old code at work in another. Numbers that a kernel uses as
-global constants belong in its own file; a test sees to that.
+Numba keeps machine code on disk and tells by the source file of a function whether it is stale; but whatever the
+function takes from other files, kernels that it calls and constants, is compiled into it. `kernel` makes the stamp
+cover all of that, so that editing or updating one file never leaves old code at work in another.
 """
 
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from numba import njit
 
-_FILES: dict[Any, frozenset[str]] = {}
-"""Compiled function -> its source file and those of all compiled functions that it calls."""
+_INGREDIENTS: dict[Any, frozenset[tuple[str, ...]]] = {}
+"""Compiled function -> source files and constants that go into its machine code."""
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile `function` on first use, with division by zero as in IEEE 754, and keep the machine code on
-    disk.
+    """Compile `function` on first use, with division by zero as in IEEE 754, and keep the machine code on disk.
 
     Where no place for the cache is writable, the function is compiled anew in each process. `NUMBA_CACHE_DIR`
     names another place, `NUMBA_DISABLE_JIT=1` leaves plain Python for debugging.
@@ -29,19 +28,29 @@ def kernel(function: Callable[..., Any]) -> Any:
         return njit(error_model="numpy")(function)
     if compiled is function:
         return compiled
-    called = (function.__globals__.get(name) for name in function.__code__.co_names)
-    files = frozenset({function.__code__.co_filename}).union(*(_files(value) for value in called))
-    _FILES[compiled] = files
-    # Numba offers no public way to widen the stamp; it compares it for equality with the one in its index
-    # file.
-    compiled._cache._cache_file._source_stamp = tuple((path, *_stamp(path)) for path in sorted(files))
+    ingredients = frozenset(_ingredients(function))
+    _INGREDIENTS[compiled] = ingredients
+    # Numba offers no public way to widen the stamp; it compares it for equality with the one in its index file.
+    compiled._cache._cache_file._source_stamp = tuple((*item, *_stamp(item)) for item in sorted(ingredients))
     return compiled
 
 
-def _files(value: object) -> frozenset[str]:
-    return _FILES.get(value, frozenset()) if callable(value) else frozenset()
+def _ingredients(function: Callable[..., Any]) -> Iterator[tuple[str, ...]]:
+    yield ("file", function.__code__.co_filename)
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
+        if isinstance(value, int | float | str | tuple):
+            yield ("constant", name, repr(value))
+        elif isinstance(value, type):
+            path = getattr(sys.modules[value.__module__], "__file__", None)
+            if path is not None:
+                yield ("file", path)
+        elif callable(value):
+            yield from _INGREDIENTS.get(value, ())
 
 
-def _stamp(path: str) -> tuple[float, int]:
-    status = os.stat(path)
+def _stamp(item: tuple[str, ...]) -> tuple[float, int]:
+    if item[0] != "file":
+        return 0.0, 0
+    status = os.stat(item[1])
     return status.st_mtime, status.st_size

@@ -1,0 +1,91 @@
+"""Scenes: from Python, from YAML, and what is said of wrong ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from contactsense import JointTorqueSensor, Scene, SceneError, WrenchSensor
+from contactsense.arm import base_wrench_from, build_arm
+
+
+def test_a_name_is_enough() -> None:
+    scene = Scene(robot="ur5e")
+    assert scene.robot.name == "ur5e"
+    np.testing.assert_allclose(scene.gravity_base, [0.0, 0.0, -9.81])
+
+
+def test_a_file_says_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "robot: ur10e\nmounting: ceiling\nfriction: 0.6\n"
+        "tool: {mass: 1.2, com: [0, 0, 0.05], primitives: [{kind: sphere, center: [0, 0, 0.1], radius: 0.03}]}\n"
+        "base_wrench: {force_noise: 0.5, moment_noise: 0.1, translation: [0, 0, -0.04]}\n"
+        "joint_torque: {signal: actual_current, noise: [2, 2, 1, 0.5, 0.5, 0.5]}\n"
+        "touchable: [forearm, tool]\n"
+    )
+    scene = Scene.load(path)
+    assert scene.link_names[-1] == "tool"
+    assert scene.joint_torque == JointTorqueSensor(signal="actual_current", noise=(2, 2, 1, 0.5, 0.5, 0.5))
+    arm = build_arm(scene)
+    np.testing.assert_array_equal(arm.touchable, [False, False, False, True, False, False, False, True])
+    assert arm.model.mass[-1] == pytest.approx(scene.robot.links[-1].inertia.mass + 1.2)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("robot: ur55", "robot: .*ur55"),
+        ("mounting: table", "robot: Field required"),
+        ("robot: ur5e\nfriction: -1", "friction: Input should be greater than 0, got -1"),
+        ("robot: ur5e\nfrictoin: 0.5", "frictoin: Extra inputs are not permitted"),
+        ("robot: ur5e\nmounting: floor", "mounting"),
+        ("robot: ur5e\ntouchable: [elbow]", "touchable: expected links of base, shoulder, .*got 'elbow'"),
+        ("robot: ur5e\njoint_torque: {noise: [1, 1]}", "joint_torque.noise: expected 6 numbers, got 2"),
+        ("robot: ur5e\nbase_wrench: null\njoint_torque: null", "expected at least one of the two sensors"),
+        ("robot: ur5e\nwrist_wrench: {}", "expected a tool beyond the wrist sensor"),
+        ("robot: ur5e\nbase_wrench: {force_noise: .nan}", "base_wrench.force_noise: .*got nan"),
+        ("- ur5e", "expected fields such as `robot: ur5e`, got list"),
+        ("robot: [", "not YAML"),
+    ],
+)
+def test_wrong_files_are_explained_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(text)
+    with pytest.raises(SceneError, match=message) as caught:
+        Scene.load(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"gone\.yaml: cannot read the scene"):
+        Scene.load(tmp_path / "gone.yaml")
+
+
+def test_a_scene_cannot_be_changed() -> None:
+    with pytest.raises(ValidationError):
+        Scene(robot="ur5e").friction = 1.0
+
+
+def test_a_sensors_own_frame_sign_and_place_are_mapped_to_the_base() -> None:
+    """A sensor 40 mm below the base, turned by half a turn about z, that counts the reaction."""
+    sensor = WrenchSensor(rpy=(0.0, 0.0, np.pi), translation=(0.0, 0.0, -0.04), sign="sensor_on_arm")
+    wrench = np.array([10.0, 2.0, -200.0, 3.0, 4.0, 5.0])
+    about_sensor = wrench[3:] - np.cross([0.0, 0.0, -0.04], wrench[:3])
+    turn = np.diag([-1.0, -1.0, 1.0])
+    reading = -np.concatenate((turn @ wrench[:3], turn @ about_sensor))
+    np.testing.assert_allclose(base_wrench_from(sensor, reading), wrench, atol=1e-12)
+    np.testing.assert_allclose(
+        base_wrench_from(sensor, np.stack([reading] * 3)), np.stack([wrench] * 3), atol=1e-12
+    )
+
+
+def test_noise_about_the_sensor_is_carried_to_the_base_origin() -> None:
+    """Far below the base, force noise becomes moment noise about the base origin."""
+    sensor = WrenchSensor(force_noise=1.0, moment_noise=0.1, translation=(0.0, 0.0, -2.0))
+    covariance = build_arm(Scene(robot="ur5e", base_wrench=sensor)).sensors.base_covariance
+    np.testing.assert_allclose(np.diag(covariance), [1.0, 1.0, 1.0, 4.01, 4.01, 0.01])
+    information = build_arm(Scene(robot="ur5e", base_wrench=sensor)).sensors.base_information
+    np.testing.assert_allclose(information @ covariance, np.eye(6), atol=1e-9)

@@ -1,0 +1,103 @@
+"""A UR5e whose links are a few plain primitives, and contacts constructed on them: truth without any mesh."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import robots
+from kinematics.core import place
+from kinematics.model import build_model, empty_motion
+from robots.primitives import Capsule, Cylinder, Primitive
+from robots.surface import pack, project
+
+
+def _tube(a: tuple[float, float, float], b: tuple[float, float, float], radius: float) -> Cylinder:
+    return Cylinder(a=a, b=b, radius_a=radius, radius_b=radius, rounding=0.01)
+
+
+PRIMITIVES: tuple[tuple[Primitive, ...], ...] = (
+    (_tube((0, 0, 0), (0, 0, 0.1), 0.075),),
+    (_tube((0, 0, -0.07), (0, 0, 0.07), 0.06), _tube((0, 0, 0), (0, -0.07, 0), 0.06)),
+    (
+        Capsule(a=(-0.05, 0, 0.138), b=(-0.375, 0, 0.138), radius=0.05),
+        _tube((0, 0, 0.07), (0, 0, 0.2), 0.06),
+        _tube((-0.425, 0, 0.07), (-0.425, 0, 0.2), 0.055),
+    ),
+    (
+        Capsule(a=(-0.05, 0, 0.007), b=(-0.34, 0, 0.007), radius=0.04),
+        _tube((0, 0, -0.06), (0, 0, 0.07), 0.055),
+        _tube((-0.392, 0, -0.05), (-0.392, 0, 0.06), 0.045),
+    ),
+    (_tube((0, 0, -0.05), (0, 0, 0.05), 0.045), _tube((0, 0, 0), (0, -0.05, 0), 0.045)),
+    (_tube((0, 0, -0.05), (0, 0, 0.05), 0.045), _tube((0, 0, 0), (0, 0.05, 0), 0.045)),
+    (_tube((0, 0, -0.035), (0, 0, 0), 0.0375),),
+)
+
+
+def plain_ur5e() -> robots.Robot:
+    """The arm's own kinematics and inertia, with `PRIMITIVES` for a surface."""
+    arm = robots.load("ur5e")
+    links = tuple(
+        robots.Link(link.name, link.inertia, shapes)
+        for link, shapes in zip(arm.links, PRIMITIVES, strict=True)
+    )
+    return robots.Robot(arm.name, links, arm.joints, arm.flange_rotation, arm.flange_translation)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """N contacts; base frame. `torque` is the external part of the actuators' torques, -s_j . w."""
+
+    q: np.ndarray
+    link: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    force: np.ndarray
+    torsion: np.ndarray
+    base_wrench: np.ndarray
+    torque: np.ndarray
+
+
+def contacts(
+    arm: robots.Robot, count: int, seed: int, *, friction: float = 0.4, torsion: float = 0.003
+) -> Truth:
+    """Random postures, each with one push on an exposed place of a random link: 5 to 60 N, within the friction cone."""
+    chance = np.random.default_rng(seed)
+    model, motion, surfaces = build_model(arm), empty_motion(len(arm.joints)), pack(arm.links)
+    rows: list[tuple[np.ndarray, ...]] = []
+    while len(rows) < count:
+        q = chance.uniform(-np.pi, np.pi, len(arm.joints))
+        place(model, q, motion)
+        p = int(chance.integers(len(surfaces.kind)))
+        body = surfaces.rotation[p].T @ (chance.standard_normal(3) * 0.3)
+        found = project(surfaces.kind[p], surfaces.size[p], *body)
+        if found[0] <= 0.0:
+            continue
+        link = int(surfaces.link[p])
+        R = motion.rotation[link] @ surfaces.rotation[p]
+        o = motion.rotation[link] @ surfaces.origin[p] + motion.origin[link]
+        point, normal = R @ np.array(found[1:4]) + o, R @ np.array(found[4:7])
+        if _clearance(surfaces, motion, point, p) < 0.004:
+            continue
+        push = chance.uniform(5.0, 60.0)
+        lean = np.cross(normal, chance.standard_normal(3))
+        lean *= friction * np.sqrt(chance.random()) / np.linalg.norm(lean)
+        force = push * (lean - normal)
+        xi = torsion * push * chance.uniform(-1.0, 1.0)
+        wrench = np.concatenate((force, np.cross(point, force) + xi * normal))
+        torque = np.where(np.arange(len(arm.joints)) < link, -motion.screw @ wrench, 0.0)
+        rows.append((q, np.array(link), point, normal, force, np.array(xi), wrench, torque))
+    return Truth(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _clearance(surfaces, motion, point, own) -> float:  # type: ignore[no-untyped-def]
+    """Distance from a point to the nearest primitive but its own, of any link; negative inside [m]."""
+    distances = []
+    for p in range(len(surfaces.kind)):
+        if p != own:
+            link = surfaces.link[p]
+            local = motion.rotation[link].T @ (point - motion.origin[link]) - surfaces.origin[p]
+            distances.append(
+                project(surfaces.kind[p], surfaces.size[p], *(surfaces.rotation[p].T @ local))[0]
+            )
+    return float(min(distances))

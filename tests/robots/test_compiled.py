@@ -1,0 +1,66 @@
+"""Compiled code on disk must never outlive anything that went into it."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import robots
+
+OUTER = (
+    "from robots.compiled import kernel\n"
+    "from inner import SCALE, inner\n"
+    "@kernel\n"
+    "def outer(x):\n"
+    "    return SCALE * inner(x)\n"
+)
+
+
+def _inner(scale: float, offset: float) -> str:
+    return (
+        "from robots.compiled import kernel\n"
+        f"SCALE = {scale}\n"
+        "@kernel\n"
+        "def inner(x):\n"
+        f"    return x + {offset}\n"
+    )
+
+
+def _run(folder: Path) -> float:
+    path = os.pathsep.join([str(folder), str(Path(robots.__path__[0]).parent)])
+    program = "from outer import outer; print(outer(1.0), *outer.stats.cache_hits.values())"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    result, *hits = done.stdout.split()
+    _run.hits = sum(map(int, hits))  # type: ignore[attr-defined]
+    return float(result)
+
+
+def test_what_a_kernel_takes_from_other_files_counts(tmp_path: Path) -> None:
+    (tmp_path / "outer.py").write_text(OUTER)
+    (tmp_path / "inner.py").write_text(_inner(1.0, 1.0))
+    assert _run(tmp_path) == 2.0
+    assert _run.hits == 0  # type: ignore[attr-defined]
+    assert _run(tmp_path) == 2.0
+    assert _run.hits == 1  # type: ignore[attr-defined]
+    (tmp_path / "inner.py").write_text(_inner(1.0, 10.0))
+    assert _run(tmp_path) == 11.0
+    (tmp_path / "inner.py").write_text(_inner(3.0, 10.0))
+    assert _run(tmp_path) == 33.0
+
+
+def test_with_nowhere_to_write_kernels_are_compiled_in_memory() -> None:
+    program = (
+        "import numba.core.caching as caching\n"
+        "caching.CacheImpl._locator_classes = []\n"
+        "import numpy as np\n"
+        "from kinematics.core import dot6\n"
+        "print(dot6(np.ones(6), np.ones(6)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "6.0"
