@@ -3,6 +3,7 @@
 It stands under the base of the simulated arm and serves the same motion on the same clock as the RTDE server.
 """
 
+import select
 import socket
 import threading
 import time
@@ -126,9 +127,15 @@ class NetFtServer:
             while deadline - time.monotonic_ns() > NS // 5 and not self._stopping.is_set():
                 time.sleep(0.2)
                 self._hear()
+            if not self._streams:
+                # Nobody listens: no need to wake up for every reading.
+                select.select([self._socket], [], [], 0.1)
+                self._hear()
+                k = max(k, int(self._clock.now() * self._rate) + 1)
+                continue
             self._clock.sleep_until(deadline)
             self._hear()
-            if self._streams and not self.mute:
+            if not self.mute:
                 self._send(k)
             k += 1
 

@@ -244,8 +244,12 @@ class RtdeServer:
         return wire.SetupReply(False, 1, types)
 
     def _set_up_inputs(self, client: _Client, names: tuple[str, ...]) -> wire.SetupReply:
-        types = tuple(self.controller.input_types(names))
-        if not names or "NOT_FOUND" in types:
+        with self._clients_lock:
+            others = [r for c in self._clients if c is not client for r in c.inputs.values()]
+        taken = {name for recipe in others for name in recipe.names}
+        known = zip(names, self.controller.input_types(names), strict=True)
+        types = tuple("IN_USE" if name in taken else kind for name, kind in known)
+        if not names or "NOT_FOUND" in types or "IN_USE" in types:
             return wire.SetupReply(True, 0, types)
         number = len(client.inputs) + 1
         client.inputs[number] = wire.Recipe(number, names, types)

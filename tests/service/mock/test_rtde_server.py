@@ -89,6 +89,14 @@ def test_the_order_of_messages_of_urs_own_client():
         assert client.ask("P") == b"\x01"
 
 
+def test_an_input_has_one_writer_at_a_time():
+    with rtde_server() as server, PlainClient(server) as first, PlainClient(server) as second:
+        assert first.ask("I", b"input_int_register_0,input_int_register_1")[1:] == b"INT32,INT32"
+        assert second.ask("I", b"input_int_register_1,input_int_register_2") == b"\x00IN_USE,INT32"
+        first.socket.close()
+        assert until(lambda: second.ask("I", b"input_int_register_1") == b"\x01INT32")
+
+
 def test_every_sample_once_and_right():
     with rtde_server() as server, PlainClient(server) as client:
         client.start("timestamp,actual_q,actual_qd,actual_current,actual_current_as_torque,target_qdd")
