@@ -5,6 +5,7 @@
 
 import asyncio
 import contextlib
+import threading
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from importlib.metadata import version
@@ -66,7 +67,21 @@ class Service:
 
     async def _load(self) -> Localizer:
         await self.runner.loaded.wait()  # two processes that compile the same kernels would only be slower
-        return await asyncio.to_thread(Localizer, self.scene)
+        loop = asyncio.get_running_loop()
+        loaded: asyncio.Future[Localizer] = loop.create_future()
+
+        def tell(localizer: Localizer) -> None:
+            if not loaded.done():
+                loaded.set_result(localizer)
+
+        def load() -> None:
+            localizer = Localizer(self.scene)
+            with contextlib.suppress(RuntimeError):  # the loop has been closed meanwhile
+                loop.call_soon_threadsafe(tell, localizer)
+
+        # A daemon: a service that is told to end does not wait for the compiler.
+        threading.Thread(target=load, name="loading kernels", daemon=True).start()
+        return await loaded
 
     async def locate(self, samples: Sequence[messages.SampleIn], external: bool) -> list[Estimate]:
         """Locate static samples; a localizer's working arrays are not for two at a time."""

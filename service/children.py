@@ -26,9 +26,10 @@ class Child:
         """`errors`: a file for what it writes to stderr."""
         self._name = arguments[0]
         self._errors = errors
-        # A session of its own: Ctrl-C is for us, we end the children in order.
+        # A session of its own: Ctrl-C is for us, we end the children in order. -P: a folder named service
+        # where the user happens to be is not ours.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "service", *arguments],
+            [sys.executable, "-P", "-m", "service", *arguments],
             stdout=subprocess.PIPE,
             stderr=errors,
             text=True,

@@ -48,20 +48,27 @@ class Client:
         except (OSError, urllib.error.URLError) as error:
             raise ClientError(f"{self.url}/v1/health: {error}") from None
 
+    def receive(self) -> str | bytes:
+        """The next message of the stream.
+
+        Raises:
+            ClientError: None for too long, with what the service has to say; or the service has gone.
+        """
+        try:
+            return self._stream.recv(timeout=SILENCE)
+        except TimeoutError:
+            raise ClientError(f"no estimate for {SILENCE:g} s: {self.health().message}") from None
+        except ConnectionClosed as error:
+            raise ClientError(f"the service has gone: {error}") from None
+
     def stream(self) -> Iterator[EstimateOut | int]:
         """Estimates as they come, and, as plain numbers, how many were lost on the way.
 
         Raises:
-            ClientError: No estimate for too long, with what the service has to say; or the service has gone.
+            ClientError: As for `receive`.
         """
         while True:
-            try:
-                message = self._stream.recv(timeout=SILENCE)
-            except TimeoutError:
-                raise ClientError(f"no estimate for {SILENCE:g} s: {self.health().message}") from None
-            except ConnectionClosed as error:
-                raise ClientError(f"the service has gone: {error}") from None
-            content = json.loads(message)
+            content = json.loads(self.receive())
             yield LostOut(**content).lost if "lost" in content else EstimateOut.model_validate(content)
 
     def close(self) -> None:

@@ -6,6 +6,7 @@ BENCHES = {
     "truth": "service.bench.truth:truth",
     "speed": "service.bench.speed:speed",
     "stream": "service.bench.stream:stream",
+    "latency": "service.bench.latency:latency",
 }
 """Name -> where its click command lives."""
 

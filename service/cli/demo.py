@@ -1,7 +1,6 @@
 """`contactsense demo`: a simulated arm, the service, and the truth beside what the service says."""
 
 import signal
-import socket
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -11,13 +10,12 @@ import click
 from rich.console import Console
 from rich.text import Text
 
-from service.children import Child, ChildError, child
-from service.cli.mock import READY as MOCK_READY
-from service.cli.serve import READY as SERVE_READY
+from service.children import ChildError
 from service.client import Client, ClientError
 from service.mock.arm import Motion, simulate
 from service.mock.script import Script, ScriptError
 from service.scoreboard import Scoreboard, Verdict
+from service.stage import Stage
 
 COLUMNS = {
     "at": 7,
@@ -29,10 +27,7 @@ COLUMNS = {
     "point error": 13,
     "found after": 13,
 }
-"""Heading and width of the table's columns; `share`: of the samples under full force that name the true link."""
-
-_LOADING = 600.0
-"""Time in which the kernels must have been compiled [s]."""
+"""Heading and width of the columns; `share`: of the samples under full force that name the true link."""
 
 
 @click.command()
@@ -73,59 +68,21 @@ def demo(script: Path | None, serve: bool, port: int) -> int:
 
 
 def _start(console: Console, stack: ExitStack, script: Script, port: int, more: list[str]) -> Client:
-    """The service first, which then waits for its robot as a real one would; then the arm."""
     noise = script.noise
     console.print(
         f"A simulated {script.robot} is touched {len(script.contacts)} times in {script.duration:g} s.\n"
         f"Noise: {noise.base_force:g} N and {noise.base_moment:g} Nm at the base, "
-        f"{noise.joint_torque:g} Nm at the joints."
+        f"{noise.joint_torque:g} Nm at each joint."
     )
-    ports = {"robot": _free_port(), "ft": _free_port(socket.SOCK_DGRAM), "page": _free_port()}
     began = time.monotonic()
+    stage = stack.enter_context(Stage(script.robot, port))
     with console.status(
         "The service starts. The very first time it compiles its kernels, which takes a while."
     ):
-        service = stack.enter_context(
-            child(
-                "serve",
-                *("--robot", script.robot, "--robot-host", "127.0.0.1", "--robot-port", str(ports["robot"])),
-                *(
-                    "--ft-host",
-                    "127.0.0.1",
-                    "--ft-port",
-                    str(ports["ft"]),
-                    "--ft-http-port",
-                    str(ports["page"]),
-                ),
-                *("--port", str(port)),
-            )
-        )
-        client = stack.enter_context(Client(service.wait_for(SERVE_READY)))
-        _until_loaded(service, client)
+        client = stage.start_service()
     console.print(f"The service is up after {time.monotonic() - began:.1f} s.")
-    arm = stack.enter_context(
-        child(
-            "mock",
-            *("--rtde-port", str(ports["robot"]), "--ft-port", str(ports["ft"])),
-            *("--ft-http-port", str(ports["page"]), *more),
-        )
-    )
-    arm.wait_for(MOCK_READY)
+    stage.start_arm(*more)
     return client
-
-
-def _until_loaded(service: Child, client: Client) -> None:
-    deadline = time.monotonic() + _LOADING
-    while True:
-        service.check()
-        health = client.health()
-        if health.status == "failing":
-            raise ChildError(health.message)
-        if health.status != "starting":
-            return
-        if time.monotonic() > deadline:
-            raise ChildError(f"the service is still starting after {_LOADING:g} s")
-        time.sleep(0.1)
 
 
 def _compare(console: Console, client: Client, board: Scoreboard, motion: Motion) -> int:
@@ -185,13 +142,6 @@ def _line(verdict: Verdict) -> str:
 
 def _row(cells: list[str]) -> str:
     return "".join(cell.rjust(width) for cell, width in zip(cells, COLUMNS.values(), strict=True))
-
-
-def _free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def _interrupted(*_: object) -> NoReturn:
