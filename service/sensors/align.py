@@ -16,10 +16,12 @@ import numpy as np
 
 _BLOCK = 0.25
 """From each block of this length only the least delayed arrival is kept [s]."""
+_FIRST_BLOCK = 0.02
+"""The same at first, while every arrival teaches something [s]."""
 _BLOCKS = 240
 """So many blocks are looked back upon: a minute."""
-_START = 32
-"""So many arrivals at first are all kept, to learn the clock's period."""
+_START = 0.2
+"""It takes arrivals over so long a stretch to tell a period that nobody has told [s]."""
 _TRUST = 2.0
 """A stretch at least so long tells a better period than the one given [s]."""
 _SKEW = 5e-4
@@ -42,36 +44,23 @@ class ClockMap:
         self._origin: tuple[float, int] | None = None
         self._points: deque[tuple[float, float]] = deque(maxlen=_BLOCKS)
         self._block_end = 0.0
-        self._count = 0
-        self._known = self._given is not None
+        self.ready = False
+        """Whether enough has arrived to tell times."""
         self.period = self._given or 0.0
         """Seconds per unit of the sensor's clock, as learned so far."""
         self._offset = 0.0
-
-    @property
-    def ready(self) -> bool:
-        """Whether enough has arrived to tell times."""
-        return self._count >= (1 if self._given is not None else _START)
 
     def observe(self, tick: float, arrival_ns: int) -> None:
         """A reading with this number on the sensor's clock arrived at this host time."""
         if self._origin is None:
             self._origin = (tick, arrival_ns)
+            self.ready = self._given is not None
         x = tick - self._origin[0]
         y = (arrival_ns - self._origin[1]) * 1e-9
-        self._count += 1
         residual = y - self.period * x
-        if self._count <= _START:
-            self._points.append((x, y))
-            if not self._known and self._count == _START:
-                self._fit()
-            elif self._known:
-                self._offset = residual if self._count == 1 else min(self._offset, residual)
-            self._block_end = y + _BLOCK
-            return
         self._offset = min(self._offset, residual)
-        if y >= self._block_end:
-            self._block_end = y + _BLOCK
+        if y >= self._block_end or not self._points:
+            self._block_end = y + (_BLOCK if y > _TRUST else _FIRST_BLOCK)
             self._fit()
             self._points.append((x, y))
         else:
@@ -96,8 +85,8 @@ class ClockMap:
         return self._origin[1]
 
     def _fit(self) -> None:
-        # Of all lines below the points the one with the least sum of distances lies on the edge of the lower
-        # convex hull that spans the points' mean.
+        # Of all lines below the points the nearest one in the middle of them all lies on that edge of their
+        # lower convex hull which spans the middle.
         hull: list[tuple[float, float]] = []
         for p in self._points:
             while len(hull) > 1 and _turn(hull[-2], hull[-1], p) <= 0.0:
@@ -105,18 +94,19 @@ class ClockMap:
             if not hull or p[0] > hull[-1][0]:
                 hull.append(p)
         if len(hull) > 1:
-            mean = sum(x for x, _ in self._points) / len(self._points)
-            i = next((k for k, (x, _) in enumerate(hull) if x >= mean), len(hull) - 1) or 1
+            middle = 0.5 * (hull[0][0] + hull[-1][0])
+            i = next(k for k, (x, _) in enumerate(hull) if x >= middle)
             (x0, y0), (x1, y1) = hull[i - 1], hull[i]
-            slope = (y1 - y0) / (x1 - x0)
-            long_enough = self._points[-1][1] - self._points[0][1] >= _TRUST
-            if self._given is None:
-                if long_enough or not self._known:
-                    self.period = slope
-            elif long_enough:
-                self.period = min(max(slope, self._given * (1.0 - _SKEW)), self._given * (1.0 + _SKEW))
-        self._known = True
-        self._offset = min(y - self.period * x for x, y in self._points)
+            self._learn((y1 - y0) / (x1 - x0), self._points[-1][1] - self._points[0][1])
+        self._offset = min((y - self.period * x for x, y in self._points), default=0.0)
+
+    def _learn(self, slope: float, stretch: float) -> None:
+        if self._given is None:
+            if slope > 0.0:
+                self.period = slope
+                self.ready = stretch >= _START
+        elif stretch >= _TRUST:
+            self.period = min(max(slope, self._given * (1.0 - _SKEW)), self._given * (1.0 + _SKEW))
 
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:

@@ -41,6 +41,9 @@ class SourceSettings:
     wrench_fields: tuple[str, ...] = ()
     """Six RTDE fields that carry the base sensor's reading [N, Nm], such as output registers, instead of
     `wrench_host`."""
+    wrench_rate: float | None = None
+    """How many readings a second the sensor numbers [Hz]; None: learn it from their arrivals, which takes a
+    moment, the longer the busier the host."""
     wrench_delay: float = 0.0
     """By how much a force/torque reading is always longer on its way than a robot packet [s]."""
     wrench_max_age: float = 0.01
@@ -104,7 +107,11 @@ class LiveSource:
                 http_port=settings.wrench_http_port,
                 counts=settings.wrench_counts,
             )
-        self._aligner = Aligner(max_age=settings.wrench_max_age, delay=settings.wrench_delay)
+        self._aligner = Aligner(
+            period=None if settings.wrench_rate is None else 1.0 / settings.wrench_rate,
+            max_age=settings.wrench_max_age,
+            delay=settings.wrench_delay,
+        )
         self._wait = settings.wrench_wait
         self._heard_ns = 0
         self._unusable = 0

@@ -51,6 +51,32 @@ def test_jitter_and_drift(seed, drift, start, known):
     assert clock.period * scale == pytest.approx(1.0 + drift, abs=3e-5)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_busy_host_that_hears_in_bursts(seed):
+    # Half of the time it is held up by 5 to 40 ms and then hears all at once.
+    rng = np.random.default_rng(seed)
+    own = np.arange(10_000)
+    host = own * 1e-3
+    arrival = host + delays(rng, len(own))
+    begin = 0.0
+    while begin < 10.0:
+        end = begin + rng.uniform(0.005, 0.04)
+        held = (arrival >= begin) & (arrival < end)
+        arrival[held] = end
+        begin = end + rng.uniform(0.005, 0.04)
+    clock = ClockMap(None)
+    errors = []
+    for tick, at in zip(own, arrival, strict=True):
+        clock.observe(int(tick), int(at * NS))
+        if clock.ready:
+            told = clock.origin_ns / NS + clock.host(int(tick))
+            errors.append((tick, told - tick * 1e-3 - 3e-4))
+    ticks, error = np.transpose(errors)
+    assert ticks[0] < 400
+    assert np.abs(error).max() < 5e-3
+    assert np.abs(error[ticks > 2000]).max() < 5e-4
+
+
 def test_a_clock_steeper_than_any_quartz_is_taken_for_jitter():
     clock = ClockMap(1.0)
     for k in range(5000):
@@ -120,16 +146,16 @@ def test_a_known_delay_is_taken_off(told, error):
 
 def test_a_silent_sensor_gives_nothing_and_not_its_last_value():
     aligner = Aligner(max_age=0.01)
-    for k in range(200):
+    for k in range(300):
         aligner.add(k, k * 1_000_000, [float(k)] * 6)
     for k in range(200):
         aligner.observe_robot(k * 0.002, k * 2_000_000)
-    held = aligner.at(0.204)
+    held = aligner.at(0.304)
     assert held.wrench is not None
-    assert held.wrench[0] == 199.0
+    assert held.wrench[0] == 299.0
     assert held.age == pytest.approx(0.005, abs=1e-6)
-    assert not aligner.covers(0.204)
-    gone = aligner.at(0.210)
+    assert not aligner.covers(0.304)
+    gone = aligner.at(0.310)
     assert gone.wrench is None
     assert gone.age == pytest.approx(0.011, abs=1e-6)
 
@@ -155,7 +181,7 @@ def test_before_anything_was_heard_there_is_nothing():
     assert aligner.at(0.0).wrench is None
     assert math.isinf(aligner.at(0.0).age)
     assert not aligner.covers(0.0)
-    for k in range(100):
+    for k in range(300):
         aligner.observe_robot(10.0 + k * 0.002, k * 2_000_000)
         aligner.add(k, k * 1_000_000, [0.0] * 6)
     assert aligner.at(5.0).wrench is None  # before the first reading
@@ -181,7 +207,7 @@ def test_a_sensor_that_starts_anew_is_learned_anew():
     assert aligner.at(2.0).wrench[0] == pytest.approx(2.0, abs=1e-6)
     aligner.add(0, 3_000_000_000, [3.0] * 6)
     assert aligner.at(2.0).wrench is None
-    for k in range(1, 100):
+    for k in range(1, 300):
         aligner.add(k, 3_000_000_000 + k * 1_000_000, [3.0 + k * 1e-3] * 6)
     assert aligner.at(3.05).wrench[0] == pytest.approx(3.05, abs=1e-6)
 
@@ -200,7 +226,7 @@ def test_a_robot_that_starts_anew_is_learned_anew():
 
 def test_the_same_reading_twice_is_one():
     aligner = Aligner()
-    for k in range(100):
+    for k in range(300):
         for _ in range(2):
             aligner.add(k, k * 1_000_000, [k * 1e-3] * 6)
         aligner.observe_robot(k * 0.001, k * 1_000_000)

@@ -24,6 +24,7 @@ MOCK = MockSettings(rtde_port=0, netft_port=0, http_port=0)
 
 
 def settings_for(servers, **changes):
+    changes = {"wrench_rate": 1000.0} | changes
     return SourceSettings(
         servers.rtde.host,
         servers.rtde.port,
@@ -65,6 +66,15 @@ def test_samples_of_one_instant():
     assert health.wrench is not None
     assert (health.wrench.state, health.wrench.overrun, health.trouble) == ("streaming", 0, "")
     assert health.unusable == 0
+
+
+def test_the_rate_of_the_sensor_may_be_learned():
+    with (
+        MockServers(FEED, MOCK) as servers,
+        LiveSource(SCENE, settings_for(servers, wrench_rate=None)) as source,
+    ):
+        with_wrench(source, 500)
+        assert_of_its_instant(with_wrench(source, 300))
 
 
 @pytest.mark.parametrize(("told", "shift"), [(0.006, 0.0), (0.0, 0.006)])
