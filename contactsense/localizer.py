@@ -210,8 +210,9 @@ class Localizer:
     def _answer(
         self, t: float, present: tuple[bool, bool, bool], scale: float, reason: str, detect: bool
     ) -> Estimate:
-        count, nothing = explain(self._arm, self._memory, *present, scale, self._gate)
-        if detect and nothing <= self._threshold(present):
+        threshold = self._threshold(present) if detect else -1.0
+        count, nothing = explain(self._arm, self._memory, *present, scale, self._gate, threshold)
+        if nothing <= threshold:
             return self._composer.quiet(t, "degraded" if reason else "none", reason)
         return self._composer.contacts(t, self._memory, count, reason)
 

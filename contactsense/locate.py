@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.isolation import Hypotheses
-from contactsense.refine import CUT, Prior, Work, energy_at, lean_in, refine, view
+from contactsense.refine import CUT, Prior, Work, energy_at, lean_in, loosen, refine, view
 from contactsense.seed import enter
 from kinematics.model import Motion
 from robots.compiled import kernel
@@ -39,6 +39,10 @@ class Candidates(NamedTuple):
     """Moment on the robot about the outward normal [Nm], shape (P,)."""
     covariance: np.ndarray
     """Covariance of `point` [m^2], shape (P, 3, 3)."""
+    wrench: np.ndarray
+    """Fused wrench of the link's hypothesis in each primitive's body frame, shape (P, 6) [N, Nm]."""
+    information: np.ndarray
+    """Its information matrix, shape (P, 6, 6)."""
     rotation: np.ndarray
     """Axes of every primitive's body frame in the base frame, shape (P, 3, 3)."""
     origin: np.ndarray
@@ -56,6 +60,8 @@ def empty_candidates(primitives: int) -> Candidates:
         force=np.zeros((primitives, 3)),
         torsion=np.zeros(primitives),
         covariance=np.zeros((primitives, 3, 3)),
+        wrench=np.zeros((primitives, 6)),
+        information=np.zeros((primitives, 6, 6)),
         rotation=np.zeros((primitives, 3, 3)),
         origin=np.zeros((primitives, 3)),
     )
@@ -103,15 +109,14 @@ def locate(
         p = found.order[i]
         link = surfaces.link[p]
         own = hypotheses.energy[link]
-        w, L = hypotheses.wrench[link], hypotheses.information[link]
+        w, L = found.wrench[p], found.information[p]
         kind, size = surfaces.kind[p], surfaces.size[p]
-        view(w, L, found.rotation[p], found.origin[p], work)
         limit = least + CUT - own
         if aimed:
             c, n = found.point[p], found.normal[p]
-            result = refine(kind, size, prior, limit, c[0], c[1], c[2], n[0], n[1], n[2], work)
+            result = refine(kind, size, w, L, prior, limit, c[0], c[1], c[2], n[0], n[1], n[2], work)
         else:
-            result = _from_sides(kind, size, surfaces.radius[p], prior, limit, work)
+            result = _from_sides(kind, size, surfaces.radius[p], w, L, prior, limit, work)
         found.score[p] = result[1] - own
         if result[1] > -math.inf:
             _store(found, p, result, work, prior.offset)
@@ -146,34 +151,66 @@ def _aim_all(surfaces, touchable, hypotheses, aimed, prior, found, work):  # typ
         w, P, L = hypotheses.wrench[link], hypotheses.covariance[link], hypotheses.information[link]
         own = hypotheses.energy[link]
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
-            energy = own
             if aimed:
-                bound = own + _least_energy(w, P, found.origin[p], surfaces.radius[p], prior.offset)
-                if bound > ceiling + CUT:
+                energy = own + _aim(surfaces, found, p, w, P, L, prior, ceiling + CUT - own, work)
+                if energy == math.inf:
                     continue
-                view(w, L, found.rotation[p], found.origin[p], work)
-                energy += _aim(surfaces, found, p, prior, work)
                 ceiling = min(ceiling, energy)
-            found.score[p] = energy
+                found.score[p] = energy
+            else:
+                view(w, L, found.rotation[p], found.origin[p], found.wrench[p], found.information[p], work)
+                found.score[p] = own
             found.order[count] = p
             count += 1
     return count
 
 
 @kernel
-def _least_energy(w, P, o, radius, offset):  # type: ignore[no-untyped-def]
-    """About the least energy that moves the wrench axis into the ball of that radius about o."""
+def _aim(surfaces, found, p, w, P, L, prior, limit, work):  # type: ignore[no-untyped-def]
+    """Where the wrench axis enters primitive p, or comes nearest, as its point and normal, body frame.
+
+    Returns the energy there; infinity where all of the primitive is sure to lie above the limit.
+    """
+    R, o, radius = found.rotation[p], found.origin[p], surfaces.radius[p]
     fx, fy, fz = w[0], w[1], w[2]
     ff = fx * fx + fy * fy + fz * fz
     if ff <= 0.0:
-        return 0.0
-    ox, oy, oz = o[0], o[1], o[2]
-    mx, my, mz = w[3] - oy * fz + oz * fy, w[4] - oz * fx + ox * fz, w[5] - ox * fy + oy * fx
+        return math.inf
+    mx, my, mz = w[3] - o[1] * fz + o[2] * fy, w[4] - o[2] * fx + o[0] * fz, w[5] - o[0] * fy + o[1] * fx
     ax, ay, az = fy * mz - fz * my, fz * mx - fx * mz, fx * my - fy * mx
-    gap = math.sqrt(ax * ax + ay * ay + az * az) / ff - radius
-    if gap <= 0.0:
-        return 0.0
-    # Trace of the covariance of the moment about o.
+    # Energy of bringing the axis nearer by one metre, about: the moment about o must change by as much as
+    # |f|.
+    per_gap = 0.5 * ff / (_moment_variance(P, o) + prior.offset * prior.offset * ff)
+    gap = max(math.sqrt(ax * ax + ay * ay + az * az) / ff - radius, 0.0)
+    if per_gap * gap * gap > limit:
+        return math.inf
+    gap, cx, cy, cz, nx, ny, nz = enter(
+        surfaces.kind[p],
+        surfaces.size[p],
+        radius,
+        R[0, 0] * fx + R[1, 0] * fy + R[2, 0] * fz,
+        R[0, 1] * fx + R[1, 1] * fy + R[2, 1] * fz,
+        R[0, 2] * fx + R[1, 2] * fy + R[2, 2] * fz,
+        R[0, 0] * mx + R[1, 0] * my + R[2, 0] * mz,
+        R[0, 1] * mx + R[1, 1] * my + R[2, 1] * mz,
+        R[0, 2] * mx + R[1, 2] * my + R[2, 2] * mz,
+    )
+    if per_gap * gap * gap > limit:
+        return math.inf
+    view(w, L, R, o, found.wrench[p], found.information[p], work)
+    found.point[p, 0], found.point[p, 1], found.point[p, 2] = cx, cy, cz
+    found.normal[p, 0], found.normal[p, 1], found.normal[p, 2] = nx, ny, nz
+    w, L = found.wrench[p], found.information[p]
+    fx, fy, fz = lean_in(w[0], w[1], w[2], nx, ny, nz)
+    loose = loosen(L, prior, nx, ny, nz, fx, fy, fz)
+    return energy_at(w, L, prior, loose, cx, cy, cz, nx, ny, nz, fx, fy, fz, 0.0)
+
+
+@kernel
+def _moment_variance(P, o):  # type: ignore[no-untyped-def]
+    """Trace of the covariance of the moment about the point o, P being that of the wrench about the
+    origin."""
+    ox, oy, oz = o[0], o[1], o[2]
     cross = oz * (P[0, 4] - P[1, 3]) + oy * (P[2, 3] - P[0, 5]) + ox * (P[1, 5] - P[2, 4])
     oo = ox * ox + oy * oy + oz * oz
     oPo = (
@@ -182,25 +219,11 @@ def _least_energy(w, P, o, radius, offset):  # type: ignore[no-untyped-def]
         + oz * oz * P[2, 2]
     )
     trace = P[3, 3] + P[4, 4] + P[5, 5] - 2.0 * cross + oo * (P[0, 0] + P[1, 1] + P[2, 2]) - oPo
-    return 0.5 * gap * gap * ff / (max(trace, 0.0) + offset * offset * ff)
+    return max(trace, 0.0)
 
 
 @kernel
-def _aim(surfaces, found, p, prior, work):  # type: ignore[no-untyped-def]
-    """Where the wrench axis enters primitive p, or comes nearest, as its point and normal; the energy
-    there."""
-    w = work.wrench
-    _, cx, cy, cz, nx, ny, nz = enter(
-        surfaces.kind[p], surfaces.size[p], surfaces.radius[p], w[0], w[1], w[2], w[3], w[4], w[5]
-    )
-    found.point[p, 0], found.point[p, 1], found.point[p, 2] = cx, cy, cz
-    found.normal[p, 0], found.normal[p, 1], found.normal[p, 2] = nx, ny, nz
-    fx, fy, fz = lean_in(w[0], w[1], w[2], nx, ny, nz)
-    return energy_at(w, work.information, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, 0.0)[0]
-
-
-@kernel
-def _from_sides(kind, size, radius, prior, limit, work):  # type: ignore[no-untyped-def]
+def _from_sides(kind, size, radius, w, L, prior, limit, work):  # type: ignore[no-untyped-def]
     """Best of several searches, one from each side of a body: for a wrench too little known to aim with."""
     best = (math.inf, -math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for side in range(7):
@@ -216,7 +239,7 @@ def _from_sides(kind, size, radius, prior, limit, work):  # type: ignore[no-unty
             cx, cy, cz, nx, ny, nz = best[2], best[3], best[4], best[5], best[6], best[7]
         else:
             break
-        result = refine(kind, size, prior, limit, cx, cy, cz, nx, ny, nz, work)
+        result = refine(kind, size, w, L, prior, limit, cx, cy, cz, nx, ny, nz, work)
         if result[1] > best[1] or side == 6:
             best = result
     return best

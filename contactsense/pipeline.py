@@ -147,7 +147,14 @@ def rest(
 
 @kernel
 def explain(
-    arm: Arm, memory: Memory, has_base: bool, has_torque: bool, has_wrist: bool, scale: float, gate: bool
+    arm: Arm,
+    memory: Memory,
+    has_base: bool,
+    has_torque: bool,
+    has_wrist: bool,
+    scale: float,
+    gate: bool,
+    threshold: float,
 ) -> tuple[int, float]:
     """Explain the external parts in `memory` by a contact.
 
@@ -157,6 +164,7 @@ def explain(
         has_base, has_torque, has_wrist: Which sensors have a value.
         scale: Factor on all variances of the scene's noise.
         gate: Decide for the link of the best evidence first and look for the place on that link only.
+        threshold: If "nothing touches" has no more energy than this, no explanation is looked for.
 
     Returns:
         Number of explanations, and the energy of "nothing touches": half the sum of squares in units of the
@@ -182,6 +190,8 @@ def explain(
         for i in range(6):
             row = dot6(arm.sensors.base_information[i], memory.base_wrench)
             nothing += 0.5 * memory.base_wrench[i] * row / scale
+    if nothing <= threshold:
+        return 0, nothing
     best = -1
     for link in range(arm.touchable.shape[0]):
         memory.open[link] = arm.touchable[link] and not gate
@@ -234,7 +244,7 @@ def explain_batch(
     -1 for none."""
     for i in range(q.shape[0]):
         rest(arm, memory, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
-        count, nothing[i] = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate)
+        count, nothing[i] = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate, -1.0)
         link_probability[i] = memory.link_probability
         if count == 0:
             link[i] = -1

@@ -25,14 +25,14 @@ ITERATIONS = 12
 """Most Gauss-Newton steps for one primitive."""
 TRIALS = 4
 """Most lengths that are tried for one step before the search ends."""
-CUT = 12.0
+CUT = 8.0
 """Explanations whose energy or log evidence is worse than the best by this much are dropped (probability
-6e-6)."""
+3e-4)."""
 ENOUGH = 5e-3
 """A step that lowers the energy by less than this ends the search: a tenth of a standard deviation."""
 SLACK = 0.05
 """How much more that may be per unit of energy by which a candidate is worse than the best so far."""
-PATIENCE = 4.0
+PATIENCE = 1.5
 """How many times the gain that a step promises is hoped for before a candidate above the limit is given
 up."""
 
@@ -56,10 +56,6 @@ class Prior(NamedTuple):
 class Work(NamedTuple):
     """Scratch arrays of `refine`, and its matrix results."""
 
-    wrench: np.ndarray
-    """Fused wrench about the origin of the body frame, body axes, shape (6,) [N, Nm]."""
-    information: np.ndarray
-    """Its information matrix, shape (6, 6)."""
     local: np.ndarray
     """Information matrix about the contact point, shape (6, 6)."""
     normal_equations: np.ndarray
@@ -75,8 +71,6 @@ class Work(NamedTuple):
 def empty_work() -> Work:
     """Scratch for one thread."""
     return Work(
-        wrench=np.zeros(6),
-        information=np.zeros((6, 6)),
         local=np.zeros((6, 6)),
         normal_equations=np.zeros((6, 6)),
         gradient=np.zeros(6),
@@ -86,12 +80,33 @@ def empty_work() -> Work:
 
 
 @kernel
-def energy_at(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
-    """Energy of a contact, and the factor 1 + s^2 u^T L u by which the surface's offset widens the
-    covariance."""
+def loosen(L, prior, nx, ny, nz, fx, fy, fz):  # type: ignore[no-untyped-def]
+    """How the surface's offset loosens the information: L' = L - s^2 v v^T / widen, v = L u, widen = 1 + s^2
+    u . v.
+
+    Returns:
+        v (6 floats, one tuple), s^2 / widen, and widen.
+    """
+    ux, uy, uz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
+    v = (
+        L[0, 3] * ux + L[0, 4] * uy + L[0, 5] * uz,
+        L[1, 3] * ux + L[1, 4] * uy + L[1, 5] * uz,
+        L[2, 3] * ux + L[2, 4] * uy + L[2, 5] * uz,
+        L[3, 3] * ux + L[3, 4] * uy + L[3, 5] * uz,
+        L[4, 3] * ux + L[4, 4] * uy + L[4, 5] * uz,
+        L[5, 3] * ux + L[5, 4] * uy + L[5, 5] * uz,
+    )
+    s = prior.offset * prior.offset
+    widen = 1.0 + s * (ux * v[3] + uy * v[4] + uz * v[5])
+    return v, s / widen, widen
+
+
+@kernel
+def energy_at(w, L, prior, loose, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
+    """Energy of a contact; `loose` is what `loosen` says, infinite where the force does not push."""
     push = -(fx * nx + fy * ny + fz * nz)
     if push <= 0.0:
-        return math.inf, 1.0
+        return math.inf
     d = (
         fx - w[0],
         fy - w[1],
@@ -100,9 +115,9 @@ def energy_at(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ign
         cz * fx - cx * fz + xi * ny - w[4],
         cx * fy - cy * fx + xi * nz - w[5],
     )
-    ux, uy, uz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
+    v, s, _ = loose
     dLd = 0.0
-    uLd = 0.0
+    vd = 0.0
     for i in range(6):
         Ld = (
             L[i, 0] * d[0]
@@ -113,23 +128,10 @@ def energy_at(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ign
             + L[i, 5] * d[5]
         )
         dLd += d[i] * Ld
-        if i == 3:
-            uLd += ux * Ld
-        elif i == 4:
-            uLd += uy * Ld
-        elif i == 5:
-            uLd += uz * Ld
-    uLu = (
-        ux * (L[3, 3] * ux + 2.0 * (L[3, 4] * uy + L[3, 5] * uz))
-        + uy * (L[4, 4] * uy + 2.0 * L[4, 5] * uz)
-        + L[5, 5] * uz * uz
-    )
-    s = prior.offset * prior.offset
-    widen = 1.0 + s * uLu
+        vd += v[i] * d[i]
     twist = xi / (prior.lever * push)
-    along = fx * fx + fy * fy + fz * fz - push * push
-    lean = along / (prior.lean * push) ** 2
-    return 0.5 * (dLd - s * uLd * uLd / widen + twist * twist + lean), widen
+    lean = (fx * fx + fy * fy + fz * fz - push * push) / (prior.lean * push) ** 2
+    return 0.5 * (dLd - s * vd * vd + twist * twist + lean)
 
 
 @kernel
@@ -153,7 +155,7 @@ def _tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # type: ignore[no-untyped-def]
+def _set_up(w, L, prior, loose, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # type: ignore[no-untyped-def]
     """Fill gradient and Gauss-Newton matrix at one point of the search. W: shape operator, six floats."""
     t1x, t1y, t1z, t2x, t2y, t2z = _tangents(nx, ny, nz)
     frame, B, A, H, g = work.frame, work.lever, work.local, work.normal_equations, work.gradient
@@ -178,18 +180,16 @@ def _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # ty
     B[1, 2] = t2z * fx - t2x * fz + xi * w2y
     B[2, 2] = t2x * fy - t2y * fx + xi * w2z
     _about(L, cx, cy, cz, A)
-    # The surface's offset: A <- A - s^2 (A u)(A u)^T / (1 + s^2 u^T A u).
-    ux, uy, uz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
-    s = prior.offset * prior.offset
+    # The surface's offset loosens it. u is a pure moment, so that v = L u becomes X^T v about c.
+    v, s, _ = loose
     v = (
-        A[0, 3] * ux + A[0, 4] * uy + A[0, 5] * uz,
-        A[1, 3] * ux + A[1, 4] * uy + A[1, 5] * uz,
-        A[2, 3] * ux + A[2, 4] * uy + A[2, 5] * uz,
-        A[3, 3] * ux + A[3, 4] * uy + A[3, 5] * uz,
-        A[4, 3] * ux + A[4, 4] * uy + A[4, 5] * uz,
-        A[5, 3] * ux + A[5, 4] * uy + A[5, 5] * uz,
+        v[0] + v[4] * cz - v[5] * cy,
+        v[1] + v[5] * cx - v[3] * cz,
+        v[2] + v[3] * cy - v[4] * cx,
+        v[3],
+        v[4],
+        v[5],
     )
-    s /= 1.0 + s * (ux * v[3] + uy * v[4] + uz * v[5])
     for i in range(6):
         for k in range(6):
             A[i, k] -= s * v[i] * v[k]
@@ -314,20 +314,21 @@ def _solve(H, g):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def view(w, L, R, o, work):  # type: ignore[no-untyped-def]
-    """Bring a fused wrench and its information matrix into a body frame, into `work`.
+def view(w, L, R, o, local_w, local_L, work):  # type: ignore[no-untyped-def]
+    """Bring a fused wrench and its information matrix into a body frame.
 
     Args:
         w, L: Wrench about the base origin and its information matrix, base axes, shapes (6,) and (6, 6).
         R, o: Axes (columns) and origin [m] of the body frame in the base frame, shapes (3, 3) and (3,).
-        work: Its `wrench` and `information` are filled, `local` is used.
+        local_w, local_L: Filled: wrench about the origin of the body frame and its information, body axes.
+        work: Its `local` is used.
     """
-    A, out = work.local, work.information
+    A, out = work.local, local_L
     x, y, z = o[0], o[1], o[2]
     mx, my, mz = w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0]
     for i in range(3):
-        work.wrench[i] = R[0, i] * w[0] + R[1, i] * w[1] + R[2, i] * w[2]
-        work.wrench[i + 3] = R[0, i] * mx + R[1, i] * my + R[2, i] * mz
+        local_w[i] = R[0, i] * w[0] + R[1, i] * w[1] + R[2, i] * w[2]
+        local_w[i + 3] = R[0, i] * mx + R[1, i] * my + R[2, i] * mz
     _about(L, x, y, z, A)
     # Blocks of the upper triangle, turned: out = R^T A R.
     for block in range(3):
@@ -363,16 +364,17 @@ def _about(L, x, y, z, A):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def refine(kind, size, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ignore[no-untyped-def]
+def refine(kind, size, w, L, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ignore[no-untyped-def]
     """Most probable contact on one primitive, from a first guess on its surface. All in the body frame.
 
     Args:
         kind, size: The primitive, as in `robots.surface.Surfaces`.
+        w, L: Fused wrench and its information matrix as left by `view`, shapes (6,) and (6, 6).
         prior: What is known of contacts beforehand.
         limit: Energy above which the contact is of no interest; the search ends once it is sure to stay
             there.
         cx, cy, cz, nx, ny, nz: First guess: a point of the surface [m] and the outward normal there.
-        work: `wrench` and `information` as left by `view`; on return `frame` holds normal and tangents at the
+        work: Scratch; on return `frame` holds normal and tangents at the
             result.
 
     Returns:
@@ -381,15 +383,20 @@ def refine(kind, size, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ign
         vv22) [m^2]. The log evidence is -infinity where the energy stays above the limit, or where the matrix
         is not positive.
     """
-    w, L = work.wrench, work.information
     fx, fy, fz = lean_in(w[0], w[1], w[2], nx, ny, nz)
     xi = 0.0
-    energy, widen = energy_at(w, L, prior, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi)
+    energy = math.inf
     H, g, T = work.normal_equations, work.gradient, work.frame
     log_det = math.inf
+    widen = 1.0
     for iteration in range(ITERATIONS + 1):
+        # What the offset does changes slowly; it is held still while a step is tried, so that the gradient is
+        # exact.
+        loose = loosen(L, prior, nx, ny, nz, fx, fy, fz)
+        widen = loose[2]
+        energy = energy_at(w, L, prior, loose, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi)
         W = curvature(kind, size, cx, cy, cz, nx, ny, nz)
-        _set_up(w, L, prior, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work)
+        _set_up(w, L, prior, loose, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work)
         log_det = _factorize(H)
         if log_det == math.inf or iteration == ITERATIONS:
             break
@@ -400,10 +407,8 @@ def refine(kind, size, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ign
         for i in range(6):
             hope += 0.5 * slope[i] * g[i]
         # The worse a candidate is, the less its place and weight matter.
-        if (
-            hope < ENOUGH + SLACK * max(energy - hope - (limit - CUT), 0.0)
-            or energy - PATIENCE * hope > limit
-        ):
+        enough = ENOUGH + SLACK * max(energy - hope - (limit - CUT), 0.0)
+        if hope < enough or energy - PATIENCE * hope > limit:
             break
         scale = 1.0
         accepted = False
@@ -417,7 +422,7 @@ def refine(kind, size, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ign
                 cz + v1 * T[2, 1] + v2 * T[2, 2],
             )
             hx, hy, hz, ti = fx - scale * g[0], fy - scale * g[1], fz - scale * g[2], xi - scale * g[3]
-            tried, wide = energy_at(w, L, prior, ax, ay, az, mx, my, mz, hx, hy, hz, ti)
+            tried = energy_at(w, L, prior, loose, ax, ay, az, mx, my, mz, hx, hy, hz, ti)
             if tried < energy:
                 accepted = True
                 break
@@ -427,8 +432,9 @@ def refine(kind, size, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ign
             break
         cx, cy, cz, nx, ny, nz, fx, fy, fz, xi = ax, ay, az, mx, my, mz, hx, hy, hz, ti
         gained = energy - tried
-        energy, widen = tried, wide
-        if gained < ENOUGH:
+        energy = tried
+        if gained < enough or (scale == 1.0 and abs(gained - hope) < enough):
+            # The energy is as parabolic as it was taken to be: the next step would gain nothing worth having.
             break
     if log_det == math.inf or energy > limit:
         return math.inf, -math.inf, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, 0.0, 0.0, 0.0

@@ -22,29 +22,49 @@ def enter(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[no-untype
         fx, fy, fz, mx, my, mz: Force [N] and moment about the origin of the body frame [Nm], body axes.
 
     Returns:
-        Whether the axis hits, and the surface point (3 floats) and normal (3 floats) there, body frame.
+        How far the axis stays away from the body at least, 0 where it hits [m], and the surface point (3
+        floats) and normal (3 floats) where it enters or comes nearest, body frame.
     """
     ff = fx * fx + fy * fy + fz * fz
     if ff <= 0.0:
         x, y, z, nx, ny, nz = project(kind, size, 0.0, 0.0, radius)[1:]
-        return False, x, y, z, nx, ny, nz
+        return 0.0, x, y, z, nx, ny, nz
     f = math.sqrt(ff)
     ux, uy, uz = fx / f, fy / f, fz / f
     # Point of the axis nearest to the body's centre (paper, equation 6), then back along it to outside the
     # body.
     ax, ay, az = (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
-    s = -math.sqrt(max(0.0, radius * radius - (ax * ax + ay * ay + az * az))) - 1e-3 * radius
+    s = -1.001 * radius
+    left, left_d, left_slope = s, 0.0, 0.0
+    right, right_d, right_slope = s, 0.0, -1.0
+    gap = 0.0
     for _ in range(_STEPS):
         x, y, z = ax + s * ux, ay + s * uy, az + s * uz
         d, px, py, pz, nx, ny, nz = project(kind, size, x, y, z)
         slope = nx * ux + ny * uy + nz * uz
-        if d <= 1e-9 * radius and slope < 0.0:
-            return True, px, py, pz, nx, ny, nz
-        if slope >= -1e-9:
+        if slope < 0.0:
+            if d <= 1e-9 * radius:
+                return 0.0, px, py, pz, nx, ny, nz
+            left, left_d, left_slope = s, d, slope
+            if right_slope < 0.0:
+                # Nothing found yet on the far side of the nearest approach: on to where the tangent meets
+                # zero.
+                s = min(s - d / slope, 1.001 * radius)
+                continue
+        else:
+            right, right_d, right_slope = s, d, slope
+        if left_slope == right_slope:
+            gap = d
             break
-        s -= d / slope
+        # The nearest approach lies between: the distance, being convex, is above both tangents, and above
+        # where
+        # they meet.
+        s = (left_d - right_d + right_slope * right - left_slope * left) / (right_slope - left_slope)
+        gap = left_d + left_slope * (s - left)
+        if min(left_d, right_d) - gap < 0.02 * radius:
+            break
     # Missed: from the nearest approach, half a turn towards the side that the force can push on.
-    d, px, py, pz, nx, ny, nz = project(kind, size, x, y, z)
-    shift = radius + d
-    px, py, pz, nx, ny, nz = project(kind, size, x - shift * ux, y - shift * uy, z - shift * uz)[1:]
-    return False, px, py, pz, nx, ny, nz
+    shift = radius + max(gap, 0.0)
+    x, y, z = ax + (s - shift) * ux, ay + (s - shift) * uy, az + (s - shift) * uz
+    px, py, pz, nx, ny, nz = project(kind, size, x, y, z)[1:]
+    return max(gap, 0.0), px, py, pz, nx, ny, nz

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from contactsense.refine import CUT, ENOUGH, Prior, empty_work, energy_at, refine, view
+from contactsense.refine import CUT, ENOUGH, Prior, empty_work, energy_at, loosen, refine, view
 from contactsense.seed import enter
 from robots import Inertia, Link
 from robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
@@ -39,9 +39,10 @@ def _search(shape: Primitive, wrench: np.ndarray, information: np.ndarray, prior
     work = empty_work()
     kind, size = surfaces.kind[0], surfaces.size[0]
     R, o = surfaces.rotation[0], surfaces.origin[0]
-    view(wrench, information, R, o, work)
-    seed = enter(kind, size, surfaces.radius[0], *work.wrench)[1:]
-    return refine(kind, size, prior, FAR, *seed, work), work, kind, size
+    w, L = np.empty(6), np.empty((6, 6))
+    view(wrench, information, R, o, w, L, work)
+    seed = enter(kind, size, surfaces.radius[0], *w)[1:]
+    return refine(kind, size, w, L, prior, FAR, *seed, work), work, kind, size
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
@@ -72,14 +73,18 @@ def test_no_better_place_is_near(shape: Primitive) -> None:
         point, normal, force, xi = _contact(chance, surfaces.kind[0], surfaces.size[0])
         wrench = np.concatenate((force, np.cross(point, force) + xi * normal))
         wrench += chance.standard_normal(6) * np.array([0.25] * 3 + [0.05] * 3)
-        result, work, kind, size = _search(shape, wrench, information, PRIOR)
+        result, _, kind, size = _search(shape, wrench, information, PRIOR)
+        R, o = surfaces.rotation[0], surfaces.origin[0]
+        w, L = np.empty(6), np.empty((6, 6))
+        view(wrench, information, R, o, w, L, empty_work())
         start = np.concatenate((result[2:5], result[8:11], [result[11]]))
         step = np.array([0.003] * 3 + [0.3] * 3 + [0.02])
 
-        def energy(x, work=work, kind=kind, size=size, start=start, step=step):  # type: ignore[no-untyped-def]
+        def energy(x, w=w, L=L, kind=kind, size=size, start=start, step=step):  # type: ignore[no-untyped-def]
             place = project(kind, size, *(start[:3] + x[:3] * step[:3]))[1:]
             rest = (start + x * step)[3:]
-            return energy_at(work.wrench, work.information, PRIOR, *place, *rest)[0]
+            loose = loosen(L, PRIOR, *place[3:], *rest[:3])
+            return energy_at(w, L, PRIOR, loose, *place, *rest)
 
         best = minimize(
             energy, np.zeros(7), method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-4, "fatol": 1e-6}
@@ -116,13 +121,14 @@ def test_a_view_is_the_same_wrench_from_another_frame() -> None:
     root = chance.standard_normal((6, 6))
     information = root @ root.T
     rotation = np.linalg.qr(chance.standard_normal((3, 3)))[0]
-    origin, wrench, work = chance.standard_normal(3), chance.standard_normal(6), empty_work()
-    view(wrench, information, rotation, origin, work)
+    origin, wrench = chance.standard_normal(3), chance.standard_normal(6)
+    w, L = np.empty(6), np.empty((6, 6))
+    view(wrench, information, rotation, origin, w, L, empty_work())
     x, y, z = origin
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     to_base = np.block([[rotation, np.zeros((3, 3))], [cross @ rotation, rotation]])
-    np.testing.assert_allclose(to_base @ work.wrench, wrench, atol=1e-13)
-    np.testing.assert_allclose(work.information, to_base.T @ information @ to_base, atol=1e-12)
+    np.testing.assert_allclose(to_base @ w, wrench, atol=1e-13)
+    np.testing.assert_allclose(L, to_base.T @ information @ to_base, atol=1e-12)
 
 
 def test_an_offset_of_the_surface_loosens_the_fit_as_its_covariance_says() -> None:
@@ -136,7 +142,8 @@ def test_an_offset_of_the_surface_loosens_the_fit_as_its_covariance_says() -> No
     push = -f @ n
     expected = 0.5 * d @ np.linalg.solve(covariance, d) + 0.5 * (xi / (prior.lever * push)) ** 2
     expected += 0.5 * (f @ f - push**2) / (prior.lean * push) ** 2
-    energy, widen = energy_at(wrench, information, prior, *c, *n, *f, xi)
+    loose = loosen(information, prior, *n, *f)
+    energy, widen = energy_at(wrench, information, prior, loose, *c, *n, *f, xi), loose[2]
     assert energy == pytest.approx(expected, rel=1e-12)
     assert widen == pytest.approx(np.linalg.det(covariance) * np.linalg.det(information), rel=1e-10)
 

@@ -38,9 +38,9 @@ def test_an_axis_through_the_body_is_followed_to_where_it_enters(
     if np.linalg.norm(f) < 1e-3 or project(kind, dimensions, *inside)[0] > -1e-4:
         return
     f *= size
-    hit, *rest = enter(kind, dimensions, radius, *f, *np.cross(inside, f))
+    gap, *rest = enter(kind, dimensions, radius, *f, *np.cross(inside, f))
     point, normal = np.array(rest[:3]), np.array(rest[3:])
-    assert hit
+    assert gap == 0.0
     assert abs(project(kind, dimensions, *point)[0]) < 1e-8
     unit = f / np.linalg.norm(f)
     assert np.linalg.norm(np.cross(point - inside, unit)) < 1e-7
@@ -64,9 +64,10 @@ def test_an_axis_that_misses_gives_a_place_that_can_be_pushed(
     f /= np.linalg.norm(f)
     side = np.cross(f, [0.3, -0.5, 0.8])
     beside = away * radius * side / np.linalg.norm(side)
-    hit, *rest = enter(kind, dimensions, radius, *f, *np.cross(beside, f))
+    gap, *rest = enter(kind, dimensions, radius, *f, *np.cross(beside, f))
     point, normal = np.array(rest[:3]), np.array(rest[3:])
-    assert not hit
+    nearest = min(project(kind, dimensions, *(beside + s * f))[0] for s in np.linspace(-2, 2, 4001) * radius)
+    assert 0.0 < gap <= nearest + 1e-9
     assert abs(project(kind, dimensions, *point)[0]) < 1e-9
     assert normal @ f < 1e-9
 
@@ -74,6 +75,6 @@ def test_an_axis_that_misses_gives_a_place_that_can_be_pushed(
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
 def test_no_force_gives_a_place_on_the_surface_and_no_hit(shape: Primitive) -> None:
     surfaces = _packed(shape)
-    hit, *rest = enter(surfaces.kind[0], surfaces.size[0], surfaces.radius[0], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-    assert not hit
+    gap, *rest = enter(surfaces.kind[0], surfaces.size[0], surfaces.radius[0], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    assert gap == 0.0
     assert abs(project(surfaces.kind[0], surfaces.size[0], *rest[:3])[0]) < 1e-9
