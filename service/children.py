@@ -36,6 +36,11 @@ class Child:
             start_new_session=True,
         )
 
+    @property
+    def pid(self) -> int:
+        """Number of its process."""
+        return self._process.pid
+
     def wait_for(self, beginning: str) -> str:
         """The rest of the first line on stdout that begins so.
 

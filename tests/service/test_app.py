@@ -29,7 +29,7 @@ def idle() -> Iterator[httpx.Client]:
     """A service without a robot."""
     with (
         serving(create_app(Settings())) as place,
-        httpx.Client(base_url=f"http://{place}", timeout=120) as client,
+        httpx.Client(base_url=f"http://{place}", timeout=280) as client,
     ):
         yield client
 
@@ -38,7 +38,7 @@ def idle() -> Iterator[httpx.Client]:
 def steady() -> Iterator[str]:
     """A service whose robot is pushed at its forearm all the time; yields host and port."""
     with serving(create_app(Settings(), fakes.Steady)) as place:
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 280  # kernels may have to be compiled
         while httpx.get(f"http://{place}/v1/health").json()["status"] != "ok":
             assert time.monotonic() < deadline
             time.sleep(0.05)

@@ -33,7 +33,7 @@ async def running(
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(120):
+    async with asyncio.timeout(280):  # kernels may have to be compiled
         while not condition():
             await asyncio.sleep(0.01)
 
@@ -78,6 +78,7 @@ def test_a_process_that_dies_is_started_again() -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_is_started_again() -> None:
     async def scenario() -> None:
         async with running(fakes.Steady) as (runner, heard):
@@ -90,6 +91,7 @@ def test_a_process_that_is_killed_is_started_again() -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_a_process_that_hangs_is_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.runner._SILENCE", 1.0)
 

@@ -1,0 +1,150 @@
+"""The commands as their users run them, each in a process of its own."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import httpx
+import pytest
+
+from service.children import ChildError, child
+
+SHORT = """
+robot: ur5e
+noise: {base_force: 0.25, base_moment: 0.05, joint_torque: 1.0}
+trajectory: {start: [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], dwell: 4.5}
+contacts:
+  - link: forearm
+    point: [-0.1747, 0.0373, 0.0095]
+    normal: [-0.0008, 0.9931, 0.1174]
+    PUSH
+    start: 3.0
+    duration: 1.0
+"""
+
+
+def contactsense(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "service", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def run(*arguments: str) -> tuple[int, str, str]:
+    process = contactsense(*arguments)
+    out, err = process.communicate(timeout=250)
+    return process.returncode, out, err
+
+
+def test_the_demo_finds_a_push(tmp_path: Path) -> None:
+    script = tmp_path / "push.yaml"
+    script.write_text(SHORT.replace("PUSH", "push: 25"))
+    status, out, err = run("demo", "--script", str(script))
+    assert "1 of 1 contacts on 1 links found on the right link" in out, out + err
+    assert "forearm" in out
+    assert status == 0
+    assert err == ""
+
+
+@pytest.mark.slow
+def test_the_demo_fails_where_the_truth_is_out_of_reach(tmp_path: Path) -> None:
+    script = tmp_path / "breath.yaml"
+    script.write_text(SHORT.replace("PUSH", "push: 0.1"))  # far below the noise
+    status, out, err = run("demo", "--script", str(script))
+    assert "0 of 1 contacts" in out, out + err
+    assert status == 1
+
+
+@pytest.mark.slow
+def test_the_whole_demo() -> None:
+    status, out, err = run("demo")
+    assert "8 of 8 contacts on 5 links found on the right link" in out, out + err
+    assert status == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_demo_can_be_interrupted(number: signal.Signals) -> None:
+    process = contactsense("demo")
+    time.sleep(4.0)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert err == "contactsense: interrupted\n", out
+    assert "Traceback" not in out + err
+
+
+def test_serve_tells_where_it_is_and_ends_when_told() -> None:
+    process = contactsense("serve", "--port", "0")
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    assert line.startswith("serving at http://127.0.0.1:")
+    url = line.removeprefix("serving at ").strip()
+    assert httpx.get(f"{url}/v1/health", timeout=60).json()["status"] == "idle"
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("serve", "--robot", "ur5"), "unknown robot 'ur5'"),
+        (("serve", "--scene", "none.yaml"), "none.yaml"),
+        (("serve", "--robot-host", "192.0.2.1"), "expected either its address (ft_host)"),
+        (("mock", "--script", "none.yaml"), "none.yaml"),
+        (("demo", "--script", "none.yaml"), "none.yaml"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line_on_stderr(arguments: tuple[str, ...], complaint: str) -> None:
+    status, out, err = run(*arguments)
+    assert status == 1
+    assert out == ""
+    assert complaint in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_a_taken_port_is_told() -> None:
+    with child("serve", "--port", "0") as first:
+        port = first.wait_for("serving at http://127.0.0.1:")
+        status, _, err = run("serve", "--port", port)
+    assert status == 1
+    assert "--port 0 takes a free port" in err
+
+
+@pytest.mark.slow
+def test_a_mock_that_cannot_loop(tmp_path: Path) -> None:
+    script = tmp_path / "away.yaml"
+    script.write_text(
+        "robot: ur5e\n"
+        "trajectory: {start: [0, 0, 0, 0, 0, 0], moves: [{to: [1, 0, 0, 0, 0, 0], duration: 2}]}\n"
+    )
+    status, _, err = run("mock", "--loop", "--script", str(script))
+    assert status == 1
+    assert "ends where it begins" in err
+
+
+@pytest.mark.slow
+def test_a_child_that_does_not_come_up_is_told_with_its_last_words() -> None:
+    with (
+        child("serve", "--robot", "ur5") as failing,
+        pytest.raises(ChildError, match=r"status 1: .*unknown robot"),
+    ):
+        failing.wait_for("serving at ")
+
+
+def test_a_child_is_gone_after_its_context() -> None:
+    with child("mock", "--rtde-port", "0", "--ft-port", "0", "--ft-http-port", "0") as mock:
+        mock.wait_for("mock arm at ")
+        mock.check()
+        pid = mock.pid
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)

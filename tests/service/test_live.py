@@ -1,0 +1,174 @@
+"""Everything at once: mock arm, wire, clients, the pipeline's process, HTTP, WebSocket; and their faults."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+
+import httpx
+import numpy as np
+import pytest
+from websockets.sync.client import connect
+
+from service.app import create_app
+from service.messages import EstimateOut, HealthOut
+from service.mock.arm import Motion, simulate
+from service.mock.faults import Fault
+from service.mock.script import Script
+from service.mock.servers import MockServers, MockSettings
+from service.settings import Settings
+from tests.service.loopback import own_address
+from tests.service.serving import serving
+
+SCRIPT = Script.model_validate(
+    {
+        "robot": "ur5e",
+        "noise": {"base_force": 0.25, "base_moment": 0.05, "joint_torque": 1.0},
+        "trajectory": {"start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "dwell": 3.0},
+        "contacts": [
+            {
+                "link": "forearm",
+                "point": [-0.1747, 0.0373, 0.0095],
+                "normal": [-0.0008, 0.9931, 0.1174],
+                "push": 30,
+                "start": 0.5,
+                "duration": 1.0,
+            },
+            {
+                "link": "upper_arm",
+                "point": [-0.2699, 0.0425, 0.1348],
+                "normal": [0.0003, 0.9958, -0.0913],
+                "push": 30,
+                "start": 2.0,
+                "duration": 0.6,
+            },
+        ],
+    }
+)
+
+
+class Play:
+    """A mock arm that repeats the script, and a service that reads it."""
+
+    def __init__(self, motion: Motion, servers: MockServers, place: str) -> None:
+        self.motion, self.servers, self.place = motion, servers, place
+
+    def health(self) -> HealthOut:
+        return HealthOut.model_validate(httpx.get(f"http://{self.place}/v1/health").json())
+
+    def until(self, condition: Callable[[HealthOut], bool]) -> HealthOut:
+        deadline = time.monotonic() + 280.0  # kernels may have to be compiled
+        while not condition(health := self.health()):
+            assert time.monotonic() < deadline, health
+            time.sleep(0.02)
+        return health
+
+
+@pytest.fixture(scope="module")
+def play() -> Iterator[Play]:
+    motion = simulate(SCRIPT)
+    chosen = MockSettings(host=own_address(), rtde_port=0, netft_port=0, http_port=0, loop=True)
+    with MockServers(motion, chosen) as servers:
+        settings = Settings(
+            robot_host=chosen.host,
+            robot_port=servers.rtde.port,
+            ft_host=chosen.host,
+            ft_port=servers.netft.port,
+            ft_http_port=servers.netft.http_port,
+        )
+        with serving(create_app(settings)) as place:
+            found = Play(motion, servers, place)
+            found.until(lambda health: health.status == "ok")
+            yield found
+
+
+def test_contacts_are_found_over_the_wire(play: Play) -> None:
+    found: dict[str, list[EstimateOut]] = {"forearm": [], "upper_arm": [], "nothing": []}
+    with connect(f"ws://{play.place}/v1/stream", close_timeout=0.5) as stream:
+        for _ in range(round(play.motion.rate * SCRIPT.duration)):
+            estimate = EstimateOut.model_validate_json(stream.recv(timeout=10))
+            phase = estimate.t % SCRIPT.duration
+            for what, begin, end in (("forearm", 0.7, 1.4), ("upper_arm", 2.2, 2.5), ("nothing", 1.75, 1.95)):
+                if begin < phase < end:
+                    found[what].append(estimate)
+    assert all(not estimate.contacts for estimate in found["nothing"])
+    for touch in play.motion.touches:
+        estimates = found[touch.link]
+        right = [e.contacts[0] for e in estimates if e.contacts and e.contacts[0].link == touch.link]
+        assert len(right) > 0.9 * len(estimates) > 100
+        off = [np.linalg.norm(np.array(contact.point) - touch.point_link) for contact in right]
+        assert np.median(off) < 0.01
+        assert np.median([np.linalg.norm(contact.force_base) for contact in right]) == pytest.approx(
+            30.0, abs=1.0
+        )
+
+
+def test_the_latest_estimate_is_the_streams(play: Play) -> None:
+    estimate = EstimateOut.model_validate(httpx.get(f"http://{play.place}/v1/contacts").json())
+    assert len(estimate.link_probability) == 7
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault.MUTE,
+        Fault.CLOSE,
+        pytest.param(Fault.GARBAGE, marks=pytest.mark.slow),
+        pytest.param(Fault.HALF, marks=pytest.mark.slow),
+    ],
+    ids=lambda fault: fault.name,
+)
+def test_a_robot_that_fails_is_told_of_and_found_again(play: Play, fault: Fault) -> None:
+    play.servers.rtde.fault = fault
+    try:
+        health = play.until(lambda health: health.status == "waiting")
+        if fault is not Fault.GARBAGE:
+            assert f"robot at {play.servers.rtde.host}:{play.servers.rtde.port}" in health.message
+        assert "trying again" in health.message
+        assert not health.source.connected
+        answer = httpx.get(f"http://{play.place}/v1/contacts")
+        assert answer.status_code == 503
+        assert "trying again" in answer.json()["errors"][0]["reason"]
+    finally:
+        play.servers.rtde.fault = Fault.NONE
+    health = play.until(lambda health: health.status == "ok")
+    assert health.source.robot.last_error  # stays for whoever asks later
+    assert health.pipeline.restarts == 0
+    assert httpx.get(f"http://{play.place}/v1/contacts").status_code == 200
+
+
+def test_a_mute_force_torque_sensor_is_told_of_and_the_rest_goes_on(play: Play) -> None:
+    play.servers.netft.mute = True
+    try:
+        health = play.until(lambda health: health.status == "degraded")
+        assert "force/torque sensor" in health.message
+        assert health.source.connected
+        with connect(f"ws://{play.place}/v1/stream", close_timeout=0.5) as stream:
+            messages = [json.loads(stream.recv(timeout=10)) for _ in range(50)]
+        assert "base_wrench" in messages[-1]["reason"]
+    finally:
+        play.servers.netft.mute = False
+    play.until(lambda health: health.status == "ok")
+
+
+def test_numbers_that_are_none_do_no_harm(play: Play) -> None:
+    play.servers.rtde.fault = Fault.NAN
+    try:
+        time.sleep(0.3)
+    finally:
+        play.servers.rtde.fault = Fault.NONE
+    health = play.until(lambda health: health.status == "ok" and health.source.age == 0.0)
+    assert health.pipeline.restarts == 0
+
+
+def test_a_robot_that_is_dead_at_the_start() -> None:
+    host = own_address()
+    chosen = MockSettings(host=host, rtde_port=30004, netft_port=49152, http_port=49180, loop=True)
+    settings = Settings(robot_host=host, ft_host=host, ft_http_port=49180)
+    with serving(create_app(settings)) as place:
+        play = Play(simulate(SCRIPT), None, place)  # type: ignore[arg-type]
+        health = play.until(lambda health: health.status != "starting")
+        assert health.status == "waiting"
+        assert f"robot at {host}:30004 cannot be reached" in health.message
+        assert "force/torque sensor" in health.message
+        with MockServers(play.motion, chosen):
+            play.until(lambda health: health.status == "ok")
