@@ -126,4 +126,4 @@ def base_wrench_from(sensor: WrenchSensor, reading: np.ndarray) -> np.ndarray:
         Shape (..., 6) [N, Nm].
     """
     sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
-    return sign * reading @ about_base(sensor.rotation, np.array(sensor.translation)).T
+    return np.asarray(sign * reading @ about_base(sensor.rotation, np.array(sensor.translation)).T)

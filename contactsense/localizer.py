@@ -75,7 +75,6 @@ class Localizer:
         self._blank = tuple(np.zeros(size) for size in self._sizes)
         self._thresholds: dict[tuple[bool, bool, bool], float] = {}
         self.reset()
-        self.locate(np.zeros(self._joints), **self._silence())
         self._warm_up()
 
     def reset(self) -> None:
@@ -261,13 +260,14 @@ class Localizer:
             raise ValueError(f"{name}: expected shape ({size},), got shape {array.shape}")
         return array
 
-    def _silence(self) -> dict[str, np.ndarray]:
-        """A measurement of nothing by all fitted sensors."""
-        return {name: self._blank[i] for i, name in enumerate(_SENSORS) if self._fitted[i]}
-
     def _warm_up(self) -> None:
-        """Compile the rest of the sample path before the first sample comes."""
+        """Compile the sample path before the first sample comes."""
         zero = self._blank[1]
-        self.step(Sample(0.0, zero, zero, **self._silence()))
-        self.locate_batch(zero[None], **{name: value[None] for name, value in self._silence().items()})
+        base, torque, wrist = (
+            blank if there else None for blank, there in zip(self._blank, self._fitted, strict=True)
+        )
+        self.step(Sample(0.0, zero, zero, torque, base, wrist))
+        rows = [None if value is None else value[None] for value in (base, torque, wrist)]
+        self.locate_batch(zero[None], base_wrench=rows[0], joint_torque=rows[1], wrist_wrench=rows[2])
+        self.locate(zero, base_wrench=base, joint_torque=torque, wrist_wrench=wrist)
         self.reset()

@@ -123,7 +123,8 @@ def locate(
             least = min(least, own + result[0])
             best = max(best, found.score[p])
     _cover(surfaces, found, count, best, prior.offset)
-    return _rank(surfaces, found, count, 2.0 * prior.offset, link_probability)
+    kept: int = _rank(surfaces, found, count, 2.0 * prior.offset, link_probability)
+    return kept
 
 
 @kernel

@@ -1,8 +1,8 @@
 """`kernel`: how all compiled functions of this project are made.
 
-Numba keeps machine code on disk and tells by the source file of a function whether it is stale; but whatever the
-function takes from other files, kernels that it calls and constants, is compiled into it. `kernel` makes the stamp
-cover all of that, so that editing or updating one file never leaves old code at work in another.
+Numba keeps machine code on disk and tells by the source file of a function whether it is stale; but whatever
+the function takes from other files, kernels that it calls and constants, is compiled into it. `kernel` makes
+the stamp cover all of that, so that editing or updating one file never leaves old code at work in another.
 """
 
 import os
@@ -17,20 +17,22 @@ _INGREDIENTS: dict[Any, frozenset[tuple[str, ...]]] = {}
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile `function` on first use, with division by zero as in IEEE 754, and keep the machine code on disk.
+    """Compile `function` on first use, with division by zero as in IEEE 754, and keep the machine code on
+    disk.
 
     Where no place for the cache is writable, the function is compiled anew in each process. `NUMBA_CACHE_DIR`
     names another place, `NUMBA_DISABLE_JIT=1` leaves plain Python for debugging.
     """
     try:
-        compiled = njit(cache=True, error_model="numpy")(function)
+        compiled: Any = njit(cache=True, error_model="numpy")(function)
     except RuntimeError:
         return njit(error_model="numpy")(function)
     if compiled is function:
         return compiled
     ingredients = frozenset(_ingredients(function))
     _INGREDIENTS[compiled] = ingredients
-    # Numba offers no public way to widen the stamp; it compares it for equality with the one in its index file.
+    # Numba offers no public way to widen the stamp; it compares it for equality with the one in its index
+    # file.
     compiled._cache._cache_file._source_stamp = tuple((*item, *_stamp(item)) for item in sorted(ingredients))
     return compiled
 

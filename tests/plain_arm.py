@@ -61,7 +61,8 @@ class Truth:
 def contacts(
     arm: robots.Robot, count: int, seed: int, *, friction: float = 0.4, torsion: float = 0.003
 ) -> Truth:
-    """Random postures, each with one push on an exposed place of a random link: 5 to 60 N, within the friction cone."""
+    """Random postures, each with one push on an exposed place of a random link: 5 to 60 N, within the
+    friction cone."""
     chance = np.random.default_rng(seed)
     model, motion, surfaces = build_model(arm), empty_motion(len(arm.joints)), pack(arm.links)
     rows: list[tuple[np.ndarray, ...]] = []

@@ -1,4 +1,5 @@
-"""A click group whose commands are imported when they are called, so that `--help` does not load the compiler."""
+"""A click group whose commands are imported when they are called, so that `--help` does not load the
+compiler."""
 
 from collections.abc import Mapping
 from importlib import import_module
@@ -10,7 +11,8 @@ class LazyGroup(click.Group):
     """Knows its commands by name and import path."""
 
     def __init__(self, places: Mapping[str, str], **attributes: object) -> None:
-        """`places`: command name -> "module:attribute" of its click command, in the order of the help text."""
+        """`places`: command name -> "module:attribute" of its click command, in the order of the help
+        text."""
         super().__init__(**attributes)  # type: ignore[arg-type]
         self._places = places
 

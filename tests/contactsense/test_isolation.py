@@ -39,7 +39,8 @@ def _sensors() -> Sensors:
 
 
 def _dense(case, link, has_base, has_torque, has_wrist):  # type: ignore[no-untyped-def]
-    """Fused wrench, covariance, energy and log evidence from the joint Gaussian of everything but the base."""
+    """Fused wrench, covariance, energy and log evidence from the joint Gaussian of everything but the
+    base."""
     rows, values, variances = [], [], []
     if has_torque:
         for j in range(JOINTS):
@@ -59,7 +60,8 @@ def _dense(case, link, has_base, has_torque, has_wrist):  # type: ignore[no-unty
     if len(y) == 0:
         return mean, prior, 0.0, 0.0
     S = A @ prior @ A.T + R
-    # Information form: without base sensor the covariance falls from 1e6 to below 1, where differences lose digits.
+    # Information form: without base sensor the covariance falls from 1e6 to below 1, where differences lose
+    # digits.
     covariance = np.linalg.inv(np.linalg.inv(prior) + A.T @ np.linalg.solve(R, A))
     innovation = y - A @ mean
     return (

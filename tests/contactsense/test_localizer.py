@@ -193,7 +193,8 @@ def test_a_wrist_sensor_tells_tool_from_wrist() -> None:
     assert found.contacts[0].link == "finger"
     np.testing.assert_allclose(found.contacts[0].point, [0.015, 0.0, 0.15], atol=1e-3)
     assert len(found.link_probability) == 8
-    # A push along the finger enters its tip and, further along the same line, the wrist: only the wrist sensor knows.
+    # A push along the finger enters its tip and, further along the same line, the wrist: only the wrist
+    # sensor knows.
     point = flange @ np.array([0.004, 0.0, 0.2]) + origin
     force = flange @ np.array([0.0, 0.0, -15.0])
     wrench = np.concatenate((force, np.cross(point, force)))

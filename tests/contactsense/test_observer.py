@@ -49,7 +49,8 @@ def test_residuals_settle_at_the_external_part(jitter: float, lost: float) -> No
     q, qd, _ = _swing(times[-1])
     move(MODEL, q, qd, GRAVITY, motion)
     expected = np.where(np.arange(6) < 4, motion.screw @ wrench, 0.0)
-    # The base wrench is constant; s_j . w moves with the arm, and the residual lags by a time constant of 20 ms.
+    # The base wrench is constant; s_j . w moves with the arm, and the residual lags by a time constant of 20
+    # ms.
     np.testing.assert_allclose(base, wrench, atol=2e-2)
     np.testing.assert_allclose(joints, expected, atol=0.02 * 3.0 * np.abs(expected).max() + 2e-2)
 

@@ -150,7 +150,8 @@ def test_an_offset_of_the_surface_loosens_the_fit_as_its_covariance_says() -> No
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
 def test_hard_cases_end_with_finite_numbers(shape: Primitive) -> None:
-    """No wrench at all, tiny, huge, grazing, parallel to the axis, absurd torsion, tight and loose information."""
+    """No wrench at all, tiny, huge, grazing, parallel to the axis, absurd torsion, tight and loose
+    information."""
     wrenches = [
         np.zeros(6),
         np.full(6, 1e-300),

@@ -20,7 +20,8 @@ def test_a_file_says_the_same(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(
         "robot: ur10e\nmounting: ceiling\nfriction: 0.6\n"
-        "tool: {mass: 1.2, com: [0, 0, 0.05], primitives: [{kind: sphere, center: [0, 0, 0.1], radius: 0.03}]}\n"
+        "tool:\n  mass: 1.2\n  com: [0, 0, 0.05]\n"
+        "  primitives: [{kind: sphere, center: [0, 0, 0.1], radius: 0.03}]\n"
         "base_wrench: {force_noise: 0.5, moment_noise: 0.1, translation: [0, 0, -0.04]}\n"
         "joint_torque: {signal: actual_current, noise: [2, 2, 1, 0.5, 0.5, 0.5]}\n"
         "touchable: [forearm, tool]\n"

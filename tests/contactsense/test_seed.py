@@ -1,4 +1,5 @@
-"""Where the wrench axis enters a body: on the surface, on the axis, pushing; or near the axis where it misses."""
+"""Where the wrench axis enters a body: on the surface, on the axis, pushing; or near the axis where it
+misses."""
 
 import numpy as np
 import pytest

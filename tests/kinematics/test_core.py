@@ -111,20 +111,23 @@ def test_an_arm_at_rest_weighs_on_its_base_along_gravity(
 
 
 def test_kernels_run_uncompiled_with_the_same_result() -> None:
-    program = (
-        "import numpy as np, robots\n"
-        "from kinematics.core import inverse_dynamics\n"
-        "from kinematics.model import build_model, empty_motion\n"
-        "x = np.linspace(-1.0, 1.0, 6)\n"
-        "torque, wrench = np.empty(6), np.empty(6)\n"
-        "inverse_dynamics(build_model(robots.load('ur5e')), x, x, x, np.array([0, 0, -9.81]), empty_motion(6),"
-        " torque, wrench)\n"
-        "print(*(v.hex() for v in (*torque.tolist(), *wrench.tolist())))\n"
-    )
+    program = """
+import numpy as np, robots
+from kinematics.core import inverse_dynamics
+from kinematics.model import build_model, empty_motion
+x, down = np.linspace(-1.0, 1.0, 6), np.array([0, 0, -9.81])
+torque, wrench = np.empty(6), np.empty(6)
+inverse_dynamics(build_model(robots.load('ur5e')), x, x, x, down, empty_motion(6), torque, wrench)
+print(*(v.hex() for v in (*torque.tolist(), *wrench.tolist())))
+"""
 
     def run(**more: str) -> np.ndarray:
         done = subprocess.run(
-            [sys.executable, "-c", program], env={**os.environ, **more}, capture_output=True, text=True, check=True
+            [sys.executable, "-c", program],
+            env={**os.environ, **more},
+            capture_output=True,
+            text=True,
+            check=True,
         )
         return np.array([float.fromhex(word) for word in done.stdout.split()])
 
