@@ -40,5 +40,22 @@ def load(name: str | Path) -> Robot:
     return schema.robot(path)
 
 
+def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None) -> Robot:
+    """An arm from a URDF: kinematics, inertia, limits; for its surface see `contactsense decompose`.
+
+    Args:
+        path: The URDF.
+        tip: Last link of the arm; without it, the longest chain of revolute joints.
+        name: Of the robot; without it, the URDF's own.
+
+    Raises:
+        RobotError: the file or an element in it cannot be used; the message names both.
+        ImportError: the packages of the `geometry` extra are missing.
+    """
+    from robots import urdf  # yourdfpy and trimesh, which nothing else needs at run time
+
+    return urdf.from_urdf(path, tip, name)
+
+
 def _folder() -> Path:
     return Path(str(resources.files("robots")))

@@ -129,6 +129,8 @@ class SurfaceEntry(_Entry):
     """`<name>.surface.yaml`: primitives by link."""
 
     robot: str
+    fit_seconds: float = 0.0
+    """How long the fit took on the machine that made it [s]."""
     links: dict[str, LinkSurface]
 
 

@@ -14,7 +14,7 @@ is not unique and one is picked.
 """
 
 from collections.abc import Sequence
-from math import fabs, hypot, sqrt
+from math import fabs, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -66,7 +66,7 @@ def pack(links: Sequence[Link]) -> Surfaces:
     for i, (_, shape) in enumerate(shapes):
         kind[i], rotation[i], origin[i], dimensions = body(shape)
         size[i, : len(dimensions)] = dimensions
-        radius[i] = _bounding_radius(int(kind[i]), size[i])
+        radius[i] = bounding_radius(kind[i], size[i])
     return Surfaces(
         kind=kind,
         link=np.array([number for number, _ in shapes], dtype=np.int64),
@@ -108,12 +108,29 @@ def _along(a: Sequence[float], b: Sequence[float]) -> tuple[np.ndarray, np.ndarr
     return np.column_stack((x, np.cross(z, x), z)), (start + end) / 2.0, length
 
 
-def _bounding_radius(kind: int, size: np.ndarray) -> float:
+@kernel
+def bounding_radius(kind, size):  # type: ignore[no-untyped-def]
+    """Radius of the ball about the body frame's origin that holds a primitive [m]."""
     if kind == REVOLVED:
-        return hypot(size[0], max(size[1], size[2])) + float(size[3])
+        across = max(size[1], size[2])
+        return sqrt(size[0] * size[0] + across * across) + size[3]
     if kind == ELLIPSOID:
-        return float(size[:3].max())
-    return float(np.linalg.norm(size[:3]) + size[3])
+        return max(size[0], max(size[1], size[2]))
+    return sqrt(size[0] * size[0] + size[1] * size[1] + size[2] * size[2]) + size[3]
+
+
+@kernel
+def keep_valid(kind, size, least):  # type: ignore[no-untyped-def]
+    """Clip dimensions in place to what a body can have: no negative core, no ball or ellipsoid below `least`
+    [m]."""
+    for i in range(4):
+        size[i] = max(size[i], 0.0)
+    if kind == ELLIPSOID:
+        size[3] = 0.0
+        for i in range(3):
+            size[i] = max(size[i], least)
+    else:
+        size[3] = max(size[3], least)
 
 
 @kernel

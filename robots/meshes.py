@@ -1,0 +1,109 @@
+"""Where the meshes of a robot's links come from, and how neighbours lie to each other."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from robots.posing import joint_pose
+from robots.robot import Joint, Robot
+from robots.schema import RobotError
+
+SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
+
+_PLATE = 3.0
+"""Edge of the plate that stands for what a base is mounted on [m]."""
+
+
+def read_mesh(path: Path, scale: float | np.ndarray = 1.0) -> trimesh.Trimesh:
+    """One mesh of all that a file holds, scaled.
+
+    Raises:
+        RobotError: the file is missing, of an unknown form, or holds no surface.
+    """
+    if not path.exists():
+        raise RobotError(f"{path}: no such mesh")
+    try:
+        loaded = trimesh.load(path, force="mesh", process=False)
+    except (ValueError, NotImplementedError, KeyError, IndexError) as error:
+        raise RobotError(f"{path}: not readable as a mesh: {error}") from error
+    if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
+        raise RobotError(f"{path}: holds no surface")
+    loaded.apply_transform(np.diag([*np.broadcast_to(scale, 3), 1.0]))
+    if not np.all(np.isfinite(loaded.vertices)) or not loaded.area > 0.0:
+        raise RobotError(f"{path}: zero size, or numbers that are not finite")
+    return loaded
+
+
+def check_unit(mesh: trimesh.Trimesh, where: str) -> None:
+    """Refuse meshes that are plainly not in metres.
+
+    Raises:
+        RobotError: larger than 5 m or smaller than 5 mm.
+    """
+    extent = float(np.linalg.norm(mesh.extents))
+    if not 0.005 < extent < 5.0:
+        raise RobotError(f"{where}: {extent:.3g} m across: not in metres? Set the mesh's scale")
+
+
+def from_folder(folder: Path, names: tuple[str, ...]) -> dict[str, trimesh.Trimesh]:
+    """Meshes named after the links, each in its link's frame, in metres.
+
+    Args:
+        folder: Holds `<link>.ply`, or another of `SUFFIXES`.
+        names: The links, all of which are needed.
+
+    Raises:
+        RobotError: the folder or a file is missing or unusable.
+    """
+    if not folder.is_dir():
+        raise RobotError(f"{folder}: no such folder of meshes")
+    meshes = {}
+    for name in names:
+        found = [folder / f"{name}{suffix}" for suffix in SUFFIXES if (folder / f"{name}{suffix}").exists()]
+        if not found:
+            raise RobotError(
+                f"{folder}: no mesh for link {name} ({name}.ply, or one of {', '.join(SUFFIXES[1:])})"
+            )
+        meshes[name] = read_mesh(found[0])
+        check_unit(meshes[name], str(found[0]))
+    return meshes
+
+
+def neighbour_poses(
+    robot: Robot, meshes: Mapping[str, trimesh.Trimesh], link: int, count: int = 8, seed: int = 0
+) -> list[list[trimesh.Trimesh]]:
+    """The links before and after one, and the plate below the base, as they may lie to it.
+
+    Args:
+        robot: Says how the joints lie.
+        meshes: Mesh of each link, by name; links without one are left out.
+        link: Number of the link.
+        count: Number of poses, joint angles at random within their limits.
+        seed: Of the angles.
+
+    Returns:
+        Meshes in the frame of `link`, one list for each pose.
+    """
+    rng = np.random.default_rng(seed)
+    names = robot.link_names
+    poses = []
+    for _ in range(count):
+        near = []
+        if link > 0 and names[link - 1] in meshes:
+            motion = np.linalg.inv(joint_pose(robot.joints[link - 1], _angle(robot.joints[link - 1], rng)))
+            near.append(meshes[names[link - 1]].copy().apply_transform(motion))
+        if link < len(robot.joints) and names[link + 1] in meshes:
+            motion = joint_pose(robot.joints[link], _angle(robot.joints[link], rng))
+            near.append(meshes[names[link + 1]].copy().apply_transform(motion))
+        if link == 0:
+            plate = trimesh.creation.box((_PLATE, _PLATE, 0.001))
+            near.append(plate.apply_translation((0.0, 0.0, float(meshes[names[0]].bounds[0, 2]) - 0.0006)))
+        poses.append(near)
+    return poses
+
+
+def _angle(joint: Joint, rng: np.random.Generator) -> float:
+    low, high = joint.position_limits
+    return float(rng.uniform(max(low, -np.pi), min(high, np.pi)))

@@ -1,0 +1,224 @@
+"""A URDF as a `Robot`, and the visual meshes of its links.
+
+The arm is the chain of revolute joints from the root to the tip. Links that hang on it by fixed joints become
+part of the link that carries them, and so do those behind other movable joints that branch off (a gripper's
+fingers), which are held at zero.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import ParseError
+
+import numpy as np
+import trimesh
+import yourdfpy
+
+from robots.meshes import check_unit, read_mesh
+from robots.robot import Inertia, Joint, Link, Robot
+from robots.schema import RobotError
+from robots.tool import join_inertia, move_inertia
+
+_TURNING = ("revolute", "continuous")
+_KNOWN = (*_TURNING, "fixed", "prismatic")
+
+MeshReader = Callable[[Path, np.ndarray], trimesh.Trimesh]
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """A URDF read: its serial arm, and the way to its meshes."""
+
+    path: Path
+    robot: Robot
+    parts: dict[str, list[tuple[str, np.ndarray]]]
+    """Link of the arm -> links of the URDF that belong to it, each with its pose (4, 4) in the arm's link."""
+    model: Any
+
+    def meshes(self) -> dict[str, trimesh.Trimesh]:
+        """Visual surface of each link that has one, in the link's frame [m].
+
+        Raises:
+            RobotError: a mesh is missing, unreadable or plainly not in metres.
+        """
+        found = {}
+        for name, parts in self.parts.items():
+            pieces = [
+                piece.apply_transform(pose)
+                for link, pose in parts
+                for piece in visuals(self.path, self.model.link_map[link])
+            ]
+            if pieces:
+                found[name] = trimesh.Trimesh(
+                    *trimesh.util.append_faces(
+                        [piece.vertices for piece in pieces], [piece.faces for piece in pieces]
+                    ),
+                    process=False,
+                )
+                check_unit(found[name], f"{self.path}: link {name}")
+        return found
+
+
+def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None) -> Robot:
+    """Read an arm from a URDF: kinematics, inertia, limits; its surface is the work of `contactsense
+    decompose`.
+
+    Args:
+        path: The URDF.
+        tip: Last link of the arm; without it, the longest chain of revolute joints.
+        name: Of the robot; without it, the URDF's own.
+
+    Raises:
+        RobotError: the file or an element in it cannot be used; the message names both.
+    """
+    return read_chain(path, tip, name).robot
+
+
+def read_chain(path: str | Path, tip: str | None = None, name: str | None = None) -> Chain:
+    """Read a URDF for its arm and its meshes; see `from_urdf`."""
+    path = Path(path)
+    if not path.exists():
+        raise RobotError(f"{path}: no such file")
+    try:
+        loaded = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=False)
+    except (ParseError, SyntaxError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise RobotError(f"{path}: no valid URDF: {' '.join(str(error).split())}") from error
+    model = loaded.robot
+    joints = {joint.name: joint for joint in model.joints}
+    links = {link.name: link for link in model.links}
+    for joint in joints.values():
+        if joint.type not in _KNOWN:
+            raise RobotError(f"{path}: joint {joint.name}: {joint.type} joints are not supported")
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise RobotError(f"{path}: joint {joint.name}: there is no link {end}")
+    parent = {joint.child: joint for joint in joints.values()}
+    roots = [link for link in links if link not in parent]
+    if len(roots) != 1:
+        raise RobotError(f"{path}: expected one root link, got {', '.join(roots) or 'a ring'}")
+    if tip is not None and tip not in links:
+        raise RobotError(f"{path}: there is no link {tip}; links are {', '.join(links)}")
+    # The way from each link to the root; the arm is the longest by number of turning joints.
+    ways = {link: _way(link, parent) for link in ([tip] if tip else links)}
+    best = max(ways, key=lambda link: (sum(joint.type in _TURNING for joint in ways[link]), -len(ways[link])))
+    way = ways[best]
+    for joint in way:
+        if joint.type == "prismatic":
+            raise RobotError(f"{path}: joint {joint.name}: prismatic joints are supported off the arm only")
+    turning = [joint for joint in way if joint.type in _TURNING]
+    if not turning:
+        raise RobotError(f"{path}: no revolute joint")
+    names = [roots[0], *(joint.child for joint in turning)]
+    parts = {link: _rigid(link, joints.values(), {joint.name for joint in turning}) for link in names}
+    arm_links = [_link(path, link, parts[link], links) for link in names]
+    arm_joints = [_joint(path, joint, parts[names[i]]) for i, joint in enumerate(turning)]
+    robot = Robot(name=name or model.name or path.stem, links=tuple(arm_links), joints=tuple(arm_joints))
+    if tip is not None:
+        pose = dict(parts[names[-1]])[tip]
+        robot = Robot(robot.name, robot.links, robot.joints, pose[:3, :3], pose[:3, 3])
+    model.link_map = links
+    return Chain(path, robot, parts, model)
+
+
+def visuals(path: Path, link: Any) -> list[trimesh.Trimesh]:
+    """Visual shapes of one link of a URDF, in its frame [m]."""
+    pieces = []
+    for visual in link.visuals:
+        geometry = visual.geometry
+        if geometry.mesh is not None:
+            file = find_mesh(path, geometry.mesh.filename)
+            scale = 1.0 if geometry.mesh.scale is None else np.asarray(geometry.mesh.scale, dtype=np.float64)
+            piece = read_mesh(file, scale)
+        elif geometry.box is not None:
+            piece = trimesh.creation.box(geometry.box.size)
+        elif geometry.cylinder is not None:
+            piece = trimesh.creation.cylinder(geometry.cylinder.radius, geometry.cylinder.length, sections=64)
+        elif geometry.sphere is not None:
+            piece = trimesh.creation.icosphere(4, geometry.sphere.radius)
+        else:
+            raise RobotError(f"{path}: link {link.name}: a visual without shape")
+        pieces.append(piece.apply_transform(_pose(visual.origin)))
+    return pieces
+
+
+def find_mesh(path: Path, name: str) -> Path:
+    """A mesh by the name that a URDF gives it: relative to it, absolute, or `package://`, searched upwards.
+
+    Raises:
+        RobotError: there is no such file.
+    """
+    if name.startswith("package://"):
+        relative = name.removeprefix("package://")
+        for folder in path.resolve().parents:
+            # The package's folder is above the URDF, under its own name or with its contents laid open.
+            for candidate in (folder / relative, folder / relative.partition("/")[2]):
+                if candidate.exists():
+                    return candidate
+    elif (path.parent / name.removeprefix("file://")).exists():
+        return path.parent / name.removeprefix("file://")
+    raise RobotError(f"{path}: mesh {name} is missing")
+
+
+def _way(link: str, parent: dict[str, Any]) -> list[Any]:
+    """Joints from the root to a link."""
+    way: list[Any] = []
+    while link in parent:
+        joint = parent[link]
+        if joint in way:
+            break
+        way.append(joint)
+        link = joint.parent
+    return way[::-1]
+
+
+def _rigid(link: str, joints: Any, moving: set[str]) -> list[tuple[str, np.ndarray]]:
+    """A link and all that hangs on it without a joint of the arm between, with their poses in it."""
+    found = [(link, np.eye(4))]
+    for name, pose in found:
+        found += [
+            (joint.child, pose @ _pose(joint.origin))
+            for joint in joints
+            if joint.parent == name and joint.name not in moving
+        ]
+    return found
+
+
+def _link(path: Path, name: str, parts: list[tuple[str, np.ndarray]], links: dict[str, Any]) -> Link:
+    total = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    for part, pose in parts:
+        given = links[part].inertial
+        if given is None or not given.mass:
+            continue
+        placed = pose @ _pose(given.origin)
+        tensor = np.zeros((3, 3)) if given.inertia is None else np.asarray(given.inertia, dtype=np.float64)
+        try:
+            own = Inertia(float(given.mass), np.zeros(3), tensor)
+        except ValueError as error:
+            raise RobotError(f"{path}: link {part}: {error}") from error
+        total = join_inertia(total, move_inertia(own, placed[:3, :3], placed[:3, 3]))
+    return Link(name, total)
+
+
+def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint:
+    pose = dict(parts)[joint.parent] @ _pose(joint.origin)
+    axis = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, dtype=np.float64)
+    if not np.linalg.norm(axis) > 0.0:
+        raise RobotError(f"{path}: joint {joint.name}: the axis has no direction")
+    limit = joint.limit
+    if joint.type == "revolute" and (limit is None or limit.lower is None or limit.upper is None):
+        raise RobotError(f"{path}: joint {joint.name}: a revolute joint needs lower and upper limits")
+    bounds = (float(limit.lower), float(limit.upper)) if joint.type == "revolute" else (-np.inf, np.inf)
+    return Joint(
+        name=joint.name,
+        rotation=pose[:3, :3],
+        translation=pose[:3, 3],
+        axis=axis / np.linalg.norm(axis),
+        position_limits=bounds,
+        velocity_limit=float(limit.velocity) if limit is not None and limit.velocity else np.inf,
+        torque_limit=float(limit.effort) if limit is not None and limit.effort else np.inf,
+    )
+
+
+def _pose(origin: Any) -> np.ndarray:
+    return np.eye(4) if origin is None else np.asarray(origin, dtype=np.float64)

@@ -1,0 +1,176 @@
+"""`contactsense decompose`: meshes of an arm become a few convex primitives a link."""
+
+import time
+from collections.abc import Iterable
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from robots import Robot, RobotError
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from robots.decompose import Fit, Options
+
+
+@click.command()
+@click.argument("arm")
+@click.option(
+    "--meshes",
+    type=click.Path(path_type=Path),
+    help="Folder with <link>.ply (or .dae, .obj, .stl, .glb) in each link's frame, in metres.",
+)
+@click.option("--tip", help="Last link of the arm in a URDF; else the longest chain of revolute joints.")
+@click.option("--tolerance", default="2mm", show_default=True, help="Wanted 95th percentile of the distance.")
+@click.option("--max", "most", type=click.IntRange(min=1), help="Largest number of primitives in all.")
+@click.option(
+    "--link-max", type=click.IntRange(min=1), default=8, show_default=True, help="The same on a link."
+)
+@click.option("--no-boxes", is_flag=True, help="Bodies of revolution only.")
+@click.option(
+    "--seed", default=0, show_default=True, help="Of all chance; the same seed gives the same result."
+)
+@click.option("--jobs", type=click.IntRange(min=1), default=2, show_default=True, help="Links at a time.")
+@click.option("--out", type=click.Path(path_type=Path), help="Write the primitives to this YAML file.")
+@click.option(
+    "--picture", type=click.Path(path_type=Path), help="Draw skin, primitives and error to this PNG."
+)
+def decompose(
+    arm: str,
+    meshes: Path | None,
+    tip: str | None,
+    tolerance: str,
+    most: int | None,
+    link_max: int,
+    no_boxes: bool,
+    seed: int,
+    jobs: int,
+    out: Path | None,
+    picture: Path | None,
+) -> None:
+    """Fit convex primitives to the outer skin of each link of ARM, a URDF or a name that `contactsense
+    robots` lists.
+
+    Without --out the YAML goes to standard output, and the table of errors to standard error.
+    """
+    try:
+        from robots.decompose import Options, choose
+        from robots.fitting.sources import read_arm
+    except ImportError as error:
+        raise click.ClickException(
+            f"needs the extra packages: pip install contactsense[geometry] ({error})"
+        ) from error
+    options = Options(tolerance=_length(tolerance), most=link_max, seed=seed, boxes=not no_boxes)
+    try:
+        robot, surfaces = read_arm(arm, meshes, tip)
+    except RobotError as error:
+        raise click.ClickException(str(error)) from error
+    start = time.perf_counter()
+    fits = _fit_all(robot, surfaces, options, jobs)
+    seconds = time.perf_counter() - start
+    names = list(fits)
+    chosen = dict(zip(names, choose([fits[name] for name in names], options.tolerance, most), strict=True))
+    best = {name: fits[name][chosen[name]] for name in names}
+    _report(best)
+    text = _yaml(robot, fits, chosen, options, seconds, arm, meshes)
+    try:
+        if out is None:
+            click.echo(text, nl=False)
+        else:
+            out.write_text(text, encoding="utf-8")
+        if picture is not None:
+            from robots.fitting.picture import draw_fits
+
+            draw_fits(robot, surfaces, {name: fit.bodies for name, fit in best.items()}, picture)
+    except OSError as error:
+        raise click.ClickException(str(error)) from error
+
+
+def _fit_all(
+    robot: Robot, meshes: "dict[str, trimesh.Trimesh]", options: "Options", jobs: int
+) -> "dict[str, tuple[Fit, ...]]":
+    from robots.decompose import fit_link
+
+    links = [number for number, name in enumerate(robot.link_names) if name in meshes]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    found: dict[int, tuple[Fit, ...]] = {}
+    with Progress(*columns, console=Console(stderr=True)) as progress, ProcessPoolExecutor(jobs) as pool:
+        task = progress.add_task(f"{robot.name}: links", total=len(links))
+        waiting: dict[Future[tuple[Fit, ...]], int] = {
+            pool.submit(fit_link, robot, meshes, number, options): number for number in links
+        }
+        for done in as_completed(waiting):
+            name = robot.link_names[waiting[done]]
+            try:
+                found[waiting[done]] = done.result()
+            except ValueError as error:
+                pool.shutdown(cancel_futures=True)
+                raise click.ClickException(f"{robot.name}: link {name}: {error}") from error
+            progress.advance(task)
+    return {robot.link_names[number]: found[number] for number in links}
+
+
+def _report(best: "dict[str, Fit]") -> None:
+    from robots.fitting.measure import HEADINGS, row, together
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("link", "primitives", *HEADINGS):
+        table.add_column(heading, justify="left" if heading == "link" else "right")
+    for name, fit in best.items():
+        table.add_row(name, str(len(fit.bodies.kind)), *row(fit.errors))
+    count = sum(len(fit.bodies.kind) for fit in best.values())
+    table.add_row("all", str(count), *row(together([fit.errors for fit in best.values()])))
+    Console(stderr=True).print(table)
+
+
+def _yaml(
+    robot: Robot,
+    fits: "dict[str, tuple[Fit, ...]]",
+    chosen: dict[str, int],
+    options: "Options",
+    seconds: float,
+    arm: str,
+    meshes: Path | None,
+) -> str:
+    from robots.fitting.export import primitives, text
+
+    links: dict[str, dict[str, Iterable[Any]]] = {
+        name: {
+            "coarse": primitives(fits[name][_coarse(fits[name], chosen[name])].bodies),
+            "fine": primitives(fits[name][chosen[name]].bodies),
+        }
+        for name in fits
+    }
+    source = "the visual meshes of its URDF" if meshes is None else "visual meshes"
+    asked = f"--tolerance {options.tolerance * 1e3:g}mm --link-max {options.most} --seed {options.seed}"
+    comments = (
+        f"Surface of the {robot.name}: convex primitives in the link frames, in metres, fitted to {source}",
+        f"by contactsense decompose {Path(arm).name} {asked}",
+    )
+    return text(robot.name, links, comments, seconds)
+
+
+def _coarse(fits: "tuple[Fit, ...]", chosen: int) -> int:
+    """One body, or two where the second halves the cost."""
+    return 1 if chosen >= 1 and fits[1].cost < 0.7 * fits[0].cost else 0
+
+
+def _length(text: str) -> float:
+    """Metres of `2mm`, `0.2cm`, `0.002m` or `0.002`."""
+    for unit, scale in (("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("", 1.0)):
+        if text.endswith(unit):
+            try:
+                value = float(text.removesuffix(unit)) * scale
+            except ValueError:
+                break
+            if 1e-5 <= value <= 0.1:
+                return value
+            raise click.BadParameter(f"expected 0.01 mm to 100 mm, got {text}", param_hint="--tolerance")
+    raise click.BadParameter(f"expected a length such as 2mm, got {text!r}", param_hint="--tolerance")

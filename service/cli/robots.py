@@ -1,0 +1,150 @@
+"""`contactsense robots`: the arms of the library, and one of them in detail."""
+
+import json
+from collections import Counter
+from math import degrees, isfinite
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+import robots as library
+from robots import Robot, RobotError
+
+
+@click.command()
+@click.argument("name", required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--picture", type=click.Path(path_type=Path), help="Draw NAME's primitives into this PNG.")
+@click.option("--pose", help="Joint angles for the picture in degrees, separated by commas.")
+@click.option("--coarse", is_flag=True, help="Draw the coarse level of detail instead of the fine one.")
+def robots(name: str | None, as_json: bool, picture: Path | None, pose: str | None, coarse: bool) -> None:
+    """List the arms, or show NAME: its links, joints and primitives. NAME may be a path to a .yaml file."""
+    if name is None:
+        if picture is not None:
+            raise click.UsageError("--picture needs the NAME of a robot")
+        arms = [library.load(known) for known in library.names()]
+        if as_json:
+            click.echo(json.dumps([_summary(arm) for arm in arms], indent=1))
+        else:
+            _list(arms)
+        return
+    try:
+        robot = library.load(name)
+    except RobotError as error:
+        raise click.ClickException(str(error)) from error
+    if picture is not None:
+        _draw(robot, picture, pose, coarse)
+    if as_json:
+        click.echo(json.dumps(_details(robot), indent=1))
+    elif picture is None:
+        _show(robot)
+
+
+def _list(arms: list[Robot]) -> None:
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("arm", "joints", "mass [kg]", "primitives", "of them coarse"):
+        table.add_column(heading, justify="left" if heading == "arm" else "right")
+    for arm in arms:
+        entry = _summary(arm)
+        table.add_row(*(str(entry[key]) for key in ("name", "joints", "mass", "primitives", "coarse")))
+    Console().print(table)
+
+
+def _show(robot: Robot) -> None:
+    console = Console()
+    links = Table(title=f"{robot.name}: links", box=box.SIMPLE_HEAD, title_justify="left")
+    for heading in ("link", "mass [kg]", "centre of mass [m]", "primitives"):
+        links.add_column(heading, justify="right" if "kg" in heading else "left")
+    for link in robot.links:
+        kinds = Counter(shape.kind for shape in link.primitives)
+        links.add_row(
+            link.name,
+            f"{link.inertia.mass:g}",
+            ", ".join(f"{value:g}" for value in link.inertia.com),
+            ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none",
+        )
+    console.print(links)
+    joints = Table(title=f"{robot.name}: joints", box=box.SIMPLE_HEAD, title_justify="left")
+    for heading in ("joint", "range [deg]", "speed [deg/s]", "torque [Nm]", "Nm/A"):
+        joints.add_column(heading, justify="left" if heading == "joint" else "right")
+    for joint in robot.joints:
+        low, high = (degrees(limit) for limit in joint.position_limits)
+        joints.add_row(
+            joint.name,
+            f"{low:g} to {high:g}" if isfinite(low) else "endless",
+            f"{degrees(joint.velocity_limit):g}",
+            f"{joint.torque_limit:g}",
+            "unknown" if joint.torque_constant is None else f"{joint.torque_constant:g}",
+        )
+    console.print(joints)
+
+
+def _draw(robot: Robot, path: Path, pose: str | None, coarse: bool) -> None:
+    try:
+        from robots.picture import draw_arm
+    except ImportError as error:
+        raise click.ClickException(
+            f"pictures need the extra packages: pip install contactsense[geometry] ({error})"
+        ) from error
+    q = np.zeros(len(robot.joints))
+    q[1 : min(4, len(q))] = np.radians([-70.0, 80.0, -60.0])[: len(q) - 1]
+    if pose is not None:
+        try:
+            q = np.radians([float(angle) for angle in pose.split(",")])
+        except ValueError as error:
+            raise click.BadParameter("expected numbers separated by commas", param_hint="--pose") from error
+    try:
+        draw_arm(robot, q, path, coarse)
+    except (ValueError, OSError) as error:
+        raise click.ClickException(str(error)) from error
+
+
+def _summary(robot: Robot) -> dict[str, Any]:
+    return {
+        "name": robot.name,
+        "joints": len(robot.joints),
+        "mass": round(robot.mass, 3),
+        "primitives": sum(len(link.primitives) for link in robot.links),
+        "coarse": sum(len(link.coarse) for link in robot.links),
+    }
+
+
+def _details(robot: Robot) -> dict[str, Any]:
+    """Everything about a robot in SI units; null where a limit or number does not exist."""
+    return {
+        **_summary(robot),
+        "links": [
+            {
+                "name": link.name,
+                "mass": link.inertia.mass,
+                "com": link.inertia.com.tolist(),
+                "tensor": link.inertia.tensor.tolist(),
+                "primitives": [shape.model_dump() for shape in link.primitives],
+                "coarse": [shape.model_dump() for shape in link.coarse],
+            }
+            for link in robot.links
+        ],
+        "joints": [
+            {
+                "name": joint.name,
+                "rotation": joint.rotation.tolist(),
+                "translation": joint.translation.tolist(),
+                "axis": joint.axis.tolist(),
+                "position_limits": [limit if isfinite(limit) else None for limit in joint.position_limits],
+                "velocity_limit": joint.velocity_limit if isfinite(joint.velocity_limit) else None,
+                "torque_limit": joint.torque_limit if isfinite(joint.torque_limit) else None,
+                "rotor_inertia": joint.rotor_inertia,
+                "torque_constant": joint.torque_constant,
+            }
+            for joint in robot.joints
+        ],
+        "flange": {
+            "rotation": robot.flange_rotation.tolist(),
+            "translation": robot.flange_translation.tolist(),
+        },
+    }
