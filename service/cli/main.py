@@ -12,6 +12,7 @@ COMMANDS = {
     "mock": "service.cli.mock:mock",
     "robots": "service.cli.robots:robots",
     "bench": "service.cli.bench:bench",
+    "decompose": "service.cli.decompose:decompose",
 }
 """Command name -> where its click command lives."""
 
