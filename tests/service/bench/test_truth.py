@@ -16,7 +16,7 @@ LINK_RIGHT = (0.97, 0.85, 0.79, 0.65)
 
 
 @pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
-@pytest.mark.parametrize(("noise", "least"), zip(COLUMNS, LINK_RIGHT, strict=True))
+@pytest.mark.parametrize(("noise", "least"), list(zip(COLUMNS, LINK_RIGHT, strict=True)))
 def test_links_and_places_on_ground_truth(robot: str, noise: tuple[float, ...], least: float) -> None:
     folder = shared("truth")
     result = measure(read(folder, robot), noise, "joint", "all")
