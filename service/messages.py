@@ -251,10 +251,23 @@ def estimate_dict(estimate: Estimate) -> dict[str, Any]:
 def estimate_json(estimate: Estimate) -> bytes:
     """An estimate as JSON in the form of `EstimateOut`; made on the 500 Hz path, hence no validation.
 
-    Raises:
-        ValueError: A number that is never undefined is not finite; that is a defect of the localizer.
+    JSON has no NaN: an estimate with one where a number must be, which would be a defect of the localizer,
+    becomes one that is `degraded` and says so. The stream goes on.
     """
-    return json.dumps(estimate_dict(estimate), allow_nan=False, separators=(",", ":")).encode()
+    try:
+        return json.dumps(estimate_dict(estimate), allow_nan=False, separators=(",", ":")).encode()
+    except ValueError:
+        return json.dumps(
+            {
+                "t": estimate.t if math.isfinite(estimate.t) else 0.0,
+                "status": "degraded",
+                "contacts": [],
+                "link_probability": [0.0] * len(estimate.link_probability),
+                "wrench": _finite(estimate.wrench),
+                "covariance": _finite(estimate.covariance),
+                "reason": "the estimate is not finite; please report this",
+            }
+        ).encode()
 
 
 def _contact_dict(contact: Contact) -> dict[str, Any]:

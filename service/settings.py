@@ -18,6 +18,7 @@ from pydantic import (
 
 from contactsense.scene import Scene, SceneError, describe
 from service.sensors.source import LiveSource, SourceSettings
+from service.sensors.streams import SensorError
 
 PREFIX = "CONTACTSENSE_"
 """Environment variables are this and a setting's name in capitals, as `CONTACTSENSE_ROBOT_HOST`."""
@@ -115,7 +116,7 @@ class Settings(BaseModel):
         """Maker of the source of samples, picklable; None where no robot is named.
 
         Raises:
-            SettingsError: The scene has a base sensor, but nobody says where it is read.
+            SettingsError: The scene asks for something that cannot be read this way.
         """
         if self.robot_host is None:
             return None
@@ -136,4 +137,9 @@ class Settings(BaseModel):
             wrench_counts=self.ft_counts,
             wrench_fields=self.ft_fields or (),
         )
+        try:
+            # A trial without the base sensor, whose client would begin to work at once.
+            LiveSource(scene.model_copy(update={"base_wrench": None}), settings).close()
+        except SensorError as error:
+            raise SettingsError(str(error)) from None
         return partial(LiveSource, settings=settings)

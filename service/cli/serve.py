@@ -1,6 +1,8 @@
 """`contactsense serve`: the service on HTTP and WebSocket."""
 
+import contextlib
 import logging
+import signal
 import socket
 from pathlib import Path
 from typing import Any
@@ -61,8 +63,8 @@ def serve(**options: Any) -> int:
             ws_per_message_deflate=False,  # compressing costs more time than it saves here
             timeout_graceful_shutdown=3,
         )
-        try:
+        # uvicorn shuts down in order on either signal, and then passes it on.
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(config).run([listener])
-        except KeyboardInterrupt:  # uvicorn has shut down in order and passes the signal on
-            return 0
     return 0

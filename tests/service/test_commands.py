@@ -80,14 +80,15 @@ def test_the_demo_can_be_interrupted(number: signal.Signals) -> None:
     assert "Traceback" not in out + err
 
 
-def test_serve_tells_where_it_is_and_ends_when_told() -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> None:
     process = contactsense("serve", "--port", "0")
     assert process.stdout is not None
     line = process.stdout.readline()
     assert line.startswith("serving at http://127.0.0.1:")
     url = line.removeprefix("serving at ").strip()
     assert httpx.get(f"{url}/v1/health", timeout=60).json()["status"] == "idle"
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 0
     assert "Traceback" not in err

@@ -56,6 +56,12 @@ def test_a_base_sensor_must_be_somewhere() -> None:
         settings.open_source(settings.load_scene())
 
 
+def test_a_signal_that_the_client_cannot_read() -> None:
+    settings = Settings(robot_host="192.0.2.1", ft_host="192.0.2.2", robot_client="ur_rtde")
+    with pytest.raises(SettingsError, match=r"ur_rtde has no getter for actual_current_as_torque"):
+        settings.open_source(settings.load_scene())
+
+
 def test_the_maker_of_the_source_can_be_sent_to_another_process() -> None:
     settings = Settings(robot_host="192.0.2.1", ft_host="192.0.2.2")
     maker = settings.open_source(settings.load_scene())
