@@ -12,14 +12,13 @@ from importlib.metadata import version
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import Depends, FastAPI, Query, Request, Response, WebSocket, WebSocketDisconnect
-from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi import Depends, FastAPI, Query, Response, WebSocket, WebSocketDisconnect
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from contactsense import Estimate, Localizer, Scene
-from service import messages
+from service import errors, messages
+from service.errors import FieldRefusedError
 from service.hub import Hub, Reader
 from service.messages import ErrorOut, EstimateOut, EstimatesOut, HealthOut, LocateIn, RobotOut, SceneOut
 from service.runner import Runner
@@ -70,14 +69,22 @@ class Service:
         loop = asyncio.get_running_loop()
         loaded: asyncio.Future[Localizer] = loop.create_future()
 
-        def tell(localizer: Localizer) -> None:
-            if not loaded.done():
-                loaded.set_result(localizer)
+        def tell(result: Localizer | Exception) -> None:
+            if loaded.done():
+                return
+            if isinstance(result, Exception):
+                loaded.set_exception(result)
+            else:
+                loaded.set_result(result)
 
         def load() -> None:
-            localizer = Localizer(self.scene)
+            result: Localizer | Exception
+            try:
+                result = Localizer(self.scene)
+            except Exception as error:
+                result = error
             with contextlib.suppress(RuntimeError):  # the loop has been closed meanwhile
-                loop.call_soon_threadsafe(tell, localizer)
+                loop.call_soon_threadsafe(tell, result)
 
         # A daemon: a service that is told to end does not wait for the compiler.
         threading.Thread(target=load, name="loading kernels", daemon=True).start()
@@ -229,78 +236,23 @@ async def _until_gone(websocket: WebSocket) -> None:
                 return
 
 
-class _FieldRefusedError(Exception):
-    """A value is well-formed but does not fit the scene."""
-
-    def __init__(self, field: str, reason: str) -> None:
-        super().__init__(f"{field}: {reason}")
-        self.field, self.reason = field, reason
-
-
 def _check(sample: messages.SampleIn, here: Scene, prefix: str) -> None:
     n = len(here.robot.joints)
     for name in ("q", "joint_torque"):
         value = getattr(sample, name)
         if value is not None and len(value) != n:
-            raise _FieldRefusedError(
+            raise FieldRefusedError(
                 prefix + name, f"expected {n} numbers, one per joint of {here.robot.name}, got {len(value)}"
             )
     if sample.base_wrench is None and sample.joint_torque is None:
-        raise _FieldRefusedError(
+        raise FieldRefusedError(
             prefix + "base_wrench", "expected base_wrench or joint_torque or both, got neither"
         )
     for name in ("base_wrench", "joint_torque", "wrist_wrench"):
         if getattr(sample, name) is not None and getattr(here, name) is None:
-            raise _FieldRefusedError(
+            raise FieldRefusedError(
                 prefix + name, f"the scene has no such sensor; leave it out or add {name} to the scene"
             )
-
-
-def _errors(status: int, errors: list[messages.FieldError]) -> JSONResponse:
-    return JSONResponse(ErrorOut(errors=errors).model_dump(), status)
-
-
-def _told(error: RequestValidationError | WebSocketRequestValidationError) -> list[messages.FieldError]:
-    """Pydantic's complaints as field and reason; what came is told as text, for it may be NaN."""
-    told = []
-    for issue in error.errors():
-        field = ""
-        for step in issue["loc"]:
-            if isinstance(step, int):
-                field += f"[{step}]"
-            elif step not in ("body", "query", "one", "many"):
-                field += f".{step}" if field else str(step)
-        reason = issue["msg"].removeprefix("Value error, ")
-        if isinstance(issue["input"], str | int | float):
-            reason += f", got {issue['input']!r:.40}"
-        if issue["type"] == "json_invalid":
-            field, reason = "", f"not JSON: {issue['ctx']['error']} at character {issue['loc'][-1]}"
-        told.append(messages.FieldError(field=field, reason=reason))
-    return told
-
-
-async def _refuse(request: Request, error: Exception) -> Response:
-    assert isinstance(error, RequestValidationError)
-    return _errors(422, _told(error))
-
-
-async def _refuse_field(request: Request, error: Exception) -> Response:
-    assert isinstance(error, _FieldRefusedError)
-    return _errors(422, [messages.FieldError(field=error.field, reason=error.reason)])
-
-
-async def _refuse_stream(websocket: WebSocket, error: Exception) -> None:
-    assert isinstance(error, WebSocketRequestValidationError)
-    told = _told(error)
-    await websocket.accept()
-    await websocket.send_text(ErrorOut(errors=told).model_dump_json())
-    reason = "; ".join(f"{issue.field}: {issue.reason}" for issue in told)
-    await websocket.close(1008, reason[:120])  # a close frame has room for 123 bytes
-
-
-async def _http_error(request: Request, error: Exception) -> Response:
-    assert isinstance(error, HTTPException)
-    return _errors(error.status_code, [messages.FieldError(field="", reason=str(error.detail))])
 
 
 def create_app(settings: Settings | None = None, source: Callable[[Scene], Source] | None = None) -> FastAPI:
@@ -338,8 +290,5 @@ def create_app(settings: Settings | None = None, source: Callable[[Scene], Sourc
     app.get("/v1/contacts", response_model=EstimateOut, responses=stale)(contacts)
     app.post("/v1/locate", response_model=EstimateOut | EstimatesOut, responses=refused)(locate)
     app.websocket("/v1/stream")(stream)
-    app.add_exception_handler(RequestValidationError, _refuse)
-    app.add_exception_handler(WebSocketRequestValidationError, _refuse_stream)
-    app.add_exception_handler(_FieldRefusedError, _refuse_field)
-    app.add_exception_handler(HTTPException, _http_error)
+    errors.install(app)
     return app

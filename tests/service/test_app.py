@@ -117,6 +117,8 @@ GOOD = {"q": POSTURE, "base_wrench": ZERO6}
         (json.dumps({"samples": []}), "samples", "at least 1 item"),
         (json.dumps({"samples": [GOOD, {**GOOD, "q": [0.0]}]}), "samples[1].q", "expected 6 numbers"),
         (json.dumps({"samples": [GOOD, {**GOOD, "q": None}]}), "samples[1].q", "list"),
+        (json.dumps({**GOOD, "\ud800": 1}), "", "unicode"),
+        (json.dumps({**GOOD, "q": "\ud800"}), "q", "list"),
         ("{", "", "not JSON"),
         ("[]", "", "dictionary"),
         ("", "", "required"),
@@ -193,7 +195,7 @@ def test_a_reader_that_is_too_slow_is_told(steady: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("query", "field"), [("every=0", "every"), ("rate=nan", "rate"), ("every=x", "every")]
+    ("query", "field"), [("every=0", "every"), ("rate=nan", "rate"), ("every=" + "ä" * 99, "every")]
 )
 def test_a_stream_asked_for_wrongly(steady: str, query: str, field: str) -> None:
     with connect(f"ws://{steady}/v1/stream?{query}") as stream:
