@@ -4,8 +4,10 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from contactsense import Localizer, Scene
 from service.messages import LocateOneIn
 from service.mock.arm import simulate
 from service.mock.script import Script
@@ -24,11 +26,23 @@ def test_the_script_can_be_played() -> None:
     assert len(motion.touches) == 1
 
 
-def test_the_request_is_accepted() -> None:
+def test_the_request_is_answered_as_the_page_says() -> None:
     body = re.search(r"-d '(.*?)'", block("sh"), re.DOTALL)
     assert body is not None
     sample = LocateOneIn.model_validate(json.loads(body[1]))
-    assert sample.joint_torque == [pytest.approx(x) for x in (0.0, 6.0, 3.5, 0.0, 0.0, 0.0)]
+    (found, *_) = (
+        Localizer(Scene.model_validate({"robot": "ur5e"}))
+        .locate(
+            np.array(sample.q),
+            base_wrench=np.array(sample.base_wrench),
+            joint_torque=np.array(sample.joint_torque),
+            external=sample.external,
+        )
+        .contacts
+    )
+    assert found.link == "forearm"
+    assert np.linalg.norm(found.point - [-0.1747, 0.0373, 0.0095]) < 0.002
+    assert np.linalg.norm(found.force_base) == pytest.approx(20.0, abs=0.1)
 
 
 def test_the_client_is_python() -> None:
