@@ -20,7 +20,7 @@ log = logging.getLogger("contactsense")
 Status = Literal["ok", "degraded", "starting", "waiting", "failing", "idle"]
 OnEstimate = Callable[[float, bytes], None]
 
-_FIRST_WORD = 300.0
+_FIRST_WORD = 600.0
 """Time allowed for the first start, which may compile all kernels [s]."""
 _SILENCE = 10.0
 """A process that says nothing for so long hangs [s]."""

@@ -10,7 +10,7 @@ from service.cli.mock import READY as MOCK_READY
 from service.cli.serve import READY as SERVE_READY
 from service.client import Client
 
-LOADING = 600.0
+LOADING = 900.0
 """Time in which the kernels must have been compiled [s]."""
 
 
