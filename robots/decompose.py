@@ -82,7 +82,7 @@ def fit_link(
     mesh = meshes[robot.link_names[link]]
     poses = neighbour_poses(robot, meshes, link, seed=options.seed)
     skin = outer_skin(mesh, poses, options.samples, options.seed)
-    search = _Search(skin, Surroundings(poses), joint_axes(robot, link), options)
+    search = _Search(skin, Surroundings(mesh, poses), joint_axes(robot, link), options)
     found: list[Fit] = []
     while len(found) < options.most:
         found.append(search.next(found[-1].bodies if found else None))
@@ -121,7 +121,7 @@ def choose(fits: Sequence[Sequence[Fit]], tolerance: float, total: int | None = 
     # The fewest that meet the tolerance, or that come near to the best where more of them help little.
     chosen = []
     for link in fits:
-        enough = 1.35 * min(candidate.cost for candidate in link)
+        enough = 1.25 * min(candidate.cost for candidate in link)
         chosen.append(
             next(i for i, found in enumerate(link) if found.p95 <= tolerance or found.cost <= enough)
         )

@@ -41,21 +41,35 @@ class Skin(NamedTuple):
 class Surroundings:
     """What may be in a finger's way on one link: its neighbours, each of their poses a set of meshes."""
 
-    def __init__(
-        self, poses: Sequence[Sequence[trimesh.Trimesh]], own: trimesh.Trimesh | None = None
-    ) -> None:
-        self._scenes = [_Rays([*meshes, *([own] if own is not None else [])]) for meshes in poses]
+    def __init__(self, mesh: trimesh.Trimesh, poses: Sequence[Sequence[trimesh.Trimesh]] = ((),)) -> None:
+        """`mesh`: of the link itself; `poses`: of its neighbours in its frame, one set for each pose."""
+        self._own = _Rays([mesh])
+        self._others = [_Rays(meshes) for meshes in poses]
+        self._all = [_Rays([mesh, *meshes]) for meshes in poses]
 
     def exposure(self, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Part of the poses in which each point can be touched, shape (N,).
+        """Part of the poses in which each point of the skin can be touched, shape (N,).
 
         Args:
             points, normals: Shape (N, 3) each, in the link's frame.
             rng: Of the rays' directions.
         """
-        if not self._scenes:
-            return np.ones(len(points))
-        seen = [scene.openness(points, normals, rng) > 0.0 for scene in self._scenes]
+        seen = [scene.openness(points, normals, rng) > 0.0 for scene in self._all]
+        return np.asarray(np.mean(seen, axis=0))
+
+    def exposure_of_model(
+        self, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """The same for points on primitives. Those a little below the skin count as if it were not there."""
+        beneath = self._own.blocked(points, normals, NEAR)
+        seen = [
+            np.where(
+                beneath,
+                others.openness(points, normals, rng) > 0.0,
+                both.openness(points, normals, rng) > 0.0,
+            )
+            for others, both in zip(self._others, self._all, strict=True)
+        ]
         return np.asarray(np.mean(seen, axis=0))
 
 
@@ -88,7 +102,7 @@ def outer_skin(
     if not outside.any():
         raise ValueError("no part of the mesh can be seen from outside")
     points, normals = points[outside], normals[outside]
-    exposure = Surroundings(poses, own=mesh).exposure(points, normals, rng)
+    exposure = Surroundings(mesh, poses).exposure(points, normals, rng)
     return Skin(points, normals, exposure, float(mesh.area * outside.mean()))
 
 
@@ -123,19 +137,21 @@ class _Rays:
         if self._scene is None:
             return np.full(len(points), 2.0)
         origins = points + _LIFT * normals
-        straight = self._blocked(origins, normals, NEAR)
+        straight = self.blocked(origins, normals, NEAR)
         # A uniform point of a sphere that touches the plane is a cosine-weighted direction.
         sphere = rng.normal(size=(len(points), _RAYS, 3))
         sphere /= np.linalg.norm(sphere, axis=2, keepdims=True)
         directions = sphere + normals[:, None, :]
         directions /= np.maximum(np.linalg.norm(directions, axis=2, keepdims=True), 1e-9)
         starts, flat = np.repeat(origins, _RAYS, axis=0), directions.reshape(-1, 3)
-        free = 1.0 - self._blocked(starts, flat, AROUND).reshape(-1, _RAYS).mean(axis=1)
-        leaving = 1.0 - self._blocked(starts, flat, 1e3).reshape(-1, _RAYS).mean(axis=1)
+        free = 1.0 - self.blocked(starts, flat, AROUND).reshape(-1, _RAYS).mean(axis=1)
+        leaving = 1.0 - self.blocked(starts, flat, 1e3).reshape(-1, _RAYS).mean(axis=1)
         return np.where(~straight & (free >= OPEN) & (leaving >= 0.1), leaving + free, 0.0)
 
-    def _blocked(self, origins: np.ndarray, directions: np.ndarray, reach: float) -> np.ndarray:
-        """Whether each ray hits something within `reach`, shape (N,)."""
+    def blocked(self, origins: np.ndarray, directions: np.ndarray, reach: float) -> np.ndarray:
+        """Whether each ray hits something within `reach` [m], shape (N,)."""
+        if self._scene is None:
+            return np.zeros(len(origins), dtype=bool)
         hits = self._scene.run(
             np.ascontiguousarray(origins, dtype=np.float32),
             np.ascontiguousarray(directions, dtype=np.float32),

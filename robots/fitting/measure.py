@@ -50,7 +50,7 @@ def errors(bodies: Bodies, skin: Skin, shape: Shape, around: Surroundings, seed:
         bodies: Primitives of the link.
         skin: Its skin.
         shape: Signed distance to the skin.
-        around: The link's neighbours, without the link itself.
+        around: The link's mesh and its neighbours.
         seed: Of the samples on the primitives.
     """
     rng = np.random.default_rng(seed)
@@ -60,7 +60,7 @@ def errors(bodies: Bodies, skin: Skin, shape: Shape, around: Surroundings, seed:
     cosine = np.einsum("ij,ij->i", normal, skin.normals[open_])
     points = exposed_surface(bodies, 5000, rng)
     outward = distances(surfaces, points)[2]
-    points = points[around.exposure(points, outward, rng) > 0.0]
+    points = points[around.exposure_of_model(points, outward, rng) > 0.0]
     return Errors(
         skin=distance,
         primitive=np.abs(shape.distance(points)),

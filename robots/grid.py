@@ -1,0 +1,128 @@
+"""Signed distance to the skin of each link on a regular grid: the last tenths of a millimetre after the
+primitives.
+
+Built once from the meshes on the user's machine, kept in a file, memory-mapped from there; about a second and
+a megabyte a link. `robots.fitting.gridding` builds it; nothing of that is needed to use it.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from robots.compiled import kernel
+from robots.schema import RobotError
+
+BAND = 0.02
+"""Distances are cut off here, both ways [m]: the skin is sought from near it."""
+
+_FORMAT = 1
+
+
+class Grids(NamedTuple):
+    """Grids of all links of a robot, in one array of values."""
+
+    values: np.ndarray
+    """Signed distance at the nodes, negative inside, x slowest, link after link, float32 [m]."""
+    start: np.ndarray
+    """First node of each link, and their number at the end, shape (links + 1,), int64; a link may have
+    none."""
+    shape: np.ndarray
+    """Nodes of each link along x, y, z, shape (links, 3), int64."""
+    low: np.ndarray
+    """First node of each link, link frame, shape (links, 3) [m]."""
+    cell: float
+    """Distance of neighbouring nodes [m]."""
+
+
+@kernel
+def sample(values, start, shape, low, cell, link, x, y, z):  # type: ignore[no-untyped-def]
+    """Signed distance to the skin of a link and its gradient, trilinear between nodes.
+
+    Args:
+        values, start, shape, low, cell: Fields of `Grids`.
+        link: Number of the link.
+        x, y, z: Point, link frame [m].
+
+    Returns:
+        Distance (inf outside of the grid) [m], and its three derivatives.
+    """
+    fx, fy, fz = (x - low[link, 0]) / cell, (y - low[link, 1]) / cell, (z - low[link, 2]) / cell
+    nx, ny, nz = shape[link, 0], shape[link, 1], shape[link, 2]
+    if not (0.0 <= fx < nx - 1 and 0.0 <= fy < ny - 1 and 0.0 <= fz < nz - 1):
+        return np.inf, 0.0, 0.0, 0.0
+    i, j, k = int(fx), int(fy), int(fz)
+    u, v, w = fx - i, fy - j, fz - k
+    at = start[link] + (i * ny + j) * nz + k
+    row, plane = nz, ny * nz
+    a, b = float(values[at]), float(values[at + 1])
+    c, d = float(values[at + row]), float(values[at + row + 1])
+    e, f = float(values[at + plane]), float(values[at + plane + 1])
+    g, h = float(values[at + plane + row]), float(values[at + plane + row + 1])
+    ab, cd, ef, gh = a + w * (b - a), c + w * (d - c), e + w * (f - e), g + w * (h - g)
+    near, far = ab + v * (cd - ab), ef + v * (gh - ef)
+    across = (1.0 - u) * (cd - ab) + u * (gh - ef)
+    up = (1.0 - u) * ((1.0 - v) * (b - a) + v * (d - c)) + u * ((1.0 - v) * (f - e) + v * (h - g))
+    return near + u * (far - near), (far - near) / cell, across / cell, up / cell
+
+
+@kernel
+def settle(values, start, shape, low, cell, link, x, y, z, steps):  # type: ignore[no-untyped-def]
+    """Move a point near the skin onto it.
+
+    Args:
+        values, start, shape, low, cell: Fields of `Grids`.
+        link: Number of the link.
+        x, y, z: Point, link frame [m].
+        steps: Newton steps along the gradient; three are enough from a few millimetres.
+
+    Returns:
+        Distance that is left (inf where the grid gives no skin nearby) [m], the point (3 floats) [m], and the
+        outward unit normal there (3 floats), link frame.
+    """
+    d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
+    for _ in range(steps):
+        square = gx * gx + gy * gy + gz * gz
+        # Where the cut-off or a medial surface flattens the field there is no way to go.
+        if not (d < 0.9 * BAND and d > -0.9 * BAND and square > 0.1):
+            return np.inf, x, y, z, 0.0, 0.0, 0.0
+        x, y, z = x - d * gx / square, y - d * gy / square, z - d * gz / square
+        d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
+    norm = np.sqrt(gx * gx + gy * gy + gz * gz)
+    if not (norm > 0.3 and d < 0.9 * BAND and d > -0.9 * BAND):
+        return np.inf, x, y, z, 0.0, 0.0, 0.0
+    return d, x, y, z, gx / norm, gy / norm, gz / norm
+
+
+def write(grids: Grids, path: Path) -> None:
+    """Write grids as two files: `path` with the nodes, and the same with `.head.npz`.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    head = path.with_suffix(".head.npz")
+    np.savez(head, format=_FORMAT, start=grids.start, shape=grids.shape, low=grids.low, cell=grids.cell)
+    # The nodes last, and in one move: whoever finds them finds them whole.
+    part = path.with_suffix(".part.npy")
+    np.save(part, grids.values.astype(np.float32))
+    part.replace(path)
+
+
+def read(path: Path) -> Grids:
+    """Read grids that `write` wrote; the nodes stay on disk until they are looked at.
+
+    Raises:
+        RobotError: the files are missing, damaged, or of another version.
+    """
+    try:
+        with np.load(path.with_suffix(".head.npz")) as head:
+            if int(head["format"]) != _FORMAT:
+                raise RobotError(f"{path}: written by another version; delete it to have it made anew")
+            start, shape, low, cell = head["start"], head["shape"], head["low"], float(head["cell"])
+        values = np.load(path, mmap_mode="r")
+    except (OSError, ValueError, KeyError) as error:
+        raise RobotError(f"{path}: no readable grid: {error}") from error
+    if values.shape != (start[-1],):
+        raise RobotError(f"{path}: damaged: {len(values)} nodes, expected {start[-1]}; delete it")
+    return Grids(values, start, shape, low, cell)

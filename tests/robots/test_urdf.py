@@ -1,0 +1,188 @@
+"""URDFs of any arm, against Pinocchio; and what is said of files that cannot be used."""
+
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+import trimesh
+
+import robots
+from robots.meshes import from_folder
+from robots.posing import link_poses
+from robots.urdf import find_mesh, read_chain
+
+LINK = """
+  <link name="{name}">
+    <inertial><origin xyz="0.01 0.02 {z}" rpy="0.1 0.2 0.3"/><mass value="{mass}"/>
+      <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0.002" iyz="0.003"/></inertial>
+    <visual><origin xyz="0 0 0.1" rpy="0.5 0 0"/><geometry>{shape}</geometry></visual>
+  </link>"""
+JOINT = """
+  <joint name="{name}" type="{type}"><parent link="{parent}"/><child link="{child}"/>
+    <origin xyz="0.02 {y} 0.3" rpy="0.4 -0.3 {y}"/><axis xyz="{axis}"/>
+    <limit lower="-2" upper="2.5" velocity="3" effort="40"/></joint>"""
+AXES = ("0 0 1", "0 1 0", "0.6 0 0.8", "0 0 -1", "1 0 0", "0 0 1", "0 1 0")
+
+
+def arm(joints: int = 7, **changes: str) -> str:
+    """An arm with a gripper: a wrist plate fixed to the last link, two prismatic fingers on it."""
+    shape = '<cylinder radius="0.05" length="0.2"/>'
+    text = LINK.format(name="link0", z=0.1, mass=3.0, shape=shape)
+    for i in range(joints):
+        text += LINK.format(name=f"link{i + 1}", z=0.01 * i, mass=2.0 - 0.1 * i, shape=shape)
+        text += JOINT.format(
+            name=f"joint{i + 1}",
+            type="revolute",
+            parent=f"link{i}",
+            child=f"link{i + 1}",
+            y=0.1 * i,
+            axis=AXES[i],
+        )
+    text += LINK.format(name="plate", z=0.0, mass=0.3, shape='<box size="0.1 0.1 0.02"/>')
+    text += JOINT.format(
+        name="mount", type="fixed", parent=f"link{joints}", child="plate", y=0.3, axis="0 0 1"
+    )
+    for side in ("left", "right"):
+        text += LINK.format(name=side, z=0.02, mass=0.05, shape='<sphere radius="0.02"/>')
+        text += JOINT.format(
+            name=f"{side}_finger", type="prismatic", parent="plate", child=side, y=0.1, axis="0 1 0"
+        )
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    return f'<robot name="seven">{text}</robot>'
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "arm.urdf"
+    path.write_text(text)
+    return path
+
+
+def test_seven_joints_with_a_gripper_as_pinocchio_sees_them(tmp_path: Path) -> None:
+    path = write(tmp_path, arm())
+    robot = robots.from_urdf(path)
+    assert robot.name == "seven"
+    assert robot.link_names == tuple(f"link{i}" for i in range(8))
+    assert robot.joints[0].position_limits == (-2.0, 2.5)
+    model = pinocchio.buildModelFromUrdf(str(path))
+    data = model.createData()
+    assert robot.mass - robot.links[0].inertia.mass == pytest.approx(
+        sum(body.mass for body in model.inertias) - 3.0
+    )
+    for q in np.random.default_rng(0).uniform(-2, 2, size=(10, 7)):
+        pinocchio.framesForwardKinematics(model, data, np.concatenate((q, np.zeros(2))))
+        poses = link_poses(robot, q)
+        for i in range(8):
+            expected = data.oMf[model.getFrameId(f"link{i}")].homogeneous
+            np.testing.assert_allclose(poses[i], expected, atol=1e-12)
+        # The gripper's mass is joined to the last link.
+        com = pinocchio.centerOfMass(model, data, np.concatenate((q, np.zeros(2))))
+        bodies = [(link.inertia.mass, pose[:3, :3] @ link.inertia.com + pose[:3, 3])
+                  for link, pose in zip(robot.links, poses, strict=True)]  # fmt: skip
+        moving = sum(mass * place for mass, place in bodies[1:])
+        np.testing.assert_allclose(moving / sum(mass for mass, _ in bodies[1:]), com, atol=1e-12)
+
+
+def test_inertia_of_joined_links_as_pinocchio_joins_them(tmp_path: Path) -> None:
+    path = write(tmp_path, arm())
+    last = robots.from_urdf(path).links[-1].inertia
+    model = pinocchio.buildModelFromUrdf(str(path))
+    frames = [frame for frame in model.frames if frame.name in ("link7", "plate", "left", "right")]
+    assert len(frames) == 4
+    locked = pinocchio.buildReducedModel(
+        model, [model.getJointId("left_finger"), model.getJointId("right_finger")], pinocchio.neutral(model)
+    )
+    expected = locked.inertias[7]
+    assert last.mass == pytest.approx(expected.mass)
+    np.testing.assert_allclose(last.com, expected.lever, atol=1e-12)
+    np.testing.assert_allclose(last.tensor, expected.inertia, atol=1e-12)
+
+
+def test_a_tip_ends_the_arm_and_is_its_flange(tmp_path: Path) -> None:
+    robot = robots.from_urdf(write(tmp_path, arm()), tip="plate", name="mine")
+    assert robot.name == "mine"
+    assert robot.flange_translation == pytest.approx((0.02, 0.3, 0.3))
+    short = robots.from_urdf(write(tmp_path, arm()), tip="link3")
+    assert len(short.joints) == 3
+    assert short.mass == pytest.approx(robot.mass)
+
+
+def test_meshes_are_scaled_placed_and_joined(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    trimesh.creation.box((100.0, 200.0, 300.0)).export(tmp_path / "meshes" / "box.stl")
+    mesh = '<mesh filename="package://thing/meshes/box.stl" scale="0.001 0.001 0.001"/>'
+    text = arm().replace('<cylinder radius="0.05" length="0.2"/>', mesh, 1)
+    meshes = read_chain(write(tmp_path, text)).meshes()
+    assert sorted(meshes) == [f"link{i}" for i in range(8)]
+    assert meshes["link0"].area == pytest.approx(2 * (0.02 + 0.06 + 0.03))
+    assert meshes["link0"].bounds.mean(axis=0) == pytest.approx((0.0, 0.0, 0.1), abs=1e-9)
+    # Last link, plate and two fingers.
+    assert len(meshes["link7"].split(only_watertight=False)) == 4
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({'name="joint3" type="revolute"': 'name="joint3" type="floating"'}, r"joint joint3: floating"),
+        ({'name="joint3" type="revolute"': 'name="joint3" type="prismatic"'}, r"joint joint3: prismatic"),
+        ({'type="revolute"': 'type="fixed"'}, r"no revolute joint"),
+        ({'<parent link="link2"/>': '<parent link="nowhere"/>'}, r"joint joint3: there is no link nowhere"),
+        ({'<parent link="link2"/><child link="link3"/>': '<parent link="link2"/><child link="link2"/>'},
+         r"expected one root link"),
+        ({'axis xyz="0.6 0 0.8"': 'axis xyz="0 0 0"'}, r"joint joint3: the axis has no direction"),
+        ({'mass value="2.0"': 'mass value="-2.0"'}, r"link link1: mass"),
+    ],
+)  # fmt: skip
+def test_unusable_urdfs_are_refused_with_the_element(
+    tmp_path: Path, changes: dict[str, str], message: str
+) -> None:
+    with pytest.raises(robots.RobotError, match=message):
+        robots.from_urdf(write(tmp_path, arm(**changes)))
+
+
+def test_unusable_files_and_tips_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(robots.RobotError, match=r"none.urdf: no such file"):
+        robots.from_urdf(tmp_path / "none.urdf")
+    with pytest.raises(robots.RobotError, match=r"arm.urdf: no valid URDF"):
+        robots.from_urdf(write(tmp_path, "<robot"))
+    with pytest.raises(robots.RobotError, match=r"there is no link hand; links are link0, "):
+        robots.from_urdf(write(tmp_path, arm()), tip="hand")
+
+
+def test_unusable_meshes_are_refused(tmp_path: Path) -> None:
+    cylinder = '<cylinder radius="0.05" length="0.2"/>'
+    text = arm().replace(cylinder, '<mesh filename="box.stl"/>', 1)
+    with pytest.raises(robots.RobotError, match=r"arm.urdf: mesh box.stl is missing"):
+        read_chain(write(tmp_path, text)).meshes()
+    trimesh.creation.box((100.0, 200.0, 300.0)).export(tmp_path / "box.stl")
+    with pytest.raises(robots.RobotError, match=r"link link0: \d+ m across: not in metres\?"):
+        read_chain(write(tmp_path, text)).meshes()
+    (tmp_path / "box.stl").write_text("solid nothing\nendsolid nothing\n")
+    with pytest.raises(robots.RobotError, match=r"box.stl: "):
+        read_chain(write(tmp_path, text)).meshes()
+    with pytest.raises(robots.RobotError, match=r"no such folder"):
+        from_folder(tmp_path / "none", ("link0",))
+    with pytest.raises(robots.RobotError, match=r"no mesh for link link0"):
+        from_folder(tmp_path, ("link0",))
+
+
+def test_package_names_are_searched_upwards(tmp_path: Path) -> None:
+    folder = tmp_path / "my_package" / "urdf"
+    folder.mkdir(parents=True)
+    (tmp_path / "my_package" / "box.stl").write_text("")
+    assert find_mesh(folder / "arm.urdf", "package://my_package/box.stl").name == "box.stl"
+
+
+def test_panda() -> None:
+    """Needs PyPI's example-robot-data (131 MB), which is not among the test packages."""
+    try:
+        files = metadata.files("example-robot-data") or []
+    except metadata.PackageNotFoundError:
+        pytest.skip("the package example-robot-data is not installed")
+    path = next(Path(str(file.locate())) for file in files if file.name == "panda.urdf")
+    chain = read_chain(path)
+    assert len(chain.robot.joints) == 7
+    meshes = chain.meshes()
+    assert set(meshes) == set(chain.robot.link_names)
