@@ -76,9 +76,8 @@ def _start(console: Console, stack: ExitStack, script: Script, port: int, more: 
     )
     began = time.monotonic()
     stage = stack.enter_context(Stage(script.robot, port))
-    with console.status(
-        "The service starts. The very first time it compiles its kernels, which takes a while."
-    ):
+    console.print("The service starts; the very first time it compiles its kernels, a minute or two.")
+    with console.status("starting"):
         client = stage.start_service()
     console.print(f"The service is up after {time.monotonic() - began:.1f} s.")
     stage.start_arm(*more)
