@@ -1,83 +1,74 @@
-"""From the kernels' arrays to an `Estimate`."""
+"""From rows of numbers to an `Estimate`."""
 
 import numpy as np
 
-from contactsense.arm import Arm
-from contactsense.pipeline import Memory
+from contactsense.memory import Memory
+from contactsense.report import (
+    COVARIANCE,
+    FORCE,
+    LINK,
+    NORMAL,
+    POINT,
+    POINT_BASE,
+    PRIMITIVE,
+    PROBABILITY,
+    TORSION,
+)
 from contactsense.scene import Scene
 from contactsense.types import Contact, Estimate, Status
-
-LEAST_PROBABILITY = 0.01
-"""Explanations less probable than this are not listed."""
 
 
 class Composer:
     """Makes estimates for one scene."""
 
-    def __init__(self, scene: Scene, arm: Arm) -> None:
-        """Names and frames of `scene` are looked up once."""
+    def __init__(self, scene: Scene, first_primitive: np.ndarray) -> None:
+        """Names and frames of `scene` are looked up once; `first_primitive`: number of each link's first."""
         self._names = scene.link_names
+        self._first: list[int] = first_primitive.tolist()
         self._clear = scene.clear
-        self._arm = arm
         self._flange = (scene.robot.flange_rotation, scene.robot.flange_translation)
-        self._joints = arm.model.joints
+        self._joints = len(scene.robot.joints)
 
     def quiet(self, t: float, status: Status, reason: str = "") -> Estimate:
         """No contact, or no answer."""
         links = len(self._names)
         return Estimate(t, status, (), np.zeros(links), np.zeros(6), np.zeros((6, 6)), reason)
 
-    def contacts(self, t: float, memory: Memory, count: int, reason: str = "") -> Estimate:
-        """The explanations that the kernels left in `memory`; with a `reason` the estimate is `degraded`."""
-        if count == 0:
+    def contacts(self, t: float, memory: Memory, rows: np.ndarray, reason: str = "") -> Estimate:
+        """The explanations in `rows`, as `contactsense.report` writes them; with a `reason` the estimate is
+        `degraded`."""
+        if len(rows) == 0:
             why = "something pushes or pulls the arm, but no push on a touchable link explains it"
             return self.quiet(t, "degraded" if reason else "ambiguous", f"{reason}; {why}" if reason else why)
-        found = memory.found
-        listed = [
-            self._contact(memory, row)
-            for row in found.order[:count].tolist()
-            if found.probability[row] >= LEAST_PROBABILITY
-        ]
+        rows = rows.copy()
+        listed = tuple([self._contact(row) for row in rows])
         best = listed[0]
         status: Status = "contact" if best.probability >= self._clear else "ambiguous"
         return Estimate(
             t,
             "degraded" if reason else status,
-            tuple(listed),
+            listed,
             memory.link_probability.copy(),
             memory.hypotheses.wrench[best.link_index].copy(),
             memory.hypotheses.covariance[best.link_index].copy(),
             reason,
         )
 
-    def _contact(self, memory: Memory, row: int) -> Contact:
-        found = memory.found
-        surfaces = self._arm.surfaces
-        link = int(surfaces.link[row])
-        point = found.point[row].copy()
-        return Contact(
-            link=self._names[link],
-            link_index=link,
-            primitive=row - int(surfaces.start[link]),
-            probability=float(found.probability[row]),
-            point=self.in_link(memory.motion.rotation, memory.motion.origin, link, point),
-            point_base=point,
-            normal_base=found.normal[row].copy(),
-            force_base=found.force[row].copy(),
-            torsion=float(found.torsion[row]),
-            covariance=found.covariance[row].copy(),
-        )
-
-    def in_link(self, rotation: np.ndarray, origin: np.ndarray, link: int, point: np.ndarray) -> np.ndarray:
-        """A base-frame point in the frame of a link; in the flange's frame for the tool.
-
-        Args:
-            rotation, origin: Poses of the bodies in the base frame, shapes (n + 1, 3, 3) and (n + 1, 3) [m].
-            link: Number of the link.
-            point: Shape (3,) [m].
-        """
-        body = min(link, self._joints)
-        local = (point - origin[body]) @ rotation[body]
+    def _contact(self, row: np.ndarray) -> Contact:
+        link, primitive = int(row[LINK]), int(row[PRIMITIVE])
+        point = row[POINT]
         if link > self._joints:
-            local = (local - self._flange[1]) @ self._flange[0]
-        return np.asarray(local)
+            # A tool's own frame is the flange's, not that of the body that carries it.
+            point = (point - self._flange[1]) @ self._flange[0]
+        return Contact(
+            self._names[link],
+            link,
+            primitive - self._first[link],
+            float(row[PROBABILITY]),
+            point,
+            row[POINT_BASE],
+            row[NORMAL],
+            row[FORCE],
+            float(row[TORSION]),
+            row[COVARIANCE].reshape(3, 3),
+        )

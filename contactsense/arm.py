@@ -25,7 +25,7 @@ class Arm(NamedTuple):
     prior: Prior
     """What is known of contacts beforehand."""
     touchable: np.ndarray
-    """Whether each link can be touched, shape (links,), bool."""
+    """1 for links that can be touched, else 0, shape (links,), int64."""
     gravity: np.ndarray
     """Gravity, base axes, shape (3,) [m/s^2]."""
     tool_mass: float
@@ -59,7 +59,9 @@ def build_arm(scene: Scene) -> Arm:
         surfaces=_surfaces(scene),
         sensors=_sensors(scene),
         prior=Prior(lean=scene.friction / 2.0, lever=scene.torsion, offset=scene.surface_error),
-        touchable=np.array([scene.touchable is None or name in scene.touchable for name in scene.link_names]),
+        touchable=np.array(
+            [scene.touchable is None or name in scene.touchable for name in scene.link_names], dtype=np.int64
+        ),
         gravity=scene.gravity_base,
         tool_mass=tool.mass,
         tool_com=tool.com,
@@ -92,8 +94,8 @@ def _sensors(scene: Scene) -> Sensors:
     torque_noise = scene.joint_torque.noise if scene.joint_torque is not None else 1.0
     wrist = scene.wrist_wrench or WrenchSensor()
     return Sensors(
-        depth=np.minimum(np.arange(links), joints),
-        beyond_wrist=np.arange(links) > joints,
+        depth=np.minimum(np.arange(links), joints).astype(np.int64),
+        beyond_wrist=(np.arange(links) > joints).astype(np.int64),
         # The sensor's noise is the same in every direction, so that its orientation does not matter here.
         base_covariance=transfer @ np.diag(noise**2) @ transfer.T,
         base_information=np.linalg.inv(transfer).T @ np.diag(noise**-2.0) @ np.linalg.inv(transfer),

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.compiled import kernel
+from robots.compiled import fused_kernel
 
 BROAD = 1e3
 """Standard deviation of the wrench before any measurement, where there is no base sensor [N and Nm]."""
@@ -31,7 +31,7 @@ class Sensors(NamedTuple):
     depth: np.ndarray
     """Number of joints between the base and each link, rising, shape (links,), int64."""
     beyond_wrist: np.ndarray
-    """Whether the wrist sensor sees a contact on each link, shape (links,), bool."""
+    """1 for links on which the wrist sensor sees a contact, else 0, shape (links,), int64."""
     base_covariance: np.ndarray
     """Covariance of the base wrench, shape (6, 6)."""
     base_information: np.ndarray
@@ -69,14 +69,14 @@ def empty_hypotheses(links: int) -> Hypotheses:
     )
 
 
-@kernel
+@fused_kernel
 def _null(value, variance):  # type: ignore[no-untyped-def]
     """Energy and log likelihood of a measurement that is noise only."""
     energy = 0.5 * value * value / variance
     return energy, -energy - 0.5 * (math.log(variance) + _LOG_2PI)
 
 
-@kernel
+@fused_kernel
 def _observe(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
     """Kalman step for value = a . w + noise, in place; energy and log likelihood of the innovation."""
     g = (
@@ -105,7 +105,7 @@ def _observe(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
     return _null(innovation, s)
 
 
-@kernel
+@fused_kernel
 def _observe_wrist(variance_f, variance_m, y, origin, w, P, L):  # type: ignore[no-untyped-def]
     """Six steps for a wrist sensor at `origin`: its force, and its moment about its own origin, where noise
     is isotropic."""
@@ -128,7 +128,7 @@ def _observe_wrist(variance_f, variance_m, y, origin, w, P, L):  # type: ignore[
     return energy, log_likelihood
 
 
-@kernel
+@fused_kernel
 def _null_wrist(variance_f, variance_m, y, origin):  # type: ignore[no-untyped-def]
     """Energy and log likelihood of a wrist reading if nothing touches beyond the wrist."""
     ox, oy, oz = origin[0], origin[1], origin[2]
@@ -145,7 +145,7 @@ def _null_wrist(variance_f, variance_m, y, origin):  # type: ignore[no-untyped-d
     return energy, log_likelihood
 
 
-@kernel
+@fused_kernel
 def isolate(
     sensors: Sensors,
     screw: np.ndarray,

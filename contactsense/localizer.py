@@ -10,11 +10,24 @@ from scipy.stats import chi2
 from contactsense.answer import Composer
 from contactsense.arm import build_arm
 from contactsense.check import checked_rows, checked_vector
+from contactsense.entry import batch, finite, once, step
 from contactsense.feed import Feed
+from contactsense.memory import empty_memory
 from contactsense.observer import noise_gain
-from contactsense.pipeline import empty_memory, explain, explain_batch, follow, rest
+from contactsense.report import (
+    COVARIANCE,
+    FORCE,
+    LINK,
+    NORMAL,
+    POINT_BASE,
+    PRIMITIVE,
+    PROBABILITY,
+    TORSION,
+    WIDTH,
+)
 from contactsense.scene import Scene
 from contactsense.types import Estimate, Sample
+from contactsense.workspace import Workspace
 
 SETTLE = 5.0
 """Time constants of the observer after a start until its residual is used: it is within 1 % of its value by
@@ -32,7 +45,7 @@ class Batch(NamedTuple):
     link: np.ndarray
     """Number of the touched link, -1 where no push on any link explains the sample, shape (N,), int64."""
     primitive: np.ndarray
-    """Number of the touched primitive among all of the arm, -1 likewise, shape (N,), int64."""
+    """Number of the touched primitive among all of the arm, shape (N,), int64."""
     probability: np.ndarray
     """Probability of this explanation, shape (N,)."""
     link_probability: np.ndarray
@@ -62,10 +75,12 @@ class Localizer:
         """Prepare for `scene`, and compile."""
         self.scene = scene
         self._gate = method == "torques_first"
-        self._arm = build_arm(scene)
-        self._memory = empty_memory(self._arm)
-        self._composer = Composer(scene, self._arm)
-        self._joints = self._arm.model.joints
+        arm = build_arm(scene)
+        self._work = Workspace(arm, empty_memory(arm))
+        self._buffers = (self._work.floats, self._work.integers, self._work.sizes)
+        self._joints, self._links, primitives = self._work.sizes
+        self._rows = np.zeros((primitives, WIDTH))
+        self._composer = Composer(scene, arm.surfaces.start)
         self._fitted = (
             scene.base_wrench is not None,
             scene.joint_torque is not None,
@@ -96,7 +111,7 @@ class Localizer:
         q = self._shaped("q", sample.q, self._joints)
         qd = self._shaped("qd", sample.qd, self._joints)
         t = sample.t
-        if not (math.isfinite(t) and np.isfinite(q).all() and np.isfinite(qd).all()):
+        if not (math.isfinite(t) and finite(q) and finite(qd)):
             return self._composer.quiet(
                 t, "degraded", "time, positions or velocities are not finite: sample unused"
             )
@@ -108,15 +123,18 @@ class Localizer:
             self._dt = t - self._t
         self._t = t
         values, steps, ready, troubles = self._read(sample)
-        follow(
-            self._arm, self._memory, q, qd,
-            values[1], steps[1], values[0], steps[0], values[2], steps[2], self.scene.bandwidth,
+        threshold = self._threshold(ready)
+        listed, nothing = step(
+            *self._buffers, q, qd, values[1], steps[1], values[0], steps[0], values[2], steps[2],
+            self.scene.bandwidth, *ready, noise_gain(self.scene.bandwidth, self._dt), self._gate, threshold,
+            self._rows,
         )  # fmt: skip
         reason = "; ".join(troubles)
-        if not (ready[0] or ready[1]):
+        if nothing < 0.0:
             return self._composer.quiet(t, "degraded", reason or "observer settles after its start")
-        scale = noise_gain(self.scene.bandwidth, self._dt)
-        return self._answer(t, ready, scale, reason, detect=True)
+        if nothing <= threshold:
+            return self._composer.quiet(t, "degraded" if reason else "none", reason)
+        return self._composer.contacts(t, self._work.memory, self._rows[:listed], reason)
 
     def locate(
         self,
@@ -152,8 +170,14 @@ class Localizer:
             self._blank[i] if value is None else checked_vector(_SENSORS[i], value, self._sizes[i], "N, Nm")
             for i, value in enumerate(given)
         ]
-        rest(self._arm, self._memory, q, values[1], values[0], values[2], external)
-        return self._answer(0.0, present, 1.0, "", detect)
+        threshold = self._threshold(present) if detect else -1.0
+        listed, nothing = once(
+            *self._buffers, q, values[1], values[0], values[2], external, *present, self._gate, threshold,
+            self._rows,
+        )  # fmt: skip
+        if nothing <= threshold:
+            return self._composer.quiet(0.0, "none")
+        return self._composer.contacts(0.0, self._work.memory, self._rows[:listed])
 
     def locate_batch(
         self,
@@ -179,26 +203,23 @@ class Localizer:
             else checked_rows(_SENSORS[i], value, n, self._sizes[i], "N, Nm")
             for i, value in enumerate(given)
         ]
-        links = len(self.scene.link_names)
-        nothing = np.empty(n)
-        out = Batch(
-            link=np.empty(n, dtype=np.int64),
-            primitive=np.empty(n, dtype=np.int64),
-            probability=np.empty(n),
-            link_probability=np.empty((n, links)),
-            point_base=np.empty((n, 3)),
-            normal_base=np.empty((n, 3)),
-            force_base=np.empty((n, 3)),
-            torsion=np.empty(n),
-            covariance=np.empty((n, 3, 3)),
-            detected=np.empty(n, dtype=bool),
-        )
-        explain_batch(
-            self._arm, self._memory, q, values[1], present[1], values[0], present[0], values[2], present[2],
-            external, self._gate, nothing, *out[:-1],
+        nothing, link_probability, best = np.empty(n), np.empty((n, self._links)), np.empty((n, WIDTH))
+        batch(
+            *self._buffers, q, values[1], values[0], values[2], external, *present, self._gate,
+            nothing, link_probability, best, self._rows,
         )  # fmt: skip
-        out.detected[:] = nothing > self._threshold(present)
-        return out
+        return Batch(
+            link=best[:, LINK].astype(np.int64),
+            primitive=best[:, PRIMITIVE].astype(np.int64),
+            probability=best[:, PROBABILITY],
+            link_probability=link_probability,
+            point_base=best[:, POINT_BASE],
+            normal_base=best[:, NORMAL],
+            force_base=best[:, FORCE],
+            torsion=best[:, TORSION],
+            covariance=best[:, COVARIANCE].reshape(n, 3, 3),
+            detected=nothing > self._threshold(present),
+        )
 
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates of a whole stream of samples, from its start."""
@@ -206,20 +227,11 @@ class Localizer:
         for sample in recording:
             yield self.step(sample)
 
-    def _answer(
-        self, t: float, present: tuple[bool, bool, bool], scale: float, reason: str, detect: bool
-    ) -> Estimate:
-        threshold = self._threshold(present) if detect else -1.0
-        count, nothing = explain(self._arm, self._memory, *present, scale, self._gate, threshold)
-        if nothing <= threshold:
-            return self._composer.quiet(t, "degraded" if reason else "none", reason)
-        return self._composer.contacts(t, self._memory, count, reason)
-
     def _threshold(self, present: tuple[bool, bool, bool]) -> float:
         """Energy of "nothing touches" that noise exceeds with the scene's false-alarm probability."""
         if present not in self._thresholds:
             freedom = sum(size for size, there in zip(self._sizes, present, strict=True) if there)
-            self._thresholds[present] = float(chi2.isf(self.scene.false_alarm, freedom)) / 2.0
+            self._thresholds[present] = float(chi2.isf(self.scene.false_alarm, max(freedom, 1))) / 2.0
         return self._thresholds[present]
 
     def _present(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
@@ -242,14 +254,14 @@ class Localizer:
                 if given[i] is None or not self._fitted[i]
                 else self._shaped(name, given[i], self._sizes[i])
             )
-            finite = value is not None and bool(np.isfinite(value).all())
+            usable = value is not None and finite(value)
             feed = self._feeds[i]
-            steps.append(feed.step(sample.t, finite))
-            values.append(value if value is not None and finite else self._blank[i])
+            steps.append(feed.step(sample.t, usable))
+            values.append(value if value is not None and usable else self._blank[i])
             ready.append(feed.ready(sample.t))
             if self._fitted[i] and feed.silent(sample.t):
                 troubles.append(f"{name} is missing")
-            elif value is not None and not finite:
+            elif value is not None and not usable:
                 troubles.append(f"{name} is not finite")
         return values, steps, (ready[0], ready[1], ready[2]), troubles
 

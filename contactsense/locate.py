@@ -15,7 +15,7 @@ from contactsense.isolation import Hypotheses
 from contactsense.refine import CUT, Prior, Work, energy_at, lean_in, loosen, refine, view
 from contactsense.seed import enter
 from kinematics.model import Motion
-from robots.compiled import kernel
+from robots.compiled import fused_kernel
 from robots.surface import Surfaces, project
 
 
@@ -67,7 +67,7 @@ def empty_candidates(primitives: int) -> Candidates:
     )
 
 
-@kernel
+@fused_kernel
 def locate(
     surfaces: Surfaces,
     touchable: np.ndarray,
@@ -84,7 +84,7 @@ def locate(
 
     Args:
         surfaces: Primitives in the frames of the bodies that carry them.
-        touchable: Whether each link can be touched, shape (links,), bool.
+        touchable: 1 for links that can be touched, else 0, shape (links,), int64.
         depth: Number of joints between the base and each link, shape (links,), int64.
         motion: Poses, see `kinematics.core.place`.
         hypotheses: One fused wrench per link, see `contactsense.isolation.isolate`.
@@ -127,7 +127,7 @@ def locate(
     return kept
 
 
-@kernel
+@fused_kernel
 def _place_primitives(surfaces, depth, motion, found):  # type: ignore[no-untyped-def]
     """Body frames of all primitives in the base frame."""
     for p in range(surfaces.kind.shape[0]):
@@ -140,7 +140,7 @@ def _place_primitives(surfaces, depth, motion, found):  # type: ignore[no-untype
                 found.rotation[p, i, k] = R[i, 0] * S[0, k] + R[i, 1] * S[1, k] + R[i, 2] * S[2, k]
 
 
-@kernel
+@fused_kernel
 def _aim_all(surfaces, touchable, hypotheses, aimed, prior, found, work):  # type: ignore[no-untyped-def]
     """First guess on every touchable primitive that is worth a search: listed in `order`, its energy as
     `score`."""
@@ -166,7 +166,7 @@ def _aim_all(surfaces, touchable, hypotheses, aimed, prior, found, work):  # typ
     return count
 
 
-@kernel
+@fused_kernel
 def _aim(surfaces, found, p, w, P, L, prior, limit, work):  # type: ignore[no-untyped-def]
     """Where the wrench axis enters primitive p, or comes nearest, as its point and normal, body frame.
 
@@ -207,7 +207,7 @@ def _aim(surfaces, found, p, w, P, L, prior, limit, work):  # type: ignore[no-un
     return energy_at(w, L, prior, loose, cx, cy, cz, nx, ny, nz, fx, fy, fz, 0.0)
 
 
-@kernel
+@fused_kernel
 def _moment_variance(P, o):  # type: ignore[no-untyped-def]
     """Trace of the covariance of the moment about the point o, P being that of the wrench about the
     origin."""
@@ -223,7 +223,7 @@ def _moment_variance(P, o):  # type: ignore[no-untyped-def]
     return max(trace, 0.0)
 
 
-@kernel
+@fused_kernel
 def _from_sides(kind, size, radius, w, L, prior, limit, work):  # type: ignore[no-untyped-def]
     """Best of several searches, one from each side of a body: for a wrench too little known to aim with."""
     best = (math.inf, -math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -246,14 +246,14 @@ def _from_sides(kind, size, radius, w, L, prior, limit, work):  # type: ignore[n
     return best
 
 
-@kernel
+@fused_kernel
 def _turn(R, x, y, z, out):  # type: ignore[no-untyped-def]
     """out = R (x, y, z)."""
     for i in range(3):
         out[i] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
 
 
-@kernel
+@fused_kernel
 def _store(found, p, result, work, offset):  # type: ignore[no-untyped-def]
     """Keep one result of `refine` in base axes."""
     _, _, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, v11, v12, v22 = result
@@ -276,7 +276,7 @@ def _store(found, p, result, work, offset):  # type: ignore[no-untyped-def]
             )
 
 
-@kernel
+@fused_kernel
 def _cover(surfaces, found, count, best, spread):  # type: ignore[no-untyped-def]
     """Lower the score of places that lie inside another primitive of their link or of a neighbour.
 
@@ -308,7 +308,7 @@ def _cover(surfaces, found, count, best, spread):  # type: ignore[no-untyped-def
         found.score[own] -= 0.5 * (deepest / spread) ** 2
 
 
-@kernel
+@fused_kernel
 def _rank(surfaces, found, count, apart, link_probability):  # type: ignore[no-untyped-def]
     """Sort the explanations, drop doubles and the hopeless, turn scores into probabilities; how many are
     left."""
@@ -337,7 +337,7 @@ def _rank(surfaces, found, count, apart, link_probability):  # type: ignore[no-u
     return kept
 
 
-@kernel
+@fused_kernel
 def _is_double(surfaces, found, p, kept, apart):  # type: ignore[no-untyped-def]
     """Whether a better explanation on the same link, among the first `kept`, lies closer than `apart`."""
     for i in range(kept):

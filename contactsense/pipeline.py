@@ -1,69 +1,15 @@
 """The way of one sample, compiled: poses, external parts, link hypotheses, explanations. Nothing is
 allocated."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from contactsense.arm import Arm
-from contactsense.isolation import Hypotheses, empty_hypotheses, isolate
-from contactsense.locate import Candidates, empty_candidates, locate
-from contactsense.observer import Observer, empty_observer, observe_joints, observe_wrench
-from contactsense.refine import Work, empty_work
+from contactsense.isolation import isolate
+from contactsense.locate import locate
+from contactsense.memory import Memory
+from contactsense.observer import observe_joints, observe_wrench
 from kinematics.core import carry, dot6, move
-from kinematics.model import Motion, empty_motion
 from robots.compiled import kernel
-
-
-class Memory(NamedTuple):
-    """Everything that a sample changes: observers, and the arrays in which results are left."""
-
-    motion: Motion
-    hypotheses: Hypotheses
-    found: Candidates
-    work: Work
-    link_probability: np.ndarray
-    """Probability of each link, shape (links,)."""
-    joints: Observer
-    base: Observer
-    wrist: Observer
-    carried: np.ndarray
-    """Momentum and gravity wrench of what the wrist sensor carries, shape (2, 6)."""
-    wrist_origin: np.ndarray
-    """Origin of the wrist sensor, base frame, shape (3,) [m]."""
-    base_wrench: np.ndarray
-    """External wrench on the base sensor, shape (6,) [N, Nm]."""
-    torque: np.ndarray
-    """External part of each joint's torque as s_j . w, shape (n,) [Nm]."""
-    wrist_wrench: np.ndarray
-    """External wrench on the wrist sensor, base axes, base origin, shape (6,) [N, Nm]."""
-    rest: np.ndarray
-    """Zero joint velocities, shape (n,)."""
-    open: np.ndarray
-    """Links among which the contact is sought, shape (links,), bool."""
-
-
-def empty_memory(arm: Arm) -> Memory:
-    """Memory before the first sample."""
-    joints = arm.model.joints
-    links = len(arm.touchable)
-    return Memory(
-        motion=empty_motion(joints),
-        hypotheses=empty_hypotheses(links),
-        found=empty_candidates(len(arm.surfaces.kind)),
-        work=empty_work(),
-        link_probability=np.zeros(links),
-        joints=empty_observer(joints),
-        base=empty_observer(6),
-        wrist=empty_observer(6),
-        carried=np.zeros((2, 6)),
-        wrist_origin=np.zeros(3),
-        base_wrench=np.zeros(6),
-        torque=np.zeros(joints),
-        wrist_wrench=np.zeros(6),
-        rest=np.zeros(joints),
-        open=np.zeros(links, dtype=bool),
-    )
 
 
 @kernel
@@ -194,13 +140,13 @@ def explain(
         return 0, nothing
     best = -1
     for link in range(arm.touchable.shape[0]):
-        memory.open[link] = arm.touchable[link] and not gate
+        memory.open[link] = 0 if gate else arm.touchable[link]
         if arm.touchable[link] and (
             best < 0 or memory.hypotheses.log_evidence[link] > memory.hypotheses.log_evidence[best]
         ):
             best = link
     if best >= 0:
-        memory.open[best] = True
+        memory.open[best] = 1
     count = locate(
         arm.surfaces,
         memory.open,
@@ -214,54 +160,3 @@ def explain(
         memory.link_probability,
     )
     return count, nothing
-
-
-@kernel
-def explain_batch(
-    arm: Arm,
-    memory: Memory,
-    q: np.ndarray,
-    torque: np.ndarray,
-    has_torque: bool,
-    base_wrench: np.ndarray,
-    has_base: bool,
-    wrist_wrench: np.ndarray,
-    has_wrist: bool,
-    external: bool,
-    gate: bool,
-    nothing: np.ndarray,
-    link: np.ndarray,
-    primitive: np.ndarray,
-    probability: np.ndarray,
-    link_probability: np.ndarray,
-    point: np.ndarray,
-    normal: np.ndarray,
-    force: np.ndarray,
-    torsion: np.ndarray,
-    covariance: np.ndarray,
-) -> None:
-    """`rest` and `explain` for N samples; the best explanation of each goes into row i of the outputs, link
-    -1 for none."""
-    for i in range(q.shape[0]):
-        rest(arm, memory, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
-        count, nothing[i] = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate, -1.0)
-        link_probability[i] = memory.link_probability
-        if count == 0:
-            link[i] = -1
-            primitive[i] = -1
-            probability[i] = 0.0
-            point[i] = 0.0
-            normal[i] = 0.0
-            force[i] = 0.0
-            torsion[i] = 0.0
-            covariance[i] = 0.0
-            continue
-        top = memory.found.order[0]
-        link[i] = arm.surfaces.link[top]
-        primitive[i] = top
-        probability[i] = memory.found.probability[top]
-        point[i] = memory.found.point[top]
-        normal[i] = memory.found.normal[top]
-        force[i] = memory.found.force[top]
-        torsion[i] = memory.found.torsion[top]
-        covariance[i] = memory.found.covariance[top]

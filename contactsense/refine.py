@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.compiled import kernel
+from robots.compiled import fused_kernel
 from robots.surface import curvature, project
 
 ITERATIONS = 12
@@ -79,7 +79,7 @@ def empty_work() -> Work:
     )
 
 
-@kernel
+@fused_kernel
 def loosen(L, prior, nx, ny, nz, fx, fy, fz):  # type: ignore[no-untyped-def]
     """How the surface's offset loosens the information: L' = L - s^2 v v^T / widen, v = L u, widen = 1 + s^2
     u . v.
@@ -101,7 +101,7 @@ def loosen(L, prior, nx, ny, nz, fx, fy, fz):  # type: ignore[no-untyped-def]
     return v, s / widen, widen
 
 
-@kernel
+@fused_kernel
 def energy_at(w, L, prior, loose, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
     """Energy of a contact; `loose` is what `loosen` says, infinite where the force does not push."""
     push = -(fx * nx + fy * ny + fz * nz)
@@ -134,7 +134,7 @@ def energy_at(w, L, prior, loose, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # ty
     return 0.5 * (dLd - s * vd * vd + twist * twist + lean)
 
 
-@kernel
+@fused_kernel
 def lean_in(fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
     """The force, turned into the surface as far as needed for the priors to be finite: a start for the
     search."""
@@ -144,7 +144,7 @@ def lean_in(fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
     return fx - lift * nx, fy - lift * ny, fz - lift * nz
 
 
-@kernel
+@fused_kernel
 def _tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
     """Two unit tangents, continuous but for one direction (Duff et al. 2017, "Building an orthonormal basis,
     revisited")."""
@@ -154,7 +154,7 @@ def _tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
     return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
 
 
-@kernel
+@fused_kernel
 def _set_up(w, L, prior, loose, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # type: ignore[no-untyped-def]
     """Fill gradient and Gauss-Newton matrix at one point of the search. W: shape operator, six floats."""
     t1x, t1y, t1z, t2x, t2y, t2z = _tangents(nx, ny, nz)
@@ -266,7 +266,7 @@ def _set_up(w, L, prior, loose, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work)
     _add_prior(H, g, r, row)
 
 
-@kernel
+@fused_kernel
 def _add_prior(H, g, r, row):  # type: ignore[no-untyped-def]
     """Add a squared residual r with the given derivatives to the upper triangle of H and to g."""
     for i in range(6):
@@ -275,7 +275,7 @@ def _add_prior(H, g, r, row):  # type: ignore[no-untyped-def]
             H[i, k] += row[i] * row[k]
 
 
-@kernel
+@fused_kernel
 def _factorize(H):  # type: ignore[no-untyped-def]
     """Cholesky of the upper triangle of H into its lower triangle, with the inverse of the factor's diagonal.
 
@@ -298,7 +298,7 @@ def _factorize(H):  # type: ignore[no-untyped-def]
     return math.log(det) if 1e-300 < det < 1e300 else math.inf
 
 
-@kernel
+@fused_kernel
 def _solve(H, g):  # type: ignore[no-untyped-def]
     """Solve in place with what `_factorize` left in the lower triangle of H."""
     for i in range(6):
@@ -313,7 +313,7 @@ def _solve(H, g):  # type: ignore[no-untyped-def]
         g[i] = acc * H[i, i]
 
 
-@kernel
+@fused_kernel
 def view(w, L, R, o, local_w, local_L, work):  # type: ignore[no-untyped-def]
     """Bring a fused wrench and its information matrix into a body frame.
 
@@ -344,7 +344,7 @@ def view(w, L, R, o, local_w, local_L, work):  # type: ignore[no-untyped-def]
             out[i + 3, k] = out[k, i + 3]
 
 
-@kernel
+@fused_kernel
 def _about(L, x, y, z, A):  # type: ignore[no-untyped-def]
     """Information about another point: A = X^T L X with X = [1 0; [c]x 1], c = (x, y, z); first L X, then X^T
     that."""
@@ -363,7 +363,7 @@ def _about(L, x, y, z, A):  # type: ignore[no-untyped-def]
         A[2, k] += a * y - b * x
 
 
-@kernel
+@fused_kernel
 def refine(kind, size, w, L, prior, limit, cx, cy, cz, nx, ny, nz, work):  # type: ignore[no-untyped-def]
     """Most probable contact on one primitive, from a first guess on its surface. All in the body frame.
 

@@ -7,13 +7,13 @@ body nearest to it, turned towards the force so that it can push.
 
 import math
 
-from robots.compiled import kernel
+from robots.compiled import fused_kernel
 from robots.surface import project
 
 _STEPS = 30
 
 
-@kernel
+@fused_kernel
 def enter(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[no-untyped-def]
     """Where the wrench axis enters a primitive, pushing.
 

@@ -16,6 +16,9 @@ _INGREDIENTS: dict[Any, frozenset[tuple[str, ...]]] = {}
 """Compiled function -> source files and constants that go into its machine code."""
 
 
+_FUSED = frozenset({"contract", "reassoc", "nsz", "arcp"})
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` on first use, with division by zero as in IEEE 754, and keep the machine code on
     disk.
@@ -23,13 +26,27 @@ def kernel(function: Callable[..., Any]) -> Any:
     Where no place for the cache is writable, the function is compiled anew in each process. `NUMBA_CACHE_DIR`
     names another place, `NUMBA_DISABLE_JIT=1` leaves plain Python for debugging.
     """
+    return _compile(function, frozenset())
+
+
+def fused_kernel(function: Callable[..., Any]) -> Any:
+    """Like `kernel`, but sums may be reordered and multiplications fused into them.
+
+    For estimates that are statistical anyway, where the last digits mean nothing and time does. Infinities
+    and NaN are honoured as ever.
+    """
+    return _compile(function, _FUSED)
+
+
+def _compile(function: Callable[..., Any], liberties: frozenset[str]) -> Any:
+    fastmath = set(liberties) if liberties else False
     try:
-        compiled: Any = njit(cache=True, error_model="numpy")(function)
+        compiled: Any = njit(cache=True, error_model="numpy", fastmath=fastmath)(function)
     except RuntimeError:
-        return njit(error_model="numpy")(function)
+        return njit(error_model="numpy", fastmath=fastmath)(function)
     if compiled is function:
         return compiled
-    ingredients = frozenset(_ingredients(function))
+    ingredients = frozenset({("liberties", *sorted(liberties)), *_ingredients(function)})
     _INGREDIENTS[compiled] = ingredients
     # Numba offers no public way to widen the stamp; it compares it for equality with the one in its index
     # file.

@@ -1,0 +1,64 @@
+"""What a sample changes: observers, poses, hypotheses and explanations, in arrays that are filled again and
+again."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.arm import Arm
+from contactsense.isolation import Hypotheses, empty_hypotheses
+from contactsense.locate import Candidates, empty_candidates
+from contactsense.observer import Observer, empty_observer
+from contactsense.refine import Work, empty_work
+from kinematics.model import Motion, empty_motion
+
+
+class Memory(NamedTuple):
+    """Everything that a sample changes: observers, and the arrays in which results are left."""
+
+    motion: Motion
+    hypotheses: Hypotheses
+    found: Candidates
+    work: Work
+    link_probability: np.ndarray
+    """Probability of each link, shape (links,)."""
+    joints: Observer
+    base: Observer
+    wrist: Observer
+    carried: np.ndarray
+    """Momentum and gravity wrench of what the wrist sensor carries, shape (2, 6)."""
+    wrist_origin: np.ndarray
+    """Origin of the wrist sensor, base frame, shape (3,) [m]."""
+    base_wrench: np.ndarray
+    """External wrench on the base sensor, shape (6,) [N, Nm]."""
+    torque: np.ndarray
+    """External part of each joint's torque as s_j . w, shape (n,) [Nm]."""
+    wrist_wrench: np.ndarray
+    """External wrench on the wrist sensor, base axes, base origin, shape (6,) [N, Nm]."""
+    rest: np.ndarray
+    """Zero joint velocities, shape (n,)."""
+    open: np.ndarray
+    """Links among which the contact is sought: 1, else 0, shape (links,), int64."""
+
+
+def empty_memory(arm: Arm) -> Memory:
+    """Memory before the first sample."""
+    joints = arm.model.joints
+    links = len(arm.touchable)
+    return Memory(
+        motion=empty_motion(joints),
+        hypotheses=empty_hypotheses(links),
+        found=empty_candidates(len(arm.surfaces.kind)),
+        work=empty_work(),
+        link_probability=np.zeros(links),
+        joints=empty_observer(joints),
+        base=empty_observer(6),
+        wrist=empty_observer(6),
+        carried=np.zeros((2, 6)),
+        wrist_origin=np.zeros(3),
+        base_wrench=np.zeros(6),
+        torque=np.zeros(joints),
+        wrist_wrench=np.zeros(6),
+        rest=np.zeros(joints),
+        open=np.zeros(links, dtype=np.int64),
+    )

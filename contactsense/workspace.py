@@ -1,0 +1,238 @@
+"""Arm and memory in two flat arrays, because handing eighty arrays to a compiled function takes longer than
+its work.
+
+`Workspace` lays the arrays of `Arm` and `Memory` one behind the other, floats in one buffer and integers in
+another, and keeps views of them under their names for Python. `unfold` makes the same views inside a kernel.
+Both follow the order in which the fields are declared; a test holds them together.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from contactsense.arm import Arm
+from contactsense.isolation import Hypotheses, Sensors
+from contactsense.locate import Candidates
+from contactsense.memory import Memory
+from contactsense.observer import Observer
+from contactsense.refine import Prior, Work
+from kinematics.model import Model, Motion
+from robots.compiled import kernel
+from robots.surface import Surfaces
+
+
+class Workspace:
+    """The buffers, and the named views of them."""
+
+    def __init__(self, arm: Arm, memory: Memory) -> None:
+        """Copy everything into the buffers."""
+        floats: list[np.ndarray] = []
+        integers: list[np.ndarray] = []
+        _collect((arm, memory), floats, integers)
+        self.floats = np.concatenate([array.ravel() for array in floats])
+        self.integers = np.concatenate([array.ravel() for array in integers])
+        self.sizes = (arm.model.joints, len(arm.touchable), len(arm.surfaces.kind))
+        """Numbers of joints, links and primitives."""
+        self._float, self._integer = 0, 0
+        self.arm: Arm = self._view(arm)
+        self.memory: Memory = self._view(memory)
+
+    def _view(self, value: Any) -> Any:
+        """The same structure with views of the buffers for arrays, in the order of `_collect`."""
+        if isinstance(value, tuple):
+            return type(value)(*map(self._view, value))
+        if isinstance(value, float):
+            self._float += 1
+            return value
+        if value.dtype == np.float64:
+            first, self._float = self._float, self._float + value.size
+            return self.floats[first : self._float].reshape(value.shape)
+        first, self._integer = self._integer, self._integer + value.size
+        return self.integers[first : self._integer].reshape(value.shape)
+
+
+def _collect(value: Any, floats: list[np.ndarray], integers: list[np.ndarray]) -> None:
+    if isinstance(value, tuple):
+        for part in value:
+            _collect(part, floats, integers)
+    elif isinstance(value, float):
+        floats.append(np.array([value]))
+    else:
+        (floats if value.dtype == np.float64 else integers).append(value)
+
+
+@kernel
+def _take1(buffer, at, a):  # type: ignore[no-untyped-def]
+    return buffer[at : at + a], at + a
+
+
+@kernel
+def _take2(buffer, at, a, b):  # type: ignore[no-untyped-def]
+    return buffer[at : at + a * b].reshape(a, b), at + a * b
+
+
+@kernel
+def _take3(buffer, at, a, b, c):  # type: ignore[no-untyped-def]
+    return buffer[at : at + a * b * c].reshape(a, b, c), at + a * b * c
+
+
+@kernel
+def _model(f, a, n, links):  # type: ignore[no-untyped-def]
+    rotation, a = _take3(f, a, n, 3, 3)
+    translation, a = _take2(f, a, n, 3)
+    axis, a = _take2(f, a, n, 3)
+    mass, a = _take1(f, a, n + 1)
+    com, a = _take2(f, a, n + 1, 3)
+    inertia, a = _take3(f, a, n + 1, 3, 3)
+    rotor_inertia, a = _take1(f, a, n)
+    return Model(rotation, translation, axis, mass, com, inertia, rotor_inertia), a
+
+
+@kernel
+def _surfaces(f, i, a, b, links, p):  # type: ignore[no-untyped-def]
+    kind, b = _take1(i, b, p)
+    link, b = _take1(i, b, p)
+    rotation, a = _take3(f, a, p, 3, 3)
+    origin, a = _take2(f, a, p, 3)
+    size, a = _take2(f, a, p, 8)
+    radius, a = _take1(f, a, p)
+    start, b = _take1(i, b, links + 1)
+    return Surfaces(kind, link, rotation, origin, size, radius, start), a, b
+
+
+@kernel
+def _sensors(f, i, a, b, n, links):  # type: ignore[no-untyped-def]
+    depth, b = _take1(i, b, links)
+    beyond_wrist, b = _take1(i, b, links)
+    base_covariance, a = _take2(f, a, 6, 6)
+    base_information, a = _take2(f, a, 6, 6)
+    torque_variance, a = _take1(f, a, n)
+    wrist_variance, a = _take1(f, a, 2)
+    return (
+        Sensors(depth, beyond_wrist, base_covariance, base_information, torque_variance, wrist_variance),
+        a,
+        b,
+    )
+
+
+@kernel
+def _arm(f, i, n, links, p):  # type: ignore[no-untyped-def]
+    model, a = _model(f, 0, n, links)
+    surfaces, a, b = _surfaces(f, i, a, 0, links, p)
+    sensors, a, b = _sensors(f, i, a, b, n, links)
+    prior = Prior(f[a], f[a + 1], f[a + 2])
+    touchable, b = _take1(i, b, links)
+    gravity, a = _take1(f, a + 3, 3)
+    tool_mass = f[a]
+    tool_com, a = _take1(f, a + 1, 3)
+    tool_inertia, a = _take2(f, a, 3, 3)
+    wrist_rotation, a = _take2(f, a, 3, 3)
+    wrist_origin, a = _take1(f, a, 3)
+    arm = Arm(
+        model, surfaces, sensors, prior, touchable, gravity, tool_mass, tool_com, tool_inertia,
+        wrist_rotation, wrist_origin,
+    )  # fmt: skip
+    return arm, a, b
+
+
+@kernel
+def _motion(f, a, n):  # type: ignore[no-untyped-def]
+    rotation, a = _take3(f, a, n + 1, 3, 3)
+    origin, a = _take2(f, a, n + 1, 3)
+    screw, a = _take2(f, a, n, 6)
+    screw_rate, a = _take2(f, a, n, 6)
+    momentum, a = _take2(f, a, n + 1, 6)
+    gravity, a = _take2(f, a, n + 1, 6)
+    twist, a = _take2(f, a, n + 1, 6)
+    return Motion(rotation, origin, screw, screw_rate, momentum, gravity, twist), a
+
+
+@kernel
+def _hypotheses(f, a, links):  # type: ignore[no-untyped-def]
+    wrench, a = _take2(f, a, links, 6)
+    covariance, a = _take3(f, a, links, 6, 6)
+    information, a = _take3(f, a, links, 6, 6)
+    energy, a = _take1(f, a, links)
+    log_evidence, a = _take1(f, a, links)
+    return Hypotheses(wrench, covariance, information, energy, log_evidence), a
+
+
+@kernel
+def _candidates(f, i, a, b, p):  # type: ignore[no-untyped-def]
+    order, b = _take1(i, b, p)
+    score, a = _take1(f, a, p)
+    probability, a = _take1(f, a, p)
+    point, a = _take2(f, a, p, 3)
+    normal, a = _take2(f, a, p, 3)
+    force, a = _take2(f, a, p, 3)
+    torsion, a = _take1(f, a, p)
+    covariance, a = _take3(f, a, p, 3, 3)
+    wrench, a = _take2(f, a, p, 6)
+    information, a = _take3(f, a, p, 6, 6)
+    rotation, a = _take3(f, a, p, 3, 3)
+    origin, a = _take2(f, a, p, 3)
+    found = Candidates(
+        order,
+        score,
+        probability,
+        point,
+        normal,
+        force,
+        torsion,
+        covariance,
+        wrench,
+        information,
+        rotation,
+        origin,
+    )
+    return found, a, b
+
+
+@kernel
+def _work(f, a):  # type: ignore[no-untyped-def]
+    local, a = _take2(f, a, 6, 6)
+    normal_equations, a = _take2(f, a, 6, 6)
+    gradient, a = _take1(f, a, 6)
+    frame, a = _take2(f, a, 3, 3)
+    lever, a = _take2(f, a, 3, 3)
+    return Work(local, normal_equations, gradient, frame, lever), a
+
+
+@kernel
+def _observer(f, a, size):  # type: ignore[no-untyped-def]
+    momentum, a = _take1(f, a, size)
+    drift, a = _take1(f, a, size)
+    residual, a = _take1(f, a, size)
+    return Observer(momentum, drift, residual), a
+
+
+@kernel
+def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
+    """`Arm` and `Memory` as views of a workspace's buffers.
+
+    Args:
+        f, i: Its `floats` and `integers`.
+        sizes: Its `sizes`: numbers of joints, links and primitives.
+    """
+    n, links, p = sizes
+    arm, a, b = _arm(f, i, n, links, p)
+    motion, a = _motion(f, a, n)
+    hypotheses, a = _hypotheses(f, a, links)
+    found, a, b = _candidates(f, i, a, b, p)
+    work, a = _work(f, a)
+    link_probability, a = _take1(f, a, links)
+    joints, a = _observer(f, a, n)
+    base, a = _observer(f, a, 6)
+    wrist, a = _observer(f, a, 6)
+    carried, a = _take2(f, a, 2, 6)
+    wrist_place, a = _take1(f, a, 3)
+    base_wrench, a = _take1(f, a, 6)
+    torque, a = _take1(f, a, n)
+    wrist_wrench, a = _take1(f, a, 6)
+    rest, a = _take1(f, a, n)
+    choice, b = _take1(i, b, links)
+    memory = Memory(
+        motion, hypotheses, found, work, link_probability, joints, base, wrist, carried, wrist_place,
+        base_wrench, torque, wrist_wrench, rest, choice,
+    )  # fmt: skip
+    return arm, memory

@@ -1,0 +1,38 @@
+"""The kernels' view of the buffers is Python's view of them, array by array."""
+
+from typing import Any
+
+import numpy as np
+
+from contactsense import Scene
+from contactsense.arm import build_arm
+from contactsense.memory import empty_memory
+from contactsense.workspace import Workspace, unfold
+from robots.primitives import Sphere
+from robots.tool import Tool
+from tests.plain_arm import plain_ur5e
+
+
+def _arrays(value: Any) -> list[Any]:
+    return [part for item in value for part in _arrays(item)] if isinstance(value, tuple) else [value]
+
+
+def test_every_array_is_the_same_memory_on_both_sides() -> None:
+    tool = Tool(mass=1.0, primitives=(Sphere(center=(0, 0, 0.1), radius=0.02),))
+    arm = build_arm(Scene(robot=plain_ur5e(), tool=tool))
+    memory = empty_memory(arm)
+    work = Workspace(arm, memory)
+    original = _arrays((arm, memory))
+    python = _arrays((work.arm, work.memory))
+    kernel = _arrays(unfold(work.floats, work.integers, work.sizes))
+    assert len(original) == len(python) == len(kernel)
+    for before, mine, theirs in zip(original, python, kernel, strict=True):
+        if isinstance(before, float):
+            assert before == mine == theirs
+            continue
+        assert before.shape == mine.shape == theirs.shape
+        np.testing.assert_array_equal(before, mine)
+        assert mine.ctypes.data == theirs.ctypes.data
+        assert mine.dtype == theirs.dtype
+    covered = sum(1 if isinstance(part, float) else part.size for part in python)
+    assert covered == work.floats.size + work.integers.size
