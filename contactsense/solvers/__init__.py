@@ -6,41 +6,47 @@ Given force and moment (f, m) on a convex body, find its contact centroid c: m =
 """
 
 from contactsense.solvers.answer import Status
-from contactsense.solvers.primitive import solve_primitive
-from contactsense.solvers.solve import METHODS, Method, Solution, Solutions, solve, solve_batch
-from contactsense.solvers.surfaces import (
+from contactsense.solvers.bodies import (
     Box,
     Capsule,
-    Cone,
-    Cylinder,
-    Ellipsoid,
-    Placed,
-    Plane,
+    Fingertip,
+    Polytope,
     Revolved,
-    Sphere,
-    Surface,
     TaperedCapsule,
     place,
 )
+from contactsense.solvers.primitive import solve_primitive
+from contactsense.solvers.sensitivity import Sensitivity, sensitivity
+from contactsense.solvers.smooth import Convex, Paraboloid, Superquadric
+from contactsense.solvers.solve import METHODS, Method, Solution, Solutions, solve, solve_batch
+from contactsense.solvers.surface import Surface
+from contactsense.solvers.surfaces import Cone, Cylinder, Ellipsoid, Placed, Plane, Sphere
 
 __all__ = [
     "METHODS",
     "Box",
     "Capsule",
     "Cone",
+    "Convex",
     "Cylinder",
     "Ellipsoid",
+    "Fingertip",
     "Method",
+    "Paraboloid",
     "Placed",
     "Plane",
+    "Polytope",
     "Revolved",
+    "Sensitivity",
     "Solution",
     "Solutions",
     "Sphere",
     "Status",
+    "Superquadric",
     "Surface",
     "TaperedCapsule",
     "place",
+    "sensitivity",
     "solve",
     "solve_batch",
     "solve_primitive",

@@ -8,7 +8,8 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from contactsense.solvers.answer import Status
-from contactsense.solvers.surfaces import Kernel, Placed, Problem, Surface
+from contactsense.solvers.surface import Kernel, Problem, Surface
+from contactsense.solvers.surfaces import Placed
 
 Method = Literal["exact", "wrench_axis"]
 

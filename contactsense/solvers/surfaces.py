@@ -1,46 +1,14 @@
-"""The surfaces that can be touched, in plain words: each knows the kernel that solves it.
+"""The surfaces of the paper in plain words: each knows the kernel that solves it.
 
 Every surface is described in a frame of its own; `Placed` puts one elsewhere.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 
-from contactsense.solvers import box, capsule, cylinder, ellipsoid, plane, revolved, wrench_axis
-from contactsense.solvers.answer import Answer
-from robots.primitives import Primitive
-from robots.surface import ELLIPSOID, REVOLVED, body
-
-Kernel = Callable[..., Answer]
-Problem = tuple[Kernel, tuple[Any, ...]]
-"""A compiled solver and what it takes after the wrench."""
-
-
-class Surface(Protocol):
-    """Anything that can be solved: a surface with an outward normal, bounding a convex body."""
-
-    def problem(self) -> Problem:
-        """The kernel of the exact solution, and the surface's size as that takes it."""
-        ...
-
-    def line_problem(self) -> Problem:
-        """The same for the wrench axis alone."""
-        ...
-
-
-def _positive(surface: object, **lengths: float) -> None:
-    for name, value in lengths.items():
-        if not 0.0 < value < np.inf:
-            raise ValueError(f"{type(surface).__name__}: {name} must be positive and finite, not {value}")
-
-
-def _not_negative(surface: object, **lengths: float) -> None:
-    for name, value in lengths.items():
-        if not 0.0 <= value < np.inf:
-            raise ValueError(f"{type(surface).__name__}: {name} must not be negative, not {value}")
+from contactsense.solvers import cylinder, ellipsoid, plane, wrench_axis
+from contactsense.solvers.surface import Problem, Surface, around_axis, positive, tangential
 
 
 @dataclass(frozen=True)
@@ -51,7 +19,7 @@ class Sphere:
     """Radius [m]."""
 
     def __post_init__(self) -> None:
-        _positive(self, radius=self.radius)
+        positive(self, radius=self.radius)
 
     def problem(self) -> Problem:
         """Closed form."""
@@ -60,6 +28,10 @@ class Sphere:
     def line_problem(self) -> Problem:
         """Its wrench axis."""
         return wrench_axis.wrench_axis_sphere, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        return tangential(np.eye(3) / self.radius, normal)
 
 
 @dataclass(frozen=True)
@@ -74,7 +46,7 @@ class Ellipsoid:
     """Semi-axis along z [m]."""
 
     def __post_init__(self) -> None:
-        _positive(self, a=self.a, b=self.b, c=self.c)
+        positive(self, a=self.a, b=self.b, c=self.c)
 
     def problem(self) -> Problem:
         """Closed form."""
@@ -83,6 +55,11 @@ class Ellipsoid:
     def line_problem(self) -> Problem:
         """Its wrench axis."""
         return wrench_axis.wrench_axis_ellipsoid, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        square = np.array((self.a, self.b, self.c)) ** 2
+        return tangential(np.diag(1.0 / square), normal) / float(np.linalg.norm(point / square))
 
 
 @dataclass(frozen=True)
@@ -93,7 +70,7 @@ class Cylinder:
     """Radius [m]."""
 
     def __post_init__(self) -> None:
-        _positive(self, radius=self.radius)
+        positive(self, radius=self.radius)
 
     def problem(self) -> Problem:
         """Closed form."""
@@ -102,6 +79,10 @@ class Cylinder:
     def line_problem(self) -> Problem:
         """Its wrench axis."""
         return wrench_axis.wrench_axis_cylinder, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        return around_axis(normal, 1.0 / self.radius)
 
 
 @dataclass(frozen=True)
@@ -114,7 +95,7 @@ class Cone:
     """Tangent of the angle between its side and the axis; not zero."""
 
     def __post_init__(self) -> None:
-        _positive(self, radius=self.radius)
+        positive(self, radius=self.radius)
         if self.taper == 0.0 or not np.isfinite(self.taper):
             raise ValueError(f"Cone: taper must be finite and not zero, not {self.taper}; use Cylinder")
 
@@ -125,6 +106,11 @@ class Cone:
     def line_problem(self) -> Problem:
         """Its wrench axis."""
         return wrench_axis.wrench_axis_cone, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        rho = self.radius - self.taper * point[2]
+        return around_axis(normal, 1.0 / (rho * float(np.sqrt(1.0 + self.taper**2))))
 
 
 @dataclass(frozen=True)
@@ -148,103 +134,9 @@ class Plane:
         """Its wrench axis."""
         return wrench_axis.wrench_axis_plane, self.problem()[1]
 
-
-@dataclass(frozen=True)
-class Capsule:
-    """All points within `radius` of the segment from (0, 0, -half) to (0, 0, half)."""
-
-    half: float
-    """Half the length of the segment [m]."""
-    radius: float
-    """Radius [m]."""
-
-    def __post_init__(self) -> None:
-        _positive(self, half=self.half, radius=self.radius)
-
-    def problem(self) -> Problem:
-        """Closed forms of its patches."""
-        return capsule.solve_capsule, (float(self.half), float(self.radius))
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_capsule, self.problem()[1]
-
-
-@dataclass(frozen=True)
-class TaperedCapsule:
-    """The convex hull of two balls about (0, 0, -half) and (0, 0, half)."""
-
-    half: float
-    """Half the distance of the centres [m]."""
-    radius_a: float
-    """Radius of the lower ball [m]."""
-    radius_b: float
-    """Radius of the upper ball [m]."""
-
-    def __post_init__(self) -> None:
-        _positive(self, half=self.half, radius_a=self.radius_a, radius_b=self.radius_b)
-        if abs(self.radius_a - self.radius_b) >= 2.0 * self.half:
-            raise ValueError("TaperedCapsule: one ball holds the other; use Sphere")
-
-    def problem(self) -> Problem:
-        """Closed forms of its patches."""
-        return capsule.solve_tapered_capsule, (float(self.half), float(self.radius_a), float(self.radius_b))
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_tapered_capsule, self.problem()[1]
-
-
-@dataclass(frozen=True)
-class Revolved:
-    """A truncated cone about z with flat caps, plus a ball: disc, cylinder and cone with rounded rims."""
-
-    half: float
-    """Half the height of the cone, without the ball [m]; may be zero."""
-    lower: float
-    """Radius of the cone at -half [m]; may be zero."""
-    upper: float
-    """Radius of the cone at half [m]; may be zero."""
-    rounding: float
-    """Radius of the ball [m]."""
-
-    def __post_init__(self) -> None:
-        _positive(self, rounding=self.rounding)
-        _not_negative(self, half=self.half, lower=self.lower, upper=self.upper)
-
-    def problem(self) -> Problem:
-        """Closed forms of caps and side; rims by Newton's method."""
-        size = (float(self.half), float(self.lower), float(self.upper), float(self.rounding))
-        return revolved.solve_revolved, size
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_revolved, self.problem()[1]
-
-
-@dataclass(frozen=True)
-class Box:
-    """A box about the origin, plus a ball."""
-
-    bx: float
-    """Half its length along x, without the ball [m]; may be zero, as may the others."""
-    by: float
-    """Half its length along y [m]."""
-    bz: float
-    """Half its length along z [m]."""
-    rounding: float
-    """Radius of the ball [m]; zero for a sharp box."""
-
-    def __post_init__(self) -> None:
-        _not_negative(self, bx=self.bx, by=self.by, bz=self.bz, rounding=self.rounding)
-
-    def problem(self) -> Problem:
-        """Closed forms of its patches."""
-        return box.solve_box, (float(self.bx), float(self.by), float(self.bz), float(self.rounding))
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_box, self.problem()[1]
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        return np.zeros((3, 3))
 
 
 @dataclass(frozen=True)
@@ -266,15 +158,8 @@ class Placed:
         """That of the surface, in its own frame."""
         return self.surface.line_problem()
 
-
-def place(primitive: Primitive) -> Placed:
-    """A primitive of a robot as a surface in its link's frame."""
-    kind, rotation, origin, size = body(primitive)
-    surface: Surface
-    if kind == ELLIPSOID:
-        surface = Ellipsoid(*size)
-    elif kind == REVOLVED:
-        surface = Revolved(*size) if max(size[:3]) > 0.0 else Sphere(size[3])
-    else:
-        surface = Box(*size)
-    return Placed(surface, origin, rotation)
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        local = self.rotation.T @ (point - self.origin)
+        own = self.surface.shape_operator(local, self.rotation.T @ normal)
+        return np.asarray(self.rotation @ own @ self.rotation.T)

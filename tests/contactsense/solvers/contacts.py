@@ -11,12 +11,17 @@ from contactsense.solvers import (
     Cone,
     Cylinder,
     Ellipsoid,
+    Fingertip,
+    Paraboloid,
     Plane,
+    Polytope,
     Revolved,
     Sphere,
+    Superquadric,
     Surface,
     TaperedCapsule,
 )
+from contactsense.solvers.implicit import evaluate
 from robots.surface import BOX, REVOLVED, project
 
 POINTS = {}
@@ -142,3 +147,54 @@ def _packed(surface: Revolved | Box, rng: np.random.Generator, count: int) -> tu
     # Once more from far outside, where the normal is exact.
     out = np.array([project(kind, size, *(row[1:4] + sum(size) * row[4:])) for row in out])
     return out[:, 1:4], out[:, 4:]
+
+
+@points_on(Fingertip)
+def _fingertip(surface: Fingertip, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    n = unit(rng.normal(size=(count, 3)))
+    n[n[:, 2] < 0.0, 2] = 0.0
+    n = unit(n)
+    c = surface.radius * n
+    c[n[:, 2] == 0.0, 2] = -4.0 * surface.radius * rng.uniform(size=np.count_nonzero(n[:, 2] == 0.0))
+    return c, n
+
+
+@points_on(Superquadric)
+def _superquadric(
+    surface: Superquadric, rng: np.random.Generator, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    size = surface.problem()[1][0]
+    c = rng.normal(size=(count, 3)) * (surface.a, surface.b, surface.c)
+    for _ in range(3):
+        c /= 1.0 + np.array([evaluate(size, *row)[0] for row in c])[:, None]
+    return c, unit(np.array([evaluate(size, *row)[1:4] for row in c]))
+
+
+@points_on(Paraboloid)
+def _paraboloid(surface: Paraboloid, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    x, y = rng.uniform(-1.0, 1.0, size=(2, count)) * np.sqrt(surface.depth / surface.k1)
+    z = -0.5 * (surface.k1 * x**2 + surface.k2 * y**2)
+    n = np.column_stack((surface.k1 * x, surface.k2 * y, np.ones(count)))
+    return np.column_stack((x, y, z)), unit(n)
+
+
+@points_on(Polytope)
+def _polytope(surface: Polytope, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """A third each on faces, edges and vertices."""
+    hull = surface.hull
+    core, normal = np.empty((count, 3)), np.empty((count, 3))
+    for row in range(count):
+        if row % 3 == 0:
+            face = rng.integers(len(hull.offset))
+            faces = np.array([face])
+        elif row % 3 == 1:
+            line = hull.edge[rng.integers(len(hull.length))]
+            middle = line[0] + 1e-3 * hull.length.min() * line[1]
+            faces = np.flatnonzero(np.abs(hull.normal @ middle - hull.offset) < 1e-10)
+        else:
+            corner = hull.vertex[rng.integers(len(hull.vertex))]
+            faces = np.flatnonzero(np.abs(hull.normal @ corner - hull.offset) < 1e-10)
+        on = np.all(np.abs(hull.vertex @ hull.normal[faces].T - hull.offset[faces]) < 1e-10, axis=1)
+        core[row] = rng.dirichlet(np.ones(np.count_nonzero(on))) @ hull.vertex[on]
+        normal[row] = unit(rng.dirichlet(np.ones(len(faces))) @ hull.normal[faces])
+    return core + surface.rounding * normal, normal

@@ -130,7 +130,7 @@ def test_a_pure_force_that_passes_by_misses(surface: Surface, method: str) -> No
     # Along y, at x = 0.08: it passes the body at x = 0.05.
     at, nearest = MISSED[surface]
     force = np.array((0.0, 3.0, 0.0))
-    found = solve(surface, force, np.cross((at, 0.0, 0.0), force), method)  # type: ignore[arg-type]
+    found = solve(surface, force, np.cross((at, 0.0, 0.0), force), method)
     assert found.status == Status.MISS
     np.testing.assert_allclose(found.centroid, (nearest, 0.0, 0.0), atol=1e-9)
     np.testing.assert_allclose(found.normal, (1.0, 0.0, 0.0), atol=1e-9)
@@ -162,10 +162,10 @@ def test_what_is_not_finite_is_named(surface: Surface, method: str, bad: float) 
     for i in range(6):
         wrench = np.array((1.0, 2.0, -3.0, 0.1, 0.2, 0.3))
         wrench[i] = bad
-        found = solve(surface, wrench[:3], wrench[3:], method)  # type: ignore[arg-type]
+        found = solve(surface, wrench[:3], wrench[3:], method)
         assert found.status == Status.NOT_FINITE
         assert np.all(np.isfinite(found.centroid))
-    none = solve(surface, np.zeros(3), (0.1, 0.2, 0.3), method)  # type: ignore[arg-type]
+    none = solve(surface, np.zeros(3), (0.1, 0.2, 0.3), method)
     assert none.status == Status.NO_FORCE
 
 
@@ -187,7 +187,7 @@ def test_kernels_are_total(surface: Surface) -> None:
     values = (0.0, -0.0, 5e-324, 1e-300, 1e-150, 1.0, -1.0, 1e150, 1e308, 0.1)
     wrenches = rng.choice(values, size=(5000, 6)) * rng.choice((-1.0, 1.0), size=(5000, 6))
     for method in ("exact", "wrench_axis"):
-        found = solve_batch(surface, wrenches[:, :3], wrenches[:, 3:], method)  # type: ignore[arg-type]
+        found = solve_batch(surface, wrenches[:, :3], wrenches[:, 3:], method)
         for values_of in (found.centroid, found.normal, found.torsion, found.residual, found.condition):
             assert not np.any(np.isnan(values_of))
 
@@ -245,4 +245,4 @@ def test_sizes_must_make_sense() -> None:
     with pytest.raises(ValueError, match="one ball holds the other"):
         TaperedCapsule(0.1, 0.5, 0.1)
     with pytest.raises(ValueError, match="wrench_axis"):
-        solve(Sphere(1.0), np.ones(3), np.ones(3), "magic")  # type: ignore[arg-type]
+        solve(Sphere(1.0), np.ones(3), np.ones(3), "magic")

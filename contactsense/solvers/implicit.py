@@ -1,0 +1,102 @@
+"""Smooth convex bodies as level sets: value, gradient and Hessian of a convex function that is zero on the
+surface.
+
+The packaged ones are gauges less one: homogeneous of degree one about the origin, so that c / (1 + value)
+lies on the surface for any c. The paraboloid, open at one end, is not.
+"""
+
+from math import sqrt
+
+from contactsense.solvers.typed import kernel
+
+ELLIPSOID, SUPERQUADRIC, PARABOLOID = 0.0, 1.0, 2.0
+"""First number of a body's size; what follows is said at `evaluate`."""
+
+Size = tuple[float, float, float, float, float, float]
+Level = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Value, gradient (x, y, z), Hessian (xx, yy, zz, xy, xz, yz)."""
+
+
+@kernel
+def _power(x: float, exponent: float) -> float:
+    """x^exponent for x >= 0, quick for the exponents that superquadrics usually have."""
+    if exponent == 2.0:
+        return x * x
+    if exponent == 0.0:
+        return 1.0
+    if exponent == 4.0:
+        square = x * x
+        return square * square
+    return float(x**exponent)
+
+
+@kernel
+def _root(x: float, exponent: float) -> float:
+    """x^(1 / exponent) for x >= 0."""
+    if exponent == 2.0:
+        return sqrt(x)
+    if exponent == 4.0:
+        return sqrt(sqrt(x))
+    return float(x ** (1.0 / exponent))
+
+
+@kernel
+def _superquadric(a: float, b: float, c: float, p: float, q: float, x: float, y: float, z: float) -> Level:
+    # Gauge N = (((|x|/a)^p + (|y|/b)^p)^(q/p) + (|z|/c)^q)^(1/q).
+    u, v, w = abs(x) / a, abs(y) / b, abs(z) / c
+    up, vp, wq = _power(u, p - 2.0), _power(v, p - 2.0), _power(w, q - 2.0)
+    flat = up * u * u + vp * v * v
+    if p == q or flat == 0.0:
+        rise, curl = 1.0, 0.0
+        total = flat + wq * w * w
+    else:
+        rise = flat ** (q / p - 1.0)
+        curl = (q - p) / flat
+        total = rise * flat + wq * w * w
+    if total == 0.0:
+        return -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    gauge = _root(total, q)
+    # With G = N^q: G_u = q rise u^(p-1), and N_u = N^(1-q) G_u / q.
+    drop = gauge / total
+    du, dv, dw = rise * up * u, rise * vp * v, wq * w
+    gu, gv, gw = drop * du, drop * dv, drop * dw
+    back = (1.0 - q) / gauge
+    huu = drop * ((p - 1.0) * rise * up + curl * du * up * u) + back * gu * gu
+    hvv = drop * ((p - 1.0) * rise * vp + curl * dv * vp * v) + back * gv * gv
+    huv = drop * curl * du * vp * v + back * gu * gv
+    hww = drop * (q - 1.0) * wq + back * gw * gw
+    huw, hvw = back * gu * gw, back * gv * gw
+    sx, sy, sz = (1.0 if x >= 0.0 else -1.0), (1.0 if y >= 0.0 else -1.0), (1.0 if z >= 0.0 else -1.0)
+    ax, by, cz = sx / a, sy / b, sz / c
+    return (
+        gauge - 1.0,
+        gu * ax,
+        gv * by,
+        gw * cz,
+        huu / (a * a),
+        hvv / (b * b),
+        hww / (c * c),
+        huv * ax * by,
+        huw * ax * cz,
+        hvw * by * cz,
+    )
+
+
+@kernel
+def evaluate(size: Size, x: float, y: float, z: float) -> Level:
+    """Value, gradient and Hessian of a packaged body's function.
+
+    Args:
+        size: (`ELLIPSOID`, a, b, c, ...): semi-axes. (`SUPERQUADRIC`, a, b, c, p, q): semi-axes, exponents
+            across and along z, at least 2. (`PARABOLOID`, k1, k2, ...): z = -(k1 x^2 + k2 y^2) / 2, the body
+            below.
+        x, y, z: Point.
+    """
+    kind = size[0]
+    if kind == SUPERQUADRIC:
+        return _superquadric(size[1], size[2], size[3], size[4], size[5], x, y, z)
+    if kind == ELLIPSOID:
+        return _superquadric(size[1], size[2], size[3], 2.0, 2.0, x, y, z)
+    k1, k2 = size[1], size[2]
+    value = z + 0.5 * (k1 * x * x + k2 * y * y)
+    return value, k1 * x, k2 * y, 1.0, k1, k2, 0.0, 0.0, 0.0, 0.0

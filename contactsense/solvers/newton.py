@@ -1,0 +1,235 @@
+"""Any smooth convex body: Newton's method in the tangent plane, two unknowns (theory, section 4).
+
+At a point c of the surface, with the moment r = m - c x f about it, the tangential part F = T^T r must
+vanish. A step T v changes it by M v, M = fn J - xi W, whose determinant fn^2 + xi^2 det W is positive
+wherever the force pushes: flat or curved, with or without torsion. So a line search on |F| cannot stop in a
+false minimum, and what few wrenches lead it to the rim of the pushed side are followed from a wrench with a
+known contact.
+"""
+
+from math import sqrt
+from typing import Any
+
+from contactsense.solvers.level import Point, entry, look, onto, tangents
+from contactsense.solvers.typed import kernel
+
+_STEPS = 40
+_HALVINGS = 12
+_FIRST_HALVINGS = 5
+_WELL = 0.5
+"""Cosine between force and inward normal from which on the slopes are the better unknowns."""
+
+_LEGS = 300
+
+
+@kernel
+def slope_step(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    x: float,
+    y: float,
+    z: float,
+    gx: float,
+    gy: float,
+    gz: float,
+    hxx: float,
+    hyy: float,
+    hzz: float,
+    hxy: float,
+    hxz: float,
+    hyz: float,
+) -> tuple[float, float, float]:
+    """Newton's step for the slopes, in the tangent plane.
+
+    Seen along the force, the pushed side is the graph of a concave height h over the plane square to it. With
+    the line of the force through q0 and its pitch p = f.m / |f|^2 the contact over q obeys
+
+        p grad h + J (q - q0) = 0,      J a quarter turn,
+
+    a monotone equation whose Jacobian p hess h + J has a determinant of at least one. Without torsion it is
+    linear.
+    """
+    ff = fx * fx + fy * fy + fz * fz
+    force = sqrt(ff)
+    ux, uy, uz = -fx / force, -fy / force, -fz / force
+    ax, ay, az, bx, by, bz = tangents(ux, uy, uz)
+    pitch = (fx * mx + fy * my + fz * mz) / ff
+    ox, oy, oz = x - (fy * mz - fz * my) / ff, y - (fz * mx - fx * mz) / ff, z - (fx * my - fy * mx) / ff
+    ga, gb, gu = gx * ax + gy * ay + gz * az, gx * bx + gy * by + gz * bz, gx * ux + gy * uy + gz * uz
+    ha, hb = -ga / gu, -gb / gu
+    # Directions along the graph: a + ha u and b + hb u.
+    px, py, pz = ax + ha * ux, ay + ha * uy, az + ha * uz
+    qx, qy, qz = bx + hb * ux, by + hb * uy, bz + hb * uz
+    kx, ky, kz = (
+        hxx * px + hxy * py + hxz * pz,
+        hxy * px + hyy * py + hyz * pz,
+        hxz * px + hyz * py + hzz * pz,
+    )
+    lx, ly, lz = (
+        hxx * qx + hxy * qy + hxz * qz,
+        hxy * qx + hyy * qy + hyz * qz,
+        hxz * qx + hyz * qy + hzz * qz,
+    )
+    scale = -pitch / gu
+    aa = scale * (px * kx + py * ky + pz * kz)
+    ab = scale * (qx * kx + qy * ky + qz * kz)
+    bb = scale * (qx * lx + qy * ly + qz * lz)
+    first = pitch * ha - (ox * bx + oy * by + oz * bz)
+    second = pitch * hb + (ox * ax + oy * ay + oz * az)
+    det = 1.0 + aa * bb - ab * ab
+    va = -(bb * first - (ab - 1.0) * second) / det
+    vb = -(aa * second - (ab + 1.0) * first) / det
+    return va * px + vb * qx, va * py + vb * qy, va * pz + vb * qz
+
+
+@kernel
+def refine(
+    size: Any,
+    gauge: bool,
+    inner: Point,
+    reach: float,
+    lever: float,
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    x: float,
+    y: float,
+    z: float,
+) -> tuple[bool, int, float, float, float, float, float, float, float, float, float]:
+    """Newton's method from where the line through (x, y, z) along the force enters the body.
+
+    Where the force pushes well the step is that of the slopes, and ends along the force; where it grazes, or
+    if that does not help, that of the tangent plane, and ends towards the inner point. Either must lessen
+    |F|.
+
+    Args:
+        size, gauge: The body.
+        inner: A point well inside.
+        reach: Its size.
+        lever: Distance from the origin within which it lies.
+        fx, fy, fz, mx, my, mz: Wrench.
+        x, y, z: Start.
+
+    Returns:
+        Whether it converged, the number of steps, the point, the normal there, torsion, and the shape
+        operator's trace and determinant.
+    """
+    hit, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz = entry(
+        size, gauge, inner, reach, fx, fy, fz, x, y, z
+    )
+    nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, push = look(
+        fx, fy, fz, mx, my, mz, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz
+    )
+    force = sqrt(fx * fx + fy * fy + fz * fz)
+    # What rounding leaves of the moment.
+    floor = 4e-16 * (sqrt(mx * mx + my * my + mz * mz) + lever * force)
+    enough = floor * floor
+    rest = fa * fa + fb * fb
+    step = 0
+    better = hit and push < 0.0
+    while better and step < _STEPS and rest > enough:
+        step += 1
+        better = False
+        well = push < -_WELL * force
+        for attempt in range(2):
+            slopes = well == (attempt == 0)
+            if slopes:
+                dx, dy, dz = slope_step(
+                    fx, fy, fz, mx, my, mz, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz
+                )
+            else:
+                det = push * push + xi * xi * (waa * wbb - wab * wab)
+                va = (xi * wbb * fa - (push + xi * wab) * fb) / det
+                vb = (xi * waa * fb + (push - xi * wab) * fa) / det
+                dx, dy, dz = va * ax + vb * bx, va * ay + vb * by, va * az + vb * bz
+            share = min(1.0, 2.0 * reach / sqrt(dx * dx + dy * dy + dz * dz))
+            for _ in range(_HALVINGS if attempt == 1 else _FIRST_HALVINGS):
+                x, y, z = cx + share * dx, cy + share * dy, cz + share * dz
+                share *= 0.5
+                if slopes:
+                    new = entry(size, gauge, inner, reach, fx, fy, fz, x, y, z)
+                else:
+                    new = onto(size, gauge, inner, x, y, z)
+                if new[0]:
+                    there = look(
+                        fx,
+                        fy,
+                        fz,
+                        mx,
+                        my,
+                        mz,
+                        new[1],
+                        new[2],
+                        new[3],
+                        new[4],
+                        new[5],
+                        new[6],
+                        new[7],
+                        new[8],
+                        new[9],
+                        new[10],
+                        new[11],
+                        new[12],
+                    )
+                    new_rest = there[9] * there[9] + there[10] * there[10]
+                    if there[15] < 0.0 and new_rest < rest:
+                        better = True
+                        rest = new_rest
+                        hit, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz = new
+                        nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, push = there
+                        break
+            if better:
+                break
+    found = hit and push < 0.0 and rest <= 1e4 * enough
+    if push * push > 1e-3 * force * force:
+        xi = (fx * mx + fy * my + fz * mz) / push
+    return found, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, waa * wbb - wab * wab
+
+
+@kernel
+def follow(
+    size: Any,
+    gauge: bool,
+    inner: Point,
+    reach: float,
+    lever: float,
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+) -> tuple[int, float, float, float]:
+    """Follow the contact from that of the force through the inner point, as the moment grows to what it is.
+
+    All wrenches on the way have a contact, and M is regular at each, so small enough legs arrive.
+
+    Returns:
+        Number of steps, and a start for `refine`.
+    """
+    ox, oy, oz = inner[1] * fz - inner[2] * fy, inner[2] * fx - inner[0] * fz, inner[0] * fy - inner[1] * fx
+    x, y, z = inner
+    done, leg, steps = 0.0, 0.25, 0
+    for _ in range(_LEGS):
+        to = min(done + leg, 1.0)
+        lx, ly, lz = (1.0 - to) * ox + to * mx, (1.0 - to) * oy + to * my, (1.0 - to) * oz + to * mz
+        found, used, px, py, pz, _, _, _, _, _, _ = refine(
+            size, gauge, inner, reach, lever, fx, fy, fz, lx, ly, lz, x, y, z
+        )
+        steps += used
+        if found:
+            x, y, z, done, leg = px, py, pz, to, 2.0 * leg
+            if done >= 1.0:
+                break
+        else:
+            leg *= 0.25
+            if leg < 1e-9:
+                break
+    return steps, x, y, z

@@ -1,0 +1,271 @@
+"""Rounded convex polytope, a mesh's hull plus a ball: faces, edges and vertices in closed form.
+
+Exactly one patch holds the contact; the kernel goes through them, faces first, and rules most out by one
+comparison.
+"""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import ConvexHull
+
+from contactsense.solvers.answer import (
+    LARGE,
+    MISS,
+    NOT_CONVERGED,
+    OK,
+    SHARP,
+    SMALL,
+    Answer,
+    finish,
+    nothing,
+    torsion,
+    unusable,
+)
+from contactsense.solvers.ellipsoid import unit_sphere
+from contactsense.solvers.typed import kernel
+from contactsense.solvers.wrench_axis import line_moment
+
+_SEAM = 1e-9
+"""How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
+
+_PURE = 1e-12
+"""Torsion per force and moment below which a wrench that enters nowhere is a force that passes by."""
+
+_FAR = 1e300
+
+
+class Hull(NamedTuple):
+    """A convex polytope in contiguous arrays."""
+
+    normal: np.ndarray
+    """Outward unit normals of the faces, shape (F, 3)."""
+    offset: np.ndarray
+    """Distances of their planes from the origin [m], shape (F,)."""
+    face_start: np.ndarray
+    """First side of each face, and their number at the end, shape (F + 1,)."""
+    side: np.ndarray
+    """For each side of each face the unit vector in the face that points out across it, shape (K, 3)."""
+    side_offset: np.ndarray
+    """Largest value of side . p in the face [m], shape (K,)."""
+    edge: np.ndarray
+    """Start, direction, and the two faces' side vectors of each edge, shape (E, 4, 3)."""
+    length: np.ndarray
+    """Lengths of the edges [m], shape (E,)."""
+    vertex: np.ndarray
+    """Vertices [m], shape (V, 3)."""
+    vertex_start: np.ndarray
+    """First outgoing edge of each vertex, and their number at the end, shape (V + 1,)."""
+    outgoing: np.ndarray
+    """Unit vectors along the edges that leave each vertex, shape (2 E, 3)."""
+    reach: float
+    """Radius of the ball about the origin that holds the hull [m]."""
+
+
+def hull_of(points: ArrayLike) -> Hull:
+    """The convex hull of points, shape (N, 3), not all in one plane, as the kernel takes it.
+
+    Raises:
+        scipy.spatial.QhullError: The points span no volume.
+    """
+    cloud = np.asarray(points, dtype=float).reshape(-1, 3)
+    found = ConvexHull(cloud)
+    size = float(np.abs(cloud).max())
+    faces: list[tuple[np.ndarray, set[int]]] = []
+    for equation, corners in zip(found.equations, found.simplices, strict=True):
+        for plane, members in faces:
+            if np.abs(plane[:3] - equation[:3]).max() < 1e-9 and abs(plane[3] - equation[3]) < 1e-9 * size:
+                members.update(int(corner) for corner in corners)
+                break
+        else:
+            faces.append((equation, {int(corner) for corner in corners}))
+    normal = np.array([plane[:3] for plane, _ in faces])
+    rings = [_ring(cloud, plane[:3], sorted(members)) for plane, members in faces]
+    corners_of = sorted({corner for ring in rings for corner in ring})
+    sides: dict[tuple[int, int], np.ndarray] = {}
+    side, side_offset, face_start = [], [], [0]
+    for n, ring in zip(normal, rings, strict=True):
+        for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
+            out = np.cross(cloud[b] - cloud[a], n)
+            out /= np.linalg.norm(out)
+            sides[a, b] = out
+            side.append(out)
+            side_offset.append(out @ cloud[a])
+        face_start.append(len(side))
+    edges, length = [], []
+    leaving: dict[int, list[np.ndarray]] = {corner: [] for corner in corners_of}
+    for (a, b), out in sides.items():
+        along = cloud[b] - cloud[a]
+        size_of = float(np.linalg.norm(along))
+        leaving[a].append(along / size_of)
+        if a < b:
+            edges.append((cloud[a], along / size_of, out, sides[b, a]))
+            length.append(size_of)
+    return Hull(
+        normal=normal,
+        offset=np.array([-plane[3] for plane, _ in faces]),
+        face_start=np.array(face_start),
+        side=np.array(side),
+        side_offset=np.array(side_offset),
+        edge=np.array(edges),
+        length=np.array(length),
+        vertex=cloud[corners_of],
+        vertex_start=np.concatenate(([0], np.cumsum([len(leaving[corner]) for corner in corners_of]))),
+        outgoing=np.array([along for corner in corners_of for along in leaving[corner]]),
+        reach=float(np.linalg.norm(cloud[corners_of], axis=1).max()),
+    )
+
+
+def _ring(cloud: np.ndarray, normal: np.ndarray, members: list[int]) -> list[int]:
+    """The corners of a face in order around its normal, without those in the middle of an edge or of the
+    face."""
+    if len(members) > 3:
+        axis = np.eye(3)[int(np.argmin(np.abs(normal)))]
+        u = np.cross(normal, axis)
+        u /= np.linalg.norm(u)
+        flat = cloud[members] @ np.column_stack((u, np.cross(normal, u)))
+        members = [members[k] for k in ConvexHull(flat).vertices]
+        return members
+    a, b, c = (cloud[k] for k in members)
+    return members if np.cross(b - a, c - a) @ normal > 0.0 else members[::-1]
+
+
+@kernel
+def _polytope(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull, r: float
+) -> Answer:
+    reach = hull.reach + r
+    best = _FAR
+    px = py = pz = nx = ny = nz = 0.0
+    bends = 0
+    for i in range(hull.offset.shape[0]):
+        ax, ay, az = hull.normal[i, 0], hull.normal[i, 1], hull.normal[i, 2]
+        push = ax * fx + ay * fy + az * fz
+        if push < 0.0:
+            top = hull.offset[i] + r
+            qx = (ay * mz - az * my + top * fx) / push - r * ax
+            qy = (az * mx - ax * mz + top * fy) / push - r * ay
+            qz = (ax * my - ay * mx + top * fz) / push - r * az
+            outside = -_FAR
+            for k in range(hull.face_start[i], hull.face_start[i + 1]):
+                over = (
+                    hull.side[k, 0] * qx + hull.side[k, 1] * qy + hull.side[k, 2] * qz - hull.side_offset[k]
+                )
+                outside = max(outside, over)
+            if outside < best:
+                best, px, py, pz, nx, ny, nz = outside, qx, qy, qz, ax, ay, az
+                if best <= 0.0:
+                    break
+    if best > 0.0 and r > 0.0:
+        for i in range(hull.length.shape[0]):
+            ox, oy, oz = hull.edge[i, 0, 0], hull.edge[i, 0, 1], hull.edge[i, 0, 2]
+            dx, dy, dz = hull.edge[i, 1, 0], hull.edge[i, 1, 1], hull.edge[i, 1, 2]
+            lx, ly, lz = mx - (oy * fz - oz * fy), my - (oz * fx - ox * fz), mz - (ox * fy - oy * fx)
+            about = lx * dx + ly * dy + lz * dz
+            # As on a cylinder: e.p = about, p = r f x d.
+            ux, uy, uz = r * (fy * dz - fz * dy), r * (fz * dx - fx * dz), r * (fx * dy - fy * dx)
+            uu = ux * ux + uy * uy + uz * uz
+            disc = uu - about * about
+            if disc > 0.0:
+                along, across = about / uu, sqrt(disc) / uu
+                ax = along * ux - across * (dy * uz - dz * uy)
+                ay = along * uy - across * (dz * ux - dx * uz)
+                az = along * uz - across * (dx * uy - dy * ux)
+                push = ax * fx + ay * fy + az * fz
+                m_theta = lx * (dy * az - dz * ay) + ly * (dz * ax - dx * az) + lz * (dx * ay - dy * ax)
+                at = (m_theta + r * (fx * dx + fy * dy + fz * dz)) / push
+                first = ax * hull.edge[i, 2, 0] + ay * hull.edge[i, 2, 1] + az * hull.edge[i, 2, 2]
+                second = ax * hull.edge[i, 3, 0] + ay * hull.edge[i, 3, 1] + az * hull.edge[i, 3, 2]
+                outside = max(max(at - hull.length[i], -at), -reach * min(first, second))
+                if push < 0.0 and outside < best:
+                    best, nx, ny, nz = outside, ax, ay, az
+                    px, py, pz = ox + at * dx, oy + at * dy, oz + at * dz
+                    bends = 1
+                    if best <= 0.0:
+                        break
+    if best > 0.0 and r > 0.0:
+        ux, uy, uz = r * fx, r * fy, r * fz
+        uu = ux * ux + uy * uy + uz * uz
+        for i in range(hull.vertex.shape[0]):
+            ox, oy, oz = hull.vertex[i, 0], hull.vertex[i, 1], hull.vertex[i, 2]
+            lx, ly, lz = mx - (oy * fz - oz * fy), my - (oz * fx - ox * fz), mz - (ox * fy - oy * fx)
+            status, ax, ay, az, _ = unit_sphere(ux, uy, uz, lx, ly, lz, uu, lx * lx + ly * ly + lz * lz)
+            outside = -_FAR
+            for k in range(hull.vertex_start[i], hull.vertex_start[i + 1]):
+                over = ax * hull.outgoing[k, 0] + ay * hull.outgoing[k, 1] + az * hull.outgoing[k, 2]
+                outside = max(outside, reach * over)
+            if status == OK and outside < best:
+                best, px, py, pz, nx, ny, nz = outside, ox, oy, oz, ax, ay, az
+                bends = 2
+                if best <= 0.0:
+                    break
+    cx, cy, cz = px + r * nx, py + r * ny, pz + r * nz
+    status = OK
+    if best > _SEAM * reach:
+        t = fx * mx + fy * my + fz * mz
+        ff = fx * fx + fy * fy + fz * fz
+        mm = mx * mx + my * my + mz * mz
+        pure = t * t <= _PURE * _PURE * ff * (mm + reach * reach * ff)
+        status = MISS if pure else (SHARP if r == 0.0 else NOT_CONVERGED)
+        if best == _FAR:
+            return nothing(status)
+    bend = 1.0 / r if bends > 0 else 0.0
+    xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
+    det = bend * bend if bends == 2 else 0.0
+    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, bends * bend, det)
+
+
+@kernel
+def solve_polytope(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull, rounding: float
+) -> Answer:
+    """Contact centroid on a convex polytope plus a ball.
+
+    Args:
+        fx, fy, fz, mx, my, mz: Wrench on the body.
+        hull: The polytope.
+        rounding: Radius of the ball. May be zero: a wrench that enters no face is then answered with `SHARP`,
+            at the least wrong face's point.
+
+    Returns:
+        See `contactsense.solvers.answer`. A miss is answered at the least wrong patch, not at the nearest
+        point.
+    """
+    status = unusable(fx, fy, fz, mx, my, mz)
+    if status != OK:
+        return nothing(status)
+    size = max(abs(fx), abs(fy), abs(fz))
+    ux, uy, uz, vx, vy, vz = fx / size, fy / size, fz / size, mx / size, my / size, mz / size
+    lever = max(abs(vx), abs(vy), abs(vz))
+    if not (size > SMALL and lever < LARGE):
+        # Beyond any machine: as faint a force as can be told from none.
+        lever = max(lever, 1.0)
+        if not lever < LARGE:
+            return nothing(MISS)
+        answer = _polytope(ux, uy, uz, vx, vy, vz, hull, rounding)
+        status, cx, cy, cz, nx, ny, nz, xi, residual, condition = answer
+        return status, cx, cy, cz, nx, ny, nz, xi * size, residual, condition
+    return _polytope(fx, fy, fz, mx, my, mz, hull, rounding)
+
+
+@kernel
+def wrench_axis_polytope(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull, rounding: float
+) -> Answer:
+    """Where the wrench axis enters a convex polytope plus a ball: its contact without the moment along the
+    force."""
+    status = unusable(fx, fy, fz, mx, my, mz)
+    if status != OK:
+        return nothing(status)
+    size = max(abs(fx), abs(fy), abs(fz))
+    fx, fy, fz, mx, my, mz = fx / size, fy / size, fz / size, mx / size, my / size, mz / size
+    lx, ly, lz = line_moment(fx, fy, fz, mx, my, mz)
+    status, cx, cy, cz, nx, ny, nz, xi, _, _ = solve_polytope(fx, fy, fz, lx, ly, lz, hull, rounding)
+    if status == OK and abs(xi) > _SEAM * (hull.reach + rounding):
+        # Only a torsion that is not there would hold the force at the rim.
+        status = MISS
+    if nx == 0.0 and ny == 0.0 and nz == 0.0:
+        return nothing(status)
+    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)

@@ -1,0 +1,76 @@
+"""What all surfaces have in common."""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from contactsense.solvers.answer import Answer
+from robots.surface import curvature
+
+Kernel = Callable[..., Answer]
+Problem = tuple[Kernel, tuple[Any, ...]]
+"""A compiled solver and what it takes after the wrench."""
+
+
+class Surface(Protocol):
+    """Anything that can be solved: a surface with an outward normal, bounding a convex body."""
+
+    def problem(self) -> Problem:
+        """The kernel of the exact solution, and the surface's size as that takes it."""
+        ...
+
+    def line_problem(self) -> Problem:
+        """The same for the wrench axis alone."""
+        ...
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """How the outward normal turns with a step on the surface, at a point of it.
+
+        Args:
+            point: Surface point [m], shape (3,).
+            normal: Outward unit normal there, shape (3,).
+
+        Returns:
+            W with dn = W dc [1/m], shape (3, 3), symmetric, W n = 0.
+        """
+        ...
+
+
+def positive(surface: object, **lengths: float) -> None:
+    """Refuse lengths that are not positive and finite."""
+    for name, value in lengths.items():
+        if not 0.0 < value < np.inf:
+            raise ValueError(f"{type(surface).__name__}: {name} must be positive and finite, not {value}")
+
+
+def not_negative(surface: object, **lengths: float) -> None:
+    """Refuse lengths that are negative or not finite."""
+    for name, value in lengths.items():
+        if not 0.0 <= value < np.inf:
+            raise ValueError(f"{type(surface).__name__}: {name} must not be negative, not {value}")
+
+
+def tangential(bend: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The part of a symmetric matrix, shape (3, 3), that acts in the tangent plane."""
+    project = np.eye(3) - np.outer(normal, normal)
+    return np.asarray(project @ bend @ project)
+
+
+def around_axis(normal: np.ndarray, bend: float) -> np.ndarray:
+    """Shape operator of a surface that bends around z alone, by `bend` [1/m]."""
+    along = np.array((-normal[1], normal[0], 0.0)) / np.hypot(normal[0], normal[1])
+    return np.asarray(bend * np.outer(along, along))
+
+
+def packed_shape(kind: int, size: tuple[float, ...], point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Shape operator of a primitive as `robots.surface` packs it."""
+    xx, xy, xz, yy, yz, zz = curvature(kind, size, *point, *normal)
+    return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+
+
+def level_shape(level: tuple[float, ...], normal: np.ndarray) -> np.ndarray:
+    """Shape operator from value, gradient and Hessian of a function that is constant on the surface."""
+    _, gx, gy, gz, xx, yy, zz, xy, xz, yz = level
+    bend = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    return tangential(bend, normal) / float(np.linalg.norm((gx, gy, gz)))
