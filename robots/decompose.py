@@ -118,13 +118,13 @@ def choose(fits: Sequence[Sequence[Fit]], tolerance: float, total: int | None = 
     Returns:
         Index into each link's fits.
     """
-    # The fewest that meet the tolerance, or that come near to the best where more of them help little.
+    # The fewest that meet the tolerance; where none does, the fewest that come near to the best.
     chosen = []
     for link in fits:
-        enough = 1.25 * min(candidate.cost for candidate in link)
-        chosen.append(
-            next(i for i, found in enumerate(link) if found.p95 <= tolerance or found.cost <= enough)
-        )
+        within = [i for i, found in enumerate(link) if found.p95 <= tolerance]
+        enough = 1.25 * min(found.cost for found in link)
+        near = [i for i, found in enumerate(link) if found.cost <= enough]
+        chosen.append((within or near)[0])
 
     def rise(link: int) -> float:
         i = chosen[link]
@@ -147,9 +147,9 @@ class _Search:
         self._skin, self._around, self._axes, self._options = skin, around, axes, options
         self._rng = np.random.default_rng(options.seed)
         self._shape = Shape(skin)
-        self._target = make_target(skin, min(1500, options.samples // 4), self._rng)
+        self._target = make_target(skin, around, min(1500, options.samples // 4), self._rng)
         self._coarse = self._target.every(5)
-        self._fine = make_target(skin, 6000, self._rng)
+        self._fine = make_target(skin, around, 6000, self._rng)
         self._scale, self._reach = options.tolerance / 2.0, 20.0 * options.tolerance
 
     def next(self, bodies: Bodies | None) -> Fit:

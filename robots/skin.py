@@ -21,6 +21,7 @@ OPEN = 0.4
 """Least part of the (cosine-weighted) hemisphere that is free above a point that can be touched."""
 
 _RAYS = 48
+_FAR = 1e3
 _LIFT = 2e-5
 """Rays start this far above the surface [m], so as not to hit it."""
 
@@ -56,6 +57,16 @@ class Surroundings:
         """
         seen = [scene.openness(points, normals, rng) > 0.0 for scene in self._all]
         return np.asarray(np.mean(seen, axis=0))
+
+    def freedom(self, points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Part of all directions in which points anywhere get away from the link itself, shape (N,).
+
+        About a half and more outside, little inside, also in a shell that is open at one end.
+        """
+        directions = rng.normal(size=(len(points) * _RAYS, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        blocked = self._own.blocked(np.repeat(points, _RAYS, axis=0), directions, _FAR)
+        return np.asarray(1.0 - blocked.reshape(-1, _RAYS).mean(axis=1))
 
     def exposure_of_model(
         self, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator
@@ -145,7 +156,7 @@ class _Rays:
         directions /= np.maximum(np.linalg.norm(directions, axis=2, keepdims=True), 1e-9)
         starts, flat = np.repeat(origins, _RAYS, axis=0), directions.reshape(-1, 3)
         free = 1.0 - self.blocked(starts, flat, AROUND).reshape(-1, _RAYS).mean(axis=1)
-        leaving = 1.0 - self.blocked(starts, flat, 1e3).reshape(-1, _RAYS).mean(axis=1)
+        leaving = 1.0 - self.blocked(starts, flat, _FAR).reshape(-1, _RAYS).mean(axis=1)
         return np.where(~straight & (free >= OPEN) & (leaving >= 0.1), leaving + free, 0.0)
 
     def blocked(self, origins: np.ndarray, directions: np.ndarray, reach: float) -> np.ndarray:

@@ -4,13 +4,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from robots.fitting.refit import AT_LEAST, AT_MOST, EQUAL, Target
-from robots.skin import Skin
+from robots.skin import Skin, Surroundings
 
 _HIDDEN = 0.05
 """Weight of skin that neighbours always cover, against 1 for skin that can be touched."""
 
 _HIDDEN_AIR = 0.3
 """The same for the room above it: a primitive that sticks out there is in the way of the neighbour's skin."""
+
+_SEES_OUT = 0.42
+"""Part of all directions that are free from a point that counts as outside; at the mouth of a tube it is a
+half."""
 
 
 class Shape:
@@ -40,11 +44,12 @@ class Shape:
         return np.asarray(far), np.asarray(near)
 
 
-def make_target(skin: Skin, count: int, rng: np.random.Generator) -> Target:
+def make_target(skin: Skin, around: Surroundings, count: int, rng: np.random.Generator) -> Target:
     """Samples on the skin, above it, below it and around it, in random order.
 
     On the skin the distance is asked to be zero. Above it must not be smaller than it is, else a primitive
-    sticks out, and below not positive, else there is a void whose walls a contact could be put on.
+    sticks out, and below not positive, else there is a void whose walls a contact could be put on. Shells are
+    often open where a neighbour is mounted: inside and outside are told there by how far one can see.
     """
     shape = Shape(skin)
     air = np.maximum(skin.exposure, _HIDDEN_AIR)
@@ -63,16 +68,16 @@ def make_target(skin: Skin, count: int, rng: np.random.Generator) -> Target:
         wanted = -np.minimum(depth[keep] / 2.0, 0.003)
         parts.append((below[keep], wanted, AT_MOST, 0.5 * weight[chosen][keep]))
     low, high = skin.points.min(axis=0) - 0.03, skin.points.max(axis=0) + 0.03
-    around = rng.uniform(low, high, size=(2 * count, 3))
-    d = shape.distance(around)
+    places = rng.uniform(low, high, size=(2 * count, 3))
+    d = shape.distance(places)
     far = np.abs(d) > 0.003
-    around, d = around[far], d[far]
-    outside = d > 0.0
-    exposed = shape.exposure(around)
+    places, d = places[far], d[far]
+    outside = (d > 0.0) | (around.freedom(places, rng) > _SEES_OUT)
+    exposed = shape.exposure(places)
     free = np.maximum(exposed[outside], _HIDDEN_AIR)
-    parts.append((around[outside], d[outside], AT_LEAST, 0.2 * free))
+    parts.append((places[outside], np.abs(d[outside]), AT_LEAST, 0.2 * free))
     exposed = np.maximum(exposed, _HIDDEN)
-    parts.append((around[~outside], np.full((~outside).sum(), -0.001), AT_MOST, 0.2 * exposed[~outside]))
+    parts.append((places[~outside], np.full((~outside).sum(), -0.001), AT_MOST, 0.2 * exposed[~outside]))
     order = rng.permutation(sum(len(part[0]) for part in parts))
     weights = np.concatenate([part[3] for part in parts])[order]
     return Target(

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help="Folder with <link>.ply (or .dae, .obj, .stl, .glb) in each link's frame, in metres.",
 )
+@click.option("--source", default="", help="Where the meshes are from, for the head of the file.")
 @click.option("--tip", help="Last link of the arm in a URDF; else the longest chain of revolute joints.")
 @click.option("--tolerance", default="2mm", show_default=True, help="Wanted 95th percentile of the distance.")
 @click.option("--max", "most", type=click.IntRange(min=1), help="Largest number of primitives in all.")
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 def decompose(
     arm: str,
     meshes: Path | None,
+    source: str,
     tip: str | None,
     tolerance: str,
     most: int | None,
@@ -79,7 +81,7 @@ def decompose(
     chosen = dict(zip(names, choose([fits[name] for name in names], options.tolerance, most), strict=True))
     best = {name: fits[name][chosen[name]] for name in names}
     _report(best)
-    text = _yaml(robot, fits, chosen, options, seconds, arm, meshes)
+    text = _yaml(robot, fits, chosen, options, seconds, arm, source)
     try:
         if out is None:
             click.echo(text, nl=False)
@@ -137,7 +139,7 @@ def _yaml(
     options: "Options",
     seconds: float,
     arm: str,
-    meshes: Path | None,
+    source: str,
 ) -> str:
     from robots.fitting.export import primitives, text
 
@@ -148,11 +150,11 @@ def _yaml(
         }
         for name in fits
     }
-    source = "the visual meshes of its URDF" if meshes is None else "visual meshes"
     asked = f"--tolerance {options.tolerance * 1e3:g}mm --link-max {options.most} --seed {options.seed}"
     comments = (
-        f"Surface of the {robot.name}: convex primitives in the link frames, in metres, fitted to {source}",
-        f"by contactsense decompose {Path(arm).name} {asked}",
+        f"Surface of the {robot.name}: convex primitives in the link frames, in metres.",
+        f"Made by: contactsense decompose {Path(arm).name} {asked}",
+        f"Meshes: {source or 'visual shapes of the URDF'}",
     )
     return text(robot.name, links, comments, seconds)
 

@@ -16,7 +16,7 @@ from robots.union import distances
 from tests.robots.shapes import two_links, two_meshes
 from tests.shared import shared
 
-QUICK = Options(guesses=10, most=3, tolerance=0.0015, samples=4000)
+QUICK = Options(guesses=20, most=3, tolerance=0.0015, samples=6000)
 
 
 def bodies(kind: int, *size: float) -> Bodies:
@@ -42,7 +42,7 @@ def test_finds_the_two_bodies_that_made_the_mesh(bar: tuple[Fit, ...]) -> None:
 
 def test_the_same_seed_gives_the_same_bodies(bar: tuple[Fit, ...]) -> None:
     again = fit_link(
-        two_links(), two_meshes(), 1, Options(guesses=10, most=1, tolerance=0.0015, samples=4000)
+        two_links(), two_meshes(), 1, Options(guesses=20, most=1, tolerance=0.0015, samples=6000)
     )
     for one, other in zip(again[0].bodies, bar[0].bodies, strict=True):
         np.testing.assert_array_equal(one, other)
