@@ -143,7 +143,11 @@ def _place_primitives(surfaces, depth, motion, found):  # type: ignore[no-untype
 @fused_kernel
 def _aim_all(surfaces, touchable, hypotheses, aimed, prior, found, work):  # type: ignore[no-untyped-def]
     """First guess on every touchable primitive that is worth a search: listed in `order`, its energy as
-    `score`."""
+    `score`.
+
+    The guess, body frame, is where the wrench axis enters the primitive or comes nearest. A primitive is left
+    out where bringing the axis to it costs more than the search would forgive.
+    """
     ceiling = math.inf
     count = 0
     for link in range(touchable.shape[0]):
@@ -151,67 +155,48 @@ def _aim_all(surfaces, touchable, hypotheses, aimed, prior, found, work):  # typ
             continue
         w, P, L = hypotheses.wrench[link], hypotheses.covariance[link], hypotheses.information[link]
         own = hypotheses.energy[link]
+        fx, fy, fz = w[0], w[1], w[2]
+        ff = fx * fx + fy * fy + fz * fz
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
-            if aimed:
-                energy = own + _aim(surfaces, found, p, w, P, L, prior, ceiling + CUT - own, work)
-                if energy == math.inf:
-                    continue
-                ceiling = min(ceiling, energy)
-                found.score[p] = energy
-            else:
+            if not aimed:
                 view(w, L, found.rotation[p], found.origin[p], found.wrench[p], found.information[p], work)
                 found.score[p] = own
+                found.order[count] = p
+                count += 1
+                continue
+            if ff <= 0.0:
+                continue
+            ox, oy, oz = found.origin[p, 0], found.origin[p, 1], found.origin[p, 2]
+            mx, my, mz = w[3] - oy * fz + oz * fy, w[4] - oz * fx + ox * fz, w[5] - ox * fy + oy * fx
+            ax, ay, az = fy * mz - fz * my, fz * mx - fx * mz, fx * my - fy * mx
+            gap = math.sqrt(ax * ax + ay * ay + az * az) / ff - surfaces.radius[p]
+            # Energy of bringing the axis nearer by one metre, about: the moment about o must change by |f|.
+            per_gap = 0.5 * ff / (_moment_variance(P, ox, oy, oz) + prior.offset * prior.offset * ff)
+            limit = ceiling + CUT - own
+            if gap > 0.0 and per_gap * gap * gap > limit:
+                continue
+            v, B = found.wrench[p], found.information[p]
+            view(w, L, found.rotation[p], found.origin[p], v, B, work)
+            kind, size, radius = surfaces.kind[p], surfaces.size[p], surfaces.radius[p]
+            gap, cx, cy, cz, nx, ny, nz = enter(kind, size, radius, v[0], v[1], v[2], v[3], v[4], v[5])
+            if per_gap * gap * gap > limit:
+                continue
+            hx, hy, hz = lean_in(v[0], v[1], v[2], nx, ny, nz)
+            loose = loosen(B, prior, nx, ny, nz, hx, hy, hz)
+            energy = own + energy_at(v, B, prior, loose, cx, cy, cz, nx, ny, nz, hx, hy, hz, 0.0)
+            ceiling = min(ceiling, energy)
+            found.point[p, 0], found.point[p, 1], found.point[p, 2] = cx, cy, cz
+            found.normal[p, 0], found.normal[p, 1], found.normal[p, 2] = nx, ny, nz
+            found.score[p] = energy
             found.order[count] = p
             count += 1
     return count
 
 
 @fused_kernel
-def _aim(surfaces, found, p, w, P, L, prior, limit, work):  # type: ignore[no-untyped-def]
-    """Where the wrench axis enters primitive p, or comes nearest, as its point and normal, body frame.
-
-    Returns the energy there; infinity where all of the primitive is sure to lie above the limit.
-    """
-    R, o, radius = found.rotation[p], found.origin[p], surfaces.radius[p]
-    fx, fy, fz = w[0], w[1], w[2]
-    ff = fx * fx + fy * fy + fz * fz
-    if ff <= 0.0:
-        return math.inf
-    mx, my, mz = w[3] - o[1] * fz + o[2] * fy, w[4] - o[2] * fx + o[0] * fz, w[5] - o[0] * fy + o[1] * fx
-    ax, ay, az = fy * mz - fz * my, fz * mx - fx * mz, fx * my - fy * mx
-    # Energy of bringing the axis nearer by one metre, about: the moment about o must change by as much as
-    # |f|.
-    per_gap = 0.5 * ff / (_moment_variance(P, o) + prior.offset * prior.offset * ff)
-    gap = max(math.sqrt(ax * ax + ay * ay + az * az) / ff - radius, 0.0)
-    if per_gap * gap * gap > limit:
-        return math.inf
-    gap, cx, cy, cz, nx, ny, nz = enter(
-        surfaces.kind[p],
-        surfaces.size[p],
-        radius,
-        R[0, 0] * fx + R[1, 0] * fy + R[2, 0] * fz,
-        R[0, 1] * fx + R[1, 1] * fy + R[2, 1] * fz,
-        R[0, 2] * fx + R[1, 2] * fy + R[2, 2] * fz,
-        R[0, 0] * mx + R[1, 0] * my + R[2, 0] * mz,
-        R[0, 1] * mx + R[1, 1] * my + R[2, 1] * mz,
-        R[0, 2] * mx + R[1, 2] * my + R[2, 2] * mz,
-    )
-    if per_gap * gap * gap > limit:
-        return math.inf
-    view(w, L, R, o, found.wrench[p], found.information[p], work)
-    found.point[p, 0], found.point[p, 1], found.point[p, 2] = cx, cy, cz
-    found.normal[p, 0], found.normal[p, 1], found.normal[p, 2] = nx, ny, nz
-    w, L = found.wrench[p], found.information[p]
-    fx, fy, fz = lean_in(w[0], w[1], w[2], nx, ny, nz)
-    loose = loosen(L, prior, nx, ny, nz, fx, fy, fz)
-    return energy_at(w, L, prior, loose, cx, cy, cz, nx, ny, nz, fx, fy, fz, 0.0)
-
-
-@fused_kernel
-def _moment_variance(P, o):  # type: ignore[no-untyped-def]
-    """Trace of the covariance of the moment about the point o, P being that of the wrench about the
+def _moment_variance(P, ox, oy, oz):  # type: ignore[no-untyped-def]
+    """Trace of the covariance of the moment about a point, P being that of the wrench about the
     origin."""
-    ox, oy, oz = o[0], o[1], o[2]
     cross = oz * (P[0, 4] - P[1, 3]) + oy * (P[2, 3] - P[0, 5]) + ox * (P[1, 5] - P[2, 4])
     oo = ox * ox + oy * oy + oz * oz
     oPo = (
@@ -281,6 +266,7 @@ def _cover(surfaces, found, count, best, spread):  # type: ignore[no-untyped-def
     """Lower the score of places that lie inside another primitive of their link or of a neighbour.
 
     A place inside is no place of the surface. It still counts as one by as much as the surface may be off.
+    What stands on the mounting plane, z = 0 of the base frame, cannot be touched from below.
     """
     for i in range(count):
         own = found.order[i]
@@ -291,6 +277,10 @@ def _cover(surfaces, found, count, best, spread):  # type: ignore[no-untyped-def
         last = surfaces.start[min(link + 2, surfaces.start.shape[0] - 1)]
         deepest = 0.0
         x, y, z = found.point[own, 0], found.point[own, 1], found.point[own, 2]
+        if link == 0 and z < spread and found.normal[own, 2] < -0.5:
+            # The face on which the base stands.
+            found.score[own] = -math.inf
+            continue
         for p in range(first, last):
             o = found.origin[p]
             dx, dy, dz = x - o[0], y - o[1], z - o[2]

@@ -8,9 +8,29 @@ body nearest to it, turned towards the force so that it can push.
 import math
 
 from robots.compiled import fused_kernel
-from robots.surface import project
+from robots.surface import REVOLVED, project
 
 _STEPS = 30
+NEAR = 1e-6
+"""Distance from the surface, in parts of the bounding radius, at which the axis counts as having entered."""
+
+
+@fused_kernel
+def _approach(kind, size, radius, ax, ay, az, ux, uy, uz):  # type: ignore[no-untyped-def]
+    """A place on the line a + s u before it enters the body: where it enters the ball or the can about it."""
+    s = -1.001 * radius
+    if kind == REVOLVED:
+        across = ux * ux + uy * uy
+        if across > 1e-12:
+            middle = -(ax * ux + ay * uy) / across
+            wide = max(size[1], size[2]) + size[3]
+            chord = middle * middle - (ax * ax + ay * ay - wide * wide) / across
+            if chord > 0.0:
+                s = max(s, middle - math.sqrt(chord))
+        if abs(uz) > 1e-9:
+            s = max(s, -(size[0] + size[3]) / abs(uz) - az / uz)
+        s -= 1e-3 * radius
+    return s
 
 
 @fused_kernel
@@ -34,7 +54,7 @@ def enter(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[no-untype
     # Point of the axis nearest to the body's centre (paper, equation 6), then back along it to outside the
     # body.
     ax, ay, az = (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
-    s = -1.001 * radius
+    s = _approach(kind, size, radius, ax, ay, az, ux, uy, uz)
     left, left_d, left_slope = s, 0.0, 0.0
     right, right_d, right_slope = s, 0.0, -1.0
     gap = 0.0
@@ -43,7 +63,7 @@ def enter(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[no-untype
         d, px, py, pz, nx, ny, nz = project(kind, size, x, y, z)
         slope = nx * ux + ny * uy + nz * uz
         if slope < 0.0:
-            if d <= 1e-9 * radius:
+            if d <= NEAR * radius:
                 return 0.0, px, py, pz, nx, ny, nz
             left, left_d, left_slope = s, d, slope
             if right_slope < 0.0:
@@ -53,9 +73,10 @@ def enter(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[no-untype
                 continue
         else:
             right, right_d, right_slope = s, d, slope
-        if left_slope == right_slope:
-            gap = d
-            break
+            if left_slope == 0.0:
+                # Started beyond the nearest approach: back to where the tangent meets zero.
+                s = max(s - d / slope, -1.001 * radius) if slope > 0.0 else -1.001 * radius
+                continue
         # The nearest approach lies between: the distance, being convex, is above both tangents, and above
         # where
         # they meet.

@@ -78,6 +78,8 @@ def contacts(
         R = motion.rotation[link] @ surfaces.rotation[p]
         o = motion.rotation[link] @ surfaces.origin[p] + motion.origin[link]
         point, normal = R @ np.array(found[1:4]) + o, R @ np.array(found[4:7])
+        if link == 0 and point[2] < 0.01 and normal[2] < -0.4:
+            continue  # the face on which the base stands
         if _clearance(surfaces, motion, point, p) < 0.004:
             continue
         push = chance.uniform(5.0, 60.0)

@@ -211,6 +211,12 @@ def test_links_that_cannot_be_touched_are_never_named() -> None:
     assert set(found.link.tolist()) <= {-1, 3, 4}
 
 
+def test_the_face_on_which_the_base_stands_cannot_be_touched(precise: Localizer) -> None:
+    wrench = np.array([0.0, 0.0, 30.0, 0.3, -0.2, 0.0])  # upwards, through the base
+    found = precise.locate(np.zeros(6), base_wrench=wrench, joint_torque=np.zeros(6))
+    assert all(c.point_base[2] > 1e-3 or c.normal_base[2] > -0.5 for c in found.contacts)
+
+
 def test_noise_alone_is_no_contact_at_the_stated_rate() -> None:
     scene = Scene(robot=ARM, false_alarm=0.01)
     chance = np.random.default_rng(2)
