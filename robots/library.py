@@ -20,10 +20,10 @@ def names() -> tuple[str, ...]:
 
 
 def load(name: str | Path) -> Robot:
-    """An arm by its name in the library, or from a YAML file of the same form.
+    """An arm by its name in the library, or from a YAML file of the same form, or a URDF.
 
     Args:
-        name: One of `names()`, or a path that ends in `.yaml`. Primitives are read from
+        name: One of `names()`, or a path that ends in `.yaml` or `.urdf`. Primitives are read from
             `<name>.surface.yaml` beside it.
 
     Raises:
@@ -31,17 +31,22 @@ def load(name: str | Path) -> Robot:
         RobotError: the file is missing or wrong; the message names the field.
     """
     path = Path(name)
+    if path.suffix == ".urdf":
+        return from_urdf(path)
     if path.suffix != ".yaml":
         if str(name) not in names():
+            known = ", ".join(names())
             raise UnknownRobotError(
-                f"unknown robot {str(name)!r}; there are {', '.join(names())}, or a path to a .yaml file"
+                f"unknown robot {str(name)!r}; there are {known}, or a path to .yaml or .urdf"
             )
         path = _folder() / f"{name}.yaml"
     return schema.robot(path)
 
 
 def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None) -> Robot:
-    """An arm from a URDF: kinematics, inertia, limits; for its surface see `contactsense decompose`.
+    """An arm from a URDF: kinematics, inertia, limits.
+
+    Its surface is read from `<name>.surface.yaml` beside the URDF, which `contactsense decompose` makes.
 
     Args:
         path: The URDF.
@@ -54,7 +59,14 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
     """
     from robots import urdf  # yourdfpy and trimesh, which nothing else needs at run time
 
-    return urdf.from_urdf(path, tip, name)
+    robot = urdf.from_urdf(path, tip, name)
+    surface = Path(path).with_suffix(".surface.yaml")
+    return schema.with_surface(robot, surface) if surface.exists() else robot
+
+
+def surface_file(name: str) -> Path:
+    """Where the surface of an arm of the library is kept."""
+    return _folder() / f"{name}.surface.yaml"
 
 
 def _folder() -> Path:

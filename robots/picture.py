@@ -9,7 +9,7 @@ import numpy as np
 
 from robots.compiled import kernel
 from robots.posing import link_poses
-from robots.robot import Link, Robot
+from robots.robot import Robot
 from robots.surface import Surfaces, pack
 from robots.union import nearest
 
@@ -128,9 +128,8 @@ def _trace(kind, rotation, origin, size, radius, starts, direction, reach, which
             travelled += d
 
 
-def at_pose(links: Sequence[Link], poses: np.ndarray) -> Surfaces:
+def at_pose(surfaces: Surfaces, poses: np.ndarray) -> Surfaces:
     """Primitives of all links in one frame, for poses (links, 4, 4) of the links in it."""
-    surfaces = pack(links)
     place = poses[surfaces.link]
     return surfaces._replace(
         rotation=np.ascontiguousarray(place[:, :3, :3] @ surfaces.rotation),
@@ -153,10 +152,7 @@ def draw_arm(robot: Robot, q: np.ndarray, path: str | Path, coarse: bool = False
     Raises:
         ValueError: the robot has no primitives, or `q` is no pose of it.
     """
-    links = [
-        Link(link.name, link.inertia, link.coarse if coarse else link.primitives) for link in robot.links
-    ]
-    surfaces = at_pose(links, link_poses(robot, q))
+    surfaces = at_pose(pack(robot.links, coarse), link_poses(robot, q))
     if len(surfaces.kind) == 0:
         raise ValueError(f"{robot.name} has no primitives; `contactsense decompose` makes them from meshes")
     reach = surfaces.radius[:, None]

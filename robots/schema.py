@@ -5,6 +5,7 @@ primitives of each link, which `contactsense decompose` writes.
 """
 
 from collections import Counter
+from dataclasses import replace
 from math import inf, radians
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -177,22 +178,40 @@ def robot(path: Path) -> Robot:
         RobotError: a file is missing or wrong.
     """
     entry = check(RobotEntry, read_yaml(path), path)
-    surface_path = path.with_suffix(".surface.yaml")
-    surface: dict[str, LinkSurface] = {}
-    if surface_path.exists():
-        surface = check(SurfaceEntry, read_yaml(surface_path), surface_path).links
-        for name in surface:
-            if name not in {link.name for link in entry.links}:
-                raise RobotError(f"{surface_path}: links.{name}: {entry.name} has no such link")
-    links = []
-    for link in entry.links:
-        shapes = surface.get(link.name)
-        fine, coarse = (shapes.fine, shapes.coarse) if shapes else ((), ())
-        links.append(Link(link.name, link.inertia(), primitives=fine, coarse=coarse))
-    return Robot(
+    bare = Robot(
         name=entry.name,
-        links=tuple(links),
+        links=tuple(Link(link.name, link.inertia()) for link in entry.links),
         joints=tuple(joint.joint() for joint in entry.joints),
         flange_rotation=rotation_from_rpy(entry.flange.rpy),
         flange_translation=np.array(entry.flange.xyz),
     )
+    beside = path.with_suffix(".surface.yaml")
+    return with_surface(bare, beside) if beside.exists() else bare
+
+
+def with_surface(bare: Robot, path: Path) -> Robot:
+    """A robot with the primitives of a `.surface.yaml`; links that it does not name get none.
+
+    Raises:
+        RobotError: the file is missing or wrong, or names a link that the robot does not have.
+    """
+    surface = read_surface(path).links
+    for name in surface:
+        if name not in bare.link_names:
+            raise RobotError(f"{path}: links.{name}: {bare.name} has no such link")
+    links = (
+        replace(link, primitives=surface[link.name].fine, coarse=surface[link.name].coarse)
+        if link.name in surface
+        else link
+        for link in bare.links
+    )
+    return replace(bare, links=tuple(links))
+
+
+def read_surface(path: Path) -> SurfaceEntry:
+    """What a `.surface.yaml` says.
+
+    Raises:
+        RobotError: the file is missing or wrong.
+    """
+    return check(SurfaceEntry, read_yaml(path), path)

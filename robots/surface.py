@@ -54,10 +54,16 @@ class Surfaces(NamedTuple):
     """First primitive of each link, and their number at the end, shape (links + 1,), int64."""
 
 
-def pack(links: Sequence[Link]) -> Surfaces:
-    """Put the primitives of all links, in order, into arrays for the kernels."""
-    shapes = [(number, shape) for number, link in enumerate(links) for shape in link.primitives]
-    counts = [len(link.primitives) for link in links]
+def pack(links: Sequence[Link], coarse: bool = False) -> Surfaces:
+    """Put the primitives of all links, in order, into arrays for the kernels.
+
+    Args:
+        links: Base first.
+        coarse: Whether to take each link's coarse level, where it has one.
+    """
+    chosen = [link.coarse if coarse and link.coarse else link.primitives for link in links]
+    shapes = [(number, shape) for number, own in enumerate(chosen) for shape in own]
+    counts = [len(own) for own in chosen]
     kind = np.zeros(len(shapes), dtype=np.int64)
     rotation = np.zeros((len(shapes), 3, 3))
     origin = np.zeros((len(shapes), 3))

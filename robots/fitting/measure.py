@@ -7,8 +7,9 @@ import numpy as np
 
 from robots.fitting.refit import Bodies
 from robots.fitting.target import Shape
+from robots.primitives import Primitive
 from robots.skin import Skin, Surroundings
-from robots.surface import BOX, REVOLVED, Surfaces, bounding_radius, support
+from robots.surface import BOX, REVOLVED, Surfaces, body, bounding_radius, support
 from robots.union import distances
 
 ROOM = 0.003
@@ -40,6 +41,20 @@ def packed(bodies: Bodies) -> Surfaces:
         size=bodies.size,
         radius=np.array([bounding_radius(*body) for body in zip(bodies.kind, bodies.size, strict=True)]),
         start=np.array([0, count], dtype=np.int64),
+    )
+
+
+def bodies_of(shapes: Sequence[Primitive]) -> Bodies:
+    """Primitives as bodies."""
+    places = [body(shape) for shape in shapes]
+    size = np.zeros((len(places), 8))
+    for row_, place in zip(size, places, strict=True):
+        row_[: len(place[3])] = place[3]
+    return Bodies(
+        kind=np.array([place[0] for place in places], dtype=np.int64),
+        rotation=np.array([place[1] for place in places]),
+        origin=np.array([place[2] for place in places]),
+        size=size,
     )
 
 
