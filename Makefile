@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check clean
+.PHONY: demo test check results clean
 
 demo: $(VENV)/run.stamp  ## a simulated arm is touched, the service says where
 	$(BIN)/contactsense demo
@@ -30,3 +30,6 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt
 $(VENV)/test.stamp: $(VENV)/run.stamp
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[geometry,test,check]"
 	touch $@
+
+results: $(VENV)/test.stamp  ## measure everything again and write docs/results.md
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m benchmarks.results

@@ -54,8 +54,11 @@ ASSUMED = Noise(0.02, 0.004, 0.02)
 @click.option(
     "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="What is measured."
 )
+@click.option("--brief", is_flag=True, help="Leave the confusion of links out of the table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
-def truth(folder: Path, robots: tuple[str, ...], method: Method, sensors: str, as_json: bool) -> None:
+def truth(
+    folder: Path, robots: tuple[str, ...], method: Method, sensors: str, brief: bool, as_json: bool
+) -> None:
     """Locate the static ground-truth contacts in FOLDER (static_points_ROBOT.npz).
 
     Every sample counts: one without an answer has an infinite error.
@@ -70,7 +73,9 @@ def truth(folder: Path, robots: tuple[str, ...], method: Method, sensors: str, a
     if as_json:
         click.echo(json.dumps({"method": method, "sensors": sensors, "results": results}, indent=1))
     else:
-        _print(results, method, sensors)
+        _print_table(results, method, sensors)
+        if not brief:
+            _print_confusion(results)
 
 
 def measure(points: StaticPoints, noise: Noise, method: Method, sensors: str) -> dict[str, Any]:
@@ -123,8 +128,7 @@ def _quantiles(error: np.ndarray) -> dict[str, float | None]:
     }
 
 
-def _print(results: Sequence[dict[str, Any]], method: str, sensors: str) -> None:
-    console = Console(width=118)
+def _print_table(results: Sequence[dict[str, Any]], method: str, sensors: str) -> None:
     table = Table(
         title=f"static contacts, method {method}, sensors {sensors}; errors in mm, failures included"
     )
@@ -149,7 +153,10 @@ def _print(results: Sequence[dict[str, Any]], method: str, sensors: str) -> None
             f"{100 * r['ambiguous']:.1f} %",
             f"{100 * r['no_answer']:.1f} %",
         )
-    console.print(table)
+    _console().print(table)
+
+
+def _print_confusion(results: Sequence[dict[str, Any]]) -> None:
     for r in results:
         levels = " / ".join(f"{level:g}" for level in r["noise"].values())
         confusion = Table(
@@ -160,7 +167,11 @@ def _print(results: Sequence[dict[str, Any]], method: str, sensors: str) -> None
             confusion.add_column(name, justify="right")
         for name, row in zip(r["links"], r["confusion"], strict=True):
             confusion.add_row(name, *(str(count) if count else "." for count in row))
-        console.print(confusion)
+        _console().print(confusion)
+
+
+def _console() -> Console:
+    return Console(width=100)
 
 
 def _mm(value: float | None) -> str:
