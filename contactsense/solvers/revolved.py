@@ -156,7 +156,7 @@ def _nowhere(
         at, ring = side * half, upper if side > 0.0 else lower
         if ring > 0.0:
             found, ex, ey, ca, sa = search_rim(fx, fy, fz, mx + at * fy, my - at * fx, mz, ring, r)
-            if found and side * (sin_beta * ca - sa * cos_beta) < _SEAM:
+            if found and max(side * (sin_beta * ca - sa * cos_beta), -ca) < _SEAM:
                 return _on_end(fx, fy, fz, mx, my, mz, at, ring, r, ex, ey, ca, sa)
     size = (half, lower, upper, r)
     answer = nearest_to_line(_REVOLVED, size, reach, fx, fy, fz, mx, my, mz)
@@ -214,18 +214,30 @@ def _revolved(
         a_at, a_ring, sign = (half, upper, 1.0) if at_top else (-half, lower, -1.0)
         # Start between side and cap, by how far each of them overshoots.
         share = 0.5
-        if at_top == up and over_side < _FAR and over_cap < _FAR:
-            share = over_side / (over_side + over_cap)
+        if at_top == up and over_cap < _FAR:
+            beside = min(over_side, reach)
+            share = beside / (beside + over_cap)
         c, s = (1.0 - share) * cos_beta, (1.0 - share) * sin_beta + sign * share
         size = sqrt(c * c + s * s)
         c, s = (c / size, s / size) if size > 0.0 else (1.0, 0.0)
         found, ax, ay, ac, as_ = _end(fx, fy, fz, mx, my, mz, a_at, a_ring, r, c, s)
-        outside = reach * sign * (sin_beta * ac - as_ * cos_beta)
+        outside = reach * max(sign * (sin_beta * ac - as_ * cos_beta), -ac)
         if found and outside < best:
             best, on_end = outside, True
             at, ring, ex, ey, ca, sa = a_at, a_ring, ax, ay, ac, as_
             if best <= 0.0:
                 break
+    if best > 0.0 and min(over_cap, over_side) < reach:
+        # Close outside of cap or side, and the rim's iteration went astray: once more, from their seam.
+        at_cap = over_cap <= over_side
+        at_top = up if at_cap else first
+        a_at, a_ring, sign = (half, upper, 1.0) if at_top else (-half, lower, -1.0)
+        c, s = (0.0, sign) if at_cap else (cos_beta, sin_beta)
+        found, ax, ay, ac, as_ = _end(fx, fy, fz, mx, my, mz, a_at, a_ring, r, c, s)
+        outside = reach * max(sign * (sin_beta * ac - as_ * cos_beta), -ac)
+        if found and outside < best:
+            best, on_end = outside, True
+            at, ring, ex, ey, ca, sa = a_at, a_ring, ax, ay, ac, as_
     if best > _SEAM * reach:
         return _nowhere(fx, fy, fz, mx, my, mz, half, lower, upper, r, cos_beta, sin_beta)
     if on_end:

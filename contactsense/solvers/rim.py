@@ -17,6 +17,10 @@ from math import inf, pi, sqrt
 from contactsense.solvers.typed import kernel
 
 _STEPS = 40
+_BEYOND = 1e-3
+"""Cosine of elevation to which the iteration may stray onto the inner half, so that it can end close to a
+cap."""
+
 _HALVINGS = 20
 _STARTS_AROUND = 16
 _STARTS_ACROSS = 24
@@ -108,7 +112,7 @@ def refine_rim(
         for _ in range(_HALVINGS):
             ux, uy = _turn(ex, ey, share * d_theta)
             uc, us = _turn(ca, sa, share * d_a)
-            if uc < 0.0:
+            if uc < -_BEYOND:
                 uc, us = 0.0, (1.0 if us > 0.0 else -1.0)
             new_around, new_across, new_push = _rest(fx, fy, fz, mx, my, mz, ring, r, ux, uy, uc, us)
             new_size = new_around * new_around + new_across * new_across

@@ -36,6 +36,10 @@ class Superquadric:
         size = (implicit.SUPERQUADRIC, *axes, float(self.p), float(self.q))
         return general.solve_smooth, (size, (0.0, 0.0, 0.0), axes, True)
 
+    def newton_problem(self) -> Problem:
+        """The same: there is no closed form."""
+        return self.problem()
+
     def line_problem(self) -> Problem:
         """Its wrench axis."""
         return general.wrench_axis_smooth, self.problem()[1]
@@ -65,6 +69,10 @@ class Paraboloid:
         half = 0.5 * float(self.depth)
         extent = (float(np.sqrt(self.depth / self.k1)), float(np.sqrt(self.depth / self.k2)), half)
         return general.solve_paraboloid, (size, (0.0, 0.0, -half), extent, False)
+
+    def newton_problem(self) -> Problem:
+        """The same: there is no closed form."""
+        return self.problem()
 
     def line_problem(self) -> Problem:
         """Its wrench axis."""
@@ -99,6 +107,10 @@ class Convex:
     def problem(self) -> Problem:
         """Newton's method."""
         return general.solvers_for(self.function)[0], (self.size, self.inner, self.extent, False)
+
+    def newton_problem(self) -> Problem:
+        """The same: there is no closed form."""
+        return self.problem()
 
     def line_problem(self) -> Problem:
         """Its wrench axis."""

@@ -11,7 +11,7 @@ from contactsense.solvers.answer import Status
 from contactsense.solvers.surface import Kernel, Problem, Surface
 from contactsense.solvers.surfaces import Placed
 
-Method = Literal["exact", "wrench_axis"]
+Method = Literal["exact", "wrench_axis", "newton", "descent"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,12 @@ def _problem(surface: Surface, method: Method) -> Problem:
         return surface.problem()
     if method == "wrench_axis":
         return surface.line_problem()
-    raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
+    if method not in METHODS:
+        raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
+    found: Problem | None = getattr(surface, f"{method}_problem", lambda: None)()
+    if found is None:
+        raise ValueError(f"{type(surface).__name__} cannot be solved by {method}")
+    return found
 
 
 def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solution:
@@ -83,13 +88,15 @@ def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method 
         surface: What is touched.
         force: Force on the body [N], shape (3,).
         moment: Moment on the body about the frame's origin [Nm], shape (3,).
-        method: `exact`, with torsion; or `wrench_axis`, the paper's section 4, as if there were none.
+        method: `exact`, with torsion; `wrench_axis`, the paper's section 4, as if there were none; on
+            spheres, ellipsoids and smooth bodies also `newton`; on spheres and ellipsoids also `descent`, the
+            paper's section 6.
 
     Returns:
         The solution, in the frame of the wrench. No measurement makes this raise.
 
     Raises:
-        ValueError: The method has another name.
+        ValueError: The method has another name, or cannot solve this surface.
     """
     f = np.asarray(force, dtype=float).reshape(3)
     m = np.asarray(moment, dtype=float).reshape(3)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.solvers import cylinder, ellipsoid, plane, wrench_axis
+from contactsense.solvers import cylinder, descent, ellipsoid, general, plane, wrench_axis
+from contactsense.solvers.implicit import ELLIPSOID
 from contactsense.solvers.surface import Problem, Surface, around_axis, positive, tangential
 
 
@@ -28,6 +29,14 @@ class Sphere:
     def line_problem(self) -> Problem:
         """Its wrench axis."""
         return wrench_axis.wrench_axis_sphere, self.problem()[1]
+
+    def newton_problem(self) -> Problem:
+        """As any smooth convex body."""
+        return Ellipsoid(self.radius, self.radius, self.radius).newton_problem()
+
+    def descent_problem(self) -> Problem:
+        """The paper's section 6."""
+        return Ellipsoid(self.radius, self.radius, self.radius).descent_problem()
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
@@ -55,6 +64,15 @@ class Ellipsoid:
     def line_problem(self) -> Problem:
         """Its wrench axis."""
         return wrench_axis.wrench_axis_ellipsoid, self.problem()[1]
+
+    def newton_problem(self) -> Problem:
+        """As any smooth convex body."""
+        a, b, c = self.problem()[1]
+        return general.solve_smooth, ((ELLIPSOID, a, b, c, 0.0, 0.0), (0.0, 0.0, 0.0), (a, b, c), True)
+
+    def descent_problem(self) -> Problem:
+        """The paper's section 6."""
+        return descent.descent_ellipsoid, self.problem()[1]
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""

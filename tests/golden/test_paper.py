@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense.solvers import Sphere, Status, solve
-from tests.golden.paper_tables import FORCE_OF_TABLE_3, RADIUS_OF_TABLE_1, TABLE_1, TABLE_3
+from service.bench.solvers.paper_tables import FORCE_OF_TABLE_3, RADIUS_OF_TABLE_1, TABLE_1, TABLE_3
 
 
 def four_contacts(friction: float, delta: float) -> tuple[np.ndarray, np.ndarray]:

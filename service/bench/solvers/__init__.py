@@ -1,0 +1,1 @@
+"""How exact and how fast the contact solvers are: the tables of `docs/solvers.md`."""

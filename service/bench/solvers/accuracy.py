@@ -1,0 +1,175 @@
+"""Error of the closed forms on many random wrenches, in units of what rounding of the wrench alone may do."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from contactsense.solvers import (
+    Box,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Plane,
+    Revolved,
+    Solutions,
+    Sphere,
+    Surface,
+    solve_batch,
+)
+from service.bench.solvers import formulas
+from service.bench.solvers.sampling import points_on_packed, press, unit
+
+EPS = float(np.finfo(float).eps)
+TORSIONS = (0.0, 1e-8, 0.1, 10.0)
+"""Torsion relative to force times size; each gets an equal share of the wrenches."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One surface: largest and 99.9 % error, ours and of the printed formula, in ulps times the condition
+    number."""
+
+    surface: str
+    wrenches: int
+    failures: int
+    """Wrenches not answered with `OK`."""
+    worst: float
+    high: float
+    printed: float | None
+    """Median error of the printed formula; None where the paper has none."""
+    printed_worst: float | None
+    printed_failures: int | None
+    """Answers of the printed formula that are no numbers."""
+
+
+Reference = Callable[[Any, Any], Any]
+
+
+def _points(surface: Surface, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    if isinstance(surface, Revolved | Box):
+        return points_on_packed(surface, rng, count)
+    if isinstance(surface, Sphere):
+        n = unit(rng.normal(size=(count, 3)))
+        return surface.radius * n, n
+    if isinstance(surface, Ellipsoid):
+        axes = np.array((surface.a, surface.b, surface.c))
+        x = unit(rng.normal(size=(count, 3)))
+        return x * axes, unit(x / axes)
+    if isinstance(surface, Plane):
+        c = rng.normal(size=(count, 3))
+        c[:, 2] = surface.offset
+        return c, np.tile((0.0, 0.0, 1.0), (count, 1))
+    angle = rng.uniform(0.0, 2.0 * np.pi, count)
+    e = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(count)))
+    z = 0.1 * rng.normal(size=(count, 1)) * (0.0, 0.0, 1.0)
+    if isinstance(surface, Cone):
+        return (surface.radius - surface.taper * z[:, 2:]) * e + z, unit(
+            e + np.array((0.0, 0.0, surface.taper))
+        )
+    assert isinstance(surface, Cylinder)
+    return surface.radius * e + z, e
+
+
+def reference_of(surface: Surface, number: Callable[[float], Any]) -> Reference | None:
+    """The closed form of a surface for numbers made by `number`; none where the contact has several
+    patches."""
+    if isinstance(surface, Sphere):
+        radius = number(surface.radius)
+        return lambda f, m: formulas.ellipsoid(f, m, radius, radius, radius)
+    if isinstance(surface, Ellipsoid):
+        a, b, c = number(surface.a), number(surface.b), number(surface.c)
+        return lambda f, m: formulas.ellipsoid(f, m, a, b, c)
+    if isinstance(surface, Cylinder):
+        radius = number(surface.radius)
+        return lambda f, m: formulas.cone(f, m, radius, number(0.0))
+    if isinstance(surface, Cone):
+        radius, taper = number(surface.radius), number(surface.taper)
+        return lambda f, m: formulas.cone(f, m, radius, taper)
+    if isinstance(surface, Plane):
+        normal = np.array([[number(float(x))] for x in unit(np.array(surface.normal))])
+        offset = number(surface.offset)
+        return lambda f, m: formulas.plane(f, m, normal, offset)
+    return None
+
+
+def printed_of(surface: Surface) -> Reference | None:
+    """The paper's formula for a surface, if it has one; for planes only that across z."""
+    if isinstance(surface, Sphere):
+        return lambda f, m: formulas.printed_ellipsoid(f, m, *(surface.radius,) * 3)
+    if isinstance(surface, Ellipsoid):
+        return lambda f, m: formulas.printed_ellipsoid(f, m, surface.a, surface.b, surface.c)
+    if isinstance(surface, Cylinder):
+        return lambda f, m: formulas.printed_cylinder(f, m, surface.radius)
+    if isinstance(surface, Plane):
+        return lambda f, m: formulas.printed_plane(f, m, surface.offset)
+    return None
+
+
+SURFACES: dict[str, Surface] = {
+    "sphere": Sphere(0.05),
+    "ellipsoid 1 : 2 : 4": Ellipsoid(0.05, 0.1, 0.2),
+    "needle 1 : 1e-6 : 1e-6": Ellipsoid(1.0, 1e-6, 1e-6),
+    "disc 1 : 1 : 1e-6": Ellipsoid(1.0, 1.0, 1e-6),
+    "cylinder": Cylinder(0.05),
+    "plane": Plane((0.0, 0.0, 1.0), 0.1),
+    "cone": Cone(0.1, 0.2),
+    "capsule": Revolved(0.2, 0.0, 0.0, 0.06),
+    "rounded cylinder": Revolved(0.1, 0.05, 0.05, 0.01),
+    "rounded cone": Revolved(0.1, 0.05, 0.03, 0.01),
+    "rounded box": Box(0.1, 0.04, 0.07, 0.01),
+}
+
+
+def rows(count: int, tick: Callable[[str], None]) -> Iterator[Row]:
+    """Measure all surfaces on `count` wrenches each."""
+    extended = np.longdouble
+    for name, surface in SURFACES.items():
+        tick(name)
+        reference = reference_of(surface, extended)
+        printed = printed_of(surface)
+        errors, printed_errors = [], []
+        failures = 0
+        for seed, torsion in enumerate(TORSIONS):
+            rng = np.random.default_rng(seed)
+            share = count // len(TORSIONS)
+            contacts = press(rng, *_points(surface, rng, share), torsion)
+            found = solve_batch(surface, contacts.force, contacts.moment)
+            failures += share - int(np.count_nonzero(found.ok))
+            f, m = contacts.force.T, contacts.moment.T
+            true = contacts.centroid
+            if reference is not None:
+                true = reference(f.astype(extended), m.astype(extended)).T
+            scale = EPS * _condition(found, contacts.force, contacts.moment, true)
+            with np.errstate(all="ignore"):
+                errors.append(_relative(found.centroid, true)[found.ok] / scale[found.ok])
+                if printed is not None:
+                    printed_errors.append(_relative(printed(f, m).T, true) / scale)
+        ours = np.concatenate(errors)
+        row = Row(name, count, failures, float(ours.max()), float(np.quantile(ours, 0.999)), None, None, None)
+        if printed_errors:
+            theirs = np.concatenate(printed_errors).astype(float)
+            lost = np.isnan(theirs)
+            row = Row(
+                name,
+                count,
+                failures,
+                row.worst,
+                row.high,
+                float(np.median(theirs[~lost])),
+                float(theirs[~lost].max()),
+                int(lost.sum()),
+            )
+        yield row
+
+
+def _relative(found: np.ndarray, true: np.ndarray) -> np.ndarray:
+    difference = (found - true).astype(float)
+    return np.asarray(np.linalg.norm(difference, axis=1) / np.linalg.norm(true.astype(float), axis=1))
+
+
+def _condition(found: Solutions, force: np.ndarray, moment: np.ndarray, true: np.ndarray) -> np.ndarray:
+    lever = np.linalg.norm(moment, axis=1) / np.linalg.norm(force, axis=1)
+    distance = np.linalg.norm(true.astype(float), axis=1)
+    return np.asarray(1.0 + found.condition * (1.0 + lever / distance))
