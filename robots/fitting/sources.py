@@ -7,6 +7,8 @@ import trimesh
 
 import robots
 from robots import Robot, RobotError
+from robots.fitting.gridding import cached
+from robots.grid import Grids
 from robots.meshes import from_folder
 from robots.urdf import read_chain, visuals
 
@@ -53,3 +55,18 @@ def _from_airo(robot: Robot) -> dict[str, trimesh.Trimesh]:
             link.visuals[0].geometry.mesh.filename = "visual/base.obj"
         meshes[name] = visuals(path, link)[0]
     return meshes
+
+
+def skin_grids(arm: str, folder: Path | None = None, cache: Path | None = None) -> Grids:
+    """Signed-distance grids of an arm's skin, from the cache or built now (about a minute an arm).
+
+    Args:
+        arm: As in `read_arm`.
+        folder: Where the meshes are, as in `read_arm`.
+        cache: Folder for the grids; by default `contactsense` in `XDG_CACHE_HOME` or `~/.cache`.
+
+    Raises:
+        RobotError: robot or meshes are missing or unusable, or the cache cannot be written.
+    """
+    robot, meshes = read_arm(arm, folder)
+    return cached(robot, meshes, cache)

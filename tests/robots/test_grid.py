@@ -74,6 +74,21 @@ def test_points_settle_on_the_skin(grids: grid.Grids) -> None:
         assert np.degrees(np.arccos((offset @ [nx, ny, nz]) / np.linalg.norm(offset))) < 6.0
 
 
+def test_points_slide_along_a_line_onto_the_skin(grids: grid.Grids) -> None:
+    rng = np.random.default_rng(3)
+    for point in around(rng, 200, RADIUS - 0.005, RADIUS + 0.005):
+        normal = (point - [0.1, 0.0, 0.0]) / np.linalg.norm(point - [0.1, 0.0, 0.0])
+        line = normal + rng.uniform(-0.5, 0.5, size=3)
+        left, x, y, z, *facing = grid.slide(*grids, 1, *point, *line, 4)
+        assert abs(left) < 1e-5
+        moved = np.array([x, y, z]) - point
+        np.testing.assert_allclose(np.cross(moved, line), 0.0, atol=1e-9)
+        assert np.linalg.norm([x - 0.1, y, z]) == pytest.approx(RADIUS, abs=2e-4)
+        assert np.degrees(np.arccos(np.dot(facing, [x - 0.1, y, z]) / RADIUS)) < 7.0
+        across = np.cross(normal, [0.0, 0.6, 0.8])
+        assert np.isinf(grid.slide(*grids, 1, *point, *across, 4)[0])
+
+
 @pytest.mark.parametrize("point", [(0.1, 0.0, 0.0), (5.0, 0.0, 0.0), (0.1, 0.0, -0.0599), (np.inf, 0.0, 0.0)])
 def test_far_from_the_skin_nothing_is_claimed(grids: grid.Grids, point: tuple[float, float, float]) -> None:
     assert np.isinf(grid.settle(*grids, 1, *point, 3)[0])

@@ -1,0 +1,85 @@
+"""`contactsense robots` and `contactsense decompose`, as a user calls them."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from click.testing import CliRunner, Result
+
+import robots
+from service.cli.main import cli
+from tests.robots.shapes import two_meshes
+
+URDF = """
+<robot name="two"><link name="base"><visual><geometry><mesh filename="base.stl"/></geometry></visual></link>
+<link name="bar"><visual><geometry><mesh filename="bar.stl"/></geometry></visual></link>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="bar"/><origin xyz="0 0 0.14"/>
+<axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint></robot>
+"""
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(cli, list(arguments))
+
+
+def test_robots_lists_the_library() -> None:
+    listed = json.loads(call("robots", "--json").stdout)
+    assert [entry["name"] for entry in listed] == list(robots.names())
+    table = call("robots").stdout
+    assert all(name in table for name in robots.names())
+
+
+def test_robots_shows_one() -> None:
+    shown = json.loads(call("robots", "ur3e", "--json").stdout)
+    assert [link["name"] for link in shown["links"]] == list(robots.load("ur3e").link_names)
+    assert shown["joints"][5]["position_limits"] == [None, None]
+    table = call("robots", "ur10e").stdout
+    assert "wrist_3_joint" in table
+    assert "10.7" in table
+
+
+def test_robots_draws_one(tmp_path: Path) -> None:
+    picture = tmp_path / "arm.png"
+    result = call("robots", "ur5e", "--picture", str(picture), "--pose", "0,-90,90,0,30,0")
+    assert result.exit_code == 0, result.output
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert len(picture.read_bytes()) > 10000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["robots", "ur7"], 1, "there are ur10e"),
+        (["robots", "--picture", "x.png"], 2, "needs the NAME"),
+        (["robots", "ur5e", "--picture", "x.png", "--pose", "1,2"], 1, "6 joints, got 2 angles"),
+        (["robots", "ur5e", "--picture", "x.png", "--pose", "1,b"], 2, "separated by commas"),
+        (["decompose", "ur7"], 1, "unknown robot"),
+        (["decompose", "none.urdf"], 1, "none.urdf: no such file"),
+        (["decompose", "ur20"], 1, "no meshes known; name a folder"),
+        (["decompose", "ur5e", "--tolerance", "2 miles"], 2, "expected a length such as 2mm"),
+        (["decompose", "ur5e", "--meshes", "nowhere"], 1, "nowhere: no such folder"),
+    ],
+)
+def test_wrong_use_is_told(arguments: list[str], status: int, message: str) -> None:
+    result = call(*arguments)
+    assert result.exit_code == status
+    assert message in result.output
+
+
+@pytest.mark.slow
+def test_decompose_a_urdf_and_load_what_it_made(tmp_path: Path) -> None:
+    for name, mesh in two_meshes().items():
+        mesh.export(tmp_path / f"{name}.stl")
+    urdf = tmp_path / "two.urdf"
+    urdf.write_text(URDF)
+    out, picture = tmp_path / "two.surface.yaml", tmp_path / "two.png"
+    result = call(
+        "decompose", str(urdf), "--tolerance", "1mm", "--max", "3", "--jobs", "1",
+        "--out", str(out), "--picture", str(picture),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert yaml.safe_load(out.read_text())["robot"] == "two"
+    robot = robots.load(urdf)
+    assert 2 <= sum(len(link.primitives) for link in robot.links) <= 3
+    assert picture.read_bytes().startswith(b"\x89PNG")
