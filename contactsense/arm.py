@@ -72,17 +72,26 @@ def build_arm(scene: Scene) -> Arm:
 
 
 def _surfaces(scene: Scene) -> Surfaces:
+    """Primitives of all links that can be touched, at the scene's level of detail; the others have none."""
     links = list(scene.robot.links)
-    if len(scene.link_names) == len(links):
-        return pack(links)
-    assert scene.tool is not None
-    links.append(Link(scene.tool.name, scene.tool.inertia, scene.tool.primitives))
-    surfaces = pack(links)
-    first = surfaces.start[-2]
-    R, o = scene.robot.flange_rotation, scene.robot.flange_translation
-    surfaces.rotation[first:] = R @ surfaces.rotation[first:]
-    surfaces.origin[first:] = surfaces.origin[first:] @ R.T + o
+    if len(scene.link_names) > len(links):
+        assert scene.tool is not None
+        links.append(Link(scene.tool.name, scene.tool.inertia, scene.tool.primitives))
+    surfaces = pack([_detailed(link, scene) for link in links])
+    if len(links) > len(scene.robot.links):
+        first = surfaces.start[-2]
+        R, o = scene.robot.flange_rotation, scene.robot.flange_translation
+        surfaces.rotation[first:] = R @ surfaces.rotation[first:]
+        surfaces.origin[first:] = surfaces.origin[first:] @ R.T + o
     return surfaces
+
+
+def _detailed(link: Link, scene: Scene) -> Link:
+    if scene.touchable is not None and link.name not in scene.touchable:
+        return Link(link.name, link.inertia)
+    if scene.detail == "coarse" and link.coarse:
+        return Link(link.name, link.inertia, link.coarse)
+    return link
 
 
 def _sensors(scene: Scene) -> Sensors:

@@ -9,6 +9,7 @@ from contactsense.pipeline import explain, follow, rest
 from contactsense.report import report
 from contactsense.workspace import unfold
 from robots.compiled import kernel
+from robots.grid import Grids
 
 
 @kernel
@@ -25,6 +26,7 @@ def step(
     floats: np.ndarray,
     integers: np.ndarray,
     sizes: tuple[int, int, int],
+    skin: Grids,
     q: np.ndarray,
     qd: np.ndarray,
     torque: np.ndarray,
@@ -52,7 +54,7 @@ def step(
     if not (has_base or has_torque):
         return 0, -1.0
     count, nothing = explain(arm, memory, has_base, has_torque, has_wrist, scale, gate, threshold)
-    return report(arm, memory, count, rows), nothing
+    return report(arm, memory, skin, count, rows), nothing
 
 
 @kernel
@@ -60,6 +62,7 @@ def once(
     floats: np.ndarray,
     integers: np.ndarray,
     sizes: tuple[int, int, int],
+    skin: Grids,
     q: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
@@ -76,7 +79,7 @@ def once(
     arm, memory = unfold(floats, integers, sizes)
     rest(arm, memory, q, torque, base_wrench, wrist_wrench, external)
     count, nothing = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate, threshold)
-    return report(arm, memory, count, rows), nothing
+    return report(arm, memory, skin, count, rows), nothing
 
 
 @kernel
@@ -84,6 +87,7 @@ def batch(
     floats: np.ndarray,
     integers: np.ndarray,
     sizes: tuple[int, int, int],
+    skin: Grids,
     q: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
@@ -105,7 +109,7 @@ def batch(
         rest(arm, memory, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
         count, nothing[i] = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate, -1.0)
         link_probability[i] = memory.link_probability
-        if report(arm, memory, min(count, 1), rows) > 0:
+        if report(arm, memory, skin, min(count, 1), rows) > 0:
             best[i] = rows[0]
         else:
             best[i] = 0.0

@@ -26,6 +26,7 @@ from contactsense.report import (
     WIDTH,
 )
 from contactsense.scene import Scene
+from contactsense.skin import skin_of
 from contactsense.types import Estimate, Sample
 from contactsense.workspace import Workspace
 
@@ -77,7 +78,7 @@ class Localizer:
         self._gate = method == "torques_first"
         arm = build_arm(scene)
         self._work = Workspace(arm, empty_memory(arm))
-        self._buffers = (self._work.floats, self._work.integers, self._work.sizes)
+        self._buffers = (self._work.floats, self._work.integers, self._work.sizes, skin_of(scene))
         self._joints, self._links, primitives = self._work.sizes
         self._rows = np.zeros((primitives, WIDTH))
         self._composer = Composer(scene, arm.surfaces.start)

@@ -5,6 +5,7 @@ import numpy as np
 from contactsense.arm import Arm
 from contactsense.memory import Memory
 from robots.compiled import kernel
+from robots.grid import Grids, slide
 
 LINK, PRIMITIVE, PROBABILITY, TORSION = 0, 1, 2, 3
 POINT, POINT_BASE, NORMAL, FORCE = slice(4, 7), slice(7, 10), slice(10, 13), slice(13, 16)
@@ -14,13 +15,21 @@ WIDTH = 25
 in the frame of the body that carries the link, point in the base frame [m]; normal; force [N]; covariance of
 the point [m^2]."""
 
+SLIDE_STEPS = 5
+"""Newton steps to the skin along the line of a force."""
+REACHED = 1e-4
+"""Distance from the skin that counts as having reached it [m]."""
 LEAST_PROBABILITY = 0.01
 """Explanations less probable than this are not listed, but for the best."""
 
 
 @kernel
-def report(arm: Arm, memory: Memory, count: int, rows: np.ndarray) -> int:
-    """Write the first `count` explanations in `memory` that are probable enough; returns how many."""
+def report(arm: Arm, memory: Memory, skin: Grids, count: int, rows: np.ndarray) -> int:
+    """Write the first `count` explanations in `memory` that are probable enough; returns how many.
+
+    Where `skin` knows the link, place and normal are those where the force's line crosses it: a force may be
+    shifted along its line without changing its wrench, so that place explains the measurement as well.
+    """
     found = memory.found
     listed = 0
     for k in range(count):
@@ -36,10 +45,35 @@ def report(arm: Arm, memory: Memory, count: int, rows: np.ndarray) -> int:
         row[2] = found.probability[p]
         row[3] = found.torsion[p]
         dx, dy, dz = found.point[p, 0] - o[0], found.point[p, 1] - o[1], found.point[p, 2] - o[2]
+        fx, fy, fz = found.force[p, 0], found.force[p, 1], found.force[p, 2]
+        cx = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
+        cy = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
+        cz = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
+        nx, ny, nz = 0.0, 0.0, 0.0
+        reached = False
+        if link < skin.shape.shape[0]:
+            left, sx, sy, sz, nx, ny, nz = slide(
+                skin.values,
+                skin.start,
+                skin.shape,
+                skin.low,
+                skin.cell,
+                link,
+                cx,
+                cy,
+                cz,
+                R[0, 0] * fx + R[1, 0] * fy + R[2, 0] * fz,
+                R[0, 1] * fx + R[1, 1] * fy + R[2, 1] * fz,
+                R[0, 2] * fx + R[1, 2] * fy + R[2, 2] * fz,
+                SLIDE_STEPS,
+            )
+            reached = abs(left) < REACHED
+            if reached:
+                cx, cy, cz = sx, sy, sz
+        row[4], row[5], row[6] = cx, cy, cz
         for i in range(3):
-            row[4 + i] = R[0, i] * dx + R[1, i] * dy + R[2, i] * dz
-            row[7 + i] = found.point[p, i]
-            row[10 + i] = found.normal[p, i]
+            row[7 + i] = o[i] + R[i, 0] * cx + R[i, 1] * cy + R[i, 2] * cz
+            row[10 + i] = R[i, 0] * nx + R[i, 1] * ny + R[i, 2] * nz if reached else found.normal[p, i]
             row[13 + i] = found.force[p, i]
             for j in range(3):
                 row[16 + 3 * i + j] = found.covariance[p, i, j]

@@ -1,0 +1,40 @@
+"""The skin of a scene's links, for `detail: skin`."""
+
+import numpy as np
+
+from contactsense.scene import Scene, SceneError
+from robots import RobotError
+from robots.grid import Grids
+
+
+def skin_of(scene: Scene) -> Grids:
+    """Signed-distance grids of the scene's robot; none unless the scene asks for them.
+
+    The first time they are built from the meshes, which takes about a second a link; later they come from the
+    cache.
+
+    Raises:
+        SceneError: the meshes or the packages to read them are missing, or the cache cannot be written.
+    """
+    if scene.detail != "skin":
+        return _no_skin()
+    try:
+        from robots.fitting.gridding import cached
+        from robots.meshes import from_folder
+    except ImportError as error:
+        raise SceneError(f"detail: skin needs the extra packages: contactsense[geometry] ({error})") from None
+    assert scene.meshes is not None
+    try:
+        grids = cached(scene.robot, from_folder(scene.meshes, scene.robot.link_names))
+    except RobotError as error:
+        raise SceneError(f"meshes: {error}") from None
+    # A plain read-only array: for the kernels the same type as that of a scene without skin.
+    values = np.asarray(grids.values)
+    values.setflags(write=False)
+    return grids._replace(values=values)
+
+
+def _no_skin() -> Grids:
+    values = np.zeros(0, dtype=np.float32)
+    values.setflags(write=False)
+    return Grids(values, np.zeros(1, dtype=np.int64), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)), 1.0)
