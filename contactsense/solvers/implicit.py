@@ -5,7 +5,7 @@ The packaged ones are gauges less one: homogeneous of degree one about the origi
 lies on the surface for any c. The paraboloid, open at one end, is not.
 """
 
-from math import sqrt
+from math import copysign, sqrt
 
 from contactsense.solvers.typed import kernel
 
@@ -42,40 +42,39 @@ def _root(x: float, exponent: float) -> float:
 
 @kernel
 def _superquadric(a: float, b: float, c: float, p: float, q: float, x: float, y: float, z: float) -> Level:
-    # Gauge N = (((|x|/a)^p + (|y|/b)^p)^(q/p) + (|z|/c)^q)^(1/q).
-    u, v, w = abs(x) / a, abs(y) / b, abs(z) / c
+    # Gauge N = ((|a x|^p + |b y|^p)^(q/p) + |c z|^q)^(1/q), with a, b, c one over the semi-axes.
+    u, v, w = abs(a * x), abs(b * y), abs(c * z)
     up, vp, wq = _power(u, p - 2.0), _power(v, p - 2.0), _power(w, q - 2.0)
-    flat = up * u * u + vp * v * v
-    if p == q or flat == 0.0:
-        rise, curl = 1.0, 0.0
-        total = flat + wq * w * w
-    else:
+    du, dv, dw = up * u, vp * v, wq * w
+    flat = du * u + dv * v
+    curl = 0.0
+    if p != q and flat > 0.0:
         rise = flat ** (q / p - 1.0)
-        curl = (q - p) / flat
-        total = rise * flat + wq * w * w
+        curl = (q - p) / (flat * rise)
+        up, vp, du, dv, flat = rise * up, rise * vp, rise * du, rise * dv, rise * flat
+    total = flat + dw * w
     if total == 0.0:
         return -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     gauge = _root(total, q)
-    # With G = N^q: G_u = q rise u^(p-1), and N_u = N^(1-q) G_u / q.
+    # With G = N^q: G_u = q u^(p-1) (...)^(q/p-1), and N_u = N^(1-q) G_u / q.
     drop = gauge / total
-    du, dv, dw = rise * up * u, rise * vp * v, wq * w
     gu, gv, gw = drop * du, drop * dv, drop * dw
     back = (1.0 - q) / gauge
-    huu = drop * ((p - 1.0) * rise * up + curl * du * up * u) + back * gu * gu
-    hvv = drop * ((p - 1.0) * rise * vp + curl * dv * vp * v) + back * gv * gv
-    huv = drop * curl * du * vp * v + back * gu * gv
+    turn = drop * curl
+    huu = drop * (p - 1.0) * up + turn * du * du + back * gu * gu
+    hvv = drop * (p - 1.0) * vp + turn * dv * dv + back * gv * gv
     hww = drop * (q - 1.0) * wq + back * gw * gw
+    huv = turn * du * dv + back * gu * gv
     huw, hvw = back * gu * gw, back * gv * gw
-    sx, sy, sz = (1.0 if x >= 0.0 else -1.0), (1.0 if y >= 0.0 else -1.0), (1.0 if z >= 0.0 else -1.0)
-    ax, by, cz = sx / a, sy / b, sz / c
+    ax, by, cz = copysign(a, x), copysign(b, y), copysign(c, z)
     return (
         gauge - 1.0,
         gu * ax,
         gv * by,
         gw * cz,
-        huu / (a * a),
-        hvv / (b * b),
-        hww / (c * c),
+        huu * a * a,
+        hvv * b * b,
+        hww * c * c,
         huv * ax * by,
         huw * ax * cz,
         hvw * by * cz,
@@ -87,9 +86,9 @@ def evaluate(size: Size, x: float, y: float, z: float) -> Level:
     """Value, gradient and Hessian of a packaged body's function.
 
     Args:
-        size: (`ELLIPSOID`, a, b, c, ...): semi-axes. (`SUPERQUADRIC`, a, b, c, p, q): semi-axes, exponents
-            across and along z, at least 2. (`PARABOLOID`, k1, k2, ...): z = -(k1 x^2 + k2 y^2) / 2, the body
-            below.
+        size: (`ELLIPSOID`, a, b, c, ...): one over the semi-axes. (`SUPERQUADRIC`, a, b, c, p, q): semi-axes,
+            exponents across and along z, at least 2. (`PARABOLOID`, k1, k2, ...): z = -(k1 x^2 + k2 y^2) / 2,
+            the body below.
         x, y, z: Point.
     """
     kind = size[0]

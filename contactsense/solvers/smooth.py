@@ -33,7 +33,7 @@ class Superquadric:
     def problem(self) -> Problem:
         """Newton's method."""
         axes = (float(self.a), float(self.b), float(self.c))
-        size = (implicit.SUPERQUADRIC, *axes, float(self.p), float(self.q))
+        size = (implicit.SUPERQUADRIC, *(1.0 / axis for axis in axes), float(self.p), float(self.q))
         return general.solve_smooth, (size, (0.0, 0.0, 0.0), axes, True)
 
     def newton_problem(self) -> Problem:

@@ -68,7 +68,12 @@ class Solutions:
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
-def _problem(surface: Surface, method: Method) -> Problem:
+def problem_of(surface: Surface, method: Method) -> Problem:
+    """The kernel that solves a surface by a method, and what it takes after the wrench.
+
+    Raises:
+        ValueError: The method has another name, or cannot solve this surface.
+    """
     if method == "exact":
         return surface.problem()
     if method == "wrench_axis":
@@ -104,7 +109,7 @@ def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method 
         R, p = surface.rotation, surface.origin
         local = solve(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
         return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f)
-    solver, size = _problem(surface, method)
+    solver, size = problem_of(surface, method)
     status, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(
         float(f[0]), float(f[1]), float(f[2]), float(m[0]), float(m[1]), float(m[2]), *size
     )
@@ -147,7 +152,7 @@ def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: M
         R, p = surface.rotation, surface.origin
         local = solve_batch(surface.surface, f @ R, (m - np.cross(p, f)) @ R, method)
         return replace(local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f)
-    solver, size = _problem(surface, method)
+    solver, size = problem_of(surface, method)
     wrenches = np.concatenate((f, m), axis=1)
     status = np.empty(len(wrenches), dtype=np.int64)
     out = np.empty((len(wrenches), 9))

@@ -68,7 +68,12 @@ class Ellipsoid:
     def newton_problem(self) -> Problem:
         """As any smooth convex body."""
         a, b, c = self.problem()[1]
-        return general.solve_smooth, ((ELLIPSOID, a, b, c, 0.0, 0.0), (0.0, 0.0, 0.0), (a, b, c), True)
+        return general.solve_smooth, (
+            (ELLIPSOID, 1.0 / a, 1.0 / b, 1.0 / c, 0.0, 0.0),
+            (0.0, 0.0, 0.0),
+            (a, b, c),
+            True,
+        )
 
     def descent_problem(self) -> Problem:
         """The paper's section 6."""

@@ -7,6 +7,7 @@ BENCHES = {
     "speed": "service.bench.speed:speed",
     "stream": "service.bench.stream:stream",
     "latency": "service.bench.latency:latency",
+    "solvers": "service.bench.solvers.command:solvers",
     "geometry": "service.bench.geometry:geometry",
 }
 """Name -> where its click command lives."""

@@ -13,6 +13,7 @@ COMMANDS = {
     "robots": "service.cli.robots:robots",
     "bench": "service.cli.bench:bench",
     "decompose": "service.cli.decompose:decompose",
+    "paper": "service.cli.paper:paper",
 }
 """Command name -> where its click command lives."""
 

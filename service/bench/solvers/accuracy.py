@@ -26,6 +26,11 @@ TORSIONS = (0.0, 1e-8, 0.1, 10.0)
 """Torsion relative to force times size; each gets an equal share of the wrenches."""
 
 
+GRAZING = 1e-7
+"""Cosine between force and normal below which the rounding of the moment decides whether the force enters at
+all."""
+
+
 @dataclass(frozen=True)
 class Row:
     """One surface: largest and 99.9 % error, ours and of the printed formula, in ulps times the condition
@@ -34,7 +39,7 @@ class Row:
     surface: str
     wrenches: int
     failures: int
-    """Wrenches not answered with `OK`."""
+    """Wrenches not answered with `OK`, but for those that graze."""
     worst: float
     high: float
     printed: float | None
@@ -47,7 +52,8 @@ class Row:
 Reference = Callable[[Any, Any], Any]
 
 
-def _points(surface: Surface, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+def points_on(surface: Surface, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Random surface points and normals, shapes (N, 3)."""
     if isinstance(surface, Revolved | Box):
         return points_on_packed(surface, rng, count)
     if isinstance(surface, Sphere):
@@ -63,7 +69,8 @@ def _points(surface: Surface, rng: np.random.Generator, count: int) -> tuple[np.
         return c, np.tile((0.0, 0.0, 1.0), (count, 1))
     angle = rng.uniform(0.0, 2.0 * np.pi, count)
     e = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(count)))
-    z = 0.1 * rng.normal(size=(count, 1)) * (0.0, 0.0, 1.0)
+    # No further than the cone's apex.
+    z = 0.1 * np.clip(rng.normal(size=(count, 1)), -4.0, 4.0) * (0.0, 0.0, 1.0)
     if isinstance(surface, Cone):
         return (surface.radius - surface.taper * z[:, 2:]) * e + z, unit(
             e + np.array((0.0, 0.0, surface.taper))
@@ -134,9 +141,11 @@ def rows(count: int, tick: Callable[[str], None]) -> Iterator[Row]:
         for seed, torsion in enumerate(TORSIONS):
             rng = np.random.default_rng(seed)
             share = count // len(TORSIONS)
-            contacts = press(rng, *_points(surface, rng, share), torsion)
+            contacts = press(rng, *points_on(surface, rng, share), torsion)
             found = solve_batch(surface, contacts.force, contacts.moment)
-            failures += share - int(np.count_nonzero(found.ok))
+            cosine = -np.sum(contacts.force * contacts.normal, axis=1)
+            cosine /= np.linalg.norm(contacts.force, axis=1)
+            failures += int(np.count_nonzero(~found.ok & (cosine > GRAZING)))
             f, m = contacts.force.T, contacts.moment.T
             true = contacts.centroid
             if reference is not None:

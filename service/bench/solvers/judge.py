@@ -1,6 +1,7 @@
 """Judge the hard cases: against mpmath where there is a formula, else against how they were constructed."""
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,8 @@ def relative_condition(case: Case, condition: float, true: list[Any]) -> float:
 
 
 def _truth(case: Case) -> list[Any]:
-    import mpmath
+    # Loaded here since only those who test have it.
+    mpmath: Any = import_module("mpmath")
 
     mpmath.mp.dps = DIGITS
     surface: Surface = case.surface

@@ -25,7 +25,7 @@ class Contacts:
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     """Rows scaled to length one."""
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def press(
@@ -86,4 +86,4 @@ def relative_condition(contacts: Contacts, found: Solutions) -> np.ndarray:
     """How much a small relative change of the wrench can move the centroid, relative to its distance, shape
     (N,)."""
     lever = np.linalg.norm(contacts.moment, axis=1) / np.linalg.norm(contacts.force, axis=1)
-    return 1.0 + found.condition * (1.0 + lever / np.linalg.norm(contacts.centroid, axis=1))
+    return np.asarray(1.0 + found.condition * (1.0 + lever / np.linalg.norm(contacts.centroid, axis=1)))

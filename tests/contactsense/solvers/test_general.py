@@ -115,7 +115,7 @@ def test_newton_and_closed_form_agree_on_an_ellipsoid() -> None:
     for i, w in enumerate(wrenches):
         # The start for another body's extent is wrong, so that there is something to iterate.
         answer, count = solve_smooth_counted(
-            *w, (ELLIPSOID, *axes, 0.0, 0.0), (0.0, 0.0, 0.0), (0.1, 0.1, 0.1), True
+            *w, (ELLIPSOID, *(1.0 / axis for axis in axes), 0.0, 0.0), (0.0, 0.0, 0.0), (0.1, 0.1, 0.1), True
         )
         steps.append(count)
         assert answer[0] == Status.OK

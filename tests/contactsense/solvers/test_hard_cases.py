@@ -1,0 +1,101 @@
+"""The catalogue of hard cases, the seams, and many random contacts against extended precision."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from service.bench.solvers import accuracy, iterations, seams
+from service.bench.solvers.cases import Case, catalogue
+from service.bench.solvers.command import solvers
+from service.bench.solvers.judge import judge
+from service.bench.solvers.tables import Table, into, number
+
+WIDE = np.finfo(np.longdouble).eps < 1e-18
+"""Whether this machine has floats wide enough for a reference."""
+
+ULPS = 16.0
+
+
+@pytest.mark.parametrize("case", catalogue(), ids=lambda case: f"{case.group}: {case.name}")
+def test_hard_case(case: Case) -> None:
+    verdict = judge(case)
+    assert verdict.as_expected, verdict.found
+    assert verdict.error is None or verdict.error <= ULPS
+    assert np.all(np.isfinite(verdict.found.centroid))
+    assert not np.isnan(verdict.found.condition)
+
+
+def test_the_printed_formulas_do_fail() -> None:
+    """What the catalogue is for: the paper's own forms lose digits, or all, where ours do not."""
+    lost = [judge(case).printed for case in catalogue() if case.group in ("torsion", "thin")]
+    assert sum(error is not None and not error <= ULPS for error in lost) > 50
+
+
+@pytest.mark.skipif(not WIDE, reason="no extended precision on this machine")
+def test_random_contacts_to_the_last_digits() -> None:
+    for row in accuracy.rows(20_000, lambda name: None):
+        assert row.failures == 0
+        assert row.worst <= ULPS
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not WIDE, reason="no extended precision on this machine")
+def test_a_million_random_contacts_to_the_last_digits() -> None:
+    for row in accuracy.rows(1_000_000, lambda name: None):
+        assert row.failures == 0
+        assert row.worst <= ULPS
+
+
+def test_seams_have_one_answer() -> None:
+    for row in seams.rows(20_000, lambda name: None):
+        assert (row.gaps, row.doubles) == (0, 0)
+        assert row.residual < 1e-12
+
+
+@pytest.mark.slow
+def test_seams_have_one_answer_a_million_times() -> None:
+    for row in seams.rows(1_000_000, lambda name: None):
+        assert (row.gaps, row.doubles) == (0, 0)
+        assert row.residual < 1e-12
+
+
+def test_newton_is_quick_where_contacts_are() -> None:
+    for row in iterations.rows(2_000, lambda name: None):
+        assert row.failures == 0
+        assert row.residual < 1e-12
+        if "friction" in row.wrenches:
+            assert row.p99 <= 8
+
+
+@pytest.mark.slow
+def test_newton_a_hundred_thousand_times() -> None:
+    for row in iterations.rows(100_000, lambda name: None):
+        assert row.residual < 1e-12
+        if "friction" in row.wrenches or "exponent 8" not in row.surface:
+            assert row.failures == 0
+        if "friction" in row.wrenches:
+            assert row.p99 <= 8
+
+
+def test_tables_go_into_a_page() -> None:
+    table = Table(("a", "b"), [("1", "long cell")], [])
+    page = "before\n<!-- t -->\nold\n<!-- end -->\nafter"
+    new = into(page, [("t", table)])
+    assert new == f"before\n<!-- t -->\n{table.markdown()}\n<!-- end -->\nafter"
+    assert into(new, [("t", table)]) == new
+    with pytest.raises(ValueError, match="no lines <!-- u -->"):
+        into(page, [("u", table)])
+    assert [number(x) for x in (None, float("nan"), 0.0, 1.234, 1e-9, 2e14)] == [
+        "-",
+        "fails",
+        "0",
+        "1.2",
+        "1e-09",
+        "2e+14",
+    ]
+
+
+def test_the_command_prints_its_tables() -> None:
+    shown = CliRunner().invoke(solvers, ["--count", "1000", "--only", "cases"])
+    assert shown.exit_code == 0
+    assert "| torsion " in shown.output
