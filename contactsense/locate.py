@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.isolation import Hypotheses
-from contactsense.refine import CUT, Prior, Work, energy_at, lean_in, loosen, refine, view
+from contactsense.refine import CUT, TAIL, Prior, Work, energy_at, lean_in, loosen, refine, view
 from contactsense.seed import enter
 from kinematics.model import Motion
 from robots.compiled import fused_kernel
@@ -295,7 +295,7 @@ def _cover(surfaces, found, count, best, spread):  # type: ignore[no-untyped-def
                 R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
             )[0]
             deepest = min(deepest, d)
-        found.score[own] -= 0.5 * (deepest / spread) ** 2
+        found.score[own] -= 0.5 * (TAIL + 1.0) * math.log(1.0 + (deepest / spread) ** 2 / TAIL)
 
 
 @fused_kernel

@@ -3,14 +3,16 @@
 The unknowns are the force f (3), the torsion xi and the place c on the surface (2). With the fused wrench w_k
 and its information matrix L of the link's hypothesis, and d = (f, c x f + xi n) - w_k, the energy is
 
-    E = 1/2 d^T L' d  +  1/2 (xi / (lever |f_n|))^2  +  1/2 |f_t|^2 / (mu |f_n| / 2)^2 .
+    E = 1/2 d^T L' d  +  1/2 (xi / (lever |f_n|))^2  +  (nu + 2)/2 log(1 + rho^2 / nu)
+
+with rho = |f_t| / (lean |f_n|).
 
 The second term says how much torsion a contact patch can carry, the third how far friction lets a force lean:
-a force spread evenly over the friction disc has the standard deviation mu |f_n| / 2 in each tangent
-direction. L' is L made
-looser by what is not known of the surface: an offset of standard deviation s along the normal adds s^2 u u^T
-to the covariance, u = (0, n x f). The same 6x6 matrix gives the curvature of the optimum: covariance and
-evidence (Laplace).
+a force spread evenly over the friction disc has the standard deviation lean = mu / 2 in each tangent
+direction. Its distribution is Student's, whose heavy tail allows for what the primitives do not show: ribs,
+steps and screw heads, on which the real normal is another. L' is L made looser by what is not known of the
+surface's place: an offset of standard deviation s along the normal adds s^2 u u^T to the covariance, u = (0,
+n x f). The 6x6 matrix of the search gives the curvature of the optimum: covariance and evidence (Laplace).
 """
 
 import math
@@ -37,6 +39,9 @@ PATIENCE = 1.5
 up."""
 
 
+TAIL = 4.0
+"""Degrees of freedom of the distribution of a force's lean: few of them make great leans improbable, not
+impossible."""
 LEAST_FORCE = 1e-3
 """Force that a search starts with where the fused wrench has none [N]."""
 
@@ -131,7 +136,7 @@ def energy_at(w, L, prior, loose, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # ty
         vd += v[i] * d[i]
     twist = xi / (prior.lever * push)
     lean = (fx * fx + fy * fy + fz * fz - push * push) / (prior.lean * push) ** 2
-    return 0.5 * (dLd - s * vd * vd + twist * twist + lean)
+    return 0.5 * (dLd - s * vd * vd + twist * twist + (TAIL + 2.0) * math.log(1.0 + lean / TAIL))
 
 
 @fused_kernel
@@ -241,7 +246,9 @@ def _set_up(w, L, prior, loose, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work)
     r = xi * i
     q = r / F
     _add_prior(H, g, r, (q * nx, q * ny, q * nz, i, -q * F1, -q * F2))
-    i = 1.0 / (prior.lean * F)
+    # The heavy tail's weight: what a quadratic would have to be multiplied by to have the same slope here.
+    weight = math.sqrt((TAIL + 2.0) / (TAIL + (f1 * f1 + f2 * f2) / (prior.lean * F) ** 2))
+    i = weight / (prior.lean * F)
     r = f1 * i
     q = r / F
     row = (

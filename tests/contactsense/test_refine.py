@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from contactsense.refine import CUT, ENOUGH, Prior, empty_work, energy_at, loosen, refine, view
+from contactsense.refine import CUT, ENOUGH, TAIL, Prior, empty_work, energy_at, loosen, refine, view
 from contactsense.seed import enter
 from robots import Inertia, Link
 from robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
@@ -30,7 +30,9 @@ def _contact(chance: np.random.Generator, kind: int, size: np.ndarray) -> tuple[
     point, normal = np.array(rest[:3]), np.array(rest[3:])
     push = chance.uniform(10.0, 30.0)
     lean = np.cross(normal, chance.standard_normal(3))
-    lean *= push * PRIOR.lean * chance.standard_normal() / np.linalg.norm(lean)
+    # Student's distribution in two dimensions: normal over the root of chi-square per degree of freedom.
+    far = np.hypot(*chance.standard_normal(2)) / np.sqrt(chance.chisquare(TAIL) / TAIL)
+    lean *= push * PRIOR.lean * far / np.linalg.norm(lean)
     return point, normal, lean - push * normal, PRIOR.lever * push * chance.standard_normal()
 
 
@@ -141,7 +143,8 @@ def test_an_offset_of_the_surface_loosens_the_fit_as_its_covariance_says() -> No
     d = np.concatenate((f, np.cross(c, f) + xi * n)) - wrench
     push = -f @ n
     expected = 0.5 * d @ np.linalg.solve(covariance, d) + 0.5 * (xi / (prior.lever * push)) ** 2
-    expected += 0.5 * (f @ f - push**2) / (prior.lean * push) ** 2
+    lean = (f @ f - push**2) / (prior.lean * push) ** 2
+    expected += 0.5 * (TAIL + 2) * np.log(1 + lean / TAIL)
     loose = loosen(information, prior, *n, *f)
     energy, widen = energy_at(wrench, information, prior, loose, *c, *n, *f, xi), loose[2]
     assert energy == pytest.approx(expected, rel=1e-12)

@@ -19,17 +19,18 @@ LINK_RIGHT = (0.97, 0.85, 0.79, 0.65)
 @pytest.mark.parametrize(("noise", "least"), list(zip(COLUMNS, LINK_RIGHT, strict=True)))
 def test_links_and_places_on_ground_truth(robot: str, noise: tuple[float, ...], least: float) -> None:
     folder = shared("truth")
-    result = measure(read(folder, robot), noise, "joint", "all")
+    result = measure(read(folder, robot), noise)
     assert result["link_right"] >= least
     if noise == COLUMNS[0]:
         assert result["error_mm"]["median"] <= 10.0
+        assert result["listed"] >= 0.99
     assert np.sum(result["confusion"]) == result["samples"] == 2000
 
 
 def test_the_torques_alone_decide_as_often_as_the_theory_says() -> None:
     """theory.md, section 3: 44 of 100 on the UR5e at ordinary noise; jointly far more."""
     points = read(shared("truth"), "ur5e")
-    alone = measure(points, COLUMNS[2], "torques_first", "all")
+    alone = measure(points, COLUMNS[2], "torques_first")
     assert alone["link_right"] == pytest.approx(0.44, abs=0.03)
 
 

@@ -1,0 +1,66 @@
+"""Levels of detail: what a scene names is what it pays for, and more detail is nearer to the truth."""
+
+import numpy as np
+import pytest
+
+from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor
+from contactsense.arm import build_arm
+from tests.plain_arm import plain_ur5e
+from tests.shared import shared, truth
+
+
+def _scene(robot: str, detail: str) -> Scene:
+    return Scene(
+        robot=robot,
+        detail=detail,  # type: ignore[arg-type]
+        meshes=shared(f"ur_visual/{robot}") if detail == "skin" else None,
+        base_wrench=WrenchSensor(force_noise=0.02, moment_noise=0.004),
+        joint_torque=JointTorqueSensor(noise=0.02),
+    )
+
+
+@pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
+def test_more_detail_is_nearer_to_the_truth(robot: str) -> None:
+    data = truth(f"static_points_{robot}.npz")
+    median, p95 = {}, {}
+    for detail in ("coarse", "fine", "skin"):
+        found = Localizer(_scene(robot, detail)).locate_batch(
+            data["q"], base_wrench=data["base_wrench"], joint_torque=data["tau"], external=False
+        )
+        clear = found.probability >= 0.95
+        error = 1e3 * np.linalg.norm(found.point_base - data["c_base"], axis=1)[clear]
+        median[detail], p95[detail] = np.median(error), np.quantile(error, 0.95)
+    # What issue 3 asks for, in mm, of contacts whose answer is not ambiguous.
+    assert median["fine"] <= 2.0
+    assert p95["fine"] <= 8.0
+    assert median["skin"] <= 1.0
+    assert p95["skin"] <= 5.0
+    assert median["skin"] < median["fine"] < median["coarse"]
+
+
+def test_on_the_skin_place_and_normal_are_the_meshs() -> None:
+    data = truth("static_points_ur5e.npz")
+    found = Localizer(_scene("ur5e", "skin")).locate_batch(
+        data["q"], base_wrench=data["base_wrench"], joint_torque=data["tau"], external=False
+    )
+    near = np.linalg.norm(found.point_base - data["c_base"], axis=1) < 1e-3
+    assert near.mean() > 0.8
+    cosine = np.sum(found.normal_base[near] * data["n_base"][near], axis=1)
+    # Facets of the mesh differ from the smooth field at its edges only.
+    assert np.median(cosine) > 0.999
+
+
+def test_links_that_cannot_be_touched_cost_nothing() -> None:
+    scene = Scene(robot=plain_ur5e(), touchable=("forearm",))
+    surfaces = build_arm(scene).surfaces
+    assert set(surfaces.link.tolist()) == {3}
+
+
+def test_skin_needs_meshes() -> None:
+    with pytest.raises(ValueError, match="meshes: expected the folder"):
+        Scene(robot="ur5e", detail="skin")
+
+
+def test_a_missing_mesh_is_named(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(SceneError, match="meshes: .*base"):
+        Localizer(Scene(robot="ur5e", detail="skin", meshes=tmp_path))
