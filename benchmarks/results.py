@@ -22,22 +22,33 @@ machine.
 SECTIONS = (
     (
         "Link and place, static contacts",
-        """2000 contacts per arm, 5 to 60 N, on all links, area-uniform on the exposed surface. Noise is that of each
-component of base force, base moment and each joint torque, of one sample. Link and place are decided together.""",
+        """2000 contacts per arm, 5 to 60 N, on all links, area-uniform on the exposed surface. Noise is that
+of each component of base force, base moment and each joint torque, of one sample. Link and place are decided
+together.""",
         f"contactsense bench truth {TRUTH} --brief",
     ),
     (
+        "The same, on one or two bodies a link",
+        "`detail: coarse`.",
+        f"contactsense bench truth {TRUTH} --brief --detail coarse",
+    ),
+    (
+        "The same, on the links' skin",
+        "`detail: skin`: the place is moved onto the meshes along the line of the force.",
+        f"contactsense bench truth {TRUTH} --brief --detail skin --meshes ../shared/data/ur_visual",
+    ),
+    (
         "The same, the link decided by the torques first",
-        """What a gate in front of a locator does: the link of the best evidence from base wrench and torques, then the
-place on it. The difference is what geometry adds.""",
+        """What a gate in front of a locator does: the link of the best evidence from base wrench and torques,
+then the place on it. The difference is what geometry adds.""",
         f"contactsense bench truth {TRUTH} --brief --method torques_first",
     ),
     ("Base sensor alone", "", f"contactsense bench truth {TRUTH} --brief --sensors base"),
     ("Joint torques alone", "", f"contactsense bench truth {TRUTH} --brief --sensors torques"),
     (
         "Time per sample",
-        """One core, from Python, on the demonstration's contacts (0.25 N, 0.05 Nm, 1 Nm). Pinocchio's RNEA of a 6-joint
-arm is called from Python in turn with what is measured.""",
+        """One core, from Python, on the demonstration's contacts (0.25 N, 0.05 Nm, 1 Nm). Pinocchio's RNEA of
+a 6-joint arm is called from Python in turn with what is measured.""",
         "contactsense bench speed",
     ),
     (
@@ -68,6 +79,8 @@ def _machine() -> str:
 def _page() -> Iterator[str]:
     yield INTRODUCTION
     yield f"Measured on: {_machine()}.\n"
+    yield "![Time of one sample against its error, for three levels of detail](speed_error.png)\n"
+    yield "Time against error of the answers that are not ambiguous (`python -m benchmarks.speed_error`).\n"
     for heading, about, command in SECTIONS:
         print(command, flush=True)
         done = subprocess.run(shlex.split(command), cwd=ROOT, capture_output=True, text=True, check=True)

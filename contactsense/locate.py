@@ -109,6 +109,9 @@ def locate(
         p = found.order[i]
         link = surfaces.link[p]
         own = hypotheses.energy[link]
+        if own > least + CUT:
+            found.score[p] = -math.inf
+            continue
         w, L = found.wrench[p], found.information[p]
         kind, size = surfaces.kind[p], surfaces.size[p]
         limit = least + CUT - own
@@ -150,11 +153,19 @@ def _aim_all(surfaces, touchable, hypotheses, aimed, prior, found, work):  # typ
     """
     ceiling = math.inf
     count = 0
-    for link in range(touchable.shape[0]):
-        if not touchable[link]:
-            continue
+    last, last_energy = -1, -math.inf
+    for _ in range(touchable.shape[0]):
+        # Links by rising energy: the first ones set a ceiling above which the last ones need no look.
+        link, own = -1, math.inf
+        for k in range(touchable.shape[0]):
+            e = hypotheses.energy[k]
+            later = e > last_energy or (e == last_energy and k > last)
+            if touchable[k] and later and (link < 0 or e < own):
+                link, own = k, e
+        if link < 0 or own > ceiling + CUT:
+            break
+        last, last_energy = link, own
         w, P, L = hypotheses.wrench[link], hypotheses.covariance[link], hypotheses.information[link]
-        own = hypotheses.energy[link]
         fx, fy, fz = w[0], w[1], w[2]
         ff = fx * fx + fy * fy + fz * fz
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
