@@ -120,7 +120,8 @@ class Scene(BaseModel):
     """How well the surface is modelled: `coarse`: one or two bodies a link; `fine`: the fitted union of
     primitives; `skin`: that, then the place is moved onto the links' meshes."""
     meshes: Path | None = None
-    """For `detail: skin`: folder of visual meshes, LINK.ply in each link's frame [m]."""
+    """For `detail: skin`: folder of visual meshes, LINK.ply in each link's frame [m]. Those of UR3e and UR5e
+    come with the package airo-models and need not be named."""
     friction: PositiveFloat = 0.5
     """Coefficient of friction of what touches the arm: contact forces lean this far from the normal, seldom
     further."""
@@ -149,8 +150,6 @@ class Scene(BaseModel):
                 value = getattr(self.joint_torque, field)
                 if isinstance(value, tuple) and len(value) != joints:
                     raise ValueError(f"joint_torque.{field}: expected {joints} numbers, got {len(value)}")
-        if self.detail == "skin" and self.meshes is None:
-            raise ValueError("meshes: expected the folder of the links' meshes for detail: skin, got none")
         if self.wrist_wrench is not None and self.tool is None:
             raise ValueError("wrist_wrench: expected a tool beyond the wrist sensor, got none")
         return self

@@ -19,13 +19,11 @@ def skin_of(scene: Scene) -> Grids:
     if scene.detail != "skin":
         return _no_skin()
     try:
-        from robots.fitting.gridding import cached
-        from robots.meshes import from_folder
+        from robots.fitting.sources import skin_grids
     except ImportError as error:
         raise SceneError(f"detail: skin needs the extra packages: contactsense[geometry] ({error})") from None
-    assert scene.meshes is not None
     try:
-        grids = cached(scene.robot, from_folder(scene.meshes, scene.robot.link_names))
+        grids = skin_grids(scene.robot.name, scene.meshes)
     except RobotError as error:
         raise SceneError(f"meshes: {error}") from None
     # A plain read-only array: for the kernels the same type as that of a scene without skin.

@@ -56,11 +56,11 @@ def test_links_that_cannot_be_touched_cost_nothing() -> None:
     assert set(surfaces.link.tolist()) == {3}
 
 
-def test_skin_needs_meshes() -> None:
-    with pytest.raises(ValueError, match="meshes: expected the folder"):
-        Scene(robot="ur5e", detail="skin")
+def test_skin_without_meshes_is_refused_where_no_package_has_them() -> None:
+    with pytest.raises(SceneError, match=r"meshes: .*ur10e"):
+        Localizer(Scene(robot="ur10e", detail="skin"))
 
 
 def test_a_missing_mesh_is_named(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(SceneError, match="meshes: .*base"):
+    with pytest.raises(SceneError, match=r"meshes: .*base"):
         Localizer(Scene(robot="ur5e", detail="skin", meshes=tmp_path))
