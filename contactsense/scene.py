@@ -101,6 +101,9 @@ class Scene(BaseModel):
         PlainSerializer(lambda robot: robot.name, return_type=str),
     ]
     """The arm: a name that `robots.names()` lists, or a `robots.Robot`."""
+    kinematics: Path | None = None
+    """Kinematic calibration of the real arm, the YAML that UR's driver exports; without it the model's
+    numbers."""
     mounting: Literal["table", "wall", "ceiling"] | Vector = "table"
     """How the base stands in the world, z of the world being up: `table`, `ceiling` (upside down), `wall`
     (base x points down), or roll, pitch, yaw of the base frame about fixed world axes [rad]."""
@@ -136,6 +139,15 @@ class Scene(BaseModel):
     """Probability that noise alone makes one sample look like a contact."""
     clear: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
     """An answer less probable than this is reported as `ambiguous`."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _calibrate(cls, fields: Any) -> Any:
+        if isinstance(fields, dict) and fields.get("kinematics") is not None:
+            robot = _as_robot(fields.get("robot"))
+            if isinstance(robot, Robot):
+                return {**fields, "robot": robots.calibrated(robot, fields["kinematics"])}
+        return fields
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:

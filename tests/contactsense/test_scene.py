@@ -90,3 +90,28 @@ def test_noise_about_the_sensor_is_carried_to_the_base_origin() -> None:
     np.testing.assert_allclose(np.diag(covariance), [1.0, 1.0, 1.0, 4.01, 4.01, 0.01])
     information = build_arm(Scene(robot="ur5e", base_wrench=sensor)).sensors.base_information
     np.testing.assert_allclose(information @ covariance, np.eye(6), atol=1e-9)
+
+
+_CALIBRATION = """
+kinematics:
+  shoulder: {x: 0.0001, y: 0, z: 0.1632, roll: 0, pitch: 0, yaw: 0.001}
+  upper_arm: {x: 0, y: 0, z: 0, roll: 1.5712, pitch: 0, yaw: 0}
+  forearm: {x: -0.4253, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0}
+  wrist_1: {x: -0.3921, y: 0, z: 0.1334, roll: 0, pitch: 0, yaw: 0}
+  wrist_2: {x: 0, y: -0.0998, z: 0, roll: 1.5707, pitch: 0, yaw: 0}
+  wrist_3: {x: 0, y: 0.0996, z: 0, roll: 1.5708, pitch: 3.1416, yaw: 3.1416}
+"""
+
+
+def test_the_real_arms_calibration_goes_on_top_of_the_model(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(_CALIBRATION)
+    scene = Scene(robot="ur5e", kinematics=tmp_path / "mine.yaml")
+    np.testing.assert_allclose(scene.robot.joints[0].translation, [0.0001, 0.0, 0.1632])
+    assert scene.robot.links[3].primitives == Scene(robot="ur5e").robot.links[3].primitives
+
+
+def test_another_arms_calibration_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(_CALIBRATION)
+    (tmp_path / "scene.yaml").write_text(f"robot: ur10e\nkinematics: {tmp_path / 'mine.yaml'}\n")
+    with pytest.raises(SceneError, match=r"another arm's file\?"):
+        Scene.load(tmp_path / "scene.yaml")
