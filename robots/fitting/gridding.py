@@ -15,7 +15,7 @@ from robots.robot import Robot
 from robots.schema import RobotError
 from robots.skin import Skin, outer_skin, sample
 
-CELL = 0.004
+CELL = 0.0035
 """Distance of neighbouring nodes [m]."""
 
 _DENSITY = 1.2e6

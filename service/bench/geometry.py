@@ -43,10 +43,12 @@ def geometry(meshes: Path, names: tuple[str, ...], as_json: bool) -> None:
 
 def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
     """One row for each level of one arm."""
+    import trimesh
+
     from robots.fitting.gridding import cached
-    from robots.fitting.measure import Errors, bodies_of, errors, together
+    from robots.fitting.measure import Errors, bodies_of, errors, exposed_surface, together
     from robots.fitting.target import Shape
-    from robots.grid import sample
+    from robots.grid import sample, settle
     from robots.meshes import from_folder, neighbour_poses
     from robots.skin import Surroundings, outer_skin
 
@@ -58,15 +60,22 @@ def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
         poses = neighbour_poses(robot, meshes, number, seed=1)
         skin = outer_skin(meshes[link.name], poses, seed=1)
         shape, around = Shape(skin), Surroundings(meshes[link.name], poses)
-        for level, shapes in (("coarse", link.coarse), ("fine", link.primitives)):
-            found[level].append(errors(bodies_of(shapes), skin, shape, around, seed=1))
+        for name, shapes in (("coarse", link.coarse), ("fine", link.primitives)):
+            found[name].append(errors(bodies_of(shapes), skin, shape, around, seed=1))
         exposed = skin.exposure > 0.0
         points, normals = skin.points[exposed], skin.normals[exposed]
         values = np.array([sample(*grids, number, *point) for point in points])
         gradient = values[:, 1:] / np.maximum(np.linalg.norm(values[:, 1:], axis=1, keepdims=True), 1e-9)
         angle = np.arccos(np.clip(np.einsum("ij,ij->i", gradient, normals), -1.0, 1.0))
-        # A point of the grid's zero level is as far from the skin as the skin there is from the level.
-        skin_level.append(Errors(values[:, 0], np.abs(values[:, 0]), angle, found["fine"][-1].area))
+        rng = np.random.default_rng(1)
+        start = exposed_surface(bodies_of(link.primitives), 5000, rng)
+        level = np.array([settle(*grids, number, *point, 3) for point in start])
+        level = level[np.isfinite(level[:, 0])]
+        level = level[around.exposure_of_model(level[:, 1:4], level[:, 4:], rng) > 0.0]
+        back = trimesh.proximity.closest_point(  # type: ignore[no-untyped-call]
+            meshes[link.name], level[:, 1:4]
+        )[1]
+        skin_level.append(Errors(values[:, 0], back, angle, found["fine"][-1].area))
     seconds = schema.read_surface(surface_file(robot.name)).fit_seconds
     common = {"robot": robot.name, "fit_seconds": seconds}
     counts = {
