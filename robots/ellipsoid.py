@@ -7,7 +7,7 @@ from robots.compiled import kernel
 
 @kernel
 def nearest_on_ellipsoid(size, x, y, z):  # type: ignore[no-untyped-def]
-    """Signed distance, nearest surface point and outward unit normal, as `robots.surface.project` gives them."""
+    """Signed distance, nearest surface point and outward unit normal, as of `robots.surface.project`."""
     # Nearest point c with c_i = a_i^2 y_i / (t + a_i^2); t is the largest root of F(t) = sum (a_i y_i / (t +
     # a_i^2))^2 - 1, which falls and is convex, so Newton from the left runs monotonously into it (Eberly,
     # "Distance from a point to an ellipse, an ellipsoid, or a hyperellipsoid", 2013).
