@@ -33,7 +33,7 @@ def contactsense(*arguments: str) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        # Shells start background jobs with SIGINT ignored, and children inherit that: here as from a terminal.
+        # Shells start background jobs with SIGINT ignored, and children inherit that.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
