@@ -10,7 +10,7 @@ from robots.grid import Grids
 def skin_of(scene: Scene) -> Grids:
     """Signed-distance grids of the scene's robot; none unless the scene asks for them.
 
-    The first time they are built from the meshes, which takes about a second a link; later they come from the
+    The first time they are built from the meshes, which takes about a minute an arm; later they come from the
     cache.
 
     Raises:
