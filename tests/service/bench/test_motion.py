@@ -1,0 +1,89 @@
+"""The scoreboard for moving arms: what it counts, and that its model errors are what they say."""
+
+import numpy as np
+import pytest
+
+import robots
+from contactsense import Contact, Estimate
+from service.bench.motion.score import Score
+from service.bench.motion.streams import KINDS, Event, Stream, read
+from service.bench.motion.wrong_model import MASS_ERROR, friction, heavier
+from tests.shared import shared
+
+N = 1000
+
+
+def _stream() -> Stream:
+    """Two seconds at 500 Hz, a hold on link 3 from 0.4 to 0.8 s, an impact from 1.4 s."""
+    touched = np.zeros(N, dtype=bool)
+    touched[200:400] = touched[700:725] = True
+    zero = np.zeros((N, 6))
+    wrench = np.where(touched[:, None], [0.0, 0.0, -10.0, 0.0, 0.0, 0.0], 0.0)
+    return Stream(
+        robot="ur5e", gravity=9.81, suite="motion", run=0, kind="slow", multi=False,
+        t=np.arange(N) * 0.002, q=zero, qd=zero, torque=zero, base_wrench=zero, noise_torque=zero,
+        noise_wrench=zero, touched=touched, link=np.where(touched, 3, -1),
+        point_base=np.tile([0.1, 0.2, 0.3], (N, 1)), wrench=wrench,
+        events=(Event(200, 400, "hold"), Event(700, 725, "impact")),
+    )  # fmt: skip
+
+
+def _estimates(answered: np.ndarray, link: int = 3) -> list[Estimate]:
+    contact = Contact(
+        "forearm", link, 0, 1.0, np.zeros(3), np.array([0.1, 0.2, 0.304]), np.array([0.0, 0.0, 1.0]),
+        np.array([0.0, 0.0, -10.0]), 0.0, np.eye(3),
+    )  # fmt: skip
+    return [
+        Estimate(0.002 * i, "contact" if hit else "none", (contact,) if hit else (), np.zeros(7),
+                 np.zeros(6), np.zeros((6, 6)))
+        for i, hit in enumerate(answered)
+    ]  # fmt: skip
+
+
+def test_what_is_found_missed_and_late() -> None:
+    answered = np.zeros(N, dtype=bool)
+    answered[210:405] = True  # the hold after 20 ms, a little longer than it lasts; the impact never
+    score = Score()
+    score.add(_stream(), _estimates(answered))
+    assert score.touched == 225
+    assert len(score.error) == 190
+    np.testing.assert_allclose(score.error, 0.004)
+    assert all(score.link_right)
+    assert score.delay == pytest.approx([0.02])
+    assert score.events == {"hold": 1, "impact": 1}
+    assert score.missed == {"impact": 1}
+    assert score.false_alarms == 0
+    assert score.free == pytest.approx(2.0 - 0.002 * (200 + 100 + 25 + 100))
+
+
+def test_false_alarms_are_counted_once_and_mask_what_begins_in_them() -> None:
+    answered = np.zeros(N, dtype=bool)
+    answered[20:40] = answered[44:50] = True  # one alarm with a short gap
+    answered[650:720] = True  # another one, into which the impact falls
+    score = Score()
+    score.add(_stream(), _estimates(answered, link=2))
+    assert score.false_alarms == 2
+    assert score.masked == 1
+    assert score.missed == {"hold": 1}
+    assert not any(score.link_right)
+
+
+def test_model_errors_are_what_they_say() -> None:
+    robot = robots.load("ur5e")
+    assert heavier(robot, MASS_ERROR).mass == pytest.approx(1.02 * robot.mass)
+    still, moving = friction(np.array([np.zeros(6), np.full(6, 1.0)]))
+    np.testing.assert_array_equal(still, 0.0)
+    assert (moving > 0.0).all()
+
+
+@pytest.mark.parametrize("suite", ["motion", "probe"])
+def test_the_truth_is_read_run_by_run(suite: str) -> None:
+    streams = read(shared("truth"), "ur5e", suite)
+    assert {stream.kind for stream in streams} == set(KINDS if suite == "motion" else KINDS[:2])
+    for stream in streams:
+        assert (np.diff(stream.t) > 0.0).all()
+        assert (stream.touched | (stream.link < 0)).all()
+        strong = stream.link >= 0
+        # The contact's wrench acts at its point: force times lever is the moment, but for torsion.
+        moment = stream.wrench[strong, 3:] - np.cross(stream.point_base[strong], stream.wrench[strong, :3])
+        assert np.abs(moment).max() < 0.01 * np.abs(stream.wrench[strong]).max() + 0.5
