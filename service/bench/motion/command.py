@@ -213,7 +213,7 @@ def _print_table(results: Sequence[dict[str, Any]], wrong: bool) -> None:
     for name in ("arm", "suite", "noise N", "motion"):
         table.add_column(name, no_wrap=True)
     for name in ("link", "rest", "median", "x rest", "p95", "x rest", "answered", "delay", "p95 ms",
-                 "missed", "alarms"):  # fmt: skip
+                 "missed", "masked", "alarms"):  # fmt: skip
         table.add_column(name, justify="right", no_wrap=True)
     for r in results:
         events, missed = sum(r["events"].values()), sum(r["missed"].values())

@@ -140,7 +140,7 @@ def _contacts(
     force, point = data["f"][rows, slot], data["c_base"][rows, slot]
     twist = data["xi"][rows, slot, None] * data["n_base"][rows, slot]
     link = np.where(active.sum(axis=1) == 1, data["link"][rows, slot], -1).astype(np.int64)
-    return active.any(axis=1), link, point, np.hstack((force, np.cross(point, force) + twist))
+    return np.asarray(active.any(axis=1)), link, point, np.hstack((force, np.cross(point, force) + twist))
 
 
 def _presses(touched: np.ndarray) -> tuple[Event, ...]:
