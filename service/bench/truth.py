@@ -5,7 +5,7 @@ import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, get_args
 
 import click
 import numpy as np
@@ -13,37 +13,13 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense import Localizer
 from contactsense.localizer import Method
+from service.bench.static_cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
 from service.bench.static_points import StaticPoints, read
-
-SENSORS = {
-    "all": (True, True),
-    "base": (True, False),
-    "torques": (False, True),
-}
-"""Set of sensors -> whether there are a base wrench and joint torques."""
-
-
-class Noise(NamedTuple):
-    """Standard deviations of one sample."""
-
-    force: float
-    """Base force [N]."""
-    moment: float
-    """Base moment [Nm]."""
-    torque: float
-    """Joint torque [Nm]."""
-
-
-COLUMNS = (Noise(0.0, 0.0, 0.0), Noise(0.05, 0.01, 0.3), Noise(0.25, 0.05, 1.0), Noise(1.0, 0.2, 3.0))
-"""The noise levels of the design's tables."""
-ASSUMED = Noise(0.02, 0.004, 0.02)
-"""What the estimator is told of sensors that have no noise at all: it needs a finite figure."""
 
 LISTED_WITHIN = 0.02
 """Distance from a reported explanation within which the truth counts as listed [m]."""
-Detail = Literal["coarse", "fine", "skin"]
 
 
 @click.command()
@@ -61,7 +37,7 @@ Detail = Literal["coarse", "fine", "skin"]
 )
 @click.option(
     "--detail",
-    type=click.Choice(["coarse", "fine", "skin"]),
+    type=click.Choice(get_args(Detail)),
     default="fine",
     show_default=True,
     help="Level of detail of the surface.",
@@ -119,19 +95,9 @@ def measure(
     Returns:
         Plain numbers for a table or JSON; errors in mm, infinite ones as None.
     """
-    told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
-    has_base, has_torque = SENSORS[sensors]
-    scene = Scene(
-        robot=points.robot,
-        gravity=points.gravity,
-        detail=detail,
-        meshes=meshes / points.robot if detail == "skin" and meshes is not None else None,
-        base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment) if has_base else None,
-        joint_torque=JointTorqueSensor(noise=told.torque) if has_torque else None,
-    )
+    scene = scene_of(points, noise, sensors, detail, meshes)
     localizer = Localizer(scene, method)
-    wrench = points.base_wrench + points.noise_wrench * np.repeat(noise[:2], 3) if has_base else None
-    torque = points.torque + points.noise_torque * noise.torque if has_torque else None
+    wrench, torque = measured(points, noise, sensors)
     start = time.perf_counter()
     batch = localizer.locate_batch(points.q, base_wrench=wrench, joint_torque=torque, external=False)
     seconds = time.perf_counter() - start

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from service.bench.static_cases import COLUMNS
 from service.bench.static_points import read
-from service.bench.truth import COLUMNS, measure, truth
+from service.bench.truth import measure, truth
 from tests.shared import shared
 
 LINK_RIGHT = (0.97, 0.85, 0.79, 0.65)

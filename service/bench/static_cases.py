@@ -1,0 +1,76 @@
+"""The static ground truth as benchmarks see it: noise columns, sets of sensors, the scene that fits them."""
+
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from service.bench.static_points import StaticPoints
+
+SENSORS = {
+    "all": (True, True),
+    "base": (True, False),
+    "torques": (False, True),
+}
+"""Set of sensors -> whether there are a base wrench and joint torques."""
+
+Detail = Literal["coarse", "fine", "skin"]
+
+
+class Noise(NamedTuple):
+    """Standard deviations of one sample."""
+
+    force: float
+    """Base force [N]."""
+    moment: float
+    """Base moment [Nm]."""
+    torque: float
+    """Joint torque [Nm]."""
+
+    def __str__(self) -> str:
+        return " / ".join(f"{level:g}" for level in self)
+
+
+COLUMNS = (Noise(0.0, 0.0, 0.0), Noise(0.05, 0.01, 0.3), Noise(0.25, 0.05, 1.0), Noise(1.0, 0.2, 3.0))
+"""The noise levels of the design's tables."""
+ASSUMED = Noise(0.02, 0.004, 0.02)
+"""What the estimator is told of sensors that have no noise at all: it needs a finite figure."""
+
+
+def scene_of(
+    points: StaticPoints,
+    noise: Noise,
+    sensors: str = "all",
+    detail: Detail = "fine",
+    meshes: Path | None = None,
+) -> Scene:
+    """The scene of those contacts, told the noise.
+
+    Args:
+        points: Contacts on one arm.
+        noise: Of the sensors, or of its part below `ASSUMED` that figure.
+        sensors: Which are there, a key of `SENSORS`.
+        detail: Level of detail of the surface.
+        meshes: For `detail` skin: folder with ROBOT/LINK.ply.
+    """
+    told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
+    has_base, has_torque = SENSORS[sensors]
+    return Scene(
+        robot=points.robot,
+        gravity=points.gravity,
+        detail=detail,
+        meshes=meshes / points.robot if detail == "skin" and meshes is not None else None,
+        base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment) if has_base else None,
+        joint_torque=JointTorqueSensor(noise=told.torque) if has_torque else None,
+    )
+
+
+def measured(
+    points: StaticPoints, noise: Noise, sensors: str = "all"
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Base wrench and joint torques with that noise, shapes (N, 6) and (N, n) [N, Nm]; None where absent."""
+    has_base, has_torque = SENSORS[sensors]
+    wrench = points.base_wrench + points.noise_wrench * np.repeat(noise[:2], 3) if has_base else None
+    torque = points.torque + points.noise_torque * noise.torque if has_torque else None
+    return wrench, torque
