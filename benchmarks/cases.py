@@ -12,7 +12,7 @@ from contactsense import Scene
 from kinematics.core import move
 from kinematics.model import build_model, empty_motion
 from service.bench.static_cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
-from service.bench.static_points import StaticPoints, read
+from service.bench.static_points import StaticPoints, read, select
 
 TRUTH = Path(__file__).parents[2] / "shared" / "data" / "truth"
 """Where the static ground truth lies beside the project."""
@@ -84,12 +84,6 @@ def static_cases(
 ) -> Iterator[Case]:
     """Cases of the given ground truth of one arm; `rows` picks among its contacts."""
     yield from cases(select(read(folder, robot), rows), columns, sensors, detail)
-
-
-def select(points: StaticPoints, rows: slice | np.ndarray) -> StaticPoints:
-    """Some of the contacts."""
-    arrays = {name: value[rows] for name, value in vars(points).items() if isinstance(value, np.ndarray)}
-    return StaticPoints(robot=points.robot, gravity=points.gravity, **arrays)
 
 
 def weight(points: StaticPoints) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,10 @@ _ARRAYS = {
 """Field -> name in the file."""
 
 
+HALVES = {"both": slice(None), "first": slice(1000), "second": slice(1000, None)}
+"""Half of a file's 2000 contacts -> rows. Not by parity: odd ones carry torsion, even ones none."""
+
+
 @dataclass(frozen=True)
 class StaticPoints:
     """N contacts and what the sensors say to each; units and frames as in `contactsense.Sample`."""
@@ -54,3 +58,9 @@ def read(folder: Path, robot: str) -> StaticPoints:
     arrays["link"] = arrays["link"].astype(np.int64)
     floats = {field: array.astype(np.float64) for field, array in arrays.items() if field != "link"}
     return StaticPoints(robot=robot, gravity=gravity, link=arrays["link"], **floats)
+
+
+def select(points: StaticPoints, rows: slice | np.ndarray) -> StaticPoints:
+    """Some of the contacts."""
+    arrays = {name: value[rows] for name, value in vars(points).items() if isinstance(value, np.ndarray)}
+    return StaticPoints(robot=points.robot, gravity=points.gravity, **arrays)

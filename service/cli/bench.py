@@ -5,6 +5,7 @@ from service.cli.lazy import LazyGroup
 BENCHES = {
     "truth": "service.bench.truth:truth",
     "motion": "service.bench.motion.command:motion",
+    "calibration": "service.bench.calibration:calibration",
     "speed": "service.bench.speed:speed",
     "stream": "service.bench.stream:stream",
     "latency": "service.bench.latency:latency",

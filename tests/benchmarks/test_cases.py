@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from benchmarks.cases import answer, errors, score, select, static_cases
+from benchmarks.cases import answer, errors, score, static_cases
 from benchmarks.method import Answers, Located
 from kinematics.core import place
 from kinematics.model import build_model, empty_motion
 from service.bench.static_cases import COLUMNS
-from service.bench.static_points import read
+from service.bench.static_points import read, select
 from service.bench.truth import measure
 from tests.shared import shared
 
