@@ -18,7 +18,7 @@ from service.bench.motion.score import Score
 from service.bench.motion.static import static_error
 from service.bench.motion.streams import KINDS, SUITES, Stream, read
 from service.bench.motion.wrong_model import FRICTION_ERROR, MASS_ERROR, friction, heavier
-from service.bench.truth import ASSUMED, COLUMNS, Noise
+from service.bench.static_cases import ASSUMED, COLUMNS, Noise
 
 MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
 """Choice -> whether mass and friction are wrong, one round each."""
