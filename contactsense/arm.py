@@ -4,9 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.drive import Drive, make_drive
 from contactsense.isolation import Sensors
 from contactsense.refine import Prior
-from contactsense.scene import Scene, WrenchSensor
+from contactsense.scene import Scene
+from contactsense.sensing import JointTorqueSensor, WrenchSensor, per_joint
 from kinematics.model import Model, build_model
 from robots import Inertia, Link, Robot
 from robots.surface import Surfaces, pack
@@ -38,6 +40,8 @@ class Arm(NamedTuple):
     """Orientation of the wrist sensor in the last link's frame, shape (3, 3)."""
     wrist_origin: np.ndarray
     """Origin of the wrist sensor in the last link's frame, shape (3,) [m]."""
+    drive: Drive
+    """What the joint torque signal contains beside the contact."""
 
 
 def build_arm(scene: Scene) -> Arm:
@@ -47,15 +51,21 @@ def build_arm(scene: Scene) -> Arm:
     tool = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
     if scene.tool is not None:
         tool = move_inertia(scene.tool.inertia, flange_rotation, flange_origin)
-    last = robot.links[-1]
+    weighed = scene.inertia or {}
+    inertia = [weighed[x.name].inertia if x.name in weighed else x.inertia for x in robot.links]
+    inertia[-1] = join_inertia(inertia[-1], tool)
     carried = Robot(
         name=robot.name,
-        links=(*robot.links[:-1], Link(last.name, join_inertia(last.inertia, tool), last.primitives)),
+        links=tuple(Link(link.name, body) for link, body in zip(robot.links, inertia, strict=True)),
         joints=robot.joints,
     )
+    model = build_model(carried)
+    torque = scene.joint_torque or JointTorqueSensor()
+    if torque.rotor_inertia is not None:
+        model = model._replace(rotor_inertia=np.array(torque.rotor_inertia))
     wrist = scene.wrist_wrench or WrenchSensor()
     return Arm(
-        model=build_model(carried),
+        model=model,
         surfaces=_surfaces(scene),
         sensors=_sensors(scene),
         prior=Prior(lean=scene.friction / 2.0, lever=scene.torsion, offset=scene.surface_error),
@@ -68,6 +78,7 @@ def build_arm(scene: Scene) -> Arm:
         tool_inertia=tool.tensor,
         wrist_rotation=flange_rotation @ wrist.rotation,
         wrist_origin=flange_rotation @ np.array(wrist.translation) + flange_origin,
+        drive=make_drive(torque, len(robot.joints)),
     )
 
 
@@ -108,7 +119,7 @@ def _sensors(scene: Scene) -> Sensors:
         # The sensor's noise is the same in every direction, so that its orientation does not matter here.
         base_covariance=transfer @ np.diag(noise**2) @ transfer.T,
         base_information=np.linalg.inv(transfer).T @ np.diag(noise**-2.0) @ np.linalg.inv(transfer),
-        torque_variance=np.broadcast_to(np.square(torque_noise), (joints,)).copy(),
+        torque_variance=per_joint(torque_noise, joints) ** 2,
         wrist_variance=np.array([wrist.force_noise**2, wrist.moment_noise**2]),
     )
 
@@ -137,4 +148,6 @@ def base_wrench_from(sensor: WrenchSensor, reading: np.ndarray) -> np.ndarray:
         Shape (..., 6) [N, Nm].
     """
     sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
-    return np.asarray(sign * reading @ about_base(sensor.rotation, np.array(sensor.translation)).T)
+    return np.asarray(
+        sign * (reading - np.array(sensor.bias)) @ about_base(sensor.rotation, np.array(sensor.translation)).T
+    )

@@ -37,7 +37,7 @@ class Sensors(NamedTuple):
     base_information: np.ndarray
     """Its inverse, shape (6, 6)."""
     torque_variance: np.ndarray
-    """Variance of each joint torque, shape (n,) [Nm^2]."""
+    """Variance of each joint torque's noise in one sample, shape (n,) [Nm^2]."""
     wrist_variance: np.ndarray
     """Variance of each force and each moment component of the wrist sensor about its origin, shape (2,) [N^2,
     Nm^2]."""
@@ -152,6 +152,7 @@ def isolate(
     base_wrench: np.ndarray,
     has_base: bool,
     torque: np.ndarray,
+    torque_variance: np.ndarray,
     has_torque: bool,
     wrist_wrench: np.ndarray,
     has_wrist: bool,
@@ -167,12 +168,13 @@ def isolate(
         base_wrench: External wrench that the base sensor sees (the arm's own part taken off), shape (6,).
         has_base: Whether `base_wrench` was measured.
         torque: External part of the joint torques, as s_j . w: what contacts ask of the joint, shape (n,).
+        torque_variance: Variance of each `torque`, of whatever origin, shape (n,) [Nm^2].
         has_torque: Whether `torque` was measured.
         wrist_wrench: External wrench that the wrist sensor sees, about the base origin, base axes, shape
             (6,).
         has_wrist: Whether `wrist_wrench` was measured.
         wrist_origin: Origin of the wrist sensor in the base frame [m], shape (3,).
-        scale: Factor on all variances: below one for filtered measurements.
+        scale: Factor on the variances of the force/torque sensors: below one for filtered measurements.
         out: Filled row by row.
     """
     joints = torque.shape[0]
@@ -192,7 +194,7 @@ def isolate(
     log_evidence = 0.0
     if has_torque:
         for j in range(joints):
-            cost, fit = _null(torque[j], sensors.torque_variance[j] * scale)
+            cost, fit = _null(torque[j], torque_variance[j])
             energy += cost
             log_evidence += fit
     wrist_seen = False
@@ -211,11 +213,12 @@ def isolate(
         while seen < sensors.depth[link]:
             if has_torque:
                 # Under this hypothesis the joint sees the contact: its null term gives way to an innovation.
-                cost, fit = _null(torque[seen], sensors.torque_variance[seen] * scale)
+                cost, fit = _null(torque[seen], torque_variance[seen])
                 energy -= cost
                 log_evidence -= fit
-                variance = sensors.torque_variance[seen] * scale
-                cost, fit = _observe(screw[seen], torque[seen], variance, w[link], P[link], L[link])
+                cost, fit = _observe(
+                    screw[seen], torque[seen], torque_variance[seen], w[link], P[link], L[link]
+                )
                 energy += cost
                 log_evidence += fit
             seen += 1

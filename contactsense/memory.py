@@ -35,6 +35,11 @@ class Memory(NamedTuple):
     """External part of each joint's torque as s_j . w, shape (n,) [Nm]."""
     wrist_wrench: np.ndarray
     """External wrench on the wrist sensor, base axes, base origin, shape (6,) [N, Nm]."""
+    unexplained: np.ndarray
+    """What model and friction leave of each joint's torque, standard deviation, filtered as the torque is,
+    shape (n,) [Nm]."""
+    torque_variance: np.ndarray
+    """Variance of `torque`, noise and model, shape (n,) [Nm^2]."""
     rest: np.ndarray
     """Zero joint velocities, shape (n,)."""
     open: np.ndarray
@@ -59,6 +64,8 @@ def empty_memory(arm: Arm) -> Memory:
         base_wrench=np.zeros(6),
         torque=np.zeros(joints),
         wrist_wrench=np.zeros(6),
+        unexplained=np.zeros(joints),
+        torque_variance=np.zeros(joints),
         rest=np.zeros(joints),
         open=np.zeros(links, dtype=np.int64),
     )

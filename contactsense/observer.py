@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.drive import Drive, friction_torque, unexplained
 from kinematics.core import dot6
 from kinematics.model import Model, Motion
 from robots.compiled import kernel
@@ -58,29 +59,39 @@ def _advance(state, i, momentum, drift, dt, forget):  # type: ignore[no-untyped-
 @kernel
 def observe_joints(
     model: Model,
+    drive: Drive,
     motion: Motion,
     qd: np.ndarray,
     torque: np.ndarray,
     dt: float,
     bandwidth: float,
     state: Observer,
+    spread: np.ndarray,
 ) -> None:
     """Advance the joints' residuals by one sample.
 
     Args:
         model, motion: The arm, and `kinematics.core.move` done for this sample.
+        drive: What the torque signal contains.
         qd: Joint velocities, shape (n,) [rad/s].
         torque: Torque that each actuator applies, shape (n,) [Nm].
         dt: Time since the last sample [s]; 0 starts anew.
         bandwidth: Cut-off frequency [Hz].
         state: Changed in place, n equations.
+        spread: Changed in place: standard deviation of what model and friction leave of each residual, shape
+            (n,) [Nm].
     """
     forget = math.exp(-2.0 * math.pi * bandwidth * dt)
     for j in range(qd.shape[0]):
         s, H = motion.screw[j], motion.momentum[j + 1]
-        h = dot6(s, H) + model.rotor_inertia[j] * qd[j]
-        drift = dot6(motion.screw_rate[j], H) + dot6(s, motion.gravity[j + 1]) + torque[j]
-        _advance(state, j, h, drift, dt, forget)
+        weight = dot6(s, motion.gravity[j + 1])
+        h = drive.inertia * (dot6(s, H) + model.rotor_inertia[j] * qd[j])
+        known = drive.inertia * dot6(motion.screw_rate[j], H) + drive.gravity * weight
+        taken = drive.bias[j] + friction_torque(drive, j, qd[j], weight)
+        _advance(state, j, h, known + torque[j] - taken, dt, forget)
+        left = unexplained(drive, j, qd[j])
+        # A lasting error passes the filter as the residual itself does.
+        spread[j] = left + forget * (spread[j] - left) if dt > 0.0 else left
 
 
 @kernel

@@ -4,6 +4,7 @@ allocated."""
 import numpy as np
 
 from contactsense.arm import Arm
+from contactsense.drive import unexplained
 from contactsense.isolation import isolate
 from contactsense.locate import locate
 from contactsense.memory import Memory
@@ -55,7 +56,17 @@ def follow(
     move(arm.model, q, qd, arm.gravity, motion)
     _place_wrist(arm, memory)
     if torque_dt >= 0.0:
-        observe_joints(arm.model, motion, qd, torque, torque_dt, bandwidth, memory.joints)
+        observe_joints(
+            arm.model,
+            arm.drive,
+            motion,
+            qd,
+            torque,
+            torque_dt,
+            bandwidth,
+            memory.joints,
+            memory.unexplained,
+        )
     if base_dt >= 0.0:
         observe_wrench(motion.momentum[0], motion.gravity[0], base_wrench, base_dt, bandwidth, memory.base)
     if wrist_dt >= 0.0:
@@ -84,8 +95,9 @@ def rest(
     move(arm.model, q, memory.rest, arm.gravity, motion)
     _place_wrist(arm, memory)
     for j in range(q.shape[0]):
-        own = 0.0 if external else -dot6(motion.screw[j], motion.gravity[j + 1])
-        memory.torque[j] = own - torque[j]
+        own = arm.drive.bias[j] - arm.drive.gravity * dot6(motion.screw[j], motion.gravity[j + 1])
+        memory.torque[j] = (0.0 if external else own) - torque[j]
+        memory.unexplained[j] = unexplained(arm.drive, j, 0.0)
     for i in range(6):
         memory.base_wrench[i] = base_wrench[i] - (0.0 if external else motion.gravity[0, i])
         memory.wrist_wrench[i] = wrist_wrench[i] - (0.0 if external else memory.carried[1, i])
@@ -116,12 +128,15 @@ def explain(
         Number of explanations, and the energy of "nothing touches": half the sum of squares in units of the
         noise.
     """
+    for j in range(memory.torque.shape[0]):
+        memory.torque_variance[j] = arm.sensors.torque_variance[j] * scale + memory.unexplained[j] ** 2
     isolate(
         arm.sensors,
         memory.motion.screw,
         memory.base_wrench,
         has_base,
         memory.torque,
+        memory.torque_variance,
         has_torque,
         memory.wrist_wrench,
         has_wrist,

@@ -19,9 +19,12 @@ from pydantic import (
 from scipy.spatial.transform import Rotation
 
 import robots
+from contactsense.sensing import JointTorqueSensor, LinkInertia, WrenchSensor
 from robots import Robot
 from robots.primitives import Vector
 from robots.tool import Tool
+
+__all__ = ["JointTorqueSensor", "Scene", "SceneError", "WrenchSensor", "describe"]
 
 _MOUNTINGS: dict[str, Vector] = {
     "table": (0.0, 0.0, 0.0),
@@ -29,57 +32,9 @@ _MOUNTINGS: dict[str, Vector] = {
     "wall": (0.0, np.pi / 2, 0.0),
 }
 
-JointTorqueSignal = Literal["actual_current_as_torque", "actual_current", "target_moment"]
-"""Which RTDE signal carries the joint torques:
-
-- `actual_current_as_torque`: motor torque at the joint in Nm, as the controller computes it (from PolyScope
-5.23 / 10.11);
-- `actual_current`: motor current in A, times `torque_constants`;
-- `target_moment`: what the controller's own model asks for in Nm; it feels no contact and is of use for
-trials only.
-"""
-
 
 class SceneError(ValueError):
     """A scene that cannot be used: the message names the file, the field, what was expected and what came."""
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class WrenchSensor(_Part):
-    """A six-axis force/torque sensor: where its frame is, which way its readings count, how noisy they
-    are."""
-
-    force_noise: PositiveFloat = 0.25
-    """Standard deviation of each force component of one sample [N]."""
-    moment_noise: PositiveFloat = 0.05
-    """Standard deviation of each moment component of one sample, about the sensor's origin [Nm]."""
-    rpy: Vector = (0.0, 0.0, 0.0)
-    """Orientation of the sensor's frame in the base frame: roll, pitch, yaw about fixed x, y, z [rad]."""
-    translation: Vector = (0.0, 0.0, 0.0)
-    """Origin of the sensor's frame in the base frame [m]."""
-    sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor"
-    """Whose push is counted positive: with `arm_on_sensor` a table-mounted arm at rest reads a force along
-    -z."""
-
-    @property
-    def rotation(self) -> np.ndarray:
-        """Orientation of the sensor's frame in the base frame, shape (3, 3)."""
-        return np.asarray(Rotation.from_euler("xyz", self.rpy).as_matrix())
-
-
-class JointTorqueSensor(_Part):
-    """Joint torques from motor currents: which signal, and how noisy it is."""
-
-    signal: JointTorqueSignal = "actual_current_as_torque"
-    """The RTDE signal that is read."""
-    torque_constants: tuple[PositiveFloat, ...] | None = None
-    """Joint torque per motor current [Nm/A], one per joint; needed for `actual_current` where the robot's
-    data have none."""
-    noise: PositiveFloat | tuple[PositiveFloat, ...] = 1.0
-    """Standard deviation of one sample, one number for all joints or one each [Nm]."""
 
 
 def _as_robot(value: object) -> object:
@@ -109,6 +64,8 @@ class Scene(BaseModel):
     (base x points down), or roll, pitch, yaw of the base frame about fixed world axes [rad]."""
     gravity: PositiveFloat = 9.81
     """Acceleration of gravity [m/s^2]."""
+    inertia: dict[str, LinkInertia] | None = None
+    """Mass distribution of links by name, where calibration found another than the robot's data say."""
     tool: Tool | None = None
     """What is mounted on the tool flange."""
     base_wrench: WrenchSensor | None = WrenchSensor()
@@ -157,11 +114,18 @@ class Scene(BaseModel):
         for name in self.touchable or ():
             if name not in self.link_names:
                 raise ValueError(f"touchable: expected links of {', '.join(self.link_names)}, got {name!r}")
+        for name in self.inertia or ():
+            if name not in self.robot.link_names:
+                raise ValueError(
+                    f"inertia: expected links of {', '.join(self.robot.link_names)}, got {name!r}"
+                )
         if self.joint_torque is not None:
-            for field in ("noise", "torque_constants"):
-                value = getattr(self.joint_torque, field)
-                if isinstance(value, tuple) and len(value) != joints:
-                    raise ValueError(f"joint_torque.{field}: expected {joints} numbers, got {len(value)}")
+            _has_one_per_joint("joint_torque", self.joint_torque, joints)
+            _has_one_per_joint("joint_torque.friction", self.joint_torque.friction, joints)
+            if self.joint_torque.signal == "external_torque" and self.joint_torque.fields is None:
+                raise ValueError(
+                    f"joint_torque.fields: expected the {joints} fields that carry external_torque, got none"
+                )
         if self.wrist_wrench is not None and self.tool is None:
             raise ValueError("wrist_wrench: expected a tool beyond the wrist sensor, got none")
         return self
@@ -198,6 +162,13 @@ class Scene(BaseModel):
         """Gravity in base axes [m/s^2], shape (3,)."""
         rpy = _MOUNTINGS[self.mounting] if isinstance(self.mounting, str) else self.mounting
         return np.asarray(Rotation.from_euler("xyz", rpy).inv().apply([0.0, 0.0, -self.gravity]))
+
+
+def _has_one_per_joint(place: str, part: BaseModel, joints: int) -> None:
+    for field, value in part:
+        if isinstance(value, tuple) and len(value) != joints:
+            what = "names" if field == "fields" else "numbers"
+            raise ValueError(f"{place}.{field}: expected {joints} {what}, got {len(value)}")
 
 
 def describe(error: ValidationError) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from contactsense.arm import Arm
+from contactsense.drive import Drive
 from contactsense.isolation import Hypotheses, Sensors
 from contactsense.locate import Candidates
 from contactsense.memory import Memory
@@ -116,6 +117,23 @@ def _sensors(f, i, a, b, n, links):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _drive(f, a, n):  # type: ignore[no-untyped-def]
+    gravity, inertia = f[a], f[a + 1]
+    bias, a = _take1(f, a + 2, n)
+    coulomb, a = _take1(f, a, n)
+    load, a = _take1(f, a, n)
+    viscous, a = _take1(f, a, n)
+    lubricant, a = _take1(f, a, n)
+    rest_variance, a = _take1(f, a, n)
+    model_variance, a = _take1(f, a, n)
+    drive = Drive(
+        gravity, inertia, bias, coulomb, load, viscous, lubricant, rest_variance, model_variance,
+        f[a], f[a + 1], f[a + 2],
+    )  # fmt: skip
+    return drive, a + 3
+
+
+@kernel
 def _arm(f, i, n, links, p):  # type: ignore[no-untyped-def]
     model, a = _model(f, 0, n, links)
     surfaces, a, b = _surfaces(f, i, a, 0, links, p)
@@ -128,9 +146,10 @@ def _arm(f, i, n, links, p):  # type: ignore[no-untyped-def]
     tool_inertia, a = _take2(f, a, 3, 3)
     wrist_rotation, a = _take2(f, a, 3, 3)
     wrist_origin, a = _take1(f, a, 3)
+    drive, a = _drive(f, a, n)
     arm = Arm(
         model, surfaces, sensors, prior, touchable, gravity, tool_mass, tool_com, tool_inertia,
-        wrist_rotation, wrist_origin,
+        wrist_rotation, wrist_origin, drive,
     )  # fmt: skip
     return arm, a, b
 
@@ -229,10 +248,12 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     base_wrench, a = _take1(f, a, 6)
     torque, a = _take1(f, a, n)
     wrist_wrench, a = _take1(f, a, 6)
+    unexplained, a = _take1(f, a, n)
+    torque_variance, a = _take1(f, a, n)
     rest, a = _take1(f, a, n)
     choice, b = _take1(i, b, links)
     memory = Memory(
         motion, hypotheses, found, work, link_probability, joints, base, wrist, carried, wrist_place,
-        base_wrench, torque, wrist_wrench, rest, choice,
+        base_wrench, torque, wrist_wrench, unexplained, torque_variance, rest, choice,
     )  # fmt: skip
     return arm, memory

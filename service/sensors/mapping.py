@@ -1,5 +1,6 @@
 """From what sensors deliver to what `contactsense.Sample` means. Pure functions of a scene's settings."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -8,14 +9,19 @@ import numpy as np
 from contactsense.scene import Scene, WrenchSensor
 from service.sensors.streams import SensorError
 
+_CURRENTS = ("actual_current", "actual_current_minus_target")
+
 
 @dataclass(frozen=True, slots=True)
 class TorqueMap:
-    """Which RTDE field carries the joint torques, and what one unit of it is in newton metres."""
+    """Which RTDE fields carry the joint torques, and what one unit of them is in newton metres."""
 
-    field: str
+    fields: tuple[str, ...]
+    """One field with a number per joint, or one field per joint."""
+    minus: tuple[str, ...]
+    """Fields whose values are taken off, in the same order; none where nothing is."""
     scale: np.ndarray
-    """Newton metres per unit, shape (n,)."""
+    """Newton metres per unit, in the actuator's sign, shape (n,)."""
 
     @classmethod
     def of(cls, scene: Scene) -> "TorqueMap | None":
@@ -27,18 +33,49 @@ class TorqueMap:
         sensor = scene.joint_torque
         if sensor is None:
             return None
-        joints = scene.robot.joints
-        if sensor.signal != "actual_current":
-            return cls(sensor.signal, np.ones(len(joints)))
-        known = list(
-            sensor.torque_constants or [j.torque_constant for j in joints if j.torque_constant is not None]
+        sign = 1.0 if sensor.sign == "by_actuator" else -1.0
+        scale = sign * np.ones(len(scene.robot.joints))
+        if sensor.signal in _CURRENTS:
+            scale *= torque_constants(scene)
+        fields = sensor.fields or (sensor.signal,)
+        if sensor.signal == "actual_current_minus_target":
+            return cls(sensor.fields or ("actual_current",), ("target_current",), scale)
+        return cls(fields, (), scale)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All fields that are read."""
+        return self.fields + self.minus
+
+    def torque(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Joint torques in the actuator's sign, shape (..., n) [Nm].
+
+        Args:
+            values: Numbers of each field of `names`, shape (..., n) or (..., 1).
+        """
+        read = np.concatenate([values[name] for name in self.fields], axis=-1)
+        if self.minus:
+            read = read - np.concatenate([values[name] for name in self.minus], axis=-1)
+        return np.asarray(read * self.scale)
+
+
+def torque_constants(scene: Scene) -> np.ndarray:
+    """Joint torque per motor current [Nm/A], shape (n,): the scene's, or else the robot's.
+
+    Raises:
+        SensorError: Neither has them.
+    """
+    sensor, joints = scene.joint_torque, scene.robot.joints
+    assert sensor is not None
+    known = list(
+        sensor.torque_constants or [j.torque_constant for j in joints if j.torque_constant is not None]
+    )
+    if len(known) != len(joints):
+        raise SensorError(
+            f"joint_torque.signal {sensor.signal}: expected joint_torque.torque_constants [Nm/A], "
+            f"{len(joints)} numbers: the data of {scene.robot.name} have none"
         )
-        if len(known) != len(joints):
-            raise SensorError(
-                "joint_torque.signal actual_current: expected joint_torque.torque_constants [Nm/A], "
-                f"{len(joints)} numbers: the data of {scene.robot.name} have none"
-            )
-        return cls(sensor.signal, np.array(known))
+    return np.array(known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +86,16 @@ class WrenchMap:
     """Base wrench = `to_base` @ sensor wrench, shape (6, 6)."""
     to_sensor: np.ndarray
     """Its inverse, shape (6, 6)."""
+    bias: np.ndarray
+    """What the sensor reads without load, shape (6,) [N, Nm]."""
+
+    def wrench(self, reading: np.ndarray) -> np.ndarray:
+        """Wrench of the arm on the sensor, base axes and origin, from readings of shape (..., 6) [N, Nm]."""
+        return np.asarray((reading - self.bias) @ self.to_base.T)
+
+    def reading(self, wrench: np.ndarray) -> np.ndarray:
+        """What the sensor reads under a wrench of shape (..., 6) [N, Nm]; the way back."""
+        return np.asarray(wrench @ self.to_sensor.T + self.bias)
 
     @classmethod
     def make(
@@ -56,6 +103,7 @@ class WrenchMap:
         rotation: np.ndarray,
         translation: np.ndarray,
         sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor",
+        bias: Sequence[float] = (0.0,) * 6,
     ) -> "WrenchMap":
         """The map of a sensor in its place.
 
@@ -63,6 +111,7 @@ class WrenchMap:
             rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
             translation: Origin of the sensor's frame in the base frame [m], shape (3,).
             sign: Whose push the sensor counts positive.
+            bias: What it reads without load [N, Nm], 6 numbers.
         """
         x, y, z = np.asarray(translation, dtype=float)
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -70,9 +119,9 @@ class WrenchMap:
         s = 1.0 if sign == "arm_on_sensor" else -1.0
         forth = s * np.block([[rotation, zero], [cross @ rotation, rotation]])
         back = s * np.block([[rotation.T, zero], [-rotation.T @ cross, rotation.T]])
-        return cls(forth, back)
+        return cls(forth, back, np.array(bias, dtype=float))
 
     @classmethod
     def of(cls, sensor: WrenchSensor) -> "WrenchMap":
         """The map of a scene's sensor under the base."""
-        return cls.make(sensor.rotation, np.asarray(sensor.translation), sensor.sign)
+        return cls.make(sensor.rotation, np.asarray(sensor.translation), sensor.sign, sensor.bias)

@@ -93,7 +93,7 @@ class LiveSource:
         self._wrench_fields = settings.wrench_fields
         fields = ["actual_q", "actual_qd"]
         if self._torque is not None:
-            fields.append(self._torque.field)
+            fields += self._torque.names
         self._wrench_map: WrenchMap | None = None
         if scene.base_wrench is not None:
             self._wrench_map = WrenchMap.of(scene.base_wrench)
@@ -110,7 +110,7 @@ class LiveSource:
         self._aligner = Aligner(
             period=None if settings.wrench_rate is None else 1.0 / settings.wrench_rate,
             max_age=settings.wrench_max_age,
-            delay=settings.wrench_delay,
+            delay=settings.wrench_delay + (scene.base_wrench.delay if scene.base_wrench is not None else 0.0),
         )
         self._wait = settings.wrench_wait
         self._heard_ns = 0
@@ -177,12 +177,14 @@ class LiveSource:
             return None
         torque = None
         if self._torque is not None:
-            torque = _finite(np.array(values[slices[self._torque.field]]) * self._torque.scale)
+            torque = _finite(
+                self._torque.torque({name: np.array(values[slices[name]]) for name in self._torque.names})
+            )
         wrench = None
         if self._wrench_map is not None:
             reading = self._reading(record)
             self._age = reading.age
-            wrench = None if reading.wrench is None else _finite(self._wrench_map.to_base @ reading.wrench)
+            wrench = None if reading.wrench is None else _finite(self._wrench_map.wrench(reading.wrench))
             self._without_wrench += wrench is None
         return Sample(record.timestamp, q, qd, torque, wrench)
 

@@ -10,6 +10,7 @@ JOINTS = 6
 LINKS = 8  # seven of the arm and a tool beyond the wrist sensor
 FORCE, MOMENT, TORQUE = 0.7, 0.2, 0.9
 WRIST = (0.4, 0.05)
+VARIANCE = np.full(JOINTS, TORQUE**2)
 
 
 def _case(seed: int) -> dict[str, np.ndarray]:
@@ -33,7 +34,7 @@ def _sensors() -> Sensors:
         beyond_wrist=np.arange(LINKS) > JOINTS,
         base_covariance=covariance,
         base_information=np.linalg.inv(covariance),
-        torque_variance=np.full(JOINTS, TORQUE**2),
+        torque_variance=VARIANCE,
         wrist_variance=np.array(WRIST) ** 2,
     )
 
@@ -81,7 +82,7 @@ def test_every_subset_of_sensors_equals_the_dense_gaussian(
 ) -> None:
     case, out = _case(seed), empty_hypotheses(LINKS)
     isolate(
-        _sensors(), case["screw"], case["base"], has_base, case["torque"], has_torque,
+        _sensors(), case["screw"], case["base"], has_base, case["torque"], VARIANCE, has_torque,
         case["wrist"], has_wrist, case["origin"], 1.0, out,
     )  # fmt: skip
     for link in range(LINKS):
@@ -99,16 +100,16 @@ def test_every_subset_of_sensors_equals_the_dense_gaussian(
 
 def test_scaled_noise_is_the_same_as_scaled_sensors() -> None:
     case, scaled, direct = _case(9), empty_hypotheses(LINKS), empty_hypotheses(LINKS)
-    rest = (case["screw"], case["base"], True, case["torque"], True, case["wrist"], True, case["origin"])
-    isolate(_sensors(), *rest, 0.25, scaled)
+    start = (case["screw"], case["base"], True, case["torque"], VARIANCE)
+    rest = (True, case["wrist"], True, case["origin"])
+    isolate(_sensors(), *start, *rest, 0.25, scaled)
     s = _sensors()
     quarter = s._replace(
         base_covariance=s.base_covariance / 4,
         base_information=s.base_information * 4,
-        torque_variance=s.torque_variance / 4,
         wrist_variance=s.wrist_variance / 4,
     )
-    isolate(quarter, *rest, 1.0, direct)
+    isolate(quarter, *start, *rest, 1.0, direct)
     for a, b in zip(scaled, direct, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
 
@@ -119,5 +120,18 @@ def test_the_torques_decide_for_the_touched_link_where_they_can() -> None:
     w = case["base"]
     for link in range(JOINTS + 1):
         torque = np.where(np.arange(JOINTS) < link, case["screw"] @ w, 0.0)
-        isolate(_sensors(), case["screw"], w, True, torque, True, w, False, case["origin"], 1e-6, out)
+        isolate(
+            _sensors(),
+            case["screw"],
+            w,
+            True,
+            torque,
+            VARIANCE * 1e-6,
+            True,
+            w,
+            False,
+            case["origin"],
+            1e-6,
+            out,
+        )
         assert int(np.argmax(out.log_evidence[: JOINTS + 1])) == link

@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 
+from contactsense.drive import make_drive
 from contactsense.observer import empty_observer, noise_gain, observe_joints, observe_wrench
+from contactsense.sensing import JointTorqueSensor
 from kinematics.core import inverse_dynamics, move
 from kinematics.model import build_model, empty_motion
 from tests.oracles.random_arm import random_arm
 
 ARM = random_arm(11, 6)
 MODEL = build_model(ARM)
+DRIVE = make_drive(JointTorqueSensor(), 6)
 GRAVITY = np.array([1.0, -3.0, -9.0])
 BANDWIDTH = 8.0
 
@@ -23,7 +26,7 @@ def _swing(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _follow(times: np.ndarray, wrench: np.ndarray, link: int) -> tuple[np.ndarray, np.ndarray]:
     """Residuals after all samples, with a constant contact wrench on a link from the start."""
     joints, base = empty_observer(6), empty_observer(6)
-    torque, reading, motion = np.empty(6), np.empty(6), empty_motion(6)
+    torque, reading, spread, motion = np.empty(6), np.empty(6), np.empty(6), empty_motion(6)
     last = None
     for t in times:
         q, qd, qdd = _swing(t)
@@ -32,7 +35,7 @@ def _follow(times: np.ndarray, wrench: np.ndarray, link: int) -> tuple[np.ndarra
         reading += wrench
         dt = 0.0 if last is None else t - last
         last = t
-        observe_joints(MODEL, motion, qd, torque, dt, BANDWIDTH, joints)
+        observe_joints(MODEL, DRIVE, motion, qd, torque, dt, BANDWIDTH, joints, spread)
         observe_wrench(motion.momentum[0], motion.gravity[0], reading, dt, BANDWIDTH, base)
     return joints.residual, base.residual
 

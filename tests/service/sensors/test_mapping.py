@@ -44,12 +44,12 @@ def test_a_sensor_that_counts_the_push_on_the_arm():
 def test_torque_signals():
     direct = TorqueMap.of(Scene(robot="ur5e", joint_torque=JointTorqueSensor()))
     assert direct is not None
-    assert (direct.field, direct.scale.tolist()) == ("actual_current_as_torque", [1.0] * 6)
+    assert (direct.names, direct.scale.tolist()) == (("actual_current_as_torque",), [1.0] * 6)
     constants = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     sensor = JointTorqueSensor(signal="actual_current", torque_constants=constants)
     current = TorqueMap.of(Scene(robot="ur5e", joint_torque=sensor))
     assert current is not None
-    assert (current.field, tuple(current.scale)) == ("actual_current", constants)
+    assert (current.names, tuple(current.scale)) == (("actual_current",), constants)
     assert TorqueMap.of(Scene(robot="ur5e", joint_torque=None)) is None
 
 
