@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from contactsense.observer import GAIN
 from contactsense.pipeline import explain, follow, rest
 from contactsense.report import report
 from contactsense.workspace import unfold
@@ -30,16 +31,14 @@ def step(
     q: np.ndarray,
     qd: np.ndarray,
     torque: np.ndarray,
-    torque_dt: float,
     base_wrench: np.ndarray,
-    base_dt: float,
     wrist_wrench: np.ndarray,
-    wrist_dt: float,
+    steps: tuple[float, float, float, float, float],
     bandwidth: float,
+    matched: tuple[bool, bool],
     has_base: bool,
     has_torque: bool,
     has_wrist: bool,
-    scale: float,
     gate: bool,
     threshold: float,
     rows: np.ndarray,
@@ -50,9 +49,17 @@ def step(
         Number of explanations in `rows`, and the energy of "nothing touches", -1 where no sensor can be used.
     """
     arm, memory = unfold(floats, integers, sizes)
-    follow(arm, memory, q, qd, torque, torque_dt, base_wrench, base_dt, wrist_wrench, wrist_dt, bandwidth)
+    follow(arm, memory, q, qd, torque, base_wrench, wrist_wrench, steps, bandwidth, matched)
     if not (has_base or has_torque):
         return 0, -1.0
+    # A sensor that has missed a sample passes a little more of its noise: the noisiest counts.
+    scale = 0.0
+    if has_base:
+        scale = max(scale, memory.base.clock[GAIN])
+    if has_torque:
+        scale = max(scale, memory.joints.clock[GAIN])
+    if has_wrist:
+        scale = max(scale, memory.wrist.clock[GAIN])
     count, nothing = explain(arm, memory, has_base, has_torque, has_wrist, scale, gate, threshold)
     return report(arm, memory, skin, count, rows), nothing
 

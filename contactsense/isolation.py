@@ -152,9 +152,11 @@ def isolate(
     base_wrench: np.ndarray,
     has_base: bool,
     torque: np.ndarray,
+    seen_torque: np.ndarray,
     torque_variance: np.ndarray,
     has_torque: bool,
     wrist_wrench: np.ndarray,
+    seen_wrist: np.ndarray,
     has_wrist: bool,
     wrist_origin: np.ndarray,
     scale: float,
@@ -168,10 +170,13 @@ def isolate(
         base_wrench: External wrench that the base sensor sees (the arm's own part taken off), shape (6,).
         has_base: Whether `base_wrench` was measured.
         torque: External part of the joint torques, as s_j . w: what contacts ask of the joint, shape (n,).
+        seen_torque: The same for joints that see the contact; differs from `torque` where that was
+            low-passed in other frames than the base wrench, see `contactsense.equations`, shape (n,).
         torque_variance: Variance of each `torque`, of whatever origin, shape (n,) [Nm^2].
         has_torque: Whether `torque` was measured.
         wrist_wrench: External wrench that the wrist sensor sees, about the base origin, base axes, shape
             (6,).
+        seen_wrist: The same for links beyond the wrist, shape (6,).
         has_wrist: Whether `wrist_wrench` was measured.
         wrist_origin: Origin of the wrist sensor in the base frame [m], shape (3,).
         scale: Factor on the variances of the force/torque sensors: below one for filtered measurements.
@@ -217,7 +222,7 @@ def isolate(
                 energy -= cost
                 log_evidence -= fit
                 cost, fit = _observe(
-                    screw[seen], torque[seen], torque_variance[seen], w[link], P[link], L[link]
+                    screw[seen], seen_torque[seen], torque_variance[seen], w[link], P[link], L[link]
                 )
                 energy += cost
                 log_evidence += fit
@@ -227,7 +232,7 @@ def isolate(
             energy -= null_wrist[0]
             log_evidence -= null_wrist[1]
             cost, fit = _observe_wrist(
-                force_variance, moment_variance, wrist_wrench, wrist_origin, w[link], P[link], L[link]
+                force_variance, moment_variance, seen_wrist, wrist_origin, w[link], P[link], L[link]
             )
             energy += cost
             log_evidence += fit

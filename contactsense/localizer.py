@@ -13,7 +13,6 @@ from contactsense.check import checked_rows, checked_vector
 from contactsense.entry import batch, finite, once, step
 from contactsense.feed import Feed
 from contactsense.memory import empty_memory
-from contactsense.observer import noise_gain
 from contactsense.report import (
     COVARIANCE,
     FORCE,
@@ -97,8 +96,8 @@ class Localizer:
         """Forget all samples; the next one starts a new stream."""
         settle = SETTLE / (2.0 * math.pi * self.scene.bandwidth)
         self._feeds = tuple(Feed(settle) for _ in _SENSORS)
+        self._pairs = (Feed(settle), Feed(settle))
         self._t = -math.inf
-        self._dt = 0.0
 
     def step(self, sample: Sample) -> Estimate:
         """Take the next sample of a live stream, of an arm that may move, and say what touches it now.
@@ -120,15 +119,15 @@ class Localizer:
             if t == self._t:
                 return self._composer.quiet(t, "degraded", "same time as the sample before: sample unused")
             self.reset()
-        if self._t > -math.inf:
-            self._dt = t - self._t
         self._t = t
         values, steps, ready, troubles = self._read(sample)
+        both = steps[0] >= 0.0
+        steps += [pair.step(t, both and steps[i] >= 0.0) for i, pair in enumerate(self._pairs, start=1)]
+        matched = (self._pairs[0].ready(t), self._pairs[1].ready(t))
         threshold = self._threshold(ready)
         listed, nothing = step(
-            *self._buffers, q, qd, values[1], steps[1], values[0], steps[0], values[2], steps[2],
-            self.scene.bandwidth, *ready, noise_gain(self.scene.bandwidth, self._dt), self._gate, threshold,
-            self._rows,
+            *self._buffers, q, qd, values[1], values[0], values[2], tuple(steps), self.scene.bandwidth,
+            matched, *ready, self._gate, threshold, self._rows,
         )  # fmt: skip
         reason = "; ".join(troubles)
         if nothing < 0.0:

@@ -23,18 +23,31 @@ class Memory(NamedTuple):
     link_probability: np.ndarray
     """Probability of each link, shape (links,)."""
     joints: Observer
+    """What each joint's torque sees, n equations."""
     base: Observer
+    """What the base sensor sees, in the frame of each body, 6 (n + 1) equations."""
+    match: Observer
+    """What each joint's torque sees beyond the base sensor, n equations."""
     wrist: Observer
+    """What the wrist sensor sees, base axes, six equations."""
+    wrist_match: Observer
+    """What it sees beyond the base sensor, six equations."""
     carried: np.ndarray
     """Momentum and gravity wrench of what the wrist sensor carries, shape (2, 6)."""
     wrist_origin: np.ndarray
     """Origin of the wrist sensor, base frame, shape (3,) [m]."""
     base_wrench: np.ndarray
     """External wrench on the base sensor, shape (6,) [N, Nm]."""
+    body_wrench: np.ndarray
+    """The same as followed in the frame of each body, shape (n + 1, 6)."""
     torque: np.ndarray
     """External part of each joint's torque as s_j . w, shape (n,) [Nm]."""
+    seen_torque: np.ndarray
+    """The same as held against `base_wrench` where the joint sees the contact, shape (n,)."""
     wrist_wrench: np.ndarray
     """External wrench on the wrist sensor, base axes, base origin, shape (6,) [N, Nm]."""
+    seen_wrist: np.ndarray
+    """The same as held against `base_wrench` where the sensor sees the contact, shape (6,)."""
     unexplained: np.ndarray
     """What model and friction leave of each joint's torque, standard deviation, filtered as the torque is,
     shape (n,) [Nm]."""
@@ -57,13 +70,18 @@ def empty_memory(arm: Arm) -> Memory:
         work=empty_work(),
         link_probability=np.zeros(links),
         joints=empty_observer(joints),
-        base=empty_observer(6),
+        base=empty_observer(6 * (joints + 1)),
+        match=empty_observer(joints),
         wrist=empty_observer(6),
+        wrist_match=empty_observer(6),
         carried=np.zeros((2, 6)),
         wrist_origin=np.zeros(3),
         base_wrench=np.zeros(6),
+        body_wrench=np.zeros((joints + 1, 6)),
         torque=np.zeros(joints),
+        seen_torque=np.zeros(joints),
         wrist_wrench=np.zeros(6),
+        seen_wrist=np.zeros(6),
         unexplained=np.zeros(joints),
         torque_variance=np.zeros(joints),
         rest=np.zeros(joints),

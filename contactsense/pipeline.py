@@ -5,10 +5,17 @@ import numpy as np
 
 from contactsense.arm import Arm
 from contactsense.drive import unexplained
+from contactsense.equations import (
+    from_bodies,
+    observe_in_bodies,
+    observe_joints,
+    observe_match,
+    observe_wrench,
+    observe_wrist_match,
+)
 from contactsense.isolation import isolate
 from contactsense.locate import locate
 from contactsense.memory import Memory
-from contactsense.observer import observe_joints, observe_wrench
 from kinematics.core import carry, dot6, move
 from robots.compiled import kernel
 
@@ -41,39 +48,57 @@ def follow(
     q: np.ndarray,
     qd: np.ndarray,
     torque: np.ndarray,
-    torque_dt: float,
     base_wrench: np.ndarray,
-    base_dt: float,
     wrist_wrench: np.ndarray,
-    wrist_dt: float,
+    steps: tuple[float, float, float, float, float],
     bandwidth: float,
+    matched: tuple[bool, bool],
 ) -> None:
-    """Advance the observers by a sample of a moving arm; a sensor with a negative dt has no value this time.
+    """Advance the observers by a sample of a moving arm.
 
     The external parts are left in `memory`. Units and frames as in `contactsense.types.Sample`.
+
+    Args:
+        arm, memory: The scene's constants, and what samples change.
+        q, qd, torque, base_wrench, wrist_wrench: The sample.
+        steps: Time since the last value of base wrench, torque, wrist wrench, base wrench and torque
+            together, base wrench and wrist wrench together [s]; 0 starts anew, negative: no value this time.
+        bandwidth: Cut-off frequency [Hz].
+        matched: Whether torque and wrist wrench can be held against the base wrench.
     """
     motion = memory.motion
     move(arm.model, q, qd, arm.gravity, motion)
     _place_wrist(arm, memory)
-    if torque_dt >= 0.0:
+    if steps[0] >= 0.0:
+        observe_in_bodies(motion, base_wrench, steps[0], bandwidth, memory.base)
+    if steps[1] >= 0.0:
         observe_joints(
-            arm.model,
-            arm.drive,
-            motion,
-            qd,
-            torque,
-            torque_dt,
-            bandwidth,
-            memory.joints,
-            memory.unexplained,
+            arm.model, arm.drive, motion, qd, torque, steps[1], bandwidth, memory.joints, memory.unexplained
         )
-    if base_dt >= 0.0:
-        observe_wrench(motion.momentum[0], motion.gravity[0], base_wrench, base_dt, bandwidth, memory.base)
-    if wrist_dt >= 0.0:
-        observe_wrench(memory.carried[0], memory.carried[1], wrist_wrench, wrist_dt, bandwidth, memory.wrist)
+    if steps[2] >= 0.0:
+        observe_wrench(memory.carried[0], memory.carried[1], wrist_wrench, steps[2], bandwidth, memory.wrist)
+    if steps[3] >= 0.0:
+        observe_match(
+            arm.model, arm.drive, motion, qd, torque, base_wrench, steps[3], bandwidth, memory.match
+        )
+    if steps[4] >= 0.0:
+        observe_wrist_match(
+            motion, memory.carried, wrist_wrench, base_wrench, steps[4], bandwidth, memory.wrist_match
+        )
+    from_bodies(motion, memory.base.residual, memory.body_wrench)
+    memory.base_wrench[:] = memory.body_wrench[0]
     memory.torque[:] = memory.joints.residual
-    memory.base_wrench[:] = memory.base.residual
     memory.wrist_wrench[:] = memory.wrist.residual
+    for j in range(q.shape[0]):
+        memory.seen_torque[j] = (
+            dot6(motion.screw[j], memory.base_wrench) + memory.match.residual[j]
+            if matched[0]
+            else memory.torque[j]
+        )
+    for i in range(6):
+        memory.seen_wrist[i] = (
+            memory.base_wrench[i] + memory.wrist_match.residual[i] if matched[1] else memory.wrist_wrench[i]
+        )
 
 
 @kernel
@@ -101,6 +126,9 @@ def rest(
     for i in range(6):
         memory.base_wrench[i] = base_wrench[i] - (0.0 if external else motion.gravity[0, i])
         memory.wrist_wrench[i] = wrist_wrench[i] - (0.0 if external else memory.carried[1, i])
+    memory.body_wrench[:] = memory.base_wrench
+    memory.seen_torque[:] = memory.torque
+    memory.seen_wrist[:] = memory.wrist_wrench
 
 
 @kernel
@@ -136,9 +164,11 @@ def explain(
         memory.base_wrench,
         has_base,
         memory.torque,
+        memory.seen_torque,
         memory.torque_variance,
         has_torque,
         memory.wrist_wrench,
+        memory.seen_wrist,
         has_wrist,
         memory.wrist_origin,
         scale,
@@ -151,6 +181,11 @@ def explain(
         for i in range(6):
             row = dot6(arm.sensors.base_information[i], memory.base_wrench)
             nothing += 0.5 * memory.base_wrench[i] * row / scale
+        for link in range(1, arm.touchable.shape[0]):
+            for i in range(6):
+                memory.hypotheses.wrench[link, i] += (
+                    memory.body_wrench[arm.sensors.depth[link], i] - memory.base_wrench[i]
+                )
     if nothing <= threshold:
         return 0, nothing
     best = -1

@@ -220,9 +220,10 @@ def _work(f, a):  # type: ignore[no-untyped-def]
 @kernel
 def _observer(f, a, size):  # type: ignore[no-untyped-def]
     momentum, a = _take1(f, a, size)
-    drift, a = _take1(f, a, size)
+    past, a = _take2(f, a, 3, size)
     residual, a = _take1(f, a, size)
-    return Observer(momentum, drift, residual), a
+    clock, a = _take1(f, a, 7)
+    return Observer(momentum, past, residual, clock), a
 
 
 @kernel
@@ -241,19 +242,25 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     work, a = _work(f, a)
     link_probability, a = _take1(f, a, links)
     joints, a = _observer(f, a, n)
-    base, a = _observer(f, a, 6)
+    base, a = _observer(f, a, 6 * (n + 1))
+    match, a = _observer(f, a, n)
     wrist, a = _observer(f, a, 6)
+    wrist_match, a = _observer(f, a, 6)
     carried, a = _take2(f, a, 2, 6)
     wrist_place, a = _take1(f, a, 3)
     base_wrench, a = _take1(f, a, 6)
+    body_wrench, a = _take2(f, a, n + 1, 6)
     torque, a = _take1(f, a, n)
+    seen_torque, a = _take1(f, a, n)
     wrist_wrench, a = _take1(f, a, 6)
+    seen_wrist, a = _take1(f, a, 6)
     unexplained, a = _take1(f, a, n)
     torque_variance, a = _take1(f, a, n)
     rest, a = _take1(f, a, n)
     choice, b = _take1(i, b, links)
     memory = Memory(
-        motion, hypotheses, found, work, link_probability, joints, base, wrist, carried, wrist_place,
-        base_wrench, torque, wrist_wrench, unexplained, torque_variance, rest, choice,
+        motion, hypotheses, found, work, link_probability, joints, base, match, wrist, wrist_match,
+        carried, wrist_place, base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist,
+        unexplained, torque_variance, rest, choice,
     )  # fmt: skip
     return arm, memory

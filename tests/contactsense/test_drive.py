@@ -60,7 +60,7 @@ def test_a_signal_of_known_meaning_leaves_nothing_in_free_motion(meaning: str) -
     for sample in _samples(scene, meaning):
         localizer.step(sample)
         worst = np.maximum(worst, np.abs(localizer._work.memory.torque))
-    assert worst.max() < 0.02  # of torques of some 60 Nm; the trapezoidal rule's error
+    assert worst.max() < 0.02  # of torques of some 60 Nm; the quadrature's error
 
 
 @pytest.mark.parametrize("meaning", ["gravity_free", "external"])

@@ -82,8 +82,8 @@ def test_every_subset_of_sensors_equals_the_dense_gaussian(
 ) -> None:
     case, out = _case(seed), empty_hypotheses(LINKS)
     isolate(
-        _sensors(), case["screw"], case["base"], has_base, case["torque"], VARIANCE, has_torque,
-        case["wrist"], has_wrist, case["origin"], 1.0, out,
+        _sensors(), case["screw"], case["base"], has_base, case["torque"], case["torque"], VARIANCE,
+        has_torque, case["wrist"], case["wrist"], has_wrist, case["origin"], 1.0, out,
     )  # fmt: skip
     for link in range(LINKS):
         wrench, covariance, energy, evidence = _dense(case, link, has_base, has_torque, has_wrist)
@@ -100,8 +100,9 @@ def test_every_subset_of_sensors_equals_the_dense_gaussian(
 
 def test_scaled_noise_is_the_same_as_scaled_sensors() -> None:
     case, scaled, direct = _case(9), empty_hypotheses(LINKS), empty_hypotheses(LINKS)
-    start = (case["screw"], case["base"], True, case["torque"], VARIANCE)
-    rest = (True, case["wrist"], True, case["origin"])
+    torque, wrist = case["torque"], case["wrist"]
+    start = (case["screw"], case["base"], True, torque, torque, VARIANCE)
+    rest = (True, wrist, wrist, True, case["origin"])
     isolate(_sensors(), *start, *rest, 0.25, scaled)
     s = _sensors()
     quarter = s._replace(
@@ -126,8 +127,10 @@ def test_the_torques_decide_for_the_touched_link_where_they_can() -> None:
             w,
             True,
             torque,
+            torque,
             VARIANCE * 1e-6,
             True,
+            w,
             w,
             False,
             case["origin"],

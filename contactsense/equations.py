@@ -1,0 +1,205 @@
+"""What the observers follow: the arm's equations of motion as h and drift, with dh/dt = drift + external.
+
+A contact that keeps its place on link k leaves a wrench that is at rest in the frame of that link, while it
+turns and travels in base axes. Low-passed in base axes it would lag behind the arm: at 1 m/s and 10 Hz by 16
+mm. So the base wrench is followed in the frame of every body at once; each hypothesis "link k is touched"
+takes its own. In a frame that moves with the twist V, with X the change of frame of wrenches,
+
+    d(X H)/dt = X ( dH/dt - V x* H ),
+
+so the same observer serves. Torques are held against the base wrench before both are low-passed: where joint
+j sees the contact, r_j - s_j . y is noise at every instant, whatever moves, and so is its low-pass.
+"""
+
+import numpy as np
+
+from contactsense.drive import Drive, friction_torque, unexplained
+from contactsense.observer import Observer, advance, begin
+from kinematics.core import dot6
+from kinematics.model import Model, Motion
+from robots.compiled import kernel
+
+
+@kernel
+def observe_joints(
+    model: Model,
+    drive: Drive,
+    motion: Motion,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    state: Observer,
+    spread: np.ndarray,
+) -> None:
+    """Advance the joints' residuals by one sample.
+
+    Args:
+        model, motion: The arm, and `kinematics.core.move` done for this sample.
+        drive: What the torque signal contains.
+        qd: Joint velocities, shape (n,) [rad/s].
+        torque: Torque that each actuator applies, shape (n,) [Nm].
+        dt: Time since the last sample [s]; 0 starts anew.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, n equations.
+        spread: Changed in place: standard deviation of what model and friction leave of each residual, shape
+            (n,) [Nm].
+    """
+    step = begin(state, dt, bandwidth)
+    for j in range(qd.shape[0]):
+        h, drift = _joint(model, drive, motion, qd, torque, j)
+        advance(state, j, h, drift, step)
+        left = unexplained(drive, j, qd[j])
+        # A lasting error passes the filter as the residual itself does.
+        spread[j] = left + step[0] * (spread[j] - left) if dt > 0.0 else left
+
+
+@kernel
+def _joint(
+    model: Model, drive: Drive, motion: Motion, qd: np.ndarray, torque: np.ndarray, j: int
+) -> tuple[float, float]:
+    """h and drift of joint j, of what its torque signal contains."""
+    s, H = motion.screw[j], motion.momentum[j + 1]
+    weight = dot6(s, motion.gravity[j + 1])
+    h = drive.inertia * (dot6(s, H) + model.rotor_inertia[j] * qd[j])
+    known = drive.inertia * dot6(motion.screw_rate[j], H) + drive.gravity * weight
+    taken = drive.bias[j] + friction_torque(drive, j, qd[j], weight)
+    return h, known + torque[j] - taken
+
+
+@kernel
+def observe_wrench(
+    momentum: np.ndarray,
+    gravity: np.ndarray,
+    wrench: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    state: Observer,
+) -> None:
+    """Advance the residual of a force/torque sensor by one sample, in base axes.
+
+    Args:
+        momentum: Linear and angular momentum of all that the sensor carries, about the base origin, shape
+            (6,).
+        gravity: Gravity wrench on that, shape (6,) [N, Nm].
+        wrench: Wrench of that on the sensor, shape (6,) [N, Nm].
+        dt: Time since the last sample [s]; 0 starts anew.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, six equations.
+    """
+    step = begin(state, dt, bandwidth)
+    for i in range(6):
+        advance(state, i, momentum[i], gravity[i] - wrench[i], step)
+
+
+@kernel
+def observe_in_bodies(
+    motion: Motion, wrench: np.ndarray, dt: float, bandwidth: float, state: Observer
+) -> None:
+    """Advance the residual of the base sensor by one sample, in the frame of every body.
+
+    Args:
+        motion: `kinematics.core.move` done for this sample.
+        wrench: Wrench of the arm on the base sensor, base axes, base origin, shape (6,) [N, Nm].
+        dt: Time since the last sample [s]; 0 starts anew.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, six equations per body, base first.
+    """
+    step = begin(state, dt, bandwidth)
+    H, G = motion.momentum[0], motion.gravity[0]
+    hx, hy, hz, lx, ly, lz = H[0], H[1], H[2], H[3], H[4], H[5]
+    for body in range(motion.rotation.shape[0]):
+        V = motion.twist[body]
+        vx, vy, vz, wx, wy, wz = V[0], V[1], V[2], V[3], V[4], V[5]
+        dx = G[0] - wrench[0] - (wy * hz - wz * hy)
+        dy = G[1] - wrench[1] - (wz * hx - wx * hz)
+        dz = G[2] - wrench[2] - (wx * hy - wy * hx)
+        ex = G[3] - wrench[3] - (wy * lz - wz * ly + vy * hz - vz * hy)
+        ey = G[4] - wrench[4] - (wz * lx - wx * lz + vz * hx - vx * hz)
+        ez = G[5] - wrench[5] - (wx * ly - wy * lx + vx * hy - vy * hx)
+        R, o = motion.rotation[body], motion.origin[body]
+        mx, my, mz = lx - o[1] * hz + o[2] * hy, ly - o[2] * hx + o[0] * hz, lz - o[0] * hy + o[1] * hx
+        ex, ey, ez = ex - o[1] * dz + o[2] * dy, ey - o[2] * dx + o[0] * dz, ez - o[0] * dy + o[1] * dx
+        for i in range(3):
+            a, b, c = R[0, i], R[1, i], R[2, i]
+            at = 6 * body + i
+            advance(state, at, a * hx + b * hy + c * hz, a * dx + b * dy + c * dz, step)
+            advance(state, at + 3, a * mx + b * my + c * mz, a * ex + b * ey + c * ez, step)
+
+
+@kernel
+def from_bodies(motion: Motion, residual: np.ndarray, out: np.ndarray) -> None:
+    """Wrenches in the frames of the bodies -> base axes, about the base origin.
+
+    Args:
+        motion: Poses.
+        residual: Six numbers per body, base first, shape (6 (n + 1),) [N, Nm].
+        out: Filled, shape (n + 1, 6).
+    """
+    for body in range(motion.rotation.shape[0]):
+        R, o = motion.rotation[body], motion.origin[body]
+        r = residual[6 * body : 6 * body + 6]
+        for i in range(3):
+            out[body, i] = R[i, 0] * r[0] + R[i, 1] * r[1] + R[i, 2] * r[2]
+            out[body, i + 3] = R[i, 0] * r[3] + R[i, 1] * r[4] + R[i, 2] * r[5]
+        fx, fy, fz = out[body, 0], out[body, 1], out[body, 2]
+        out[body, 3] += o[1] * fz - o[2] * fy
+        out[body, 4] += o[2] * fx - o[0] * fz
+        out[body, 5] += o[0] * fy - o[1] * fx
+
+
+@kernel
+def observe_match(
+    model: Model,
+    drive: Drive,
+    motion: Motion,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    wrench: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    state: Observer,
+) -> None:
+    """Advance by one sample what each joint's torque has beyond what the base wrench makes it expect.
+
+    Args:
+        model, drive, motion, qd, torque: As for `observe_joints`.
+        wrench: As for `observe_in_bodies`.
+        dt: Time since the last sample that had both [s]; 0 starts anew.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, n equations: low-passed s_j . w_ext - s_j . y_ext.
+    """
+    step = begin(state, dt, bandwidth)
+    H, G = motion.momentum[0], motion.gravity[0]
+    for j in range(qd.shape[0]):
+        h, drift = _joint(model, drive, motion, qd, torque, j)
+        s = motion.screw[j]
+        h -= dot6(s, H)
+        drift -= dot6(motion.screw_rate[j], H) + dot6(s, G) - dot6(s, wrench)
+        advance(state, j, h, drift, step)
+
+
+@kernel
+def observe_wrist_match(
+    motion: Motion,
+    carried: np.ndarray,
+    wrist: np.ndarray,
+    wrench: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    state: Observer,
+) -> None:
+    """The same for the wrist sensor: what it sees beyond the base sensor, base axes, base origin.
+
+    Args:
+        motion: `kinematics.core.move` done for this sample.
+        carried: Momentum and gravity wrench of what the wrist sensor carries, shape (2, 6).
+        wrist, wrench: Wrenches on the wrist sensor and on the base sensor, shape (6,) [N, Nm].
+        dt: Time since the last sample that had both [s]; 0 starts anew.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, six equations.
+    """
+    step = begin(state, dt, bandwidth)
+    for i in range(6):
+        drift = carried[1, i] - wrist[i] - motion.gravity[0, i] + wrench[i]
+        advance(state, i, carried[0, i] - motion.momentum[0, i], drift, step)
