@@ -88,7 +88,7 @@ def exposed_surface(bodies: Bodies, count: int, rng: np.random.Generator) -> np.
     """About `count` points, uniform by area, on the surface of the union, shape (N, 3) [m]."""
     parts, areas = [], []
     for kind, rotation, origin, size in zip(*bodies, strict=True):
-        local, area = _surface(int(kind), size, count, rng)
+        local, area = surface_points(int(kind), size, count, rng)
         parts.append(local @ rotation.T + origin)
         areas.append(area)
     total = sum(areas)
@@ -102,7 +102,9 @@ def exposed_surface(bodies: Bodies, count: int, rng: np.random.Generator) -> np.
     return np.asarray(points[distances(surfaces, points + ROOM * normal)[0] > ROOM / 3.0])
 
 
-def _surface(kind: int, size: np.ndarray, count: int, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+def surface_points(
+    kind: int, size: np.ndarray, count: int, rng: np.random.Generator
+) -> tuple[np.ndarray, float]:
     """Points uniform by area on one primitive, body frame, shape (count * 2, 3), and its area."""
     lead = 2 * count
     if kind == REVOLVED:

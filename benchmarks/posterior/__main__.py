@@ -1,0 +1,86 @@
+"""`python -m benchmarks.posterior`: our answers beside the dense posterior's."""
+
+import json
+from pathlib import Path
+from typing import get_args
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+from benchmarks.cases import MESHES, ROBOTS, TRUTH
+from benchmarks.posterior.dense import Geometry
+from benchmarks.posterior.table import GEOMETRIES, Row, Skins, rows, table
+from service.bench.static_cases import COLUMNS, SENSORS, Detail
+from service.bench.static_points import HALVES, read, select
+
+
+@click.command()
+@click.option("--robot", "robots", multiple=True, default=ROBOTS, help="Arm; may be repeated.")
+@click.option(
+    "--sensors",
+    "kinds",
+    type=click.Choice(list(SENSORS)),
+    multiple=True,
+    default=tuple(SENSORS),
+    help="What is measured; may be repeated.  [default: all of these]",
+)
+@click.option("--contacts", default=500, show_default=True, help="Contacts of each arm.")
+@click.option(
+    "--half",
+    type=click.Choice(list(HALVES)),
+    default="both",
+    show_default=True,
+    help="From which half.",
+)
+@click.option(
+    "--geometry",
+    "geometries",
+    type=click.Choice(list(GEOMETRIES)),
+    multiple=True,
+    default=GEOMETRIES,
+    help="Surface that the posterior samples; may be repeated.  [default: both]",
+)
+@click.option(
+    "--detail", type=click.Choice(get_args(Detail)), default="fine", show_default=True, help="Ours."
+)
+@click.option(
+    "--truth", type=click.Path(exists=True, file_okay=False, path_type=Path), default=TRUTH, help="Contacts."
+)
+@click.option(
+    "--meshes",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    default=MESHES,
+    help="ROBOT/LINK.ply.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def main(
+    robots: tuple[str, ...],
+    kinds: tuple[str, ...],
+    contacts: int,
+    half: str,
+    geometries: tuple[Geometry, ...],
+    detail: Detail,
+    truth: Path,
+    meshes: Path,
+    as_json: bool,
+) -> None:
+    """Compare our answers to the static contacts with the dense posterior's."""
+    found: list[Row] = []
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("comparing", total=len(robots) * len(kinds) * len(COLUMNS))
+        for robot in robots:
+            points = select(select(read(truth, robot), HALVES[half]), slice(contacts))
+            skins = Skins.of(robot, detail, meshes, geometries)
+            for row in rows(points, kinds, detail, meshes, skins):
+                found.append(row)
+                progress.advance(task)
+    if as_json:
+        click.echo(json.dumps({"detail": detail, "half": half, "results": [row.as_json() for row in found]}))
+        return
+    for geometry in geometries:
+        Console(width=150).print(table(found, geometry, detail))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,254 @@
+"""How well one patch of skin explains a wrench: the evidence of a linear Gaussian model, integrated over the
+normal force.
+
+A contact with the normal force F at a patch with outward normal n, tangents t1, t2 and middle c has about c
+the wrench
+
+    w = F (-n, 0) + a1 (t1, 0) + a2 (t2, 0) + xi (0, n) + d1 (0, t1 x f) + d2 (0, t2 x f) + e (0, n x f)
+
+with a1, a2 of standard deviation lean F, xi of lever F (friction and torsion grow with the normal force),
+d1, d2 of the patch's own spread (the contact is anywhere on it) and e of the surface's offset. Given F, and
+with f in the last three terms replaced by what the measurement says of it, w is linear in six Gaussian
+unknowns; they are integrated in closed form, first d1, d2, e, which do not depend on F, then a1, a2, xi,
+three equations for each F. The prior of F is uniform in log F between two bounds; the integral is a sum over
+log F, about the patch's own estimate of F where the measurement fixes it.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robots.compiled import fused_kernel
+
+NODES = 48
+"""Normal forces in the sum over their whole range."""
+SHARP = 0.15
+"""Relative standard deviation of the normal force below which the sum is over its neighbourhood."""
+MARGIN = 30.0
+"""Patches whose log evidence is below that of the best so far by this much are dropped."""
+_ROUNDS = 6
+
+
+class Prior(NamedTuple):
+    """What is known of contacts beforehand."""
+
+    low: float
+    """Least normal force [N]."""
+    high: float
+    """Greatest normal force [N]."""
+    lean: np.ndarray
+    """Standard deviations of tangential over normal force, of which one holds, shape (K,)."""
+    log_share: np.ndarray
+    """Logarithm of how probable each is, shape (K,)."""
+    lever: float
+    """Standard deviation of torsion over normal force [m]."""
+    offset: float
+    """Standard deviation of the real surface's offset along the normal [m]."""
+
+
+@fused_kernel
+def gram(L, w, c, n, f, spread, offset, out):  # type: ignore[no-untyped-def]
+    """Scalar products of the eight columns d1, d2, e, a1, a2, xi, -F and the measurement.
+
+    Args:
+        L: Information matrix of the wrench about the frame's origin, shape (6, 6).
+        w: Measured wrench about the frame's origin, shape (6,).
+        c, n: Middle of the patch and outward normal, shape (3,).
+        f: What is taken for the force in the moment of a displacement, shape (3,).
+        spread, offset: Standard deviations of displacements along and across the patch [m].
+        out: Filled, the eight columns' products in the metric of L, each unknown in units of its prior where
+            that does not depend on F, shape (8, 8).
+
+    Returns:
+        The tangents, six floats.
+    """
+    nx, ny, nz = n[0], n[1], n[2]
+    sign = 1.0 if nz >= 0.0 else -1.0
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    t1 = (1.0 + sign * nx * nx * a, sign * b, -sign * nx)
+    t2 = (b, sign + ny * ny * a, -ny)
+    fx, fy, fz = f[0], f[1], f[2]
+    x, y, z = c[0], c[1], c[2]
+    columns = (
+        _moment(spread, t1[1] * fz - t1[2] * fy, t1[2] * fx - t1[0] * fz, t1[0] * fy - t1[1] * fx),
+        _moment(spread, t2[1] * fz - t2[2] * fy, t2[2] * fx - t2[0] * fz, t2[0] * fy - t2[1] * fx),
+        _moment(offset, ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx),
+        _force(t1[0], t1[1], t1[2], x, y, z),
+        _force(t2[0], t2[1], t2[2], x, y, z),
+        _moment(1.0, nx, ny, nz),
+        _force(nx, ny, nz, x, y, z),
+        (w[0], w[1], w[2], w[3], w[4], w[5]),
+    )
+    for k in range(8):
+        q = columns[k]
+        v0 = (
+            L[0, 0] * q[0]
+            + L[0, 1] * q[1]
+            + L[0, 2] * q[2]
+            + L[0, 3] * q[3]
+            + L[0, 4] * q[4]
+            + L[0, 5] * q[5]
+        )
+        v1 = (
+            L[1, 0] * q[0]
+            + L[1, 1] * q[1]
+            + L[1, 2] * q[2]
+            + L[1, 3] * q[3]
+            + L[1, 4] * q[4]
+            + L[1, 5] * q[5]
+        )
+        v2 = (
+            L[2, 0] * q[0]
+            + L[2, 1] * q[1]
+            + L[2, 2] * q[2]
+            + L[2, 3] * q[3]
+            + L[2, 4] * q[4]
+            + L[2, 5] * q[5]
+        )
+        v3 = (
+            L[3, 0] * q[0]
+            + L[3, 1] * q[1]
+            + L[3, 2] * q[2]
+            + L[3, 3] * q[3]
+            + L[3, 4] * q[4]
+            + L[3, 5] * q[5]
+        )
+        v4 = (
+            L[4, 0] * q[0]
+            + L[4, 1] * q[1]
+            + L[4, 2] * q[2]
+            + L[4, 3] * q[3]
+            + L[4, 4] * q[4]
+            + L[4, 5] * q[5]
+        )
+        v5 = (
+            L[5, 0] * q[0]
+            + L[5, 1] * q[1]
+            + L[5, 2] * q[2]
+            + L[5, 3] * q[3]
+            + L[5, 4] * q[4]
+            + L[5, 5] * q[5]
+        )
+        for i in range(k + 1):
+            p = columns[i]
+            out[k, i] = v0 * p[0] + v1 * p[1] + v2 * p[2] + v3 * p[3] + v4 * p[4] + v5 * p[5]
+            out[i, k] = out[k, i]
+    return t1[0], t1[1], t1[2], t2[0], t2[1], t2[2]
+
+
+@fused_kernel
+def _moment(scale, x, y, z):  # type: ignore[no-untyped-def]
+    return 0.0, 0.0, 0.0, scale * x, scale * y, scale * z
+
+
+@fused_kernel
+def _force(fx, fy, fz, x, y, z):  # type: ignore[no-untyped-def]
+    """Wrench of a unit force at (x, y, z)."""
+    return fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
+
+
+@fused_kernel
+def eliminate(M):  # type: ignore[no-untyped-def]
+    """Integrate the displacements, rows 0 to 2, out of `M` in place; returns half the log determinant."""
+    half = 0.0
+    for k in range(3):
+        pivot = M[k, k] + 1.0
+        half += 0.5 * math.log(pivot)
+        for i in range(k + 1, 8):
+            factor = M[i, k] / pivot
+            for j in range(i, 8):
+                M[j, i] -= factor * M[j, k]
+                M[i, j] = M[j, i]
+    return half
+
+
+@fused_kernel
+def at_force(M, F, lean, lever):  # type: ignore[no-untyped-def]
+    """Log evidence at one normal force, and the parabola of the energy over F if friction kept that scale.
+
+    Args:
+        M: From `eliminate`.
+        F: Normal force [N].
+        lean, lever: Standard deviations over F of tangential force and torsion.
+
+    Returns:
+        The log evidence but for constants, and slope and curvature of the energy at F = 0.
+    """
+    d = 1.0 / (lean * F) ** 2
+    h00 = M[3, 3] + d
+    h11 = M[4, 4] + d
+    h22 = M[5, 5] + 1.0 / (lever * F) ** 2
+    l10 = M[4, 3] / h00
+    l20 = M[5, 3] / h00
+    h11 -= l10 * M[4, 3]
+    e = M[5, 4] - l10 * M[5, 3]
+    l21 = e / h11
+    h22 -= l20 * M[5, 3] + l21 * e
+    # Forward substitution of the columns -F (6) and measurement (7).
+    n0, y0 = M[6, 3], M[7, 3]
+    n1, y1 = M[6, 4] - l10 * n0, M[7, 4] - l10 * y0
+    n2, y2 = M[6, 5] - l20 * n0 - l21 * n1, M[7, 5] - l20 * y0 - l21 * y1
+    curvature = M[6, 6] - n0 * n0 / h00 - n1 * n1 / h11 - n2 * n2 / h22
+    slope = M[7, 6] - n0 * y0 / h00 - n1 * y1 / h11 - n2 * y2 / h22
+    rest = M[7, 7] - y0 * y0 / h00 - y1 * y1 / h11 - y2 * y2 / h22
+    energy = 0.5 * (rest + F * (2.0 * slope + F * curvature))
+    log_det = math.log(h00 * h11 * h22) - 2.0 * math.log(d) + 2.0 * math.log(lever * F)
+    return -energy - 0.5 * log_det, slope, curvature
+
+
+@fused_kernel
+def over_force(M, prior, start, least):  # type: ignore[no-untyped-def]
+    """Log evidence of a patch, integrated over all normal forces, and its own estimate of the normal force.
+
+    Args:
+        M: From `eliminate`.
+        prior: What is known beforehand.
+        start: First guess of the normal force [N].
+        least: Patches below this are of no interest: they get -inf.
+    """
+    total = -math.inf
+    best, best_F = -math.inf, start
+    log_range = math.log(prior.high / prior.low)
+    for k in range(prior.lean.shape[0]):
+        lean, share = prior.lean[k], prior.log_share[k]
+        F = start
+        value, slope, curvature = at_force(M, F, lean, prior.lever)
+        for _ in range(_ROUNDS):
+            G = min(max(-slope / curvature, prior.low), prior.high) if curvature > 0.0 else prior.high
+            near = (G - F) ** 2 * curvature < 0.1
+            F = G
+            value, slope, curvature = at_force(M, F, lean, prior.lever)
+            if near:
+                break
+        if value + share < least:
+            continue
+        if value + share > best:
+            best, best_F = value + share, F
+        sd = 1.0 / (F * math.sqrt(curvature)) if curvature > 0.0 else math.inf
+        inside = F * math.exp(4.0 * sd) < prior.high and F * math.exp(-4.0 * sd) > prior.low
+        if sd < SHARP and inside:
+            part = _sum(M, prior, lean, math.log(F) - 4.0 * sd, sd, 9)
+        else:
+            step = log_range / NODES
+            part = _sum(M, prior, lean, math.log(prior.low) + 0.5 * step, step, NODES)
+        total = _add(total, part + share)
+    return total - math.log(log_range), best_F
+
+
+@fused_kernel
+def _sum(M, prior, lean, first, step, count):  # type: ignore[no-untyped-def]
+    """Log of the integral over log F by equal steps."""
+    total = -math.inf
+    for i in range(count):
+        total = _add(total, at_force(M, math.exp(first + i * step), lean, prior.lever)[0])
+    return total + math.log(step)
+
+
+@fused_kernel
+def _add(a, b):  # type: ignore[no-untyped-def]
+    """Log of the sum of two numbers given by their logarithms, the second finite."""
+    if a == -math.inf:
+        return b
+    return max(a, b) + math.log1p(math.exp(-math.fabs(a - b)))

@@ -1,0 +1,162 @@
+"""Dense samples of the links' surfaces, each standing for a small patch: of primitives or of meshes."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense import Scene
+from contactsense.arm import build_arm
+from robots import Robot
+from robots.fitting.measure import surface_points
+from robots.fitting.sources import read_arm
+from robots.posing import joint_pose
+from robots.skin import outer_skin
+from robots.surface import Surfaces
+from robots.union import distances
+
+SPACING = 0.004
+"""Edge of a patch, about [m]."""
+DENSITY = 16
+"""Points that a patch of a primitive is made from, about."""
+MESH_DENSITY = 5
+"""The same of a mesh, where each point costs two hundred rays."""
+ANGLES = 120
+"""Joint angles at which it is noted what a neighbouring link covers."""
+ROOM = 0.005
+"""What has less room than this above it, as a neighbour stands there, cannot be touched [m]."""
+
+
+class Samples(NamedTuple):
+    """S patches of all links of an arm, link by link."""
+
+    point: np.ndarray
+    """In the middle of each patch, link frame, shape (S, 3) [m]."""
+    normal: np.ndarray
+    """Outward unit normal there, shape (S, 3)."""
+    area: np.ndarray
+    """Area of each patch, shape (S,) [m^2]."""
+    spread: np.ndarray
+    """Standard deviation of places on the patch about `point`, each tangent direction, shape (S,) [m]."""
+    covered: np.ndarray
+    """Whether the link before (0) or after (1) leaves no room, by that joint's angle from -pi to pi, shape
+    (S, 2, ANGLES), bool."""
+    start: np.ndarray
+    """First sample of each link, and their number at the end, shape (links + 1,), int64."""
+
+
+def of_primitives(scene: Scene, spacing: float = SPACING, seed: int = 0) -> Samples:
+    """Surface of each link's union of primitives, at the scene's level of detail."""
+    rng = np.random.default_rng(seed)
+    surfaces = build_arm(scene).surfaces
+    return _gather(
+        scene.robot,
+        surfaces,
+        [_union(surfaces, link, spacing, rng) for link in range(len(scene.link_names))],
+        spacing,
+    )
+
+
+def of_meshes(scene: Scene, folder: Path, spacing: float = SPACING, seed: int = 0) -> Samples:
+    """Outer skin of each link's mesh, see `robots.skin`; neighbours are taken as their primitives.
+
+    Args:
+        scene: Of an arm without tool.
+        folder: Meshes, LINK.ply.
+        spacing: Edge of a patch [m].
+        seed: Of the points.
+    """
+    robot, meshes = read_arm(scene.robot.name, folder)
+    parts = []
+    for link in robot.link_names:
+        mesh = meshes[link]
+        skin = outer_skin(mesh, count=int(MESH_DENSITY * mesh.area / spacing**2), seed=seed)
+        parts.append((skin.points, skin.normals, skin.area / len(skin.points)))
+    return _gather(scene.robot, build_arm(scene).surfaces, parts, spacing)
+
+
+def _union(
+    surfaces: Surfaces, link: int, spacing: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Points uniform by area on the union of a link's primitives, their normals, and the area of each."""
+    per_point = spacing**2 / DENSITY
+    points = []
+    for p in range(surfaces.start[link], surfaces.start[link + 1]):
+        area = surface_points(int(surfaces.kind[p]), surfaces.size[p], 1, rng)[1]
+        count = int(area / per_point)
+        local = surface_points(int(surfaces.kind[p]), surfaces.size[p], count // 2 + 1, rng)[0][:count]
+        points.append(local @ surfaces.rotation[p].T + surfaces.origin[p])
+    if not points:
+        return np.zeros((0, 3)), np.zeros((0, 3)), per_point
+    all_points = np.concatenate(points)
+    distance, _, normal = distances(surfaces, all_points, link)
+    outside = distance > -1e-6
+    return all_points[outside], normal[outside], per_point
+
+
+def _gather(
+    robot: Robot,
+    surfaces: Surfaces,
+    parts: list[tuple[np.ndarray, np.ndarray, float]],
+    spacing: float,
+) -> Samples:
+    patches = [_patches(points, normals, area, spacing) for points, normals, area in parts]
+    covered = [_covered(robot, surfaces, link, patch[0], patch[1]) for link, patch in enumerate(patches)]
+    return Samples(
+        point=np.concatenate([patch[0] for patch in patches]),
+        normal=np.concatenate([patch[1] for patch in patches]),
+        area=np.concatenate([patch[2] for patch in patches]),
+        spread=np.concatenate([patch[3] for patch in patches]),
+        covered=np.concatenate(covered),
+        start=np.concatenate(([0], np.cumsum([len(patch[0]) for patch in patches]))).astype(np.int64),
+    )
+
+
+def _patches(
+    points: np.ndarray, normals: np.ndarray, area: float, spacing: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Gather points that lie in one cube and face one way: the point nearest to their mean stands for them.
+
+    Returns:
+        Points, normals, areas and standard deviations of the patches.
+    """
+    if len(points) == 0:
+        return points, normals, np.zeros(0), np.zeros(0)
+    axis = np.argmax(np.abs(normals), axis=1)
+    facing = 2 * axis + (np.take_along_axis(normals, axis[:, None], axis=1)[:, 0] > 0.0)
+    cell = np.column_stack((np.floor(points / spacing).astype(np.int64), facing))
+    _, patch, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    patch = patch.ravel()
+    mean = np.stack([np.bincount(patch, points[:, i]) for i in range(3)], axis=1) / count[:, None]
+    away = np.linalg.norm(points - mean[patch], axis=1)
+    order = np.lexsort((away, patch))
+    middle = order[np.concatenate(([0], np.cumsum(count)[:-1]))]
+    offset = points - points[middle][patch]
+    height = (offset * normals[middle][patch]).sum(axis=1)
+    across = (offset**2).sum(axis=1) - height**2
+    spread = np.sqrt(np.bincount(patch, across) / count / 2.0)
+    return points[middle], normals[middle], area * count, spread
+
+
+def _covered(
+    robot: Robot, surfaces: Surfaces, link: int, points: np.ndarray, normals: np.ndarray
+) -> np.ndarray:
+    """See `Samples.covered`; links beyond the last joint have no neighbours."""
+    covered = np.zeros((len(points), 2, ANGLES), dtype=bool)
+    above = points + ROOM * normals
+    reach = np.linalg.norm(surfaces.origin, axis=1) + surfaces.radius
+    for k in range(ANGLES):
+        angle = (k + 0.5) * 2.0 * np.pi / ANGLES - np.pi
+        for side, neighbour in enumerate((link - 1, link + 1)):
+            if not 0 <= neighbour < len(robot.links) or link >= len(robot.links):
+                continue
+            pose = joint_pose(robot.joints[min(link, neighbour)], angle)
+            # Seen from the neighbour: the joint carries the later one of the two.
+            seen = pose if side == 0 else np.linalg.inv(pose)
+            own = slice(surfaces.start[neighbour], surfaces.start[neighbour + 1])
+            if own.start == own.stop:
+                continue
+            there = above @ seen[:3, :3].T + seen[:3, 3]
+            near = np.flatnonzero(np.linalg.norm(there, axis=1) <= reach[own].max())
+            covered[near, side, k] = distances(surfaces, there[near], neighbour)[0] < 0.0
+    return covered

@@ -1,0 +1,158 @@
+"""How near our answers are to the best possible: errors, link decisions and time as ratios to the dense
+posterior's."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+from rich.table import Table
+
+from benchmarks.cases import Case, Score, answer, cases, score
+from benchmarks.method import Located
+from benchmarks.posterior.dense import Dense, Geometry
+from benchmarks.posterior.samples import Samples, of_meshes, of_primitives
+from contactsense import Scene
+from service.bench.static_cases import COLUMNS, Detail, Noise
+from service.bench.static_points import StaticPoints
+
+AMBIGUOUS = 0.05
+"""An answer is ambiguous where so much of the probability lies on other links."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Our answers and the dense posterior's to one case."""
+
+    robot: str
+    sensors: str
+    noise: Noise
+    contacts: int
+    ours: Score
+    dense: dict[Geometry, Score]
+    ambiguous: dict[Geometry, float]
+
+    def ratios(self, geometry: Geometry) -> tuple[float, float, float, float]:
+        """Median, 95 % quantile, link decisions in points, time: ours to the dense posterior's."""
+        best = self.dense[geometry]
+        return (
+            self.ours.median / best.median,
+            self.ours.p95 / best.p95,
+            100.0 * (self.ours.link_right - best.link_right),
+            self.ours.seconds / best.seconds,
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain numbers."""
+        return {
+            "robot": self.robot,
+            "sensors": self.sensors,
+            "noise": self.noise._asdict(),
+            "contacts": self.contacts,
+            "ours": self.ours._asdict(),
+            "dense": {geometry: best._asdict() for geometry, best in self.dense.items()},
+            "ambiguous": self.ambiguous,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Skins:
+    """Dense samples of one arm, made once for all cases."""
+
+    samples: dict[Geometry, Samples]
+
+    @classmethod
+    def of(cls, robot: str, detail: Detail, meshes: Path, geometries: Sequence[Geometry]) -> "Skins":
+        """Sample an arm: its primitives as coarse or fine as `detail`, its meshes in folder ROBOT."""
+        scene = Scene(robot=robot, detail="coarse" if detail == "coarse" else "fine")
+        samples: dict[Geometry, Samples] = {}
+        for geometry in geometries:
+            meshed = geometry == "meshes"
+            samples[geometry] = of_meshes(scene, meshes / robot) if meshed else of_primitives(scene)
+        return cls(samples)
+
+
+def rows(
+    points: StaticPoints,
+    sensors: Sequence[str],
+    detail: Detail,
+    meshes: Path,
+    skins: Skins,
+    columns: Sequence[Noise] = COLUMNS,
+) -> Iterator[Row]:
+    """Compare on all cases of some contacts."""
+    for case in cases(points, columns, sensors, detail, meshes):
+        yield compare(case, skins)
+
+
+def compare(case: Case, skins: Skins) -> Row:
+    """Both on one case."""
+    found, seconds = answer(Located(case.scene), case)
+    dense: dict[Geometry, Score] = {}
+    ambiguous: dict[Geometry, float] = {}
+    for geometry, samples in skins.samples.items():
+        answers, time = answer(Dense(case.scene, geometry, samples=samples), case)
+        dense[geometry] = score(answers, case.points, time)
+        assert answers.link_probability is not None
+        ambiguous[geometry] = float((answers.link_probability.max(axis=1) < 1.0 - AMBIGUOUS).mean())
+    return Row(
+        robot=case.points.robot,
+        sensors=case.sensors,
+        noise=case.noise,
+        contacts=len(case.q),
+        ours=score(found, case.points, seconds),
+        dense=dense,
+        ambiguous=ambiguous,
+    )
+
+
+def table(found: Sequence[Row], geometry: Geometry, detail: Detail) -> Table:
+    """One line a case."""
+    contacts = found[0].contacts
+    drawn = Table(
+        title=f"ours ({detail}) beside the dense posterior on {geometry}, {contacts} contacts an arm",
+        caption=(
+            "error median / 95 % in mm, failures included; points: our link decisions less the dense "
+            f"posterior's; time: of one of its answers; ambiguous: over {100 * AMBIGUOUS:.0f} % of its "
+            "probability lies on other links"
+        ),
+    )
+    for name in ("arm", "sensors", "noise N / Nm / Nm"):
+        drawn.add_column(name, no_wrap=True)
+    for name in (
+        "ours: link",
+        "error",
+        "dense: link",
+        "error",
+        "ambiguous",
+        "ratio",
+        "points",
+        "time: dense",
+        "ratio",
+    ):
+        drawn.add_column(name, justify="right", no_wrap=True)
+    for row in found:
+        best = row.dense[geometry]
+        median, p95, links, time = row.ratios(geometry)
+        drawn.add_row(
+            row.robot,
+            row.sensors,
+            str(row.noise),
+            f"{100 * row.ours.link_right:.1f} %",
+            _mm(row.ours),
+            f"{100 * best.link_right:.1f} %",
+            _mm(best),
+            f"{100 * row.ambiguous[geometry]:.1f} %",
+            f"{median:.2f} / {p95:.2f}",
+            f"{links:+.1f}",
+            f"{1e3 * best.seconds:.1f} ms",
+            f"1/{1 / time:.0f}",
+        )
+    return drawn
+
+
+def _mm(found: Score) -> str:
+    return f"{1e3 * found.median:.2f} / {1e3 * found.p95:.1f}"
+
+
+GEOMETRIES: tuple[Geometry, ...] = get_args(Geometry)
