@@ -14,6 +14,7 @@ from benchmarks.posterior.weigh import (
     displaced,
     gathered,
     mean_about,
+    middle,
     most_gathered,
     normalise,
     weigh,
@@ -29,11 +30,14 @@ from robots.compiled import fused_kernel
 LEAST_FORCE, GREATEST_FORCE = 1.0, 300.0
 """Range of the normal force [N], its logarithm uniform."""
 Geometry = Literal["primitives", "meshes"]
-Rule = Literal["map", "link", "gathered", "mean"]
+Rule = Literal["map", "link", "gathered", "mean", "middle"]
 """What is answered: `map`: the densest patch of all; `link`: the densest patch of the most probable link;
-`gathered`: on that link, the place with the most probability within 20 mm; `mean`: the mean of that
-probability's place."""
-_RULES = ("map", "link", "gathered", "mean")
+`gathered`: on that link, the place with the most probability within 20 mm; `mean`: the mean place of that
+probability; `middle`: the mean place of the probability about the patch of that link whose expected distance
+from the contact is least."""
+_RULES = ("map", "link", "gathered", "mean", "middle")
+_PROBES = 400
+"""Patches that stand for a posterior where distances to all of it are asked for."""
 
 
 def prior_of(scene: Scene, offset: float) -> Prior:
@@ -103,6 +107,7 @@ class Dense:
         self._state = (empty_motion(joints), empty_hypotheses(links))
         self._scratch = (np.zeros(6), np.zeros((6, 6)), np.zeros((8, 8)), np.zeros((6, 6)), np.zeros(6))
         self._work = empty_work()
+        self._probes = (np.zeros(_PROBES, np.int64), np.zeros(_PROBES, np.int64), np.zeros((_PROBES, 3)))
         count = len(samples.area)
         self._field = (np.zeros(count), np.zeros(count), np.zeros(count))
 
@@ -169,6 +174,7 @@ class Dense:
             rule,
             *self._scratch,
             self._work,
+            *self._probes,
             *self._field,
             point,
             force,
@@ -196,6 +202,9 @@ def _answer(
     H: np.ndarray,
     g: np.ndarray,
     work: tuple[np.ndarray, ...],
+    probe: np.ndarray,
+    owner: np.ndarray,
+    probe_place: np.ndarray,
     density: np.ndarray,
     weight: np.ndarray,
     normal_force: np.ndarray,
@@ -208,8 +217,8 @@ def _answer(
     place(arm.model, q, motion)
     no_wrist = np.zeros(6)
     isolate(
-        arm.sensors, motion.screw, wrench, has_base, torque, has_torque, no_wrist, False, no_wrist[:3], 1.0,
-        hypotheses,
+        arm.sensors, motion.screw, wrench, has_base, torque, torque, arm.sensors.torque_variance, has_torque,
+        no_wrist, no_wrist, False, no_wrist[:3], 1.0, hypotheses,
     )  # fmt: skip
     weigh(
         samples, arm.touchable, q, motion, hypotheses, has_base, prior, local_w, local_L, work, M, density,
@@ -223,7 +232,12 @@ def _answer(
     first, last = samples.start[link], samples.start[link + 1]
     if rule == 0:
         first, last = 0, density.shape[0]
-    at = most_gathered(samples, density, weight, first, last) if rule >= 2 else densest(density, first, last)
+    if rule == 4:
+        at = middle(samples, weight, first, last, motion, probe, owner, probe_place)
+    elif rule >= 2:
+        at = most_gathered(samples, density, weight, first, last)
+    else:
+        at = densest(density, first, last)
     if at < 0:
         return -1, 0.0
     if rule == 0:
@@ -234,7 +248,7 @@ def _answer(
     R, o = motion.rotation[link], motion.origin[link]
     view(hypotheses.wrench[link], hypotheses.information[link], R, o, local_w, local_L, work)
     local = np.empty(3)
-    if rule == 3:
+    if rule >= 3:
         mean_about(
             samples, weight, normal_force, first, last, at, has_base, prior, local_w, local_L, M, H, g, local
         )

@@ -220,3 +220,39 @@ def mean_about(samples, weight, force, first, last, at, aimed, prior, local_w, l
                 out[i] += weight[s] * place[i]
     for i in range(3):
         out[i] /= total
+
+
+@fused_kernel
+def middle(samples, weight, first, last, motion, probe, owner, place):  # type: ignore[no-untyped-def]
+    """The patch among some that is nearest, on average, to wherever the contact may be; -1 if none.
+
+    Args:
+        samples, weight: All patches and their probabilities.
+        first, last: Patches that may be answered.
+        motion: Poses of the links.
+        probe, owner, place: Scratch: patches that stand for the posterior, each for the same probability, the
+            links that carry them, and where they are; shapes (K,), (K,) and (K, 3).
+    """
+    count = probe.shape[0]
+    total, found, link = 0.0, 0, 0
+    for s in range(weight.shape[0]):
+        while samples.start[link + 1] <= s:
+            link += 1
+        total += weight[s]
+        while found < count and total > (found + 0.5) / count:
+            probe[found], owner[found] = s, link
+            c, R, o = samples.point[s], motion.rotation[link], motion.origin[link]
+            for i in range(3):
+                place[found, i] = o[i] + R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2]
+            found += 1
+    best, least = -1, math.inf
+    for a in range(found):
+        if not first <= probe[a] < last or (a > 0 and probe[a] == probe[a - 1]):
+            continue
+        away = 0.0
+        for b in range(found):
+            dx, dy, dz = place[a, 0] - place[b, 0], place[a, 1] - place[b, 1], place[a, 2] - place[b, 2]
+            away += math.sqrt(dx * dx + dy * dy + dz * dz)
+        if away < least:
+            best, least = probe[a], away
+    return best

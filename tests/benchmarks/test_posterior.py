@@ -163,7 +163,7 @@ def test_answers_to_ground_truth(coarse: Samples, sensors: str, share: float) ->
     assert answers.link_probability.sum(axis=1) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("rule", ["map", "link", "gathered", "mean"])
+@pytest.mark.parametrize("rule", ["map", "link", "gathered", "mean", "middle"])
 def test_every_rule_answers_near_the_densest_patch_where_all_is_clear(coarse: Samples, rule: str) -> None:
     case = next(static_cases("ur5e", COLUMNS[:1], ["all"], "coarse", slice(0, 20), shared("truth")))
     method = Dense(case.scene, "primitives", rule=rule, samples=coarse)  # type: ignore[arg-type]
