@@ -46,26 +46,12 @@ class Arm(NamedTuple):
 
 def build_arm(scene: Scene) -> Arm:
     """Arrays for the kernels."""
-    robot = scene.robot
-    flange_rotation, flange_origin = robot.flange_rotation, robot.flange_translation
-    tool = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
-    if scene.tool is not None:
-        tool = move_inertia(scene.tool.inertia, flange_rotation, flange_origin)
-    weighed = scene.inertia or {}
-    inertia = [weighed[x.name].inertia if x.name in weighed else x.inertia for x in robot.links]
-    inertia[-1] = join_inertia(inertia[-1], tool)
-    carried = Robot(
-        name=robot.name,
-        links=tuple(Link(link.name, body) for link, body in zip(robot.links, inertia, strict=True)),
-        joints=robot.joints,
-    )
-    model = build_model(carried)
+    flange_rotation, flange_origin = scene.robot.flange_rotation, scene.robot.flange_translation
+    tool = carried_tool(scene)
     torque = scene.joint_torque or JointTorqueSensor()
-    if torque.rotor_inertia is not None:
-        model = model._replace(rotor_inertia=np.array(torque.rotor_inertia))
     wrist = scene.wrist_wrench or WrenchSensor()
     return Arm(
-        model=model,
+        model=carried_model(scene),
         surfaces=_surfaces(scene),
         sensors=_sensors(scene),
         prior=Prior(lean=scene.friction / 2.0, lever=scene.torsion, offset=scene.surface_error),
@@ -78,8 +64,32 @@ def build_arm(scene: Scene) -> Arm:
         tool_inertia=tool.tensor,
         wrist_rotation=flange_rotation @ wrist.rotation,
         wrist_origin=flange_rotation @ np.array(wrist.translation) + flange_origin,
-        drive=make_drive(torque, len(robot.joints)),
+        drive=make_drive(torque, len(scene.robot.joints)),
     )
+
+
+def carried_tool(scene: Scene) -> Inertia:
+    """What is mounted on the flange, in the last link's frame; nothing at all where there is no tool."""
+    if scene.tool is None:
+        return Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    return move_inertia(scene.tool.inertia, scene.robot.flange_rotation, scene.robot.flange_translation)
+
+
+def carried_model(scene: Scene) -> Model:
+    """Kinematics and inertia of the scene's arm, the tool joined to the last link."""
+    robot = scene.robot
+    weighed = scene.inertia or {}
+    inertia = [weighed[x.name].inertia if x.name in weighed else x.inertia for x in robot.links]
+    inertia[-1] = join_inertia(inertia[-1], carried_tool(scene))
+    carried = Robot(
+        name=robot.name,
+        links=tuple(Link(link.name, body) for link, body in zip(robot.links, inertia, strict=True)),
+        joints=robot.joints,
+    )
+    model = build_model(carried)
+    if scene.joint_torque is not None and scene.joint_torque.rotor_inertia is not None:
+        model = model._replace(rotor_inertia=np.array(scene.joint_torque.rotor_inertia))
+    return model
 
 
 def _surfaces(scene: Scene) -> Surfaces:

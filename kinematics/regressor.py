@@ -129,10 +129,26 @@ def parameters_of(inertia: Inertia) -> np.ndarray:
     return np.array([m, *(m * c), xx, xy, yy, xz, yz, zz])
 
 
+def bodies_of(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Masses, centres of mass and inertia tensors about them, for inertial parameters of shape (k, 10).
+
+    Returns:
+        Shapes (k,), (k, 3), (k, 3, 3). Parameters that no real body has are taken as they are.
+    """
+    m = parameters[:, 0].copy()
+    safe = np.where(np.abs(m) > 1e-9, m, 1.0)[:, None]
+    c = np.where(np.abs(m[:, None]) > 1e-9, parameters[:, 1:4] / safe, 0.0)
+    xx, xy, yy, xz, yz, zz = parameters[:, 4:].T
+    about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+    square = np.einsum("ki,ki->k", c, c)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
+    return m, c, about_origin - m[:, None, None] * square
+
+
 def inertia_of(parameters: np.ndarray) -> Inertia:
-    """The body that has these ten inertial parameters, shape (10,)."""
-    m, first = float(parameters[0]), np.asarray(parameters[1:4], dtype=float)
-    c = first / m if m > 0.0 else np.zeros(3)
-    xx, xy, yy, xz, yz, zz = parameters[4:]
-    about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Inertia(m, c, about_origin - m * ((c @ c) * np.eye(3) - np.outer(c, c)))
+    """The body that has these ten inertial parameters, shape (10,).
+
+    Raises:
+        ValueError: the mass is negative.
+    """
+    mass, com, tensor = bodies_of(parameters[None])
+    return Inertia(float(mass[0]), com[0], tensor[0])
