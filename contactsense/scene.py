@@ -160,8 +160,13 @@ class Scene(BaseModel):
     @property
     def gravity_base(self) -> np.ndarray:
         """Gravity in base axes [m/s^2], shape (3,)."""
+        return np.asarray(self.orientation.inv().apply([0.0, 0.0, -self.gravity]))
+
+    @property
+    def orientation(self) -> Rotation:
+        """How the base stands in the world."""
         rpy = _MOUNTINGS[self.mounting] if isinstance(self.mounting, str) else self.mounting
-        return np.asarray(Rotation.from_euler("xyz", rpy).inv().apply([0.0, 0.0, -self.gravity]))
+        return Rotation.from_euler("xyz", rpy)
 
 
 def _has_one_per_joint(place: str, part: BaseModel, joints: int) -> None:

@@ -85,6 +85,8 @@ def arm_regressor(
     model: Model,
     motion: Motion,
     gravity: np.ndarray,
+    joint_gravity: float,
+    joint_inertia: float,
     joint_momentum: np.ndarray,
     joint_drift: np.ndarray,
     base_momentum: np.ndarray,
@@ -96,6 +98,8 @@ def arm_regressor(
     Args:
         model, motion: The arm, with its poses, screws and twists.
         gravity: In base axes, (3,) [m/s^2].
+        joint_gravity, joint_inertia: Factors on gravity and on momenta in the joints' equations: 0 for a
+            torque signal from which they have been taken off.
         joint_momentum: Filled, (n, n + 1, 10): generalized momentum p_j = s_j . H_j, without rotors.
         joint_drift: Filled, (n, n + 1, 10): (ds_j/dt) . H_j + s_j . G_j.
         base_momentum: Filled, (6, n + 1, 10): H_0.
@@ -116,8 +120,9 @@ def arm_regressor(
                 drift = 0.0
                 for i in range(6):
                     momentum += motion.screw[j, i] * H[i, c]
-                    drift += motion.screw_rate[j, i] * H[i, c] + motion.screw[j, i] * G[i, c]
-                joint_momentum[j, k, c] = momentum
+                    drift += joint_inertia * motion.screw_rate[j, i] * H[i, c]
+                    drift += joint_gravity * motion.screw[j, i] * G[i, c]
+                joint_momentum[j, k, c] = joint_inertia * momentum
                 joint_drift[j, k, c] = drift
 
 

@@ -13,7 +13,8 @@ from contactsense.calibration.parameters import PER_JOINT, Entry, Group, moved
 from contactsense.calibration.plant import Plant
 from contactsense.calibration.residuals import GAP, residuals
 from contactsense.calibration.stretch import Stretch
-from contactsense.observer import empty_observer, observe_wrench
+from contactsense.drive import Drive
+from contactsense.observer import Observer, advance, begin, empty_observer
 from kinematics.core import move
 from kinematics.model import Model, Motion, empty_motion
 from kinematics.regressor import PARAMETERS, arm_regressor
@@ -21,6 +22,9 @@ from robots.compiled import kernel
 
 _SMALL: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "payload": 1e-3}
 """Steps for parameters that do not enter linearly, in units of their plausible size."""
+_STANDSTILL = 0.5
+_STANDSTILL_PATH = 2e-3
+"""A joint that has moved less than this [rad] within so many seconds stands still."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ def linearize(
     """
     joints = stretch.q.shape[1]
     here = residuals(plant, stretch, bandwidth)
-    keep = slice(_settled(stretch, bandwidth), None, every)
+    keep = slice(settled(stretch, bandwidth), None, every)
     slopes: list[tuple[int, np.ndarray, int | None]] = []
     done: set[Group] = set()
     for number, entry in enumerate(chosen):
@@ -101,7 +105,7 @@ def linearize(
     return rows
 
 
-def _settled(stretch: Stretch, bandwidth: float) -> int:
+def settled(stretch: Stretch, bandwidth: float) -> int:
     """First sample at which the observer has settled after its start."""
     return int(np.searchsorted(stretch.t, stretch.t[0] + 5.0 / (2.0 * np.pi * bandwidth)))
 
@@ -134,6 +138,7 @@ def _of_joints(
 @kernel
 def _observe_links(
     model: Model,
+    drive: Drive,
     motion: Motion,
     gravity: np.ndarray,
     t: np.ndarray,
@@ -141,37 +146,58 @@ def _observe_links(
     qd: np.ndarray,
     bandwidth: float,
     gap: float,
-    weights: np.ndarray,
+    state: Observer,
+    momentum: np.ndarray,
+    drift: np.ndarray,
+    scratch: np.ndarray,
+    start: int,
+    every: int,
     out: np.ndarray,
 ) -> None:
-    """Low-passed change of every equation per inertial parameter: the observer, fed with columns."""
-    joints, links = q.shape[1], model.mass.shape[0]
-    momentum, drift = np.empty((joints + 6, links, 10)), np.empty((joints + 6, links, 10))
-    size = momentum.size
-    state_h, state_d, state_r = np.zeros(size), np.zeros(size), np.zeros(size)
-    scratch = np.empty(3)
+    """The observer, fed with the columns of the regressor in place of momenta and drifts."""
+    joints = q.shape[1]
+    row = 0
     for i in range(t.shape[0]):
         dt = 0.0 if i == 0 else t[i] - t[i - 1]
-        if dt > gap:
-            dt = 0.0
+        step = begin(state, 0.0 if dt > gap else dt, bandwidth)
         move(model, q[i], qd[i], gravity, motion)
         arm_regressor(
-            model, motion, gravity, momentum[:joints], drift[:joints], momentum[joints:], drift[joints:],
-            scratch,
+            model, motion, gravity, drive.gravity, drive.inertia,
+            momentum[:joints], drift[:joints], momentum[joints:], drift[joints:], scratch,
         )  # fmt: skip
-        for j in range(joints):
-            momentum[j] *= weights[0]
-            for k in range(links):
-                for c in range(10):
-                    drift[j, k, c] = weights[0] * drift[j, k, c]
-        forget = np.exp(-2.0 * np.pi * bandwidth * dt)
-        flat_h, flat_d = momentum.reshape(size), drift.reshape(size)
-        for e in range(size):
-            if dt > 0.0:
-                external = (flat_h[e] - state_h[e]) / dt - 0.5 * (flat_d[e] + state_d[e])
-                state_r[e] += (1.0 - forget) * (external - state_r[e])
-            else:
-                state_r[e] = 0.0
-            state_h[e] = flat_h[e]
-            state_d[e] = flat_d[e]
-        out[i] = state_r.reshape(joints + 6, links, 10)
+        e = 0
+        for r in range(momentum.shape[0]):
+            for k in range(momentum.shape[1]):
+                for c in range(momentum.shape[2]):
+                    advance(state, e, momentum[r, k, c], drift[r, k, c], step)
+                    e += 1
+        if i >= start and (i - start) % every == 0:
+            out[row] = state.residual
+            row += 1
+
+
+def _of_links(
+    plant: Plant, stretch: Stretch, links: list[tuple[int, Entry]], bandwidth: float, keep: slice
+) -> list[tuple[int, np.ndarray, int | None]]:
+    """Columns of all links' inertial parameters, in one pass."""
+    joints = stretch.q.shape[1]
+    shape = (joints + 6, joints + 1, PARAMETERS)
+    rows = len(range(*keep.indices(len(stretch.t))))
+    out = np.empty((rows, int(np.prod(shape))))
+    _observe_links(
+        plant.model, plant.drive, empty_motion(joints), plant.gravity, stretch.t, stretch.q, stretch.qd,
+        bandwidth, GAP, empty_observer(out.shape[1]), np.empty(shape), np.empty(shape), np.empty(3),
+        keep.start, keep.step, out,
+    )  # fmt: skip
+    columns = out.reshape(rows, *shape)
+    return [(number, columns[:, :, entry.index[0], entry.index[1]], None) for number, entry in links]
+
+
+def _moving(stretch: Stretch) -> np.ndarray:
+    """Whether each joint has moved within the last half second, shape (N, n), bool.
+
+    A joint that stands still holds any torque up to Coulomb friction: its samples say nothing.
+    """
+    ago = np.searchsorted(stretch.t, stretch.t - _STANDSTILL)
+    path = np.vstack((np.zeros(stretch.q.shape[1]), np.cumsum(np.abs(np.diff(stretch.q, axis=0)), axis=0)))
+    return np.asarray(path - path[ago] > _STANDSTILL_PATH)

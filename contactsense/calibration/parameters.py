@@ -32,11 +32,11 @@ GROUPS: tuple[Group, ...] = get_args(Group)
 
 PER_JOINT: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "gain")
 NOT_NEGATIVE: tuple[Group, ...] = ("coulomb", "viscous", "rotor", "load", "lubricant")
-OPTIONAL: tuple[Group, ...] = ("load", "lubricant", "gain", "payload", "tilt", "turn", "shift", "delay")
+ON_DEMAND: tuple[Group, ...] = ("load", "lubricant")
 """Groups that stay as they are where the data do not ask for a change."""
 
 _AXES = ("x", "y", "z")
-_INERTIAL = ("mass", *(f"mass x com {a}" for a in _AXES), *(f"I{a}" for a in ("xx xy yy xz yz zz".split())))
+_INERTIAL = ("mass", "mass x com x", "mass x com y", "mass x com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
 @dataclass(frozen=True)

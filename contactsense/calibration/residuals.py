@@ -5,7 +5,8 @@ import numpy as np
 from contactsense.calibration.plant import Plant
 from contactsense.calibration.stretch import Stretch
 from contactsense.drive import Drive
-from contactsense.observer import Observer, empty_observer, observe_joints, observe_wrench
+from contactsense.equations import observe_joints, observe_wrench
+from contactsense.observer import Observer, empty_observer
 from kinematics.core import move
 from kinematics.model import Model, Motion, empty_motion
 from robots.compiled import kernel

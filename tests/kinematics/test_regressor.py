@@ -21,7 +21,7 @@ def _regressors(q: np.ndarray, qd: np.ndarray):  # type: ignore[no-untyped-def]
     move(MODEL, q, qd, GRAVITY, motion)
     shapes = ((6, 7, PARAMETERS),) * 4
     rows = [np.empty(shape) for shape in shapes]
-    arm_regressor(MODEL, motion, GRAVITY, *rows, np.empty(3))
+    arm_regressor(MODEL, motion, GRAVITY, 1.0, 1.0, *rows, np.empty(3))
     return motion, rows
 
 
