@@ -32,6 +32,8 @@ class Drive(NamedTuple):
     """Viscous friction [Nms/rad]."""
     lubricant: np.ndarray
     """Friction of the lubricant [Nm]."""
+    friction_error: np.ndarray
+    """Relative error of friction, standard deviation."""
     rest_variance: np.ndarray
     """Variance of what is unexplained at rest, beyond `model_variance` [Nm^2]."""
     model_variance: np.ndarray
@@ -56,6 +58,7 @@ def make_drive(sensor: JointTorqueSensor, joints: int) -> Drive:
         load=frictional * per_joint(f.load, joints),
         viscous=frictional * per_joint(f.viscous, joints),
         lubricant=frictional * per_joint(f.lubricant, joints),
+        friction_error=per_joint(f.error, joints),
         rest_variance=per_joint(f.rest_error, joints) ** 2,
         model_variance=per_joint(sensor.model_error, joints) ** 2,
         velocity=f.velocity,
@@ -77,7 +80,15 @@ def friction_torque(drive: Drive, j: int, qd: float, gravity_torque: float) -> f
 
 
 @kernel
-def unexplained(drive: Drive, j: int, qd: float) -> float:
-    """Standard deviation of what model and friction leave of joint j's torque at velocity qd [Nm]."""
+def unexplained(drive: Drive, j: int, qd: float, friction: float) -> float:
+    """Standard deviation of what model and friction leave of joint j's torque [Nm].
+
+    Args:
+        drive, j: The joint.
+        qd: Its velocity [rad/s].
+        friction: What `friction_torque` says of it [Nm].
+    """
     x = qd / drive.rest_velocity
-    return math.sqrt(drive.model_variance[j] + drive.rest_variance[j] / (1.0 + x * x) ** 2)
+    changed = drive.friction_error[j] * friction
+    rest = drive.rest_variance[j] / (1.0 + x * x) ** 2
+    return math.sqrt(drive.model_variance[j] + rest + changed * changed)

@@ -49,7 +49,8 @@ def observe_joints(
     for j in range(qd.shape[0]):
         h, drift = _joint(model, drive, motion, qd, torque, j)
         advance(state, j, h, drift, step)
-        left = unexplained(drive, j, qd[j])
+        friction = friction_torque(drive, j, qd[j], dot6(motion.screw[j], motion.gravity[j + 1]))
+        left = unexplained(drive, j, qd[j], friction)
         # A lasting error passes the filter as the residual itself does.
         spread[j] = left + step[0] * (spread[j] - left) if dt > 0.0 else left
 

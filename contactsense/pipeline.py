@@ -122,7 +122,7 @@ def rest(
     for j in range(q.shape[0]):
         own = arm.drive.bias[j] - arm.drive.gravity * dot6(motion.screw[j], motion.gravity[j + 1])
         memory.torque[j] = (0.0 if external else own) - torque[j]
-        memory.unexplained[j] = unexplained(arm.drive, j, 0.0)
+        memory.unexplained[j] = unexplained(arm.drive, j, 0.0, 0.0)
     for i in range(6):
         memory.base_wrench[i] = base_wrench[i] - (0.0 if external else motion.gravity[0, i])
         memory.wrist_wrench[i] = wrist_wrench[i] - (0.0 if external else memory.carried[1, i])

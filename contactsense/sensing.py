@@ -104,6 +104,8 @@ class Friction(Part):
     """Width of the smooth sign [rad/s]."""
     lubricant_velocity: PositiveFloat = 0.2
     """Velocity at which the lubricant's friction levels off [rad/s]."""
+    error: Number = 0.0
+    """How far friction is from this formula on another day: relative, standard deviation. Oil gets warm."""
     rest_error: Number = 0.0
     """How far friction at rest and at reversals is from this formula, standard deviation [Nm]: a joint at
     rest holds any torque up to Coulomb friction."""

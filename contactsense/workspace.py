@@ -124,10 +124,12 @@ def _drive(f, a, n):  # type: ignore[no-untyped-def]
     load, a = _take1(f, a, n)
     viscous, a = _take1(f, a, n)
     lubricant, a = _take1(f, a, n)
+    friction_error, a = _take1(f, a, n)
     rest_variance, a = _take1(f, a, n)
     model_variance, a = _take1(f, a, n)
     drive = Drive(
-        gravity, inertia, bias, coulomb, load, viscous, lubricant, rest_variance, model_variance,
+        gravity, inertia, bias, coulomb, load, viscous, lubricant, friction_error,
+        rest_variance, model_variance,
         f[a], f[a + 1], f[a + 2],
     )  # fmt: skip
     return drive, a + 3

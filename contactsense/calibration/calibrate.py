@@ -27,7 +27,7 @@ from contactsense.calibration.parameters import (
     value,
 )
 from contactsense.calibration.plant import Plant
-from contactsense.calibration.residuals import residuals
+from contactsense.calibration.residuals import friction, residuals
 from contactsense.calibration.result import Calibration, Value, level, scene_of
 from contactsense.calibration.spread import Spread, spread_of
 from contactsense.calibration.stretch import Stretch
@@ -127,7 +127,7 @@ def calibrate(
         every = work.every
         warnings = doubts(scene, compare_meanings(scene, stretches, scene.bandwidth, every)) + warnings
         warnings += [
-            f"{joint.name} never stood still or turned round: its uncertainty at rest is a guess from friction"
+            f"{joint.name} never stood still or turned round: its uncertainty there is guessed from friction"
             for joint, rest in zip(scene.robot.joints, spread.rest_error, strict=True)
             if np.isnan(rest)
         ]
@@ -216,7 +216,8 @@ def _check(scene: Scene, stretches: list[Stretch]) -> None:
     for stretch in stretches:
         if stretch.q.shape[1] != joints:
             raise CalibrationError(
-                f"{stretch.name}: expected {joints} joints as {scene.robot.name} has, got {stretch.q.shape[1]}"
+                f"{stretch.name}: expected {joints} joints, as {scene.robot.name} has, "
+                f"got {stretch.q.shape[1]}"
             )
         if stretch.seconds < 2.0:
             raise CalibrationError(f"{stretch.name}: expected at least 2 s, got {stretch.seconds:.2g} s")
@@ -263,9 +264,10 @@ def _noise(
     gain = noise_gain(bandwidth, dt)
     spread, wrench = None, (np.nan, np.nan)
     pairs = list(zip(stretches, left, strict=True))
-    own = [(r[:, :joints], s.qd[-len(r) :]) for s, r in pairs if s.torque is not None]
+    own = [(s, r[:, :joints]) for s, r in pairs if s.torque is not None]
     if own:
-        spread = spread_of(np.vstack([r for r, _ in own]), np.vstack([qd for _, qd in own]), dt, gain)
+        rubbing = [friction(plant, s)[-len(r) :] for s, r in own]
+        spread = spread_of([r for _, r in own], [s.qd[-len(r) :] for s, r in own], rubbing, dt, gain)
     base = [r[:, joints:] for s, r in pairs if s.reading is not None]
     if base:
         sensor = plant.scene.base_wrench

@@ -66,8 +66,9 @@ def fit(rows: list[Rows], prior: np.ndarray, offset: np.ndarray, free: np.ndarra
         left = [row.residual + row.slope @ step[row.columns] for row in rows]
         _scale(left, weights, rows, sigma)
         for i, row in enumerate(rows):
-            ratio = _HUBER * sigma[row.channel] / np.maximum(np.abs(left[i]), 1e-300)
-            weights[i] = row.moving * np.minimum(1.0, ratio)
+            if row.moving.any():
+                ratio = _HUBER * sigma[row.channel] / np.maximum(np.abs(left[i]), 1e-300)
+                weights[i] = row.moving * np.minimum(1.0, ratio)
         covariances = _autocovariances(left, weights, rows, channels)
         if iteration < 2:
             tau = np.array([_correlation_time(c) for c in covariances])

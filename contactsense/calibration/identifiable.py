@@ -49,10 +49,12 @@ def excited(
 
 def _marginal(information: np.ndarray, size: np.ndarray, own: np.ndarray, rest: np.ndarray) -> np.ndarray:
     """Scaled information about `own`, the `rest` being known no better than their prior and the data tell."""
-    scaled = information * np.outer(size, size)
-    inner = scaled[np.ix_(own, own)]
+    scaled: np.ndarray = information * np.outer(size, size)
+    inner: np.ndarray = scaled[np.ix_(own, own)]
     if not len(rest):
         return inner
     cross = scaled[np.ix_(own, rest)]
     known = scaled[np.ix_(rest, rest)] + np.eye(len(rest))
-    return np.asarray(inner - cross @ np.linalg.solve(known, cross.T))
+    learned: np.ndarray = cross @ np.linalg.solve(known, cross.T)
+    marginal: np.ndarray = inner - learned
+    return marginal

@@ -97,7 +97,7 @@ def linearize(
                 channel,
                 here[keep, channel],
                 np.array([number for number, _ in own], dtype=np.int64),
-                np.array([column for _, column in own]).reshape(len(own), -1).T.copy(),
+                np.array([column for _, column in own]).reshape(len(own), len(here[keep])).T.copy(),
                 moving[:, channel] if channel < joints else np.ones(len(moving), dtype=bool),
                 dt,
             )

@@ -4,10 +4,10 @@ import numpy as np
 
 from contactsense.calibration.plant import Plant
 from contactsense.calibration.stretch import Stretch
-from contactsense.drive import Drive
+from contactsense.drive import Drive, friction_torque
 from contactsense.equations import observe_joints, observe_wrench
 from contactsense.observer import Observer, empty_observer
-from kinematics.core import move
+from kinematics.core import dot6, move
 from kinematics.model import Model, Motion, empty_motion
 from robots.compiled import kernel
 
@@ -69,3 +69,27 @@ def residuals(plant: Plant, stretch: Stretch, bandwidth: float) -> np.ndarray:
         wrench, bandwidth, GAP, empty_observer(n), empty_observer(6), np.zeros(n), of_joints, of_base,
     )  # fmt: skip
     return np.hstack((of_joints, of_base))
+
+
+@kernel
+def _rub(
+    model: Model,
+    drive: Drive,
+    motion: Motion,
+    gravity: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    for i in range(q.shape[0]):
+        move(model, q[i], qd[i], gravity, motion)
+        for j in range(q.shape[1]):
+            out[i, j] = friction_torque(drive, j, qd[i, j], dot6(motion.screw[j], motion.gravity[j + 1]))
+
+
+def friction(plant: Plant, stretch: Stretch) -> np.ndarray:
+    """What the plant's formula says of friction at every sample, shape (N, n) [Nm]."""
+    out = np.empty_like(stretch.q)
+    n = stretch.q.shape[1]
+    _rub(plant.model, plant.drive, empty_motion(n), plant.gravity, stretch.q, stretch.qd, out)
+    return out

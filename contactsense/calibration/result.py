@@ -127,6 +127,7 @@ def _torque(plant: Plant, sensor: JointTorqueSensor, changed: set[str], spread: 
         lubricant=tuple(_round(plant.lubricant)),
         velocity=plant.velocity,
         lubricant_velocity=plant.lubricant_velocity,
+        error=tuple(_round(spread.friction_error)),
         rest_error=tuple(_round(rest)),
         rest_velocity=spread.rest_velocity,
     )

@@ -19,6 +19,9 @@ _REST_VELOCITIES = (0.01, 0.02, 0.05, 0.1, 0.2)
 """Candidates for the velocity below which friction is uncertain [rad/s]."""
 _FEW = 200
 """From fewer samples no tail is taken."""
+_OTHER_DAY = 0.1
+"""Friction on another day, relative standard deviation, as long as no recordings say otherwise: what the
+viscosity of a gear's grease does over a few degrees."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +30,10 @@ class Spread:
 
     noise: np.ndarray
     """Of one sample [Nm], shape (n,)."""
+    friction_error: np.ndarray
+    """Of friction from one recording to another, relative, shape (n,)."""
     model_error: np.ndarray
-    """Of what is unexplained in motion [Nm], shape (n,)."""
+    """Of what is unexplained in motion beyond that [Nm], shape (n,)."""
     rest_error: np.ndarray
     """Of what is unexplained at rest and reversals, beyond that [Nm], shape (n,); NaN where the joint was
     never there."""
@@ -36,55 +41,87 @@ class Spread:
     """Velocity below which `rest_error` counts [rad/s]."""
 
 
-def spread_of(residual: np.ndarray, qd: np.ndarray, dt: float, gain: float) -> Spread:
-    """Noise and model error of the joints.
+def spread_of(
+    residual: list[np.ndarray], qd: list[np.ndarray], friction: list[np.ndarray], dt: float, gain: float
+) -> Spread:
+    """Noise and model error of the joints, from one or more recordings.
 
     Args:
-        residual: Of all joints, settled, shape (N, n) [Nm].
-        qd: Joint velocities, shape (N, n) [rad/s].
+        residual: Of all joints, settled, one recording each, shape (N, n) [Nm].
+        qd: Joint velocities, alike [rad/s].
+        friction: What the friction formula says, alike [Nm].
         dt: Sample time [s].
         gain: Variance of the residual over that of white noise in one sample.
     """
-    width = max(3, round(_SLOW / dt))
-    slow = uniform_filter1d(residual, width, axis=0)
-    fast = residual - slow
-    noise = np.maximum(1.4826 * np.median(np.abs(fast), axis=0), 1e-6) / np.sqrt(gain)
+    slow = [uniform_filter1d(part, max(3, round(_SLOW / dt)), axis=0) for part in residual]
+    error = _between_recordings(residual, friction)
+    all_, mean = np.vstack(residual), np.vstack(slow)
+    speed = np.abs(np.vstack(qd))
+    noise = np.maximum(1.4826 * np.median(np.abs(all_ - mean), axis=0), 1e-6) ** 2
+    known = noise + (error * np.vstack(friction)) ** 2
     best: tuple[float, Spread] | None = None
     for velocity in _REST_VELOCITIES:
-        found = _at(residual, slow, qd, noise**2 * gain, velocity)
-        spread = Spread(noise, *found, velocity)
-        rest = np.nan_to_num(spread.rest_error) ** 2 / (1.0 + (qd / velocity) ** 2) ** 2
-        variance = noise**2 * gain + spread.model_error**2 + rest
-        score = float(np.mean(residual**2 / variance + np.log(variance)))
+        model, rest = _levels(all_, mean, speed, known, known - noise, velocity)
+        found = Spread(np.sqrt(noise / gain), error, model, rest, velocity)
+        variance = known + model**2 + np.nan_to_num(rest) ** 2 / (1.0 + (speed / velocity) ** 2) ** 2
+        score = float(np.mean(all_**2 / variance + np.log(variance)))
         if best is None or score < best[0]:
-            best = (score, spread)
+            best = (score, found)
     assert best is not None
     return best[1]
 
 
-def _at(
-    residual: np.ndarray, slow: np.ndarray, qd: np.ndarray, noise: np.ndarray, velocity: float
+def _between_recordings(residual: list[np.ndarray], friction: list[np.ndarray]) -> np.ndarray:
+    """By how much friction differs from one recording to another, relative: root mean square of the factors
+    that explain most of each recording's residual. One recording tells nothing of that: see `_OTHER_DAY`."""
+    factors = [
+        np.sum(r * f, axis=0) / np.maximum(np.sum(f**2, axis=0), 1e-12)
+        for r, f in zip(residual, friction, strict=True)
+        if np.sum(f**2) > 0.0
+    ]
+    if not factors:
+        return np.zeros(residual[0].shape[1])
+    # The fit has spent one freedom on the factors' mean; the prior is worth as much as two recordings.
+    squares = np.sum(np.square(factors), axis=0) + 2.0 * _OTHER_DAY**2
+    return np.asarray(np.sqrt(squares / (len(factors) - 1.0 + 2.0)))
+
+
+def _levels(
+    residual: np.ndarray,
+    slow: np.ndarray,
+    speed: np.ndarray,
+    known: np.ndarray,
+    slow_known: np.ndarray,
+    velocity: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Model error in motion and at rest, for that limit between the two; `noise`: variance in the
-    residual."""
+    """Model error in motion and at rest, for that limit between the two; `known` and `slow_known`: variance
+    of the residual and of its slow part that has other reasons, shape (N, n)."""
     joints = residual.shape[1]
     model, rest = np.empty(joints), np.full(joints, np.nan)
     for j in range(joints):
-        moving = np.abs(qd[:, j]) > 3.0 * velocity
-        low = np.abs(qd[:, j]) < velocity
+        moving, low = speed[:, j] > 3.0 * velocity, speed[:, j] < velocity
         chosen = moving if moving.sum() >= _FEW else ~low
         if not chosen.any():
-            chosen = np.ones(len(qd), dtype=bool)
-        model[j] = np.sqrt(max(np.mean(slow[chosen, j] ** 2), _tail(residual[chosen, j]) - noise[j], 0.0))
+            chosen = np.ones(len(speed), dtype=bool)
+        usual = np.mean(slow[chosen, j] ** 2) - np.mean(slow_known[chosen, j])
+        model[j] = np.sqrt(max(usual, _beyond(residual[chosen, j], known[chosen, j]), 0.0))
         if low.any():
-            total = max(np.mean(residual[low, j] ** 2), _tail(residual[low, j]))
-            # A quarter of the full variance is left at the limit itself, more below: on average about half.
-            rest[j] = np.sqrt(2.0 * max(total - noise[j] - model[j] ** 2, 0.0))
+            total = max(
+                np.mean(residual[low, j] ** 2) - np.mean(known[low, j]),
+                _beyond(residual[low, j], known[low, j]),
+            )
+            # At the limit itself a quarter of the full variance is left: on average about half.
+            rest[j] = np.sqrt(2.0 * max(total - model[j] ** 2, 0.0))
     return model, rest
 
 
-def _tail(values: np.ndarray) -> float:
-    """Variance that puts the measured tail where a Gaussian has it; zero for few values."""
+def _beyond(values: np.ndarray, known: np.ndarray) -> float:
+    """Variance that must come to the known one for the tail to be a Gaussian's; zero for few values."""
     if len(values) < _FEW:
         return 0.0
-    return float(np.quantile(np.abs(values), _TAIL) / _TAIL_SIGMA) ** 2
+    low, high = 0.0, float(np.max(values**2))
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        heavy = np.mean(np.abs(values) > _TAIL_SIGMA * np.sqrt(known + middle)) > 1.0 - _TAIL
+        low, high = (middle, high) if heavy else (low, middle)
+    return high

@@ -86,9 +86,17 @@ def test_friction_acts_against_the_motion_and_grows_with_it() -> None:
 
 def test_reversals_are_less_certain_than_motion() -> None:
     drive = make_drive(_sensor(model_error=0.5), JOINTS)
-    assert unexplained(drive, 0, 0.0) == pytest.approx(np.hypot(3.0, 0.5))
-    assert unexplained(drive, 0, 1.0) == pytest.approx(0.5, abs=1e-2)
-    assert unexplained(drive, 0, -0.02) == unexplained(drive, 0, 0.02)
+    assert unexplained(drive, 0, 0.0, 0.0) == pytest.approx(np.hypot(3.0, 0.5))
+    assert unexplained(drive, 0, 1.0, 0.0) == pytest.approx(0.5, abs=1e-2)
+    assert unexplained(drive, 0, -0.02, 0.0) == unexplained(drive, 0, 0.02, 0.0)
+
+
+def test_friction_that_changes_from_day_to_day_is_less_certain_the_more_there_is() -> None:
+    drive = make_drive(
+        _sensor(friction=FRICTION.model_copy(update={"error": 0.1, "rest_error": 0.0})), JOINTS
+    )
+    assert unexplained(drive, 0, 1.0, 20.0) == pytest.approx(2.0)
+    assert unexplained(drive, 0, -1.0, -20.0) == pytest.approx(2.0)
 
 
 def test_what_is_unexplained_widens_the_variance_beyond_the_noise() -> None:

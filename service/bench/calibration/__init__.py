@@ -1,0 +1,1 @@
+"""Calibration on simulated recordings whose truth is known."""

@@ -1,0 +1,129 @@
+"""Calibration finds what a simulated recording was made of, and says what it cannot find."""
+
+import numpy as np
+import pytest
+
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.calibration import Calibration, CalibrationError, Settings, Stretch, calibrate
+from contactsense.calibration.harmonics import Harmonics
+from contactsense.sensing import Friction
+from robots.tool import Tool
+from service.bench.calibration.simulate import simulate
+from tests.plain_arm import plain_ur5e
+
+CENTER = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
+FRICTION = Friction(
+    coulomb=(8.0, 7.0, 4.0, 1.5, 1.2, 1.0), viscous=(10.0, 9.0, 5.0, 2.0, 1.5, 1.0), velocity=0.05
+)
+TORQUE = JointTorqueSensor(
+    friction=FRICTION,
+    rotor_inertia=(3.0, 2.5, 1.5, 0.4, 0.3, 0.3),
+    bias=(0.5, -0.4, 0.3, -0.2, 0.1, 0.05),
+    noise=(1.0, 1.0, 0.8, 0.3, 0.3, 0.3),
+)
+WRENCH = WrenchSensor(
+    bias=(12.0, -7.0, 20.0, 1.0, -2.0, 0.5), rpy=(0.02, -0.03, 0.2), delay=0.004, force_noise=0.5
+)
+TRUTH = Scene(
+    robot=plain_ur5e(),
+    joint_torque=TORQUE,
+    base_wrench=WRENCH,
+    tool=Tool(mass=1.5, com=(0.01, -0.02, 0.06)),
+    mounting=(0.01, -0.015, 0.0),
+)
+SEARCHED = Scene(
+    robot=plain_ur5e(),
+    joint_torque=JointTorqueSensor(friction=Friction(velocity=0.05)),
+    base_wrench=WrenchSensor(rpy=(0.0, 0.0, 0.2)),
+)
+
+
+def _motion(seconds: float = 20.0, still: tuple[int, ...] = ()) -> Harmonics:
+    speed = np.array([0.0 if j in still else 0.7 for j in range(6)])
+    return Harmonics.draw(np.random.default_rng(4), CENTER, speed, 8, seconds)
+
+
+@pytest.fixture(scope="module")
+def found() -> Calibration:
+    settings = Settings(
+        ("payload", "bias", "coulomb", "viscous", "rotor", "wrench_bias", "tilt", "turn", "delay"),
+        widths=False,
+    )
+    return calibrate(SEARCHED, [simulate(TRUTH, _motion(), 1, 250.0)], settings)
+
+
+def test_what_was_estimated_is_true_within_its_uncertainty(found: Calibration) -> None:
+    truth = {
+        "coulomb": FRICTION.coulomb,
+        "viscous": FRICTION.viscous,
+        "rotor": TORQUE.rotor_inertia,
+        "bias": TORQUE.bias,
+        "wrench_bias": WRENCH.bias,
+        "payload": (1.5, 0.015, -0.03, 0.09),
+    }
+    scores = []
+    for value in found.values:
+        if value.entry.group in truth:
+            expected = np.asarray(truth[value.entry.group])[value.entry.index]
+            assert value.kept == "", value.entry.name
+            assert value.std > 0.0
+            scores.append((value.after - expected) / value.std)
+        if value.entry.group == "delay":
+            assert value.after == pytest.approx(WRENCH.delay, abs=4.0 * value.std)
+    # 34 standard normals: the largest is beyond 4 once in 500 sets, their square's mean beyond 2 in 10,000.
+    assert np.abs(scores).max() < 4.0
+    assert np.mean(np.square(scores)) < 2.0
+
+
+def test_its_scene_explains_the_recording(found: Calibration) -> None:
+    assert np.all(found.after.rms < 0.2 * found.before.rms)
+    np.testing.assert_allclose(found.scene.gravity_base, TRUTH.gravity_base, atol=0.02)
+    assert found.scene.base_wrench is not None
+    np.testing.assert_allclose(found.scene.base_wrench.rotation, WRENCH.rotation, atol=2e-3)
+    assert found.scene.tool is not None
+    assert found.scene.tool.mass == pytest.approx(1.5, abs=0.05)
+    assert found.scene.joint_torque is not None
+    # The fast part of the residual, and little else.
+    np.testing.assert_allclose(found.scene.joint_torque.noise, TORQUE.noise, rtol=0.15)
+    again = Scene.model_validate(found.scene.model_dump() | {"robot": plain_ur5e()})
+    assert again.joint_torque == found.scene.joint_torque
+
+
+def test_a_joint_that_does_not_move_is_named_and_kept() -> None:
+    stretch = simulate(TRUTH, _motion(10.0, still=(5,)), 2, 100.0)
+    result = calibrate(SEARCHED, [stretch], Settings(("bias", "coulomb", "viscous", "rotor"), widths=False))
+    kept = {value.entry.name for value in result.values if value.kept}
+    last = SEARCHED.robot.joints[5].name
+    assert kept == {f"{group} of {last}" for group in ("bias", "coulomb", "viscous", "rotor")}
+    assert any(f"coulomb of {last}: not excited" in warning for warning in result.warnings)
+    assert all(value.after == value.before for value in result.values if value.kept)
+
+
+@pytest.mark.parametrize("meaning", ["gravity_free", "external"])
+def test_a_wrong_meaning_of_the_torque_signal_is_said(meaning: str) -> None:
+    other = TRUTH.model_copy(update={"joint_torque": TORQUE.model_copy(update={"meaning": meaning})})
+    stretch = simulate(other, _motion(8.0), 3, 100.0)
+    result = calibrate(SEARCHED, [stretch], Settings(("bias", "coulomb", "viscous", "rotor"), widths=False))
+    assert f"joint_torque.meaning: {meaning}" in result.warnings[0]
+
+
+def test_a_wrong_sign_of_the_torque_signal_is_said() -> None:
+    stretch = simulate(TRUTH, _motion(8.0), 3, 100.0)
+    assert stretch.torque is not None
+    turned = Stretch(stretch.t, stretch.q, stretch.qd, -stretch.torque)
+    result = calibrate(SEARCHED, [turned], Settings(("bias", "coulomb", "viscous", "rotor"), widths=False))
+    assert "joint_torque.sign: on_arm" in result.warnings[0]
+
+
+def test_what_cannot_serve_is_refused() -> None:
+    with pytest.raises(CalibrationError, match="at least one recording"):
+        calibrate(SEARCHED, [])
+    q = np.zeros((500, 6))
+    with pytest.raises(CalibrationError, match="nothing: expected joint torques or base wrenches"):
+        calibrate(SEARCHED, [Stretch(np.arange(500) * 0.01, q, q, name="nothing")])
+    with pytest.raises(CalibrationError, match=r"brief: expected at least 2 s, got 0\.9"):
+        calibrate(SEARCHED, [Stretch(np.arange(91) * 0.01, q[:91], q[:91], q[:91], name="brief")])
+    with pytest.raises(ValueError, match="rough: torque: expected finite numbers, got nan"):
+        Stretch(np.arange(500) * 0.01, q, q, np.full((500, 6), np.nan), name="rough")
+    with pytest.raises(ValueError, match="twice: t: expected 500 rising times"):
+        Stretch(np.zeros(500), q, q, name="twice")
