@@ -73,7 +73,7 @@ class Dense:
         scene: Scene,
         geometry: Geometry = "meshes",
         meshes: Path | None = None,
-        rule: Rule = "mean",
+        rule: Rule = "middle",
         prior: Prior | None = None,
         samples: Samples | None = None,
         spacing: float = SPACING,
@@ -141,14 +141,16 @@ class Dense:
         return Posterior(density, weight, force, link_probability)
 
     def level(self, found: Posterior, link: int, q: np.ndarray, point_base: np.ndarray) -> float:
-        """Probability of all patches more probable, per area, than the one nearest to a place on a link."""
+        """Probability of all patches more probable, per area, than a place on a link: than the densest patch
+        within `SPACING` of it, as at an edge the nearest one may face another way; 1 where there is none."""
         motion = self._state[0]
         place(self._arm.model, q, motion)
         local = (point_base - motion.origin[link]) @ motion.rotation[link]
         own = slice(self.samples.start[link], self.samples.start[link + 1])
-        nearest = own.start + int(np.argmin(((self.samples.point[own] - local) ** 2).sum(axis=1)))
-        higher = found.density > found.density[nearest]
-        return float(found.weight[higher].sum())
+        near = np.linalg.norm(self.samples.point[own] - local, axis=1) <= SPACING
+        if not near.any():
+            return 1.0
+        return float(found.weight[found.density > found.density[own][near].max()].sum())
 
     def _one(
         self,
