@@ -141,15 +141,13 @@ class Dense:
         return Posterior(density, weight, force, link_probability)
 
     def level(self, found: Posterior, link: int, q: np.ndarray, point_base: np.ndarray) -> float:
-        """Probability of all patches more probable, per area, than a place on a link: than the densest patch
-        within `SPACING` of it, as at an edge the nearest one may face another way; 1 where there is none."""
+        """Probability of all patches more probable, per area, than a place on a link: than the densest of the
+        five patches nearest to it, as at an edge the nearest one may face another way."""
         motion = self._state[0]
         place(self._arm.model, q, motion)
         local = (point_base - motion.origin[link]) @ motion.rotation[link]
         own = slice(self.samples.start[link], self.samples.start[link + 1])
-        near = np.linalg.norm(self.samples.point[own] - local, axis=1) <= SPACING
-        if not near.any():
-            return 1.0
+        near = np.argsort(((self.samples.point[own] - local) ** 2).sum(axis=1))[:5]
         return float(found.weight[found.density > found.density[own][near].max()].sum())
 
     def _one(
