@@ -17,12 +17,12 @@ from benchmarks.posterior.weigh import (
     middle,
     most_gathered,
     normalise,
+    turn,
     weigh,
 )
 from contactsense import Scene
 from contactsense.arm import Arm, build_arm
 from contactsense.isolation import Hypotheses, empty_hypotheses, isolate
-from contactsense.refine import empty_work, view
 from kinematics.core import place
 from kinematics.model import Motion, empty_motion
 from robots.compiled import fused_kernel
@@ -106,7 +106,7 @@ class Dense:
         joints, links = self._arm.model.joints, len(self._arm.touchable)
         self._state = (empty_motion(joints), empty_hypotheses(links))
         self._scratch = (np.zeros(6), np.zeros((6, 6)), np.zeros((8, 8)), np.zeros((6, 6)), np.zeros(6))
-        self._work = empty_work()
+        self._turn = np.zeros((6, 6))
         self._probes = (np.zeros(_PROBES, np.int64), np.zeros(_PROBES, np.int64), np.zeros((_PROBES, 3)))
         count = len(samples.area)
         self._field = (np.zeros(count), np.zeros(count), np.zeros(count))
@@ -173,7 +173,7 @@ class Dense:
             torque is not None,
             rule,
             *self._scratch,
-            self._work,
+            self._turn,
             *self._probes,
             *self._field,
             point,
@@ -201,7 +201,7 @@ def _answer(
     M: np.ndarray,
     H: np.ndarray,
     g: np.ndarray,
-    work: tuple[np.ndarray, ...],
+    T: np.ndarray,
     probe: np.ndarray,
     owner: np.ndarray,
     probe_place: np.ndarray,
@@ -221,7 +221,7 @@ def _answer(
         no_wrist, no_wrist, False, no_wrist[:3], 1.0, hypotheses,
     )  # fmt: skip
     weigh(
-        samples, arm.touchable, q, motion, hypotheses, has_base, prior, local_w, local_L, work, M, density,
+        samples, arm.touchable, q, motion, hypotheses, has_base, prior, local_w, local_L, T, M, density,
         normal_force,
     )  # fmt: skip
     normalise(samples, density, weight, link_probability)
@@ -246,7 +246,7 @@ def _answer(
             link += 1
         first, last = samples.start[link], samples.start[link + 1]
     R, o = motion.rotation[link], motion.origin[link]
-    view(hypotheses.wrench[link], hypotheses.information[link], R, o, local_w, local_L, work)
+    turn(hypotheses.wrench[link], hypotheses.information[link], R, o, T, local_w, local_L)
     local = np.empty(3)
     if rule >= 3:
         mean_about(

@@ -8,13 +8,44 @@ from benchmarks.posterior.evidence import MARGIN, Prior, eliminate, gram, over_f
 from benchmarks.posterior.samples import Samples
 from contactsense.isolation import Hypotheses
 from contactsense.ldl import solve
-from contactsense.refine import view
 from kinematics.model import Motion
 from robots.compiled import fused_kernel
 
 PATCH = 0.02
 """Radius about a place within which probability is gathered for an answer [m]."""
 _PICKS = 24
+
+
+@fused_kernel
+def turn(w, L, R, o, T, local_w, local_L):  # type: ignore[no-untyped-def]
+    """Bring a wrench and its information matrix from the base frame into a link's.
+
+    Args:
+        w, L: About the base origin, base axes, shapes (6,) and (6, 6).
+        R, o: Axes (columns) and origin of the link, shapes (3, 3) and (3,).
+        T: Scratch: from a wrench in the link's frame to one in the base's, shape (6, 6).
+        local_w, local_L: Filled.
+    """
+    for k in range(3):
+        a, b, c = R[0, k], R[1, k], R[2, k]
+        for i in range(3):
+            T[i, k] = R[i, k]
+            T[i, k + 3] = 0.0
+            T[i + 3, k + 3] = R[i, k]
+        T[3, k], T[4, k], T[5, k] = o[1] * c - o[2] * b, o[2] * a - o[0] * c, o[0] * b - o[1] * a
+    x, y, z = o[0], o[1], o[2]
+    mx, my, mz = w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0]
+    for k in range(3):
+        local_w[k] = R[0, k] * w[0] + R[1, k] * w[1] + R[2, k] * w[2]
+        local_w[k + 3] = R[0, k] * mx + R[1, k] * my + R[2, k] * mz
+    for i in range(6):
+        for k in range(i + 1):
+            total = 0.0
+            for a in range(6):
+                for b in range(6):
+                    total += T[a, i] * L[a, b] * T[b, k]
+            local_L[i, k] = total
+            local_L[k, i] = total
 
 
 @fused_kernel
@@ -28,7 +59,7 @@ def weigh(
     prior: Prior,
     local_w: np.ndarray,
     local_L: np.ndarray,
-    work: tuple[np.ndarray, ...],
+    T: np.ndarray,
     M: np.ndarray,
     density: np.ndarray,
     force: np.ndarray,
@@ -46,7 +77,7 @@ def weigh(
             continue
         own = -hypotheses.energy[link]
         R, o = motion.rotation[link], motion.origin[link]
-        view(hypotheses.wrench[link], hypotheses.information[link], R, o, local_w, local_L, work)
+        turn(hypotheses.wrench[link], hypotheses.information[link], R, o, T, local_w, local_L)
         # Standard deviation of the measured force, at most.
         P = hypotheses.covariance[link]
         slack = math.sqrt(P[0, 0] + P[1, 1] + P[2, 2])

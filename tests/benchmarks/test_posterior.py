@@ -6,13 +6,14 @@ import math
 import numpy as np
 import pytest
 from rich.console import Console
+from scipy.spatial.transform import Rotation
 
 from benchmarks.cases import answer, score, static_cases
 from benchmarks.posterior.dense import Dense, prior_of
 from benchmarks.posterior.evidence import Prior, eliminate, gram, over_force
 from benchmarks.posterior.samples import Samples, of_primitives
 from benchmarks.posterior.table import Skins, rows, table
-from benchmarks.posterior.weigh import displaced
+from benchmarks.posterior.weigh import displaced, turn
 from contactsense import Scene
 from service.bench.static_cases import COLUMNS
 from service.bench.static_points import read, select
@@ -124,6 +125,19 @@ def test_the_place_on_a_patch_is_the_mean_of_its_displacements() -> None:
     )
     gain = 0.00115**2 / (0.00115**2 + (0.01 / 20.0) ** 2)
     assert place == pytest.approx(gain * at, rel=1e-3, abs=1e-9)
+
+
+def test_a_wrench_is_brought_into_a_links_frame_with_its_information() -> None:
+    """The energy of any other wrench stays what it was."""
+    rng = np.random.default_rng(4)
+    R, o = Rotation.random(rng=rng).as_matrix(), rng.normal(size=3)
+    root = rng.normal(size=(6, 6))
+    w, other = rng.normal(size=(2, 6))
+    local_w, local_L = np.zeros(6), np.zeros((6, 6))
+    turn(w, root @ root.T, R, o, np.zeros((6, 6)), local_w, local_L)
+    seen = np.concatenate((R.T @ other[:3], R.T @ (other[3:] - np.cross(o, other[:3]))))
+    d = seen - local_w
+    assert d @ local_L @ d == pytest.approx((other - w) @ root @ root.T @ (other - w))
 
 
 @pytest.fixture(scope="module")
