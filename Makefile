@@ -32,5 +32,4 @@ $(VENV)/test.stamp: $(VENV)/run.stamp
 	touch $@
 
 results: $(VENV)/test.stamp  ## measure everything again and write docs/results.md
-	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m benchmarks.speed_error
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m benchmarks.results

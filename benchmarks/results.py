@@ -46,6 +46,21 @@ then the place on it. The difference is what geometry adds.""",
     ("Base sensor alone", "", f"contactsense bench truth {TRUTH} --brief --sensors base"),
     ("Joint torques alone", "", f"contactsense bench truth {TRUTH} --brief --sensors torques"),
     (
+        "Beside the dense posterior",
+        "How near that is to the best possible answers: see [the yardstick](yardstick.md).",
+        "python -m benchmarks.posterior --contacts 200",
+    ),
+    (
+        "Calibration",
+        "Whether the stated probabilities and regions are true: see [the yardstick](yardstick.md).",
+        f"contactsense bench calibration {TRUTH} --brief",
+    ),
+    (
+        "Time against error",
+        "The figures of the picture above.",
+        "python -m benchmarks.speed_error --contacts 200",
+    ),
+    (
         "Time per sample",
         """One core, from Python, on the demonstration's contacts (0.25 N, 0.05 Nm, 1 Nm). Pinocchio's RNEA of
 a 6-joint arm is called from Python in turn with what is measured.""",
@@ -79,8 +94,7 @@ def _machine() -> str:
 def _page() -> Iterator[str]:
     yield INTRODUCTION
     yield f"Measured on: {_machine()}.\n"
-    yield "![Time of one sample against its error, for three levels of detail](speed_error.png)\n"
-    yield "Time against error of the answers that are not ambiguous (`python -m benchmarks.speed_error`).\n"
+    yield "![Time of one answer against its error, for each method and level of detail](speed_error.png)\n"
     for heading, about, command in SECTIONS:
         print(command, flush=True)
         done = subprocess.run(shlex.split(command), cwd=ROOT, capture_output=True, text=True, check=True)
