@@ -1,10 +1,10 @@
 """Recordings: tables of samples on disk, as Parquet or as CSV.
 
-Columns by name: `timestamp`, `actual_q_0..5`, `actual_qd_0..5`, joint torques as `joint_torque_0..5` [Nm] or
-as the RTDE columns that the scene's signal asks for, `base_wrench_0..5` as the sensor reads it. Others are kept
-and passed through. CSV is read as ur_rtde writes it (commas) and as UR's own client does (blanks), packed with
-gzip or not. ur_rtde writes on a clock of its own, so that rows repeat: of rows with one timestamp the first
-counts.
+Columns by name: `timestamp`, `actual_q_0..5`, `actual_qd_0..5`, joint torques as `joint_torque_0..5` [Nm]
+or as the RTDE columns that the scene's signal asks for, `base_wrench_0..5` as the sensor reads it. Others are
+kept and passed through. CSV is read as ur_rtde writes it (commas) and as UR's own client does (blanks),
+packed with gzip or not. ur_rtde writes on a clock of its own, so that rows repeat: of rows with one timestamp
+the first counts.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

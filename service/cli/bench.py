@@ -10,6 +10,8 @@ BENCHES = {
     "stream": "service.bench.stream:stream",
     "latency": "service.bench.latency:latency",
     "solvers": "service.bench.solvers.command:solvers",
+    "coverage": "service.bench.coverage.command:coverage",
+    "recordings": "service.bench.recordings:recordings",
     "geometry": "service.bench.geometry:geometry",
 }
 """Name -> where its click command lives."""

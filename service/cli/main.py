@@ -12,6 +12,7 @@ COMMANDS = {
     "mock": "service.cli.mock:mock",
     "robots": "service.cli.robots:robots",
     "bench": "service.cli.bench:bench",
+    "calibrate": "service.cli.calibrate:calibrate",
     "decompose": "service.cli.decompose:decompose",
     "paper": "service.cli.paper:paper",
 }

@@ -8,7 +8,7 @@ from contactsense.calibration import Calibration, CalibrationError, Settings, St
 from contactsense.calibration.harmonics import Harmonics
 from contactsense.sensing import Friction
 from robots.tool import Tool
-from service.bench.calibration.simulate import simulate
+from service.bench.coverage.simulate import simulate
 from tests.plain_arm import plain_ur5e
 
 CENTER = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])

@@ -1,0 +1,113 @@
+"""`contactsense bench coverage`: are the uncertainties that calibration states true?"""
+
+import json
+from collections import defaultdict
+from typing import Any
+
+import click
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+import robots
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.calibration import Settings, calibrate
+from contactsense.calibration.harmonics import Harmonics
+from contactsense.calibration.parameters import Group, value
+from contactsense.calibration.plant import Plant
+from contactsense.sensing import Friction
+from robots.tool import Tool
+from service.bench.coverage.simulate import simulate
+
+GROUPS: tuple[Group, ...] = ("payload", "bias", "coulomb", "viscous", "rotor", "gain", "wrench_bias", "delay")
+_NORMAL_95 = 1.96
+_CENTER = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
+_VELOCITY = 0.05
+
+
+def measure(runs: int, seconds: float, rate: float, show: bool = False) -> dict[str, Any]:
+    """Simulate recordings with drawn parameters, calibrate each, and count true values within 95 %
+    intervals."""
+    hits: dict[str, list[bool]] = defaultdict(list)
+    scores: dict[str, list[float]] = defaultdict(list)
+    for seed in track(
+        range(runs), "calibrating", console=Console(stderr=True), disable=not show, transient=True
+    ):
+        truth, gain, start = _draw(np.random.default_rng(seed))
+        motion = Harmonics.draw(np.random.default_rng(seed + 10_000), _CENTER, np.full(6, 0.7), 8, seconds)
+        stretch = simulate(truth, motion, seed, rate, gain)
+        found = calibrate(start, [stretch], Settings(GROUPS, widths=False))
+        true = Plant.of(truth).with_values(gain=gain)
+        for item in found.values:
+            if not item.kept:
+                score = (item.after - value(true, item.entry)) / item.std
+                hits[item.entry.group].append(abs(score) < _NORMAL_95)
+                scores[item.entry.group].append(score)
+    everything = [hit for group in hits.values() for hit in group]
+    return {
+        "runs": runs,
+        "covered": float(np.mean(everything)),
+        "groups": {
+            group: {
+                "count": len(hits[group]),
+                "covered": float(np.mean(hits[group])),
+                "score_std": float(np.std(scores[group])),
+            }
+            for group in hits
+        },
+    }
+
+
+def _draw(chance: np.random.Generator) -> tuple[Scene, np.ndarray, Scene]:
+    """The truth, its torque constants relative to the stated ones, and the scene that calibration gets."""
+    scale = np.array([8.0, 7.0, 4.0, 1.5, 1.2, 1.0])
+
+    def some(low: float, high: float, size: np.ndarray = scale) -> tuple[float, ...]:
+        return tuple(float(x) for x in size * chance.uniform(low, high, len(size)))
+
+    torque = JointTorqueSensor(
+        signal="actual_current",
+        torque_constants=(10.0,) * 6,
+        friction=Friction(coulomb=some(0.5, 1.5), viscous=some(0.5, 2.0), velocity=_VELOCITY),
+        rotor_inertia=some(0.2, 0.5),
+        bias=some(-0.1, 0.1),
+        noise=some(0.1, 0.2),
+    )
+    base = WrenchSensor(
+        bias=(*chance.normal(0.0, 15.0, 3), *chance.normal(0.0, 4.0, 3)),
+        delay=float(chance.uniform(-0.004, 0.004)),
+    )
+    tool = Tool(mass=float(chance.uniform(0.5, 3.0)), com=tuple(chance.normal(0.0, 0.04, 3)))
+    robot = robots.load("ur5e")
+    truth = Scene(robot=robot, joint_torque=torque, base_wrench=base, tool=tool)
+    start = Scene(
+        robot=robot,
+        joint_torque=JointTorqueSensor(
+            signal="actual_current", torque_constants=(10.0,) * 6, friction=Friction(velocity=_VELOCITY)
+        ),
+    )
+    return truth, 1.0 + 0.05 * chance.standard_normal(6), start
+
+
+@click.command()
+@click.option("--runs", default=40, show_default=True, help="Simulated recordings.")
+@click.option("--seconds", default=20.0, show_default=True, help="Length of each [s].")
+@click.option("--rate", default=250.0, show_default=True, help="Samples a second [Hz].")
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def coverage(runs: int, seconds: float, rate: float, as_json: bool) -> None:
+    """Calibrate simulated recordings and count how many true values lie in the stated 95 % intervals."""
+    result = measure(runs, seconds, rate, show=True)
+    if as_json:
+        click.echo(json.dumps(result, indent=1))
+        return
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("parameters", "estimates", "in 95 % interval", "std of error / stated std"):
+        table.add_column(heading, justify="left" if heading == "parameters" else "right")
+    for group, row in result["groups"].items():
+        table.add_row(group, str(row["count"]), f"{100 * row['covered']:.1f} %", f"{row['score_std']:.2f}")
+    Console().print(table)
+    click.echo(
+        f"{100 * result['covered']:.1f} % of all true values within their 95 % interval, {runs} recordings"
+    )

@@ -1,0 +1,151 @@
+"""`contactsense calibrate RECORDING... --scene scene.yaml`: what contact-free motion tells of arm and
+sensors."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import yaml
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from contactsense.calibration import Calibration, CalibrationError, Settings, default_groups
+from contactsense.calibration import calibrate as run
+from contactsense.scene import Scene, SceneError
+from service.recording import RecordingError, read, stretch_of
+
+_PARTS = ("joint_torque", "base_wrench", "mounting", "tool", "inertia")
+"""Fields of a scene that calibration may change."""
+_BASE = tuple(
+    f"base {name}" for name in ("force x", "force y", "force z", "moment x", "moment y", "moment z")
+)
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--scene", "path", required=True, type=click.Path(path_type=Path), help="Scene file (YAML).")
+@click.option("--out", type=click.Path(path_type=Path), help="Write the calibrated scene into this file.")
+@click.option("--write", "in_place", is_flag=True, help="Write it back into the scene file.")
+@click.option("--links", is_flag=True, help="Estimate the links' inertia, too; torque constants then stay.")
+@click.option(
+    "--report", type=click.Path(path_type=Path), help="Folder for a report with plots (Markdown, PNG)."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
+def calibrate(
+    recordings: tuple[Path, ...],
+    path: Path,
+    out: Path | None,
+    in_place: bool,
+    links: bool,
+    report: Path | None,
+    as_json: bool,
+) -> None:
+    """Calibrate the scene from RECORDINGS of contact-free motion.
+
+    Prints what was found with its standard deviation, what the motion did not tell, and residuals before and
+    after. Nothing is written without --out or --write.
+    """
+    if out is not None and in_place:
+        raise click.UsageError("--out and --write: expected one of them, got both")
+    errors = Console(stderr=True)
+    try:
+        scene = Scene.load(path)
+        stretches = [stretch_of(read(recording), scene) for recording in recordings]
+        groups = default_groups(scene, stretches)
+        if links:
+            groups = (*(group for group in groups if group not in ("gain", "payload")), "links")
+        with errors.status("calibrating") as status:
+            found = run(
+                scene, stretches, Settings(groups), lambda text: status.update(f"calibrating: {text}")
+            )
+    except (SceneError, RecordingError, CalibrationError, ValueError) as error:
+        raise click.ClickException(str(error)) from None
+    try:
+        if report is not None:
+            from service.calibration_report import write_report
+
+            write_report(report, found, stretches, scene)
+        target = path if in_place else out
+        if target is not None:
+            target.write_text(scene_text(path, found.scene), encoding="utf-8")
+    except ImportError as error:
+        raise click.ClickException(
+            f"plots need matplotlib: pip install contactsense[geometry] ({error})"
+        ) from None
+    except OSError as error:
+        raise click.ClickException(f"{error.filename}: cannot write: {error.strerror}") from None
+    if as_json:
+        click.echo(json.dumps(as_plain(found), indent=1))
+    else:
+        _print(found, scene)
+
+
+def scene_text(path: Path, scene: Scene) -> str:
+    """The scene file with what calibration changed; its other fields as they are (comments are lost)."""
+    content: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    fresh = scene.model_dump(mode="json", include=set(_PARTS), exclude_defaults=True)
+    for part in _PARTS:
+        value = getattr(scene, part)
+        if value is None and part in content:
+            content[part] = None
+        elif part in fresh:
+            content[part] = fresh[part]
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
+
+
+def as_plain(found: Calibration) -> dict[str, Any]:
+    """The result as plain data."""
+    return {
+        "values": [
+            {
+                "name": value.entry.name,
+                "unit": value.entry.unit,
+                "before": value.before,
+                "after": value.after,
+                "std": value.std,
+                "kept": value.kept or None,
+            }
+            for value in (*found.values, *found.inertia)
+        ],
+        "warnings": list(found.warnings),
+        "condition": found.condition,
+        "residuals": {
+            moment: {"rms": _numbers(level.rms), "q999": _numbers(level.tail)}
+            for moment, level in (("before", found.before), ("after", found.after))
+        },
+    }
+
+
+def _numbers(array: np.ndarray) -> list[float | None]:
+    return [float(x) if np.isfinite(x) else None for x in array]
+
+
+def channels(scene: Scene) -> tuple[str, ...]:
+    """Names of all equations, joints first."""
+    return tuple(joint.name for joint in scene.robot.joints) + _BASE
+
+
+def _print(found: Calibration, scene: Scene) -> None:
+    console = Console(soft_wrap=True)
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("parameter", "before", "after", "std", "unit"):
+        table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")
+    for value in found.values:
+        entry = value.entry
+        after = ("kept", "") if value.kept else (f"{value.after:.5g}", f"{value.std:.2g}")
+        table.add_row(entry.name, f"{value.before:.5g}", *after, entry.unit)
+    console.print(table)
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("residual", "RMS before", "after", "99.9 % before", "after"):
+        table.add_column(heading, justify="left" if heading == "residual" else "right")
+    for i, name in enumerate(channels(scene)):
+        if np.isfinite(found.after.rms[i]):
+            numbers = (found.before.rms[i], found.after.rms[i], found.before.tail[i], found.after.tail[i])
+            table.add_row(name, *(f"{number:.3g}" for number in numbers))
+    console.print(table)
+    console.print(f"condition number of the scaled regressor: {found.condition:.3g}")
+    for warning in found.warnings:
+        console.print(f"warning: {warning}", highlight=False)
