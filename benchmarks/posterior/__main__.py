@@ -79,7 +79,7 @@ def main(
         click.echo(json.dumps({"detail": detail, "half": half, "results": [row.as_json() for row in found]}))
         return
     for geometry in geometries:
-        Console(width=150).print(table(found, geometry, detail))
+        Console(width=168).print(table(found, geometry, detail))
 
 
 if __name__ == "__main__":
