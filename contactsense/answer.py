@@ -17,6 +17,8 @@ from contactsense.report import (
 from contactsense.scene import Scene
 from contactsense.types import Contact, Estimate, Status
 
+UNEXPLAINED = "something acts on the arm, but no single push on a touchable link explains it well"
+
 
 class Composer:
     """Makes estimates for one scene."""
@@ -32,26 +34,27 @@ class Composer:
     def quiet(self, t: float, status: Status, reason: str = "") -> Estimate:
         """No contact, or no answer."""
         links = len(self._names)
-        return Estimate(t, status, (), np.zeros(links), np.zeros(6), np.zeros((6, 6)), reason)
+        return Estimate(t, status, (), np.zeros(links), np.zeros(6), np.zeros((6, 6)), reason=reason)
 
     def contacts(self, t: float, memory: Memory, rows: np.ndarray, reason: str = "") -> Estimate:
         """The explanations in `rows`, as `contactsense.report` writes them; with a `reason` the estimate is
         `degraded`."""
-        if len(rows) == 0:
-            why = "something pushes or pulls the arm, but no push on a touchable link explains it"
-            return self.quiet(t, "degraded" if reason else "ambiguous", f"{reason}; {why}" if reason else why)
         rows = rows.copy()
         listed = tuple([self._contact(row) for row in rows])
-        best = listed[0]
-        status: Status = "contact" if best.probability >= self._clear else "ambiguous"
+        other = max(1.0 - sum([contact.probability for contact in listed]), 0.0)
+        best = listed[0].probability if listed else 0.0
+        status: Status = "contact" if best >= self._clear else "ambiguous"
+        link = listed[0].link_index if listed else int(np.argmin(memory.hypotheses.energy))
+        doubt = UNEXPLAINED if other > best else ""
         return Estimate(
             t,
             "degraded" if reason else status,
             listed,
             memory.link_probability.copy(),
-            memory.hypotheses.wrench[best.link_index].copy(),
-            memory.hypotheses.covariance[best.link_index].copy(),
-            reason,
+            memory.hypotheses.wrench[link].copy(),
+            memory.hypotheses.covariance[link].copy(),
+            other,
+            "; ".join(part for part in (reason, doubt) if part),
         )
 
     def _contact(self, row: np.ndarray) -> Contact:

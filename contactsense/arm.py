@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.drive import Drive, make_drive
+from contactsense.energy import Prior
 from contactsense.isolation import Sensors
-from contactsense.refine import Prior
+from contactsense.places import Places, find_places
 from contactsense.scene import Scene
 from contactsense.sensing import JointTorqueSensor, WrenchSensor, per_joint
 from kinematics.model import Model, build_model
@@ -22,6 +23,8 @@ class Arm(NamedTuple):
     """Kinematics and inertia, the tool joined to the last link."""
     surfaces: Surfaces
     """Touchable surface; a tool's primitives are given in the frame of the last link."""
+    places: Places
+    """Places that stand for that surface, frames likewise."""
     sensors: Sensors
     """What sees which link, and the noise."""
     prior: Prior
@@ -50,11 +53,21 @@ def build_arm(scene: Scene) -> Arm:
     tool = carried_tool(scene)
     torque = scene.joint_torque or JointTorqueSensor()
     wrist = scene.wrist_wrench or WrenchSensor()
+    surfaces = _surfaces(scene)
+    places, area = find_places(surfaces)
     return Arm(
         model=carried_model(scene),
-        surfaces=_surfaces(scene),
+        surfaces=surfaces,
+        places=places,
         sensors=_sensors(scene),
-        prior=Prior(lean=scene.friction / 2.0, lever=scene.torsion, offset=scene.surface_error),
+        prior=Prior(
+            lean=scene.friction / 2.0,
+            lever=scene.torsion,
+            offset=scene.surface_error,
+            force=scene.force,
+            room=scene.room,
+            area=area,
+        ),
         touchable=np.array(
             [scene.touchable is None or name in scene.touchable for name in scene.link_names], dtype=np.int64
         ),

@@ -26,7 +26,7 @@ def finite(vector: np.ndarray) -> bool:
 def step(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int],
+    sizes: tuple[int, int, int, int],
     skin: Grids,
     q: np.ndarray,
     qd: np.ndarray,
@@ -68,7 +68,7 @@ def step(
 def once(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int],
+    sizes: tuple[int, int, int, int],
     skin: Grids,
     q: np.ndarray,
     torque: np.ndarray,
@@ -93,7 +93,7 @@ def once(
 def batch(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int],
+    sizes: tuple[int, int, int, int],
     skin: Grids,
     q: np.ndarray,
     torque: np.ndarray,

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from contactsense.answer import Composer
 from contactsense.arm import build_arm
+from contactsense.candidates import MOST
 from contactsense.check import checked_rows, checked_vector
 from contactsense.entry import batch, finite, once, step
 from contactsense.feed import Feed
@@ -78,8 +79,8 @@ class Localizer:
         arm = build_arm(scene)
         self._work = Workspace(arm, empty_memory(arm))
         self._buffers = (self._work.floats, self._work.integers, self._work.sizes, skin_of(scene))
-        self._joints, self._links, primitives = self._work.sizes
-        self._rows = np.zeros((primitives, WIDTH))
+        self._joints, self._links, primitives, _ = self._work.sizes
+        self._rows = np.zeros((max(primitives, MOST), WIDTH))
         self._composer = Composer(scene, arm.surfaces.start)
         self._fitted = (
             scene.base_wrench is not None,

@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.arm import Arm
+from contactsense.candidates import Candidates, empty_candidates
+from contactsense.cells import Cells, empty_cells
+from contactsense.energy import Work, empty_work
 from contactsense.isolation import Hypotheses, empty_hypotheses
-from contactsense.locate import Candidates, empty_candidates
 from contactsense.observer import Observer, empty_observer
-from contactsense.refine import Work, empty_work
 from kinematics.model import Motion, empty_motion
 
 
@@ -20,6 +21,7 @@ class Memory(NamedTuple):
     hypotheses: Hypotheses
     found: Candidates
     work: Work
+    cells: Cells
     link_probability: np.ndarray
     """Probability of each link, shape (links,)."""
     joints: Observer
@@ -68,6 +70,7 @@ def empty_memory(arm: Arm) -> Memory:
         hypotheses=empty_hypotheses(links),
         found=empty_candidates(len(arm.surfaces.kind)),
         work=empty_work(),
+        cells=empty_cells(len(arm.places.spread), links),
         link_probability=np.zeros(links),
         joints=empty_observer(joints),
         base=empty_observer(6 * (joints + 1)),

@@ -199,6 +199,7 @@ def explain(
         memory.open[best] = 1
     count = locate(
         arm.surfaces,
+        arm.places,
         memory.open,
         arm.sensors.depth,
         memory.motion,
@@ -206,6 +207,7 @@ def explain(
         has_base,
         arm.prior,
         memory.work,
+        memory.cells,
         memory.found,
         memory.link_probability,
     )

@@ -20,7 +20,7 @@ SLIDE_STEPS = 5
 REACHED = 1e-4
 """Distance from the skin that counts as having reached it [m]."""
 LEAST_PROBABILITY = 0.01
-"""Explanations less probable than this are not listed, but for the best."""
+"""Explanations less probable than this are not listed."""
 
 
 @kernel
@@ -34,14 +34,14 @@ def report(arm: Arm, memory: Memory, skin: Grids, count: int, rows: np.ndarray) 
     listed = 0
     for k in range(count):
         p = found.order[k]
-        if k > 0 and found.probability[p] < LEAST_PROBABILITY:
+        if found.probability[p] < LEAST_PROBABILITY:
             break
         row = rows[k]
-        link = arm.surfaces.link[p]
+        link = arm.surfaces.link[found.primitive[p]]
         body = arm.sensors.depth[link]
         R, o = memory.motion.rotation[body], memory.motion.origin[body]
         row[0] = link
-        row[1] = p
+        row[1] = found.primitive[p]
         row[2] = found.probability[p]
         row[3] = found.torsion[p]
         dx, dy, dz = found.point[p, 0] - o[0], found.point[p, 1] - o[1], found.point[p, 2] - o[2]

@@ -11,6 +11,7 @@ from pydantic import (
     ConfigDict,
     Field,
     InstanceOf,
+    NonNegativeFloat,
     PlainSerializer,
     PositiveFloat,
     ValidationError,
@@ -85,9 +86,15 @@ class Scene(BaseModel):
     friction: PositiveFloat = 0.5
     """Coefficient of friction of what touches the arm: contact forces lean this far from the normal, seldom
     further."""
+    force: PositiveFloat = 20.0
+    """Normal force that is usual for contacts [N]: a third and three times as much are common, a tenth and
+    ten times rare. It matters only where the sensors leave the size of the force open."""
     torsion: PositiveFloat = 0.0025
     """Torsional moment per normal force, standard deviation [m]: about friction times the radius of the
     contact patch."""
+    room: NonNegativeFloat = 0.005
+    """Room above a place that whatever touches the arm needs, a fingertip at the least [m]: faces in the slit
+    of a joint cannot be touched."""
     surface_error: PositiveFloat = 0.002
     """How far the primitives are off the real surface, standard deviation [m]."""
     bandwidth: PositiveFloat = 10.0

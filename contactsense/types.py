@@ -64,13 +64,17 @@ class Estimate:
     """`none`: nothing touches; `contact`: one clear answer; `ambiguous`: others are not clearly worse;
     `degraded`: a sensor is missing or unusable, see `reason`."""
     contacts: tuple[Contact, ...]
-    """Explanations, most probable first; their probabilities add up to at most one."""
+    """Explanations, most probable first; with `other` their probabilities add up to one."""
     link_probability: np.ndarray
-    """Probability that each link is the touched one, shape (n + 1,); zeros where nothing touches."""
+    """Probability that each link is the touched one, shape (n + 1,); zeros where nothing touches. What they
+    lack to one is the probability that it is no single push on a touchable link: a pull, a couple, several
+    contacts."""
     wrench: np.ndarray
     """External wrench on the arm under the best explanation, force then moment about the base origin, base
     axes [N, Nm], shape (6,)."""
     covariance: np.ndarray
     """Covariance of `wrench`, shape (6, 6)."""
+    other: float = 0.0
+    """Probability that it is none of `contacts`: no single push, or one too improbable to be listed."""
     reason: str = ""
     """Why the status is what it is, where that is not plain: one sentence for a person."""

@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 
 from contactsense.arm import Arm
+from contactsense.candidates import MOST, Candidates
+from contactsense.cells import Cells
 from contactsense.drive import Drive
+from contactsense.energy import Prior, Work
 from contactsense.isolation import Hypotheses, Sensors
-from contactsense.locate import Candidates
 from contactsense.memory import Memory
 from contactsense.observer import Observer
-from contactsense.refine import Prior, Work
+from contactsense.places import Places
 from kinematics.model import Model, Motion
 from robots.compiled import kernel
 from robots.surface import Surfaces
@@ -32,8 +34,8 @@ class Workspace:
         _collect((arm, memory), floats, integers)
         self.floats = np.concatenate([array.ravel() for array in floats])
         self.integers = np.concatenate([array.ravel() for array in integers])
-        self.sizes = (arm.model.joints, len(arm.touchable), len(arm.surfaces.kind))
-        """Numbers of joints, links and primitives."""
+        self.sizes = (arm.model.joints, len(arm.touchable), len(arm.surfaces.kind), len(arm.places.spread))
+        """Numbers of joints, links, primitives and places."""
         self._float, self._integer = 0, 0
         self.arm: Arm = self._view(arm)
         self.memory: Memory = self._view(memory)
@@ -102,6 +104,28 @@ def _surfaces(f, i, a, b, links, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _places(f, i, a, b, p, s):  # type: ignore[no-untyped-def]
+    point, a = _take2(f, a, s, 3)
+    normal, a = _take2(f, a, s, 3)
+    spread, a = _take1(f, a, s)
+    log_share, a = _take1(f, a, s)
+    start, b = _take1(i, b, p + 1)
+    return Places(point, normal, spread, log_share, start), a, b
+
+
+@kernel
+def _cells(f, a, s, links):  # type: ignore[no-untyped-def]
+    score, a = _take1(f, a, s)
+    point, a = _take2(f, a, s, 3)
+    force, a = _take2(f, a, s, 3)
+    variance, a = _take1(f, a, s)
+    wrench, a = _take1(f, a, 6)
+    information, a = _take2(f, a, 6, 6)
+    rest, a = _take1(f, a, links)
+    return Cells(score, point, force, variance, wrench, information, rest), a
+
+
+@kernel
 def _sensors(f, i, a, b, n, links):  # type: ignore[no-untyped-def]
     depth, b = _take1(i, b, links)
     beyond_wrist, b = _take1(i, b, links)
@@ -136,13 +160,14 @@ def _drive(f, a, n):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _arm(f, i, n, links, p):  # type: ignore[no-untyped-def]
+def _arm(f, i, n, links, p, s):  # type: ignore[no-untyped-def]
     model, a = _model(f, 0, n, links)
     surfaces, a, b = _surfaces(f, i, a, 0, links, p)
+    places, a, b = _places(f, i, a, b, p, s)
     sensors, a, b = _sensors(f, i, a, b, n, links)
-    prior = Prior(f[a], f[a + 1], f[a + 2])
+    prior = Prior(f[a], f[a + 1], f[a + 2], f[a + 3], f[a + 4], f[a + 5])
     touchable, b = _take1(i, b, links)
-    gravity, a = _take1(f, a + 3, 3)
+    gravity, a = _take1(f, a + 6, 3)
     tool_mass = f[a]
     tool_com, a = _take1(f, a + 1, 3)
     tool_inertia, a = _take2(f, a, 3, 3)
@@ -150,7 +175,7 @@ def _arm(f, i, n, links, p):  # type: ignore[no-untyped-def]
     wrist_origin, a = _take1(f, a, 3)
     drive, a = _drive(f, a, n)
     arm = Arm(
-        model, surfaces, sensors, prior, touchable, gravity, tool_mass, tool_com, tool_inertia,
+        model, surfaces, places, sensors, prior, touchable, gravity, tool_mass, tool_com, tool_inertia,
         wrist_rotation, wrist_origin, drive,
     )  # fmt: skip
     return arm, a, b
@@ -180,20 +205,23 @@ def _hypotheses(f, a, links):  # type: ignore[no-untyped-def]
 
 @kernel
 def _candidates(f, i, a, b, p):  # type: ignore[no-untyped-def]
-    order, b = _take1(i, b, p)
-    score, a = _take1(f, a, p)
-    probability, a = _take1(f, a, p)
-    point, a = _take2(f, a, p, 3)
-    normal, a = _take2(f, a, p, 3)
-    force, a = _take2(f, a, p, 3)
-    torsion, a = _take1(f, a, p)
-    covariance, a = _take3(f, a, p, 3, 3)
+    rows = max(p, MOST)
+    order, b = _take1(i, b, rows)
+    primitive, b = _take1(i, b, rows)
+    score, a = _take1(f, a, rows)
+    probability, a = _take1(f, a, rows)
+    point, a = _take2(f, a, rows, 3)
+    normal, a = _take2(f, a, rows, 3)
+    force, a = _take2(f, a, rows, 3)
+    torsion, a = _take1(f, a, rows)
+    covariance, a = _take3(f, a, rows, 3, 3)
     wrench, a = _take2(f, a, p, 6)
     information, a = _take3(f, a, p, 6, 6)
     rotation, a = _take3(f, a, p, 3, 3)
     origin, a = _take2(f, a, p, 3)
     found = Candidates(
         order,
+        primitive,
         score,
         probability,
         point,
@@ -215,8 +243,9 @@ def _work(f, a):  # type: ignore[no-untyped-def]
     normal_equations, a = _take2(f, a, 6, 6)
     gradient, a = _take1(f, a, 6)
     frame, a = _take2(f, a, 3, 3)
+    columns, a = _take2(f, a, 6, 6)
     lever, a = _take2(f, a, 3, 3)
-    return Work(local, normal_equations, gradient, frame, lever), a
+    return Work(local, normal_equations, gradient, frame, columns, lever), a
 
 
 @kernel
@@ -234,14 +263,15 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
 
     Args:
         f, i: Its `floats` and `integers`.
-        sizes: Its `sizes`: numbers of joints, links and primitives.
+        sizes: Its `sizes`: numbers of joints, links, primitives and places.
     """
-    n, links, p = sizes
-    arm, a, b = _arm(f, i, n, links, p)
+    n, links, p, s = sizes
+    arm, a, b = _arm(f, i, n, links, p, s)
     motion, a = _motion(f, a, n)
     hypotheses, a = _hypotheses(f, a, links)
     found, a, b = _candidates(f, i, a, b, p)
     work, a = _work(f, a)
+    cells, a = _cells(f, a, s, links)
     link_probability, a = _take1(f, a, links)
     joints, a = _observer(f, a, n)
     base, a = _observer(f, a, 6 * (n + 1))
@@ -261,7 +291,7 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     rest, a = _take1(f, a, n)
     choice, b = _take1(i, b, links)
     memory = Memory(
-        motion, hypotheses, found, work, link_probability, joints, base, match, wrist, wrist_match,
+        motion, hypotheses, found, work, cells, link_probability, joints, base, match, wrist, wrist_match,
         carried, wrist_place, base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist,
         unexplained, torque_variance, rest, choice,
     )  # fmt: skip

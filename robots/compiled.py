@@ -5,6 +5,7 @@ the function takes from other files, kernels that it calls and constants, is com
 the stamp cover all of that, so that editing or updating one file never leaves old code at work in another.
 """
 
+import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -48,9 +49,12 @@ def _compile(function: Callable[..., Any], liberties: frozenset[str]) -> Any:
         return compiled
     ingredients = frozenset({("liberties", *sorted(liberties)), *_ingredients(function)})
     _INGREDIENTS[compiled] = ingredients
-    # Numba offers no public way to widen the stamp; it compares it for equality with the one in its index
-    # file.
-    compiled._cache._cache_file._source_stamp = tuple((*item, *_stamp(item)) for item in sorted(ingredients))
+    # Numba offers no public way to widen the stamp. It compares this one for equality before it reads the
+    # rest of
+    # its index file, which may name classes that have moved since.
+    stamps = repr([(*item, *_stamp(item)) for item in sorted(ingredients)])
+    cache = compiled._cache._cache_file
+    cache._version = f"{cache._version} {hashlib.sha256(stamps.encode()).hexdigest()}"
     return compiled
 
 

@@ -104,6 +104,11 @@ class EstimateOut(BaseModel):
         description="Probability that each link is the touched one, in the order of the scene's links; zeros "
         "where nothing touches."
     )
+    other: float = Field(
+        0.0,
+        description="Probability that it is none of contacts: a pull, a couple, several contacts, or a place "
+        "too improbable to be listed. With those of contacts it adds up to one where anything acts.",
+    )
     wrench: list[float | None] = Field(
         description="External wrench on the arm under the best explanation, force then moment about the base "
         "origin, base axes [N, Nm]; null where it cannot be told."
@@ -242,6 +247,7 @@ def estimate_dict(estimate: Estimate) -> dict[str, Any]:
         "status": estimate.status,
         "contacts": [_contact_dict(contact) for contact in estimate.contacts],
         "link_probability": estimate.link_probability.tolist(),
+        "other": estimate.other,
         "wrench": _finite(estimate.wrench),
         "covariance": _finite(estimate.covariance),
         "reason": estimate.reason,

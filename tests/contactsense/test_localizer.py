@@ -69,8 +69,8 @@ def test_probabilities_are_of_one_whole_and_sorted(ordinary: Localizer) -> None:
         one = ordinary.locate(TRUTH.q[i], base_wrench=TRUTH.base_wrench[i], joint_torque=TRUTH.torque[i])
         p = [contact.probability for contact in one.contacts]
         assert p == sorted(p, reverse=True)
-        assert sum(p) <= 1.0 + 1e-12
-        assert one.link_probability.sum() == pytest.approx(1.0)
+        assert sum(p) + one.other == pytest.approx(1.0)
+        assert 0.5 < one.link_probability.sum() <= 1.0 + 1e-12
         assert one.status == ("contact" if p[0] >= 0.95 else "ambiguous")
 
 
@@ -127,6 +127,7 @@ def test_more_force_and_more_noise_in_proportion_change_nothing() -> None:
         update={
             "base_wrench": WrenchSensor(force_noise=250.0, moment_noise=50.0),
             "joint_torque": JointTorqueSensor(noise=1000.0),
+            "force": 1e3 * scene.force,
         }
     )
     a = Localizer(scene).locate_batch(TRUTH.q, base_wrench=TRUTH.base_wrench, joint_torque=TRUTH.torque)
@@ -357,3 +358,30 @@ def test_batches_must_be_of_one_length(ordinary: Localizer) -> None:
         ValueError, match=r"base_wrench: expected shape \(4, 6\) in N, Nm, got shape \(3, 6\)"
     ):
         ordinary.locate_batch(np.zeros((4, 6)), base_wrench=np.zeros((3, 6)))
+
+
+class TestNoneOfThese:
+    """What no single push explains is said to be that."""
+
+    q = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5])
+
+    def test_a_force_far_beside_the_arm_is_no_contact(self, precise: Localizer) -> None:
+        motion = empty_motion(6)
+        place(build_model(ARM), self.q, motion)
+        R, o = motion.rotation[2], motion.origin[2]
+        point = R @ np.array([-0.2, 0.0, 0.5]) + o
+        force = R @ np.array([0.0, 20.0, 0.0])
+        wrench = np.concatenate((force, np.cross(point, force)))
+        torque = np.where(np.arange(6) < 2, -motion.screw @ wrench, 0.0)
+        answer = precise.locate(self.q, base_wrench=wrench, joint_torque=torque)
+        assert answer.other > 0.9
+        assert "no single push" in answer.reason
+        assert answer.status == "ambiguous"
+
+    def test_a_couple_is_no_contact(self, precise: Localizer) -> None:
+        answer = precise.locate(self.q, base_wrench=np.array([0.0, 0.0, 0.0, 5.0, -3.0, 4.0]))
+        assert answer.other > 0.9
+
+    def test_a_clear_push_leaves_no_doubt(self, precise: Localizer) -> None:
+        answer = precise.locate(TRUTH.q[0], base_wrench=TRUTH.base_wrench[0], joint_torque=TRUTH.torque[0])
+        assert answer.other < 0.01

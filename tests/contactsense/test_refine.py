@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from contactsense.refine import CUT, ENOUGH, TAIL, Prior, empty_work, energy_at, loosen, refine, view
+from contactsense.energy import TAIL, Prior, empty_work, energy_at, lean_in, loosen
+from contactsense.refine import CUT, ENOUGH, refine
 from contactsense.seed import enter
+from contactsense.view import view
 from robots import Inertia, Link
 from robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from robots.surface import pack, project
@@ -17,7 +19,7 @@ SHAPES: tuple[Primitive, ...] = (
     Ellipsoid(center=(0, 0, 0), radii=(0.1, 0.06, 0.05)),
     Box(center=(0, 0, 0), half=(0.1, 0.06, 0.05), rounding=0.02),
 )
-PRIOR = Prior(lean=0.25, lever=0.0025, offset=0.0)
+PRIOR = Prior(lean=0.25, lever=0.0025, offset=0.0, force=20.0, room=0.005, area=1.0)
 FAR = 1e9
 
 
@@ -44,7 +46,8 @@ def _search(shape: Primitive, wrench: np.ndarray, information: np.ndarray, prior
     w, L = np.empty(6), np.empty((6, 6))
     view(wrench, information, R, o, w, L, work)
     seed = enter(kind, size, surfaces.radius[0], *w)[1:]
-    return refine(kind, size, w, L, prior, FAR, *seed, work), work, kind, size
+    force = lean_in(*w[:3], *seed[3:])
+    return refine(kind, size, w, L, prior, FAR, *seed, *force, 0.0, work), work, kind, size
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
@@ -137,14 +140,14 @@ def test_an_offset_of_the_surface_loosens_the_fit_as_its_covariance_says() -> No
     chance = np.random.default_rng(5)
     information = np.linalg.inv(np.diag([0.1] * 3 + [0.02] * 3))
     wrench, n, f = chance.standard_normal(6), np.array([0.0, 0.6, 0.8]), np.array([3.0, -5.0, -8.0])
-    c, xi, prior = np.array([0.1, 0.2, 0.05]), 0.02, Prior(0.25, 0.0025, 0.004)
+    c, xi, prior = np.array([0.1, 0.2, 0.05]), 0.02, Prior(0.25, 0.0025, 0.004, 20.0, 0.005, 1.0)
     u = np.concatenate((np.zeros(3), np.cross(n, f)))
     covariance = np.linalg.inv(information) + prior.offset**2 * np.outer(u, u)
     d = np.concatenate((f, np.cross(c, f) + xi * n)) - wrench
     push = -f @ n
     expected = 0.5 * d @ np.linalg.solve(covariance, d) + 0.5 * (xi / (prior.lever * push)) ** 2
     lean = (f @ f - push**2) / (prior.lean * push) ** 2
-    expected += 0.5 * (TAIL + 2) * np.log(1 + lean / TAIL)
+    expected += 0.5 * (TAIL + 2) * np.log(1 + lean / TAIL) + 0.5 * np.log(push / prior.force) ** 2
     loose = loosen(information, prior, *n, *f)
     energy, widen = energy_at(wrench, information, prior, loose, *c, *n, *f, xi), loose[2]
     assert energy == pytest.approx(expected, rel=1e-12)

@@ -1,0 +1,269 @@
+"""The search where the measurement leaves the place open: all places are weighed, explanations are gathered
+from them (see `contactsense.survey`)."""
+
+import math
+
+from contactsense.aim import moment_variance
+from contactsense.candidates import MOST, store
+from contactsense.cover import log_exposed
+from contactsense.energy import lean_in
+from contactsense.refine import CUT, refine
+from contactsense.survey import weigh
+from contactsense.view import view
+from robots.compiled import fused_kernel
+from robots.surface import project
+
+REACH = 0.04
+"""Cells nearer than this to an explanation's place are part of it, however sharp it is [m]."""
+SIGMAS = 3.0
+"""So are cells within this many standard deviations."""
+LEAST = 1e-3
+"""Cells that hold less than this part of the best explanation's weight get no explanation of their own."""
+
+
+@fused_kernel
+def search_over(  # type: ignore[no-untyped-def]
+    surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found, rest
+):
+    """Fill rows of `found` with explanations; `order` lists them.
+
+    Args:
+        surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, found: As in
+            `contactsense.locate.locate`, the primitives placed already.
+        cells: Scratch, filled: see `contactsense.memory.Cells`.
+        rest: Filled: log evidence on each link that no explanation stands for, shape (links,).
+
+    Returns:
+        How many explanations.
+    """
+    best = _weigh_all(
+        surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found
+    )
+    rest[:] = -math.inf
+    if best == -math.inf:
+        return 0
+    _cover_cells(surfaces, places, depth, motion, prior, cells, found, best)
+    count = 0
+    top = -math.inf
+    for _ in range(MOST):
+        s, p = _best_cell(surfaces, places, cells)
+        if s < 0 or cells.score[s] < max(best - CUT, top + math.log(LEAST)):
+            break
+        _explain(surfaces, places, depth, motion, hypotheses, prior, work, cells, found, s, p, count)
+        found.order[count] = count
+        top = max(top, found.score[count])
+        count += 1
+    for p in range(surfaces.kind.shape[0]):
+        link = surfaces.link[p]
+        for s in range(places.start[p], places.start[p + 1]):
+            if cells.score[s] > best - CUT:
+                rest[link] = _log_add(rest[link], cells.score[s])
+    return count
+
+
+@fused_kernel
+def _log_add(a, b):  # type: ignore[no-untyped-def]
+    high, low = max(a, b), min(a, b)
+    return high if low == -math.inf else high + math.log1p(math.exp(low - high))
+
+
+@fused_kernel
+def _weigh_all(  # type: ignore[no-untyped-def]
+    surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found
+):
+    """Score of every cell; the best."""
+    best = -math.inf
+    least = math.inf
+    cells.score[:] = -math.inf
+    for link in range(touchable.shape[0]):
+        own = hypotheses.energy[link]
+        if not touchable[link] or own > least + CUT:
+            continue
+        R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+        P = hypotheses.covariance[link]
+        w, L = cells.wrench, cells.information
+        view(hypotheses.wrench[link], hypotheses.information[link], R, o, w, L, work)
+        ff = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+        known = P[0, 0] + P[1, 1] + P[2, 2] < ff
+        start = max(math.sqrt(ff), 1e-3 * prior.force) if known else prior.force
+        for p in range(surfaces.start[link], surfaces.start[link + 1]):
+            if aimed and _far(surfaces, hypotheses, prior, found, link, p, ff):
+                continue
+            for s in range(places.start[p], places.start[p + 1]):
+                c, n = places.point[s], places.normal[s]
+                if known and n[0] * w[0] + n[1] * w[1] + n[2] * w[2] > 0.5 * math.sqrt(ff):
+                    # A pull, as far as the force is known.
+                    continue
+                energy, log_z, px, py, pz, variance, fx, fy, fz = weigh(
+                    w,
+                    L,
+                    prior,
+                    c[0],
+                    c[1],
+                    c[2],
+                    n[0],
+                    n[1],
+                    n[2],
+                    places.spread[s],
+                    start,
+                    least + CUT - own,
+                    work,
+                )
+                if log_z == -math.inf:
+                    continue
+                cells.score[s] = log_z - own + places.log_share[s]
+                cells.point[s, 0], cells.point[s, 1], cells.point[s, 2] = px, py, pz
+                cells.force[s, 0], cells.force[s, 1], cells.force[s, 2] = fx, fy, fz
+                cells.variance[s] = variance
+                best = max(best, cells.score[s])
+                least = min(least, own + energy)
+    return best
+
+
+@fused_kernel
+def _far(surfaces, hypotheses, prior, found, link, p, ff):  # type: ignore[no-untyped-def]
+    """Whether the wrench axis passes too far from a primitive."""
+    w = hypotheses.wrench[link]
+    ox, oy, oz = found.origin[p, 0], found.origin[p, 1], found.origin[p, 2]
+    mx, my, mz = w[3] - oy * w[2] + oz * w[1], w[4] - oz * w[0] + ox * w[2], w[5] - ox * w[1] + oy * w[0]
+    ax, ay, az = w[1] * mz - w[2] * my, w[2] * mx - w[0] * mz, w[0] * my - w[1] * mx
+    gap = math.sqrt(ax * ax + ay * ay + az * az) / ff - surfaces.radius[p]
+    variance = moment_variance(hypotheses.covariance[link], ox, oy, oz) + prior.offset * prior.offset * ff
+    return gap > 0.0 and 0.5 * ff * gap * gap > 2.0 * CUT * variance
+
+
+@fused_kernel
+def _cover_cells(surfaces, places, depth, motion, prior, cells, found, best):  # type: ignore[no-untyped-def]
+    """Lower the score of cells that neighbours cover."""
+    for p in range(surfaces.kind.shape[0]):
+        body = depth[surfaces.link[p]]
+        R, o = motion.rotation[body], motion.origin[body]
+        for s in range(places.start[p], places.start[p + 1]):
+            if cells.score[s] < best - CUT:
+                continue
+            n, room = places.normal[s], prior.room
+            x = places.point[s, 0] + room * n[0]
+            y = places.point[s, 1] + room * n[1]
+            z = places.point[s, 2] + room * n[2]
+            cells.score[s] += log_exposed(
+                surfaces,
+                found,
+                p,
+                o[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+                o[1] + R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+                o[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+                prior,
+            )
+
+
+@fused_kernel
+def _best_cell(surfaces, places, cells):  # type: ignore[no-untyped-def]
+    """Number of the best cell that is left, and its primitive; -1 if none is."""
+    best, which, primitive = -math.inf, -1, -1
+    for p in range(surfaces.kind.shape[0]):
+        for s in range(places.start[p], places.start[p + 1]):
+            if cells.score[s] > best:
+                best, which, primitive = cells.score[s], s, p
+    return which, primitive
+
+
+@fused_kernel
+def _explain(  # type: ignore[no-untyped-def]
+    surfaces, places, depth, motion, hypotheses, prior, work, cells, found, s, p, row
+):
+    """One explanation, found from cell s on primitive p, with the cells that belong to it, which are used
+    up."""
+    link = surfaces.link[p]
+    w, L = found.wrench[p], found.information[p]
+    view(
+        hypotheses.wrench[link], hypotheses.information[link], found.rotation[p], found.origin[p], w, L, work
+    )
+    S, t = surfaces.rotation[p], surfaces.origin[p]
+    dx, dy, dz = cells.point[s, 0] - t[0], cells.point[s, 1] - t[1], cells.point[s, 2] - t[2]
+    _, cx, cy, cz, nx, ny, nz = project(
+        surfaces.kind[p],
+        surfaces.size[p],
+        S[0, 0] * dx + S[1, 0] * dy + S[2, 0] * dz,
+        S[0, 1] * dx + S[1, 1] * dy + S[2, 1] * dz,
+        S[0, 2] * dx + S[1, 2] * dy + S[2, 2] * dz,
+    )
+    f = cells.force[s]
+    fx = S[0, 0] * f[0] + S[1, 0] * f[1] + S[2, 0] * f[2]
+    fy = S[0, 1] * f[0] + S[1, 1] * f[1] + S[2, 1] * f[2]
+    fz = S[0, 2] * f[0] + S[1, 2] * f[1] + S[2, 2] * f[2]
+    fx, fy, fz = lean_in(fx, fy, fz, nx, ny, nz)
+    result = refine(
+        surfaces.kind[p],
+        surfaces.size[p],
+        w,
+        L,
+        prior,
+        math.inf,
+        cx,
+        cy,
+        cz,
+        nx,
+        ny,
+        nz,
+        fx,
+        fy,
+        fz,
+        0.0,
+        work,
+    )
+    store(found, row, p, result, work, prior.offset)
+    sharp = max(result[12], result[14])
+    R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+    x, y, z = found.point[row, 0] - o[0], found.point[row, 1] - o[1], found.point[row, 2] - o[2]
+    kx = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
+    ky = R[0, 1] * x + R[1, 1] * y + R[2, 1] * z
+    kz = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
+    exact = result[1] > -math.inf
+    reach = max(REACH, SIGMAS * math.sqrt(sharp)) if exact else REACH
+    own = hypotheses.energy[link]
+    narrow = exact and sharp < places.spread[s] ** 2
+    total, C = _gather(surfaces, places, cells, link, s, kx, ky, kz, reach)
+    if narrow:
+        found.score[row] = result[1] - own
+        return
+    found.score[row] = total
+    _spread_over(found, row, R, C, prior.offset)
+
+
+@fused_kernel
+def _gather(surfaces, places, cells, link, s, x, y, z, reach):  # type: ignore[no-untyped-def]
+    """Use up cell s and those of the link that lie within `reach` of a place; their total score, and their
+    second moments about it (xx, xy, xz, yy, yz, zz) [m^2], link frame."""
+    top = cells.score[s]
+    total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for q in range(surfaces.start[link], surfaces.start[link + 1]):
+        for i in range(places.start[q], places.start[q + 1]):
+            dx, dy, dz = cells.point[i, 0] - x, cells.point[i, 1] - y, cells.point[i, 2] - z
+            if cells.score[i] == -math.inf or (i != s and dx * dx + dy * dy + dz * dz > reach * reach):
+                continue
+            weight = math.exp(cells.score[i] - top)
+            cells.score[i] = -math.inf
+            n, v = places.normal[i], cells.variance[i]
+            total += weight
+            xx += weight * (dx * dx + v * (1.0 - n[0] * n[0]))
+            xy += weight * (dx * dy - v * n[0] * n[1])
+            xz += weight * (dx * dz - v * n[0] * n[2])
+            yy += weight * (dy * dy + v * (1.0 - n[1] * n[1]))
+            yz += weight * (dy * dz - v * n[1] * n[2])
+            zz += weight * (dz * dz + v * (1.0 - n[2] * n[2]))
+    moments = (xx / total, xy / total, xz / total, yy / total, yz / total, zz / total)
+    return top + math.log(total), moments
+
+
+@fused_kernel
+def _spread_over(found, row, R, C, offset):  # type: ignore[no-untyped-def]
+    """Covariance of a place from second moments C in the link frame, and the surface's offset."""
+    n = found.normal[row]
+    for i in range(3):
+        a = R[i, 0] * C[0] + R[i, 1] * C[1] + R[i, 2] * C[2]
+        b = R[i, 0] * C[1] + R[i, 1] * C[3] + R[i, 2] * C[4]
+        c = R[i, 0] * C[2] + R[i, 1] * C[4] + R[i, 2] * C[5]
+        for k in range(3):
+            found.covariance[row, i, k] = (
+                a * R[k, 0] + b * R[k, 1] + c * R[k, 2] + offset * offset * n[i] * n[k]
+            )
