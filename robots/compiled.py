@@ -8,16 +8,16 @@ the stamp cover all of that, so that editing or updating one file never leaves o
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
+import numba
 from numba import njit
-
-_INGREDIENTS: dict[Any, frozenset[tuple[str, ...]]] = {}
-"""Compiled function -> source files and constants that go into its machine code."""
-
+from numba.core.caching import IndexDataCacheFile
 
 _FUSED = frozenset({"contract", "reassoc", "nsz", "arcp"})
+_SOURCES: dict[Any, tuple[Callable[..., Any], frozenset[str]]] = {}
+"""Compiled function -> its source and the liberties it was compiled with."""
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -47,29 +47,54 @@ def _compile(function: Callable[..., Any], liberties: frozenset[str]) -> Any:
         return njit(error_model="numpy", fastmath=fastmath)(function)
     if compiled is function:
         return compiled
-    ingredients = frozenset({("liberties", *sorted(liberties)), *_ingredients(function)})
-    _INGREDIENTS[compiled] = ingredients
-    # Numba offers no public way to widen the stamp. It compares this one for equality before it reads the
-    # rest of
-    # its index file, which may name classes that have moved since.
-    stamps = repr([(*item, *_stamp(item)) for item in sorted(ingredients)])
-    cache = compiled._cache._cache_file
-    cache._version = f"{cache._version} {hashlib.sha256(stamps.encode()).hexdigest()}"
+    _SOURCES[compiled] = function, liberties
+    # Numba offers no public way to widen the stamp.
+    index = compiled._cache._cache_file
+    index.__class__ = _Index
+    index.compiled = compiled
     return compiled
 
 
-def _ingredients(function: Callable[..., Any]) -> Iterator[tuple[str, ...]]:
-    yield ("file", function.__code__.co_filename)
+class _Index(IndexDataCacheFile):
+    """Numba's index of machine code on disk, with a stamp that covers all that went into the code.
+
+    The version stands before everything else in the file and is compared before the rest is read, which may
+    name classes that have moved since. It is asked for when the function is first called: by then all that it
+    calls has been defined.
+    """
+
+    compiled: Any
+
+    @property
+    def _version(self) -> str:
+        ingredients: set[tuple[str, ...]] = set()
+        _gather(self.compiled, ingredients, set())
+        stamps = repr([(*item, *_stamp(item)) for item in sorted(ingredients)])
+        return f"{numba.__version__} {hashlib.sha256(stamps.encode()).hexdigest()}"
+
+    @_version.setter
+    def _version(self, numbers: str) -> None:
+        """Numba's own version is part of ours."""
+
+
+def _gather(compiled: Any, ingredients: set[tuple[str, ...]], seen: set[Any]) -> None:
+    """Add the source files and constants that go into a function's machine code."""
+    if compiled in seen or compiled not in _SOURCES:
+        return
+    seen.add(compiled)
+    function, liberties = _SOURCES[compiled]
+    ingredients.add(("liberties", *sorted(liberties)))
+    ingredients.add(("file", function.__code__.co_filename))
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
         if isinstance(value, int | float | str | tuple):
-            yield ("constant", name, repr(value))
+            ingredients.add(("constant", name, repr(value)))
         elif isinstance(value, type):
             path = getattr(sys.modules[value.__module__], "__file__", None)
             if path is not None:
-                yield ("file", path)
+                ingredients.add(("file", path))
         elif callable(value):
-            yield from _INGREDIENTS.get(value, ())
+            _gather(value, ingredients, seen)
 
 
 def _stamp(item: tuple[str, ...]) -> tuple[float, int]:

@@ -12,7 +12,10 @@ OUTER = (
     "from inner import SCALE, inner\n"
     "@kernel\n"
     "def outer(x):\n"
-    "    return SCALE * inner(x)\n"
+    "    return SCALE * later(x)\n"
+    "@kernel\n"
+    "def later(x):\n"
+    "    return inner(x)\n"
 )
 
 
