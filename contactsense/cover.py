@@ -1,33 +1,43 @@
-"""Places that cannot be touched: inside another body of the arm, or under the base."""
+"""Places that cannot be touched: inside another body of the arm, without room above them, or under the
+base."""
 
 import math
 
-from contactsense.energy import TAIL
+from contactsense.energy import TAIL, tangents
 from robots.compiled import fused_kernel
 from robots.surface import project
 
+RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
+"""Radii, in standard deviations, and weights of the points that stand for a normal distribution on a plane:
+six on each of three rings (Gauss-Laguerre in half the squared radius)."""
+WIDEST = 3.0
+"""Standard deviations within which a place must be clear for no look around it to be needed."""
+SHARPNESS = 4.0
+"""How much smaller than the surface's offset a lack of room may be to be forgiven."""
+WHOLE = 0.98
+"""Exposed share above which a place is left as it is."""
+
 
 @fused_kernel
-def log_exposed(surfaces, found, own, x, y, z, prior):  # type: ignore[no-untyped-def]
-    """Log of how far a place can be touched: 0, or less where there is no room above it, because it lies inside
-    another primitive of its link or of a neighbour, or faces one nearby.
-
-    As the surfaces may be off, a little too little room still counts.
+def clearance(surfaces, found, own, x, y, z, enough):  # type: ignore[no-untyped-def]
+    """Distance of a point from the nearest other primitive of the same link or a neighbour [m], negative
+    inside.
 
     Args:
         surfaces, found: Primitives, and where they are.
-        own: Primitive to which the place belongs.
-        x, y, z: A point above the place by the room that is needed, base frame [m].
-        prior: What is known of contacts beforehand.
+        own: Primitive that does not count.
+        x, y, z: The point, base frame [m].
+        enough: More than this need not be told apart [m].
     """
     link = surfaces.link[own]
     first = surfaces.start[max(link - 1, 0)]
     last = surfaces.start[min(link + 2, surfaces.start.shape[0] - 1)]
-    deepest = 0.0
+    least = enough
     for p in range(first, last):
         o = found.origin[p]
         dx, dy, dz = x - o[0], y - o[1], z - o[2]
-        if p == own or dx * dx + dy * dy + dz * dz > surfaces.radius[p] ** 2:
+        reach = surfaces.radius[p] + least
+        if p == own or reach <= 0.0 or dx * dx + dy * dy + dz * dz > reach * reach:
             continue
         R = found.rotation[p]
         d = project(
@@ -37,8 +47,110 @@ def log_exposed(surfaces, found, own, x, y, z, prior):  # type: ignore[no-untype
             R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
             R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
         )[0]
-        deepest = min(deepest, d)
-    return -0.5 * (TAIL + 1.0) * math.log(1.0 + (deepest / prior.offset) ** 2 / TAIL)
+        least = min(least, d)
+    return least
+
+
+@fused_kernel
+def exposed(depth, prior):  # type: ignore[no-untyped-def]
+    """How far a place counts as one that can be touched: 1 with room above it; as the surfaces may be off, a
+    little too little room still counts. `depth`: clearance above it, negative without room [m]."""
+    lack = SHARPNESS * min(depth, 0.0) / prior.offset
+    return (1.0 + lack * lack / TAIL) ** (-0.5 * (TAIL + 1.0))
+
+
+@fused_kernel
+def cover_place(surfaces, found, row, prior):  # type: ignore[no-untyped-def]
+    """Take into account which part of an explanation's neighbourhood can be touched: its score is lowered by
+    the log of that share, its place and covariance become those of the share."""
+    p = found.primitive[row]
+    c, n = found.point[row], found.normal[row]
+    C = found.covariance[row]
+    t1x, t1y, t1z, t2x, t2y, t2z = tangents(n[0], n[1], n[2])
+    c1x = C[0, 0] * t1x + C[0, 1] * t1y + C[0, 2] * t1z
+    c1y = C[1, 0] * t1x + C[1, 1] * t1y + C[1, 2] * t1z
+    c1z = C[2, 0] * t1x + C[2, 1] * t1y + C[2, 2] * t1z
+    v11 = t1x * c1x + t1y * c1y + t1z * c1z
+    v12 = t2x * c1x + t2y * c1y + t2z * c1z
+    v22 = (
+        t2x * (C[0, 0] * t2x + C[0, 1] * t2y + C[0, 2] * t2z)
+        + t2y * (C[1, 0] * t2x + C[1, 1] * t2y + C[1, 2] * t2z)
+        + t2z * (C[2, 0] * t2x + C[2, 1] * t2y + C[2, 2] * t2z)
+    )
+    room = prior.room
+    wide = WIDEST * math.sqrt(max(v11 + v22, 0.0))
+    x, y, z = c[0] + room * n[0], c[1] + room * n[1], c[2] + room * n[2]
+    if clearance(surfaces, found, p, x, y, z, wide) >= wide:
+        return
+    # Root of the covariance in the tangent plane: v = (a u1, b u1 + d u2).
+    a = math.sqrt(max(v11, 1e-18))
+    b = v12 / a
+    d = math.sqrt(max(v22 - b * b, 0.0))
+    share, mx, my, mz = 0.0, 0.0, 0.0, 0.0
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    R, o = found.rotation[p], found.origin[p]
+    for radius, weight in RINGS:
+        for k in range(6):
+            angle = math.pi / 3.0 * k
+            u1, u2 = radius * math.cos(angle), radius * math.sin(angle)
+            v1, v2 = a * u1, b * u1 + d * u2
+            dx = c[0] + v1 * t1x + v2 * t2x - o[0]
+            dy = c[1] + v1 * t1y + v2 * t2y - o[1]
+            dz = c[2] + v1 * t1z + v2 * t2z - o[2]
+            _, lx, ly, lz, kx, ky, kz = project(
+                surfaces.kind[p],
+                surfaces.size[p],
+                R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
+                R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
+                R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
+            )
+            hx, hy, hz = lx + room * kx, ly + room * ky, lz + room * kz
+            free = clearance(
+                surfaces,
+                found,
+                p,
+                o[0] + R[0, 0] * hx + R[0, 1] * hy + R[0, 2] * hz,
+                o[1] + R[1, 0] * hx + R[1, 1] * hy + R[1, 2] * hz,
+                o[2] + R[2, 0] * hx + R[2, 1] * hy + R[2, 2] * hz,
+                0.0,
+            )
+            part = weight * exposed(free, prior)
+            ex = o[0] + R[0, 0] * lx + R[0, 1] * ly + R[0, 2] * lz - c[0]
+            ey = o[1] + R[1, 0] * lx + R[1, 1] * ly + R[1, 2] * lz - c[1]
+            ez = o[2] + R[2, 0] * lx + R[2, 1] * ly + R[2, 2] * lz - c[2]
+            share += part
+            mx += part * ex
+            my += part * ey
+            mz += part * ez
+            xx += part * ex * ex
+            xy += part * ex * ey
+            xz += part * ex * ez
+            yy += part * ey * ey
+            yz += part * ey * ez
+            zz += part * ez * ez
+    found.score[row] += math.log(share)
+    if share > WHOLE:
+        return
+    mx, my, mz = mx / share, my / share, mz / share
+    s = prior.offset * prior.offset
+    C[0, 0] = xx / share - mx * mx + s * n[0] * n[0]
+    C[0, 1] = xy / share - mx * my + s * n[0] * n[1]
+    C[0, 2] = xz / share - mx * mz + s * n[0] * n[2]
+    C[1, 1] = yy / share - my * my + s * n[1] * n[1]
+    C[1, 2] = yz / share - my * mz + s * n[1] * n[2]
+    C[2, 2] = zz / share - mz * mz + s * n[2] * n[2]
+    C[1, 0], C[2, 0], C[2, 1] = C[0, 1], C[0, 2], C[1, 2]
+    dx, dy, dz = c[0] + mx - o[0], c[1] + my - o[1], c[2] + mz - o[2]
+    _, lx, ly, lz, kx, ky, kz = project(
+        surfaces.kind[p],
+        surfaces.size[p],
+        R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
+        R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
+        R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
+    )
+    for i in range(3):
+        c[i] = o[i] + R[i, 0] * lx + R[i, 1] * ly + R[i, 2] * lz
+        n[i] = R[i, 0] * kx + R[i, 1] * ky + R[i, 2] * kz
 
 
 @fused_kernel

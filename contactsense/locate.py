@@ -15,7 +15,7 @@ import numpy as np
 from contactsense.aim import moment_variance, search_along
 from contactsense.candidates import Candidates
 from contactsense.cells import Cells
-from contactsense.cover import log_exposed, stands_on
+from contactsense.cover import cover_place, stands_on
 from contactsense.energy import Prior, Work
 from contactsense.isolation import Hypotheses
 from contactsense.ldl import solve
@@ -162,14 +162,10 @@ def _cover(surfaces, found, count, prior):  # type: ignore[no-untyped-def]
         p = found.order[i]
         if found.score[p] < best - CUT:
             continue
-        n, room = found.normal[p], prior.room
-        x, y, z = found.point[p, 0], found.point[p, 1], found.point[p, 2]
-        if stands_on(surfaces.link[p], z, n[2], prior.offset):
+        if stands_on(surfaces.link[p], found.point[p, 2], found.normal[p, 2], prior.offset):
             found.score[p] = -math.inf
         else:
-            found.score[p] += log_exposed(
-                surfaces, found, p, x + room * n[0], y + room * n[1], z + room * n[2], prior
-            )
+            cover_place(surfaces, found, p, prior)
 
 
 @fused_kernel

@@ -5,7 +5,7 @@ import math
 
 from contactsense.aim import moment_variance
 from contactsense.candidates import MOST, store
-from contactsense.cover import log_exposed
+from contactsense.cover import clearance, exposed
 from contactsense.energy import lean_in
 from contactsense.refine import CUT, refine
 from contactsense.survey import weigh
@@ -145,15 +145,16 @@ def _cover_cells(surfaces, places, depth, motion, prior, cells, found, best):  #
             x = places.point[s, 0] + room * n[0]
             y = places.point[s, 1] + room * n[1]
             z = places.point[s, 2] + room * n[2]
-            cells.score[s] += log_exposed(
+            free = clearance(
                 surfaces,
                 found,
                 p,
                 o[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
                 o[1] + R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
                 o[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
-                prior,
+                0.0,
             )
+            cells.score[s] += math.log(exposed(free, prior))
 
 
 @fused_kernel
