@@ -44,6 +44,9 @@ _LUBRICANT_VELOCITIES = (0.1, 0.2, 0.4)
 _CURRENTS = ("actual_current", "actual_current_minus_target")
 
 
+_NOT_EXCITED = "not excited by this motion: kept"
+
+
 class CalibrationError(ValueError):
     """The recordings cannot serve; the message says why and what would."""
 
@@ -172,9 +175,10 @@ class _Work:
         ]
         while True:
             offset = np.array([value(plant, entry) for entry in self._chosen]) - self._start
-            found = fit(rows, self._prior, offset, free, self._channels)
+            unknown = np.array([kept.get(i) == _NOT_EXCITED for i in range(len(free))])
+            found = fit(rows, self._prior, offset, free, self._channels, unknown)
             seen, condition = excited(found.information, self._chosen, free)
-            dropped = {int(i): "not excited by this motion: kept" for i in np.flatnonzero(free & ~seen)}
+            dropped = {int(i): _NOT_EXCITED for i in np.flatnonzero(free & ~seen)}
             if not dropped:
                 dropped = self._unwanted(plant, found, free, on_demand)
             if not dropped:

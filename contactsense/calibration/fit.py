@@ -42,7 +42,14 @@ class Fit:
     """Twice the negative log likelihood of the residuals, but for a constant: sum of N / tau ln sigma^2."""
 
 
-def fit(rows: list[Rows], prior: np.ndarray, offset: np.ndarray, free: np.ndarray, channels: int) -> Fit:
+def fit(
+    rows: list[Rows],
+    prior: np.ndarray,
+    offset: np.ndarray,
+    free: np.ndarray,
+    channels: int,
+    unknown: np.ndarray | None = None,
+) -> Fit:
     """Solve for the free parameters; the others keep their values.
 
     Args:
@@ -51,6 +58,8 @@ def fit(rows: list[Rows], prior: np.ndarray, offset: np.ndarray, free: np.ndarra
         offset: The parameters' present values less those of the prior's centre, shape (k,).
         free: Which may change, shape (k,), bool.
         channels: Number of equations, C.
+        unknown: Which of the others are not known but by their prior, shape (k,), bool: what they may be adds
+            to the covariance of the free ones (S. F. Schmidt's consider parameters).
     """
     k = len(prior)
     sigma, tau = np.full(channels, np.nan), np.ones(channels)
@@ -88,6 +97,9 @@ def fit(rows: list[Rows], prior: np.ndarray, offset: np.ndarray, free: np.ndarra
     bread = np.zeros((k, k))
     bread[np.ix_(free, free)] = np.linalg.inv((H + np.diag(1.0 / prior**2))[np.ix_(free, free)])
     covariance = bread @ (0.5 * (meat + meat.T)) @ bread
+    if unknown is not None and unknown.any():
+        swayed = bread @ H[:, unknown] * prior[unknown]
+        covariance += swayed @ swayed.T
     cost = sum(own[c] / tau[c] * np.log(sigma[c] ** 2) for c in range(channels) if own[c])
     return Fit(step, covariance, H, sigma, float(cost))
 
