@@ -2,12 +2,13 @@
 
 from contactsense.localizer import Batch, Localizer
 from contactsense.scene import JointTorqueSensor, Scene, SceneError, WrenchSensor
-from contactsense.types import Contact, Estimate, Sample
+from contactsense.types import Contact, Estimate, Event, Sample
 
 __all__ = [
     "Batch",
     "Contact",
     "Estimate",
+    "Event",
     "JointTorqueSensor",
     "Localizer",
     "Sample",

@@ -15,7 +15,7 @@ from contactsense.report import (
     TORSION,
 )
 from contactsense.scene import Scene
-from contactsense.types import Contact, Estimate, Status
+from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Status
 
 UNEXPLAINED = "something acts on the arm, but no single push on a touchable link explains it well"
 
@@ -31,20 +31,32 @@ class Composer:
         self._flange = (scene.robot.flange_rotation, scene.robot.flange_translation)
         self._joints = len(scene.robot.joints)
 
-    def quiet(self, t: float, status: Status, reason: str = "") -> Estimate:
+    def quiet(self, t: float, status: Status, reason: str = "", events: tuple[Event, ...] = ()) -> Estimate:
         """No contact, or no answer."""
         links = len(self._names)
-        return Estimate(t, status, (), np.zeros(links), np.zeros(6), np.zeros((6, 6)), reason=reason)
+        return Estimate(
+            t, status, (), np.zeros(links), np.zeros(6), np.zeros((6, 6)), reason=reason, events=events
+        )
 
-    def contacts(self, t: float, memory: Memory, rows: np.ndarray, reason: str = "") -> Estimate:
+    def contacts(
+        self,
+        t: float,
+        memory: Memory,
+        rows: np.ndarray,
+        reason: str = "",
+        number: int = 0,
+        phase: Phase = "",
+        kinds: tuple[EventKind, ...] = (),
+    ) -> Estimate:
         """The explanations in `rows`, as `contactsense.report` writes them; with a `reason` the estimate is
-        `degraded`."""
+        `degraded`. `number`, `phase` and `kinds` of events are those of the stream's contact."""
         rows = rows.copy()
-        listed = tuple([self._contact(row) for row in rows])
+        listed = tuple([self._contact(row, number, phase) for row in rows])
         other = max(1.0 - sum([contact.probability for contact in listed]), 0.0)
         best = listed[0].probability if listed else 0.0
         status: Status = "contact" if best >= self._clear else "ambiguous"
         link = listed[0].link_index if listed else int(np.argmin(memory.hypotheses.energy))
+        name = listed[0].link if listed else ""
         doubt = UNEXPLAINED if other > best else ""
         return Estimate(
             t,
@@ -55,9 +67,10 @@ class Composer:
             memory.hypotheses.covariance[link].copy(),
             other,
             "; ".join(part for part in (reason, doubt) if part),
+            tuple([Event(kind, number, t, name) for kind in kinds]),
         )
 
-    def _contact(self, row: np.ndarray) -> Contact:
+    def _contact(self, row: np.ndarray, number: int, phase: Phase) -> Contact:
         link, primitive = int(row[LINK]), int(row[PRIMITIVE])
         point = row[POINT]
         if link > self._joints:
@@ -74,4 +87,6 @@ class Composer:
             row[FORCE],
             float(row[TORSION]),
             row[COVARIANCE].reshape(3, 3),
+            number,
+            phase,
         )

@@ -5,9 +5,13 @@ import math
 
 import numpy as np
 
+from contactsense.arm import Arm
+from contactsense.equations import difference
+from contactsense.memory import Memory
 from contactsense.observer import GAIN
-from contactsense.pipeline import explain, follow, rest
+from contactsense.pipeline import energy_of_nothing, explain, follow, present, rest
 from contactsense.report import report
+from contactsense.tracker import NONE, PHASE, WINDOW, average, choose, forget, live
 from contactsense.workspace import unfold
 from robots.compiled import kernel
 from robots.grid import Grids
@@ -34,24 +38,37 @@ def step(
     base_wrench: np.ndarray,
     wrist_wrench: np.ndarray,
     steps: tuple[float, float, float, float, float],
+    dt: float,
     bandwidth: float,
     matched: tuple[bool, bool],
     has_base: bool,
     has_torque: bool,
     has_wrist: bool,
     gate: bool,
-    threshold: float,
+    onset: float,
+    release: float,
     rows: np.ndarray,
-) -> tuple[int, float]:
-    """One sample of a live stream: `follow`, and `explain` if any sensor's residual can be used.
+) -> int:
+    """One sample of a live stream: `follow`, and while a contact is on, `explain` what is averaged of it.
+
+    Args:
+        floats, integers, sizes, skin: The workspace and the skin.
+        q, qd, torque, base_wrench, wrist_wrench, steps, bandwidth, matched: As for `follow`.
+        dt: Time since the last sample [s], 0 for the first.
+        has_base, has_torque, has_wrist, gate: As for `explain`.
+        onset, release: Energies of "nothing touches" at which a contact begins and ends.
+        rows: Filled with the explanations.
 
     Returns:
-        Number of explanations in `rows`, and the energy of "nothing touches", -1 where no sensor can be used.
+        Number of explanations in `rows`, 0 where a contact has none; -1 where nothing touches, -2 where no
+        sensor can be used.
     """
     arm, memory = unfold(floats, integers, sizes)
+    track = memory.track
     follow(arm, memory, q, qd, torque, base_wrench, wrist_wrench, steps, bandwidth, matched)
     if not (has_base or has_torque):
-        return 0, -1.0
+        forget(track)
+        return -2
     # A sensor that has missed a sample passes a little more of its noise: the noisiest counts.
     scale = 0.0
     if has_base:
@@ -60,8 +77,85 @@ def step(
         scale = max(scale, memory.joints.clock[GAIN])
     if has_wrist:
         scale = max(scale, memory.wrist.clock[GAIN])
-    count, nothing = explain(arm, memory, has_base, has_torque, has_wrist, scale, gate, threshold)
-    return report(arm, memory, skin, count, rows), nothing
+    nothing = energy_of_nothing(arm, memory, has_base, has_torque, has_wrist, scale)
+    if nothing <= (onset if track.life[PHASE] == NONE else release):
+        forget(track)
+        return -1
+    average(
+        track,
+        memory.base,
+        memory.match,
+        memory.joints,
+        memory.wrist_match,
+        memory.wrist,
+        scale,
+        dt,
+        bandwidth,
+    )
+    moved = choose(arm.sensors, track, memory.motion, has_base, dt, bandwidth)
+    live(track, moved, dt, bandwidth)
+    window = int(track.life[WINDOW])
+    if window > 0:
+        _present_mean(memory, window, matched)
+    count, _ = explain(arm, memory, has_base, has_torque, has_wrist, track.gain[window], gate, -1.0)
+    listed: int = report(arm, memory, skin, count, rows)
+    if listed > 0:
+        _remember(arm, memory, rows[0])
+        if window > 0 and has_base:
+            _bring_up_to_date(arm, memory, window, rows[:listed])
+    return listed
+
+
+@kernel
+def _present_mean(memory: Memory, window: int, matched: tuple[bool, bool]) -> None:
+    """Put a window's mean in the place of the observers' residuals."""
+    n = memory.torque.shape[0]
+    mean = memory.track.mean[window]
+    a = 6 * (n + 1)
+    b = a + n
+    c = b + n
+    present(memory, mean[:a], mean[a:b], mean[b:c], mean[c : c + 6], mean[c + 6 :], matched)
+
+
+@kernel
+def _remember(arm: Arm, memory: Memory, row: np.ndarray) -> None:
+    """The place of the best explanation, for the next sample."""
+    body = arm.sensors.depth[int(row[0])]
+    R = memory.motion.rotation[body]
+    place = memory.track.place
+    place[0] = body
+    for i in range(3):
+        place[1 + i] = row[4 + i]
+        place[4 + i] = R[0, i] * row[10] + R[1, i] * row[11] + R[2, i] * row[12]
+
+
+@kernel
+def _bring_up_to_date(arm: Arm, memory: Memory, window: int, rows: np.ndarray) -> None:
+    """Place and link come from the mean over a window; force, torsion and wrench are told as they are now."""
+    track = memory.track
+    change = memory.change
+    for k in range(rows.shape[0]):
+        row = rows[k]
+        body = arm.sensors.depth[int(row[0])]
+        difference(memory.motion, track.mean[0], track.mean[window], body, change)
+        fx, fy, fz = change[0], change[1], change[2]
+        cx, cy, cz = row[7], row[8], row[9]
+        row[13] += fx
+        row[14] += fy
+        row[15] += fz
+        row[3] += (
+            row[10] * (change[3] - cy * fz + cz * fy)
+            + row[11] * (change[4] - cz * fx + cx * fz)
+            + row[12] * (change[5] - cx * fy + cy * fx)
+        )
+    wrench, covariance = memory.hypotheses.wrench, memory.hypotheses.covariance
+    wider = track.gain[0] / track.gain[window]
+    for link in range(wrench.shape[0]):
+        difference(memory.motion, track.mean[0], track.mean[window], arm.sensors.depth[link], change)
+        for i in range(6):
+            wrench[link, i] += change[i]
+            for j in range(6):
+                covariance[link, i, j] *= wider
 
 
 @kernel

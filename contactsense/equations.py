@@ -150,6 +150,30 @@ def from_bodies(motion: Motion, residual: np.ndarray, out: np.ndarray) -> None:
 
 
 @kernel
+def difference(motion: Motion, first: np.ndarray, second: np.ndarray, body: int, out: np.ndarray) -> None:
+    """First minus second of two wrenches as a body's frame has them, in base axes, about the base origin.
+
+    Args:
+        motion: Poses.
+        first, second: Six numbers per body, base first; more may follow [N, Nm].
+        body: Which.
+        out: Filled, shape (6,).
+    """
+    R, o = motion.rotation[body], motion.origin[body]
+    at = 6 * body
+    for i in range(3):
+        f, m = 0.0, 0.0
+        for k in range(3):
+            f += R[i, k] * (first[at + k] - second[at + k])
+            m += R[i, k] * (first[at + 3 + k] - second[at + 3 + k])
+        out[i] = f
+        out[i + 3] = m
+    out[3] += o[1] * out[2] - o[2] * out[1]
+    out[4] += o[2] * out[0] - o[0] * out[2]
+    out[5] += o[0] * out[1] - o[1] * out[0]
+
+
+@kernel
 def observe_match(
     model: Model,
     drive: Drive,

@@ -5,12 +5,12 @@ from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
 from contactsense.answer import Composer
 from contactsense.arm import build_arm
 from contactsense.candidates import MOST
 from contactsense.check import checked_rows, checked_vector
+from contactsense.detection import level, release_level, single_level
 from contactsense.entry import batch, finite, once, step
 from contactsense.feed import Feed
 from contactsense.memory import empty_memory
@@ -27,7 +27,8 @@ from contactsense.report import (
 )
 from contactsense.scene import Scene
 from contactsense.skin import skin_of
-from contactsense.types import Estimate, Sample
+from contactsense.tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, forget
+from contactsense.types import Estimate, Event, EventKind, Phase, Sample
 from contactsense.workspace import Workspace
 
 SETTLE = 5.0
@@ -38,6 +39,10 @@ Method = Literal["joint", "torques_first"]
 wrench and torques alone, then the place on it, which is what a gate in front of a locator does and is kept
 for comparison."""
 _SENSORS = ("base_wrench", "joint_torque", "wrist_wrench")
+_LATELY = 0.05
+"""Share of the newest step in the stream's usual one."""
+_PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
+_EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 
 
 class Batch(NamedTuple):
@@ -89,16 +94,23 @@ class Localizer:
         )
         self._sizes = (6, self._joints, 6)
         self._blank = tuple(np.zeros(size) for size in self._sizes)
-        self._thresholds: dict[tuple[bool, bool, bool], float] = {}
+        self._levels: dict[tuple[tuple[bool, bool, bool], int], tuple[float, float]] = {}
         self.reset()
         self._warm_up()
 
     def reset(self) -> None:
-        """Forget all samples; the next one starts a new stream."""
+        """Forget all samples and contacts; the next sample starts a new stream."""
+        self._restart()
+        self._work.memory.track.life[NUMBER] = 0.0
+        self._phase, self._number = NONE, 0
+
+    def _restart(self) -> None:
         settle = SETTLE / (2.0 * math.pi * self.scene.bandwidth)
         self._feeds = tuple(Feed(settle) for _ in _SENSORS)
         self._pairs = (Feed(settle), Feed(settle))
         self._t = -math.inf
+        self._usual_step = 0.0
+        forget(self._work.memory.track)
 
     def step(self, sample: Sample) -> Estimate:
         """Take the next sample of a live stream, of an arm that may move, and say what touches it now.
@@ -116,26 +128,42 @@ class Localizer:
             return self._composer.quiet(
                 t, "degraded", "time, positions or velocities are not finite: sample unused"
             )
-        if t <= self._t:
-            if t == self._t:
-                return self._composer.quiet(t, "degraded", "same time as the sample before: sample unused")
-            self.reset()
+        if t == self._t:
+            return self._composer.quiet(t, "degraded", "same time as the sample before: sample unused")
+        if t < self._t:
+            self._restart()
+        dt = t - self._t if self._t > -math.inf else 0.0
+        self._usual_step += (_LATELY if self._usual_step > 0.0 else 1.0) * (dt - self._usual_step)
         self._t = t
         values, steps, ready, troubles = self._read(sample)
         both = steps[0] >= 0.0
         steps += [pair.step(t, both and steps[i] >= 0.0) for i, pair in enumerate(self._pairs, start=1)]
         matched = (self._pairs[0].ready(t), self._pairs[1].ready(t))
-        threshold = self._threshold(ready)
-        listed, nothing = step(
-            *self._buffers, q, qd, values[1], values[0], values[2], tuple(steps), self.scene.bandwidth,
-            matched, *ready, self._gate, threshold, self._rows,
+        listed = step(
+            *self._buffers, q, qd, values[1], values[0], values[2], tuple(steps), dt, self.scene.bandwidth,
+            matched, *ready, self._gate, *self._onset_and_release(ready), self._rows,
         )  # fmt: skip
         reason = "; ".join(troubles)
-        if nothing < 0.0:
-            return self._composer.quiet(t, "degraded", reason or "observer settles after its start")
-        if nothing <= threshold:
-            return self._composer.quiet(t, "degraded" if reason else "none", reason)
-        return self._composer.contacts(t, self._work.memory, self._rows[:listed], reason)
+        kinds, ended = self._news(t)
+        if listed == -2:
+            reason = reason or "observer settles after its start"
+        if listed < 0:
+            return self._composer.quiet(t, "degraded" if reason else "none", reason, ended)
+        return self._composer.contacts(
+            t, self._work.memory, self._rows[:listed], reason, self._number, _PHASES[self._phase], kinds
+        )
+
+    def _news(self, t: float) -> tuple[tuple[EventKind, ...], tuple[Event, ...]]:
+        """What has happened to the contact with this sample: to one that is on, and to one that was."""
+        life = self._work.memory.track.life
+        phase, before = int(life[PHASE]), self._phase
+        if phase == before:
+            return (), ()
+        self._phase = phase
+        if phase == NONE:
+            return (), (Event("release", self._number, t),)
+        self._number = int(life[NUMBER])
+        return (_EVENTS[phase],), ()
 
     def locate(
         self,
@@ -228,12 +256,23 @@ class Localizer:
         for sample in recording:
             yield self.step(sample)
 
+    def _freedom(self, present: tuple[bool, bool, bool]) -> int:
+        return max(sum(size for size, there in zip(self._sizes, present, strict=True) if there), 1)
+
     def _threshold(self, present: tuple[bool, bool, bool]) -> float:
-        """Energy of "nothing touches" that noise exceeds with the scene's false-alarm probability."""
-        if present not in self._thresholds:
-            freedom = sum(size for size, there in zip(self._sizes, present, strict=True) if there)
-            self._thresholds[present] = float(chi2.isf(self.scene.false_alarm, max(freedom, 1))) / 2.0
-        return self._thresholds[present]
+        """Energy of "nothing touches" that noise exceeds in a single measurement as seldom as told."""
+        return single_level(self.scene.false_alarms_per_hour, self._freedom(present), self.scene.bandwidth)
+
+    def _onset_and_release(self, ready: tuple[bool, bool, bool]) -> tuple[float, float]:
+        """Energies of "nothing touches" at which a contact of the stream begins and ends."""
+        pace = min(max(round(1e3 * self._usual_step), 1), 20)
+        if (ready, pace) not in self._levels:
+            freedom, scene = self._freedom(ready), self.scene
+            self._levels[ready, pace] = (
+                level(scene.false_alarms_per_hour, freedom, scene.bandwidth, 1e-3 * pace),
+                release_level(freedom),
+            )
+        return self._levels[ready, pace]
 
     def _present(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
         for name, value, fitted in zip(_SENSORS, given, self._fitted, strict=True):

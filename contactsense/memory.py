@@ -11,6 +11,7 @@ from contactsense.cells import Cells, empty_cells
 from contactsense.energy import Work, empty_work
 from contactsense.isolation import Hypotheses, empty_hypotheses
 from contactsense.observer import Observer, empty_observer
+from contactsense.tracker import Track, empty_track
 from kinematics.model import Motion, empty_motion
 
 
@@ -34,6 +35,8 @@ class Memory(NamedTuple):
     """What the wrist sensor sees, base axes, six equations."""
     wrist_match: Observer
     """What it sees beyond the base sensor, six equations."""
+    track: Track
+    """The contact that is on."""
     carried: np.ndarray
     """Momentum and gravity wrench of what the wrist sensor carries, shape (2, 6)."""
     wrist_origin: np.ndarray
@@ -50,6 +53,8 @@ class Memory(NamedTuple):
     """External wrench on the wrist sensor, base axes, base origin, shape (6,) [N, Nm]."""
     seen_wrist: np.ndarray
     """The same as held against `base_wrench` where the sensor sees the contact, shape (6,)."""
+    change: np.ndarray
+    """Scratch: what a wrench has changed since its mean, shape (6,) [N, Nm]."""
     unexplained: np.ndarray
     """What model and friction leave of each joint's torque, standard deviation, filtered as the torque is,
     shape (n,) [Nm]."""
@@ -77,6 +82,7 @@ def empty_memory(arm: Arm) -> Memory:
         match=empty_observer(joints),
         wrist=empty_observer(6),
         wrist_match=empty_observer(6),
+        track=empty_track(joints),
         carried=np.zeros((2, 6)),
         wrist_origin=np.zeros(3),
         base_wrench=np.zeros(6),
@@ -85,6 +91,7 @@ def empty_memory(arm: Arm) -> Memory:
         seen_torque=np.zeros(joints),
         wrist_wrench=np.zeros(6),
         seen_wrist=np.zeros(6),
+        change=np.zeros(6),
         unexplained=np.zeros(joints),
         torque_variance=np.zeros(joints),
         rest=np.zeros(joints),

@@ -85,20 +85,77 @@ def follow(
         observe_wrist_match(
             motion, memory.carried, wrist_wrench, base_wrench, steps[4], bandwidth, memory.wrist_match
         )
-    from_bodies(motion, memory.base.residual, memory.body_wrench)
+    present(
+        memory,
+        memory.base.residual,
+        memory.match.residual,
+        memory.joints.residual,
+        memory.wrist_match.residual,
+        memory.wrist.residual,
+        matched,
+    )
+
+
+@kernel
+def present(
+    memory: Memory,
+    base: np.ndarray,
+    match: np.ndarray,
+    joints: np.ndarray,
+    wrist_match: np.ndarray,
+    wrist: np.ndarray,
+    matched: tuple[bool, bool],
+) -> None:
+    """Leave residuals, those of the observers or their means, in `memory` as the external parts to explain.
+
+    Args:
+        memory: With the poses of this sample; its external parts are filled.
+        base, match, joints, wrist_match, wrist: Residuals in the order of `Memory`'s observers.
+        matched: Whether torque and wrist wrench can be held against the base wrench.
+    """
+    from_bodies(memory.motion, base, memory.body_wrench)
     memory.base_wrench[:] = memory.body_wrench[0]
-    memory.torque[:] = memory.joints.residual
-    memory.wrist_wrench[:] = memory.wrist.residual
-    for j in range(q.shape[0]):
+    memory.torque[:] = joints
+    memory.wrist_wrench[:] = wrist
+    for j in range(joints.shape[0]):
         memory.seen_torque[j] = (
-            dot6(motion.screw[j], memory.base_wrench) + memory.match.residual[j]
-            if matched[0]
-            else memory.torque[j]
+            dot6(memory.motion.screw[j], memory.base_wrench) + match[j] if matched[0] else joints[j]
         )
     for i in range(6):
-        memory.seen_wrist[i] = (
-            memory.base_wrench[i] + memory.wrist_match.residual[i] if matched[1] else memory.wrist_wrench[i]
+        memory.seen_wrist[i] = memory.base_wrench[i] + wrist_match[i] if matched[1] else wrist[i]
+
+
+@kernel
+def energy_of_nothing(
+    arm: Arm, memory: Memory, has_base: bool, has_torque: bool, has_wrist: bool, scale: float
+) -> float:
+    """Energy of "nothing touches": half the sum of squares of the external parts in units of their noise.
+
+    Arguments as for `explain`.
+    """
+    energy = 0.0
+    if has_torque:
+        for j in range(memory.torque.shape[0]):
+            variance = arm.sensors.torque_variance[j] * scale + memory.unexplained[j] ** 2
+            energy += 0.5 * memory.torque[j] ** 2 / variance
+    if has_base:
+        for i in range(6):
+            row = dot6(arm.sensors.base_information[i], memory.base_wrench)
+            energy += 0.5 * memory.base_wrench[i] * row / scale
+    if has_wrist:
+        s, w = memory.wrist_origin, memory.wrist_wrench
+        force, moment = arm.sensors.wrist_variance[0] * scale, arm.sensors.wrist_variance[1] * scale
+        energy += 0.5 * (w[0] ** 2 + w[1] ** 2 + w[2] ** 2) / force
+        energy += (
+            0.5
+            * (
+                (w[3] - s[1] * w[2] + s[2] * w[1]) ** 2
+                + (w[4] - s[2] * w[0] + s[0] * w[2]) ** 2
+                + (w[5] - s[0] * w[1] + s[1] * w[0]) ** 2
+            )
+            / moment
         )
+    return energy
 
 
 @kernel

@@ -99,10 +99,20 @@ class Scene(BaseModel):
     """How far the primitives are off the real surface, standard deviation [m]."""
     bandwidth: PositiveFloat = 10.0
     """Cut-off frequency of the momentum observer [Hz]: lower is less noisy, higher is faster."""
-    false_alarm: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-9
-    """Probability that noise alone makes one sample look like a contact."""
+    false_alarms_per_hour: PositiveFloat = 0.01
+    """How often noise alone may make a stream look like a contact [1/h]."""
     clear: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
     """An answer less probable than this is reported as `ambiguous`."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_current(cls, fields: Any) -> Any:
+        if isinstance(fields, dict) and "false_alarm" in fields:
+            raise ValueError(
+                "false_alarm: this probability per sample is replaced by false_alarms_per_hour, how often "
+                "noise alone may look like a contact in an hour (0.01 where nothing is given)"
+            )
+        return fields
 
     @model_validator(mode="before")
     @classmethod

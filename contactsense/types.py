@@ -6,6 +6,9 @@ from typing import Literal
 import numpy as np
 
 Status = Literal["none", "contact", "ambiguous", "multiple", "degraded"]
+Phase = Literal["", "new", "hold", "slide"]
+"""What a contact of a stream does: it has just begun, keeps its place, or moves; empty without a stream."""
+EventKind = Literal["onset", "hold", "slide", "release"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +55,25 @@ class Contact:
     """Moment on the robot about the outward normal [Nm]."""
     covariance: np.ndarray
     """Covariance of `point_base`, base axes [m^2], shape (3, 3)."""
+    id: int = 0
+    """Number of the contact in its stream, from 1; explanations of the same contact share it. 0 without a
+    stream."""
+    phase: Phase = ""
+    """What it does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something happened to a contact with this sample."""
+
+    kind: EventKind
+    """`onset`: it began; `hold`: it keeps its place; `slide`: it moves; `release`: it ended."""
+    contact: int
+    """Its number, see `Contact.id`."""
+    t: float
+    """Time of the sample [s]."""
+    link: str = ""
+    """The most probable link, where there is one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,3 +100,5 @@ class Estimate:
     """Probability that it is none of `contacts`: no single push, or one too improbable to be listed."""
     reason: str = ""
     """Why the status is what it is, where that is not plain: one sentence for a person."""
+    events: tuple[Event, ...] = ()
+    """What has just happened to contacts of the stream."""

@@ -19,6 +19,7 @@ from contactsense.isolation import Hypotheses, Sensors
 from contactsense.memory import Memory
 from contactsense.observer import Observer
 from contactsense.places import Places
+from contactsense.tracker import WINDOWS, Track
 from kinematics.model import Model, Motion
 from robots.compiled import kernel
 from robots.surface import Surfaces
@@ -258,6 +259,19 @@ def _observer(f, a, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _track(f, a, n):  # type: ignore[no-untyped-def]
+    mean, a = _take2(f, a, WINDOWS, 6 * (n + 1) + 2 * n + 12)
+    gain, a = _take1(f, a, WINDOWS)
+    shared, a = _take1(f, a, WINDOWS)
+    samples, a = _take1(f, a, WINDOWS)
+    place, a = _take1(f, a, 7)
+    apart, a = _take2(f, a, WINDOWS, 3)
+    spread, a = _take1(f, a, 3)
+    life, a = _take1(f, a, 5)
+    return Track(mean, gain, shared, samples, place, apart, spread, life), a
+
+
+@kernel
 def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     """`Arm` and `Memory` as views of a workspace's buffers.
 
@@ -278,6 +292,7 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     match, a = _observer(f, a, n)
     wrist, a = _observer(f, a, 6)
     wrist_match, a = _observer(f, a, 6)
+    track, a = _track(f, a, n)
     carried, a = _take2(f, a, 2, 6)
     wrist_place, a = _take1(f, a, 3)
     base_wrench, a = _take1(f, a, 6)
@@ -286,13 +301,14 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     seen_torque, a = _take1(f, a, n)
     wrist_wrench, a = _take1(f, a, 6)
     seen_wrist, a = _take1(f, a, 6)
+    change, a = _take1(f, a, 6)
     unexplained, a = _take1(f, a, n)
     torque_variance, a = _take1(f, a, n)
     rest, a = _take1(f, a, n)
     choice, b = _take1(i, b, links)
     memory = Memory(
         motion, hypotheses, found, work, cells, link_probability, joints, base, match, wrist, wrist_match,
-        carried, wrist_place, base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist,
-        unexplained, torque_variance, rest, choice,
+        track, carried, wrist_place, base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist,
+        change, unexplained, torque_variance, rest, choice,
     )  # fmt: skip
     return arm, memory

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
-from contactsense.types import Contact, Estimate, Status
+from contactsense.types import Contact, Estimate, EventKind, Phase, Status
 
 Numbers = list[float]
 Three = Annotated[Numbers, Field(min_length=3, max_length=3)]
@@ -88,6 +88,27 @@ class ContactOut(BaseModel):
     covariance: list[list[float | None]] = Field(
         description="Covariance of point_base, base axes [m^2], 3 x 3; null where it is not bounded."
     )
+    id: int = Field(
+        0,
+        description="Number of the contact in its stream, from 1; explanations of the same contact share it. "
+        "0 where there is no stream.",
+    )
+    phase: Phase = Field(
+        "",
+        description="new: it has just begun; hold: it keeps its place; slide: it moves; empty where there is "
+        "no stream.",
+    )
+
+
+class EventOut(BaseModel):
+    """Something that happened to a contact with this sample."""
+
+    kind: EventKind = Field(
+        description="onset: it began; hold: it keeps its place; slide: it moves; release: it ended."
+    )
+    contact: int = Field(description="Number of the contact in its stream, see contacts.id.")
+    t: float = Field(description="Time of the sample [s].")
+    link: str = Field(description="The most probable link; empty where there is none.")
 
 
 class EstimateOut(BaseModel):
@@ -117,6 +138,9 @@ class EstimateOut(BaseModel):
         description="Covariance of wrench, 6 x 6; null where it is not bounded."
     )
     reason: str = Field(description="Why the status is what it is, where that is not plain.")
+    events: list[EventOut] = Field(
+        [], description="What has happened to contacts of the stream since the sample before."
+    )
 
 
 class EstimatesOut(BaseModel):
@@ -251,6 +275,10 @@ def estimate_dict(estimate: Estimate) -> dict[str, Any]:
         "wrench": _finite(estimate.wrench),
         "covariance": _finite(estimate.covariance),
         "reason": estimate.reason,
+        "events": [
+            {"kind": event.kind, "contact": event.contact, "t": event.t, "link": event.link}
+            for event in estimate.events
+        ],
     }
 
 
@@ -272,6 +300,7 @@ def estimate_json(estimate: Estimate) -> bytes:
                 "wrench": _finite(estimate.wrench),
                 "covariance": _finite(estimate.covariance),
                 "reason": "the estimate is not finite; please report this",
+                "events": [],
             }
         ).encode()
 
@@ -288,6 +317,8 @@ def _contact_dict(contact: Contact) -> dict[str, Any]:
         "force_base": contact.force_base.tolist(),
         "torsion": contact.torsion,
         "covariance": _finite(contact.covariance),
+        "id": contact.id,
+        "phase": contact.phase,
     }
 
 

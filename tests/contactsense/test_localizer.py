@@ -219,7 +219,7 @@ def test_the_face_on_which_the_base_stands_cannot_be_touched(precise: Localizer)
 
 
 def test_noise_alone_is_no_contact_at_the_stated_rate() -> None:
-    scene = Scene(robot=ARM, false_alarm=0.01)
+    scene = Scene(robot=ARM, false_alarms_per_hour=0.01 * 3600.0 * 2.0 * np.pi * 10.0)
     chance = np.random.default_rng(2)
     n = 4000
     found = Localizer(scene).locate_batch(

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contactsense import Contact, Estimate
+from contactsense import Contact, Estimate, Event
 from service.messages import EstimateOut, estimate_json
 
 CONTACT = Contact(
@@ -20,6 +20,8 @@ CONTACT = Contact(
     force_base=np.array([1.0, 2.0, -30.0]),
     torsion=0.05,
     covariance=np.diag([1e-6, 2e-6, 3e-6]),
+    id=4,
+    phase="slide",
 )
 ESTIMATE = Estimate(
     t=12.5,
@@ -29,6 +31,7 @@ ESTIMATE = Estimate(
     wrench=np.array([1.0, 2.0, -30.0, 4.0, 5.0, 6.0]),
     covariance=np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
     reason="two links explain it",
+    events=(Event("slide", 4, 12.5, "forearm"),),
 )
 
 
@@ -44,6 +47,9 @@ def test_an_estimate_arrives_as_it_left() -> None:
     read_back = read(ESTIMATE)
     assert (read_back.t, read_back.status, read_back.reason) == (12.5, "ambiguous", "two links explain it")
     assert [contact.link for contact in read_back.contacts] == ["forearm", "wrist_1"]
+    assert [(contact.id, contact.phase) for contact in read_back.contacts] == [(4, "slide")] * 2
+    (event,) = read_back.events
+    assert (event.kind, event.contact, event.t, event.link) == ("slide", 4, 12.5, "forearm")
     first = read_back.contacts[0]
     for name in ("point", "point_base", "normal_base", "force_base", "covariance"):
         np.testing.assert_array_equal(getattr(first, name), getattr(CONTACT, name))
