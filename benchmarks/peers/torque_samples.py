@@ -1,0 +1,125 @@
+"""Contacts from joint torques alone: the residual of a small QP at each sample of the arm's surface.
+
+After Pang, Umenberger & Tedrake (ICRA 2021): of all places on the surface and forces within friction, those
+that explain the torques. Often there are many, far apart: a residual of zero does not make a place the right
+one. All are reported as candidates; the one of least residual is the answer. Joints beyond the link count,
+with a torque of zero.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.method import Answers
+from benchmarks.peers.friction import EDGES, solve
+from benchmarks.peers.single import add_contact, force_of
+from benchmarks.peers.skin_table import spread
+from benchmarks.peers.stage import build_stage, given, measure, to_base
+from contactsense import Scene
+from kinematics.core import place
+from robots.compiled import kernel
+
+SPACING = 0.008
+"""Distance of neighbouring samples [m]."""
+WITHIN = 9.0
+"""A candidate's squared residual exceeds the least by no more than this, in units of the noise: 3 sigma."""
+APART = 0.05
+"""Candidates nearer to each other than this on one link count as one [m]."""
+
+
+class Candidates(NamedTuple):
+    """Places that explain one measurement about equally well, best first, base axes."""
+
+    link: np.ndarray
+    """Shape (C,), int64."""
+    point_base: np.ndarray
+    """Shape (C, 3) [m]."""
+    residual: np.ndarray
+    """Root of the squared residual in units of the noise, shape (C,)."""
+
+
+class TorqueSamples:
+    """The QP at all samples of the surface."""
+
+    name = "torque QP on samples"
+
+    def __init__(self, scene: Scene, spacing: float = SPACING) -> None:
+        """Sample the surface of the arm of a scene, which has joint torques and nothing else."""
+        if scene.base_wrench is not None:
+            raise ValueError("base_wrench: expected a scene of joint torques alone")
+        self._stage = build_stage(scene)
+        self._friction = scene.friction
+        self.table = spread(self._stage.surfaces, spacing)
+
+    def __call__(
+        self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
+    ) -> Answers:
+        q, _, joint_torque = given(q, base_wrench, joint_torque)
+        n = len(q)
+        answers = Answers(np.empty(n, dtype=np.int64), np.empty((n, 3)), np.empty((n, 3)))
+        cost = np.empty(len(self.table.link))
+        for i in range(n):
+            best = _search(self._stage, self._friction, *self.table[:3], q[i], joint_torque[i], cost)
+            answers.link[i], answers.point_base[i], answers.force_base[i] = best[0], best[1:4], best[4:7]
+        return answers
+
+    def candidates(self, q: np.ndarray, joint_torque: np.ndarray) -> Candidates:
+        """All places that explain one measurement, `q` and `joint_torque` of shape (n,)."""
+        cost = np.empty(len(self.table.link))
+        (q,), _, (torque,) = given(np.array([q]), None, np.array([joint_torque]))
+        _search(self._stage, self._friction, *self.table[:3], q, torque, cost)
+        motion = self._stage.motion
+        link = self.table.link
+        point = np.einsum("nij,nj->ni", motion.rotation[link], self.table.point) + motion.origin[link]
+        kept: list[int] = []
+        for i in np.argsort(cost, kind="stable"):
+            if cost[i] > cost.min() + WITHIN:
+                break
+            if all(link[i] != link[k] or np.linalg.norm(point[i] - point[k]) > APART for k in kept):
+                kept.append(int(i))
+        return Candidates(link[kept], point[kept], np.sqrt(cost[kept]))
+
+
+@kernel
+def _search(stage, friction, points, normals, links, q, joint_torque, cost):  # type: ignore[no-untyped-def]
+    """Squared residual at each sample, into `cost` (M,); the best one's link, place and force, base axes."""
+    place(stage.model, q, stage.motion)
+    n = q.shape[0]
+    m = n + 6
+    b, rows, directions = np.empty(m), np.empty((m, 3)), np.empty((EDGES, 3))
+    A, G, h = np.empty((EDGES, m)), np.empty((EDGES, EDGES)), np.empty(EDGES)
+    x, L, s = np.empty(EDGES), np.empty((EDGES, EDGES)), np.empty(EDGES)
+    order = np.empty(EDGES, dtype=np.int64)
+    best = np.zeros(7)
+    measure(stage.noise, joint_torque, np.zeros(6), b)
+    square = 0.0
+    for i in range(m):
+        square += b[i] * b[i]
+    least = np.inf
+    force = np.empty(3)
+    for i in range(points.shape[0]):
+        add_contact(
+            stage.noise,
+            stage.motion,
+            friction,
+            links[i],
+            points[i],
+            normals[i],
+            b,
+            0,
+            A,
+            G,
+            h,
+            directions,
+            rows,
+        )
+        cost[i] = solve(G, h, square, EDGES, x, L, s, order)
+        if cost[i] < least:
+            least = cost[i]
+            force_of(directions, x, 0, force)
+            best[0] = links[i]
+            best[1], best[2], best[3] = to_base(
+                stage.motion, links[i], points[i, 0], points[i, 1], points[i, 2]
+            )
+            best[4:7] = force
+    return best

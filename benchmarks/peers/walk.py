@@ -1,0 +1,73 @@
+"""A random step on the surface of the arm: the motion model of the particle filters.
+
+A particle is a place in its link's frame with the normal there. It is pushed off the surface at random and
+goes back to the nearest place of the arm, which may lie on the link before or after its own.
+"""
+
+import numpy as np
+
+from benchmarks.peers.stage import to_base, to_link
+from robots.compiled import kernel
+from robots.union import nearest
+
+_BURIED = 1e-4
+"""A place this far inside of a neighbour [m] is none that can be touched."""
+
+
+@kernel
+def _place(stage, link, x, y, z, within):  # type: ignore[no-untyped-def]
+    """Distance of a point of the base frame to one link if below `within`, else infinity, and the nearest
+    place and normal in its frame."""
+    px, py, pz = to_link(stage.motion, link, x, y, z)
+    surfaces, ball = stage.surfaces, stage.ball[link]
+    reach = within + ball[3]
+    if reach <= 0.0 or (px - ball[0]) ** 2 + (py - ball[1]) ** 2 + (pz - ball[2]) ** 2 >= reach * reach:
+        return np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    d, _, sx, sy, sz, nx, ny, nz = nearest(
+        surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius,
+        surfaces.start[link], surfaces.start[link + 1], px, py, pz,
+    )  # fmt: skip
+    return d, sx, sy, sz, nx, ny, nz
+
+
+@kernel
+def walk(rng, stage, step, link, place, normal, new_place, new_normal):  # type: ignore[no-untyped-def]
+    """Move a particle at random; it stays where the step ends at no place that can be touched.
+
+    Args:
+        rng: A NumPy generator.
+        stage: Where the links are, and their surfaces.
+        step: Standard deviation of the step [m].
+        link, place, normal: Where it is: number of the link, place (3,) [m] and normal (3,), link frame.
+        new_place, new_normal: Filled, shapes (3,).
+
+    Returns:
+        Number of its new link.
+    """
+    x, y, z = to_base(
+        stage.motion,
+        link,
+        place[0] + step * rng.standard_normal(),
+        place[1] + step * rng.standard_normal(),
+        place[2] + step * rng.standard_normal(),
+    )
+    first, last = max(0, link - 1), min(len(stage.ball), link + 2)
+    best, found = np.inf, link
+    for other in range(first, last):
+        d, sx, sy, sz, nx, ny, nz = _place(stage, other, x, y, z, best)
+        if d < best:
+            best, found = d, other
+            new_place[0], new_place[1], new_place[2] = sx, sy, sz
+            new_normal[0], new_normal[1], new_normal[2] = nx, ny, nz
+    # From outside, the nearest place is on the surface of all; from inside, it may lie in another body.
+    if best < 0.0:
+        x, y, z = to_base(stage.motion, found, new_place[0], new_place[1], new_place[2])
+        for other in range(first, last):
+            d, _, _, _, _, _, _ = _place(stage, other, x, y, z, 0.0)
+            if d < -_BURIED:
+                best = np.inf
+    if best == np.inf:
+        new_place[:] = place
+        new_normal[:] = normal
+        return link
+    return found
