@@ -106,7 +106,7 @@ class Toucher:
 
     def _posture(self, share: np.ndarray, contacts: int, force: float) -> tuple[np.ndarray, ...]:
         q = self._free()
-        chosen = []
+        chosen: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
         while len(chosen) < contacts:
             link = int(self._rng.choice(len(share), p=share / share.sum()))
             found = self._place_on(link)
@@ -126,7 +126,7 @@ class Toucher:
             point, _ = in_base(self._motion, self._coarse)
             link = self._coarse.link
             if (point[link > 1, 2] > 0.0).all() and not self._collides(point, link):
-                return q
+                return np.asarray(q)
 
     def _collides(self, point: np.ndarray, link: np.ndarray) -> bool:
         for other in range(len(self._surfaces.start) - 1):
@@ -137,7 +137,7 @@ class Toucher:
 
     def _distance(self, link: int, point: np.ndarray) -> np.ndarray:
         local = (point - self._motion.origin[link]) @ self._motion.rotation[link]
-        return distances(self._surfaces, local, link)[0]
+        return np.asarray(distances(self._surfaces, local, link)[0])
 
     def _room(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         free = self._free_at(point + ROOM / 4.0 * normal) & self._free_at(point + ROOM * normal)
@@ -147,7 +147,7 @@ class Toucher:
             way = normal + direction
             way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
             opening += self._free_at(point + REACH / 2.0 * way) & self._free_at(point + REACH * way)
-        return free & (opening >= OPEN * len(self._directions))
+        return np.asarray(free & (opening >= OPEN * len(self._directions)))
 
     def _free_at(self, point: np.ndarray) -> np.ndarray:
         free = point[:, 2] > 0.0
@@ -159,7 +159,8 @@ class Toucher:
         """A place on a link with room above it; none where a few tries find none."""
         own = np.flatnonzero(self._skin.link == link)
         chosen = self._rng.choice(own, _TRIES)
-        tries = Table(*(column[chosen] for column in self._skin[:3]), self._skin.area)
+        skin = self._skin
+        tries = Table(skin.point[chosen], skin.normal[chosen], skin.link[chosen], skin.area)
         point, normal = in_base(self._motion, tries)
         free = np.flatnonzero(self._room(point, normal))
         return (point[free[0]], normal[free[0]]) if len(free) else None

@@ -1,0 +1,132 @@
+"""The setting of MCP-EP (Han & Kim 2023) as far as it is known: up to three contacts, one after another.
+
+Known of it: joint torques and a base sensor, 20 N, contacts on different links that arrive one at a time, an
+answer counts within 22.5 mm. Not known, and assumed here: the arm at rest, links drawn all alike among those
+that move, places uniform by area, forces uniform within friction 0.5, places on the primitives that the
+method is given, the noise.
+
+Run: python -m benchmarks.mcp_ep
+"""
+
+import time
+from collections.abc import Iterator
+from itertools import permutations
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+import robots
+from benchmarks.compare import NEAR
+from benchmarks.peers.exploration_filter import ExplorationFilter, Found
+from benchmarks.touches import Toucher, Touches
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from service.bench.static_cases import ASSUMED, COLUMNS, Noise
+
+REPORTED = ((99.96, 1.6), (96.70, 10.8), (81.63, 35.0))
+"""Success [%] and RMSE [mm] in the paper for one, two and three contacts, on a Panda."""
+CONTACTS = 3
+
+
+class Judged(NamedTuple):
+    """Answers once so many contacts are there."""
+
+    success: float
+    """Share of the runs in which every contact is found within `NEAR`."""
+    each: float
+    """Share of the contacts found within `NEAR`."""
+    rmse: float
+    """Root mean square distance of the contacts that got an answer, failures included [m]."""
+
+
+def scene_of(robot: str, noise: Noise) -> Scene:
+    """The arm with both sensors, told that noise; its base link cannot be touched.
+
+    Args:
+        robot: A name that `robots.load` knows, or a path to a URDF with its `.surface.yaml` beside it.
+        noise: Of one sample.
+    """
+    arm = robots.load(robot)
+    told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
+    return Scene(
+        robot=arm,
+        touchable=arm.link_names[1:],
+        base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment),
+        joint_torque=JointTorqueSensor(noise=told.torque),
+    )
+
+
+def sequence(touches: Touches, noise: Noise, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Base wrenches and joint torques after each contact has come, shapes (N, K, 6) and (N, K, n)."""
+    rng = np.random.default_rng(seed)
+    wrench, torque = np.cumsum(touches.base_wrench, axis=1), np.cumsum(touches.joint_torque, axis=1)
+    return (
+        wrench + rng.normal(size=wrench.shape) * np.repeat(noise[:2], 3),
+        torque + rng.normal(size=torque.shape) * noise.torque,
+    )
+
+
+def judge(found: Found, touches: Touches) -> Iterator[Judged]:
+    """Score after one, two, ... contacts; answers are matched so that the farthest is nearest."""
+    runs, steps = found.link.shape[:2]
+    for t in range(steps):
+        gap = np.linalg.norm(found.point_base[:, t, :, None] - touches.point_base[:, None], axis=-1)
+        gap[found.link[:, t] < 0] = np.inf
+        matched = np.array([_match(gap[i, :, : t + 1]) for i in range(runs)])
+        there = matched[np.isfinite(matched)]
+        yield Judged(
+            success=float((matched <= NEAR).all(axis=1).mean()),
+            each=float((matched <= NEAR).mean()),
+            rmse=float(np.sqrt(np.mean(there**2))) if len(there) else np.inf,
+        )
+
+
+def _match(gap: np.ndarray) -> np.ndarray:
+    """Distance of each true contact from its answer, shape (K,), of answers by contacts `gap` (A, K)."""
+    ways = [
+        np.array([gap[answer, k] for k, answer in enumerate(way)])
+        for way in permutations(range(len(gap)), gap.shape[1])
+    ]
+    return min(ways, key=lambda way: (way.max(), np.sort(way)[::-1].tolist()))
+
+
+@click.command()
+@click.option(
+    "--robot", "names", multiple=True, default=("ur5e",), help="Arm by name, or a URDF with a surface."
+)
+@click.option("--runs", default=300, show_default=True, help="Postures with three contacts each.")
+@click.option("--seed", default=0, show_default=True, help="Of everything random.")
+def main(names: tuple[str, ...], runs: int, seed: int) -> None:
+    """Success and error of the exploring particle filter for one, two and three contacts."""
+    table = Table(title=f"contacts of 20 N one after another, {runs} runs; within {1e3 * NEAR:g} mm counts")
+    table.add_column("arm", no_wrap=True)
+    table.add_column("noise N / Nm / Nm", no_wrap=True)
+    for name in ("contacts", "success", "each", "RMSE mm", "paper: success", "RMSE mm", "ms a contact"):
+        table.add_column(name, justify="right")
+    cases = [(name, noise) for name in names for noise in (COLUMNS[0], COLUMNS[2])]
+    for name, noise in track(cases, "locating", console=Console(stderr=True), transient=True):
+        scene = scene_of(name, noise)
+        touches = Toucher(scene, seed=seed).draw(runs, CONTACTS, even=True)
+        measured = sequence(touches, noise, seed + 1)
+        method = ExplorationFilter(scene, contacts=CONTACTS)
+        method.follow(touches.q[:1], *(part[:1] for part in measured))
+        start = time.perf_counter()
+        found = method.follow(touches.q, *measured)
+        spent = 1e3 * (time.perf_counter() - start) / runs / CONTACTS
+        for k, judged in enumerate(judge(found, touches)):
+            success, rmse = REPORTED[k]
+            table.add_row(
+                "" if k else Path(name).stem, "" if k else str(noise), str(k + 1),
+                f"{100 * judged.success:.1f} %", f"{100 * judged.each:.1f} %", f"{1e3 * judged.rmse:.1f}",
+                f"{success:.2f} %", f"{rmse:.1f}", "" if k else f"{spent:.1f}",
+            )  # fmt: skip
+        table.add_section()
+    Console(width=112).print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""Which part of each link can be located from joint torques alone, and which with a base sensor besides.
+
+Pang, Umenberger & Tedrake (2021) found 32.6 % of a UR5's forearm fully detectable from torques alone. Theirs
+is a statement about uniqueness; ours about answers: an answer counts where it is within 22.5 mm of the
+touched place.
+
+Run: python -m benchmarks.torque_only
+"""
+
+from typing import NamedTuple
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from benchmarks.compare import NEAR
+from benchmarks.method import Located
+from benchmarks.touches import Toucher
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from service.bench.static_cases import ASSUMED, COLUMNS, Noise
+
+FORCE = 20.0
+"""Size of each force [N]."""
+
+
+class Shares(NamedTuple):
+    """Of the contacts on each link; they are uniform by its area, so these are shares of area."""
+
+    located: np.ndarray
+    """Answered within `NEAR`, shape (links,)."""
+    contacts: np.ndarray
+    """How many contacts there were, shape (links,)."""
+
+
+def shares(robot: str, noise: Noise, base: bool, contacts: int, seed: int = 0) -> Shares:
+    """Locate one contact in each of many postures, links drawn all alike."""
+    told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
+    scene = Scene(
+        robot=robot,
+        base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment) if base else None,
+        joint_torque=JointTorqueSensor(noise=told.torque),
+    )
+    touches = Toucher(scene, seed=seed).draw(contacts, force=FORCE, even=True)
+    rng = np.random.default_rng(seed + 1)
+    wrench = touches.base_wrench[:, 0] + rng.normal(size=(contacts, 6)) * np.repeat(noise[:2], 3)
+    torque = touches.joint_torque[:, 0] + rng.normal(size=touches.q.shape) * noise.torque
+    found = Located(scene)(touches.q, wrench if base else None, torque)
+    near = np.linalg.norm(found.point_base - touches.point_base[:, 0], axis=1) <= NEAR
+    link, links = touches.link[:, 0], len(scene.link_names)
+    count = np.bincount(link, minlength=links)
+    hits = np.bincount(link, weights=near & (found.link >= 0), minlength=links)
+    return Shares(hits / np.maximum(count, 1), count)
+
+
+@click.command()
+@click.option("--robot", default="ur5e", show_default=True, help="Arm.")
+@click.option("--contacts", default=2000, show_default=True, help="Contacts, each in a posture of its own.")
+def main(robot: str, contacts: int) -> None:
+    """Share of each link's area where a contact of 20 N is located to 22.5 mm."""
+    columns = (COLUMNS[0], COLUMNS[2])
+    cases = [(noise, base) for noise in columns for base in (False, True)]
+    results = [
+        shares(robot, noise, base, contacts)
+        for noise, base in track(cases, "locating", console=Console(stderr=True), transient=True)
+    ]
+    table = Table(title=f"{robot}: {contacts} contacts of {FORCE:g} N on the primitives; located to 22.5 mm")
+    table.add_column("link")
+    table.add_column("contacts", justify="right")
+    for noise, base in cases:
+        table.add_column(f"{noise}\n{'with base' if base else 'torques'}", justify="right")
+    for link, name in enumerate(Scene(robot=robot).link_names):
+        row = [f"{100 * result.located[link]:.1f} %" for result in results]
+        table.add_row(name, str(results[0].contacts[link]), *row)
+    Console(width=112).print(table)
+
+
+if __name__ == "__main__":
+    main()
