@@ -29,9 +29,9 @@ def methods(case: Case) -> Iterator[Method]:
             yield peer.make(case.scene)
 
 
-def compare(robot: str, sensors: str, samples: int) -> Iterator[dict[str, Any]]:
+def compare(robot: str, sensors: str, samples: int, skip: int = 0) -> Iterator[dict[str, Any]]:
     """One row of plain numbers per noise column and method; lengths in mm, infinite ones as None."""
-    for case in static_cases(robot, sensors=(sensors,), rows=slice(0, samples)):
+    for case in static_cases(robot, sensors=(sensors,), rows=slice(skip, skip + samples)):
         for method in methods(case):
             answers, seconds = answer(method, case)
             result = score(answers, case.points, seconds)
@@ -81,19 +81,24 @@ def _table(rows: list[dict[str, Any]], title: str) -> Table:
 @click.option(
     "--samples", default=500, show_default=True, help="How many contacts of each arm's ground truth."
 )
+@click.option(
+    "--skip", default=500, show_default=True, help="How many to leave out before: peers were tuned on these."
+)
 @click.option("--json", "as_json", is_flag=True, help="Plain numbers instead of tables.")
-def main(robots: tuple[str, ...], samples: int, as_json: bool) -> None:
+def main(robots: tuple[str, ...], samples: int, skip: int, as_json: bool) -> None:
     """Compare methods on the static ground truth in ../shared/data/truth."""
     jobs = [(robot, sensors) for robot in robots for sensors in SENSORS]
     rows = [
-        list(compare(robot, sensors, samples))
+        list(compare(robot, sensors, samples, skip))
         for robot, sensors in track(jobs, "comparing", console=Console(stderr=True), transient=True)
     ]
     if as_json:
         click.echo(json.dumps([row for part in rows for row in part], indent=1))
         return
     for (robot, sensors), part in zip(jobs, rows, strict=True):
-        title = f"{robot}, {SENSORS[sensors]}: first {samples} static contacts, no answer counting as far"
+        title = (
+            f"{robot}, {SENSORS[sensors]}: {samples} static contacts after {skip}, no answer counting as far"
+        )
         Console(width=112).print(_table(part, title))
 
 

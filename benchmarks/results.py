@@ -61,6 +61,21 @@ then the place on it. The difference is what geometry adds.""",
         "python -m benchmarks.speed_error --contacts 200",
     ),
     (
+        "Beside what others do",
+        "The methods are described in docs/peers.md. Times in us per answer, failures included.",
+        "python -m benchmarks.compare",
+    ),
+    (
+        "Several contacts, the setting of MCP-EP",
+        "A particle filter in its spirit, beside what its paper reports; docs/peers.md says what is assumed.",
+        "python -m benchmarks.mcp_ep",
+    ),
+    (
+        "What torques alone can locate",
+        "Beside 32.6 % of a UR5's forearm that Pang, Umenberger & Tedrake call fully detectable.",
+        "python -m benchmarks.torque_only",
+    ),
+    (
         "Time per sample",
         """One core, from Python, on the demonstration's contacts (0.25 N, 0.05 Nm, 1 Nm). Pinocchio's RNEA of
 a 6-joint arm is called from Python in turn with what is measured.""",
