@@ -13,6 +13,7 @@ COMMANDS = {
     "robots": "service.cli.robots:robots",
     "bench": "service.cli.bench:bench",
     "calibrate": "service.cli.calibrate:calibrate",
+    "excite": "service.cli.excite:excite",
     "decompose": "service.cli.decompose:decompose",
     "paper": "service.cli.paper:paper",
 }

@@ -1,0 +1,86 @@
+"""How near an arm comes to itself and to the plane that it stands on.
+
+Of each link the places of `contactsense.places` stand for its surface; they lie some 35 mm apart, so that an
+edge between two of them may come a few millimetres nearer than is said.
+"""
+
+import numpy as np
+
+from contactsense.arm import build_arm
+from contactsense.scene import Scene
+from kinematics.core import place
+from kinematics.model import empty_motion
+from robots.union import distances
+
+
+class Clearance:
+    """Distances within the arm of one scene, tool included."""
+
+    def __init__(self, scene: Scene, home: np.ndarray, room: float) -> None:
+        """Prepare.
+
+        Args:
+            scene: The arm.
+            home: A posture that is known to be free, shape (n,) [rad]. Links that are nearer to each other
+                than `room` in it are neighbours by construction and not looked at.
+            room: Distance that is wanted [m].
+        """
+        arm = build_arm(scene.model_copy(update={"touchable": None}))
+        self._model, self._surfaces, self._depth = arm.model, arm.surfaces, arm.sensors.depth
+        links = len(self._depth)
+        first = [arm.places.start[arm.surfaces.start[k]] for k in range(links + 1)]
+        self._points = [arm.places.point[first[k] : first[k + 1]] for k in range(links)]
+        self._pairs = [(a, b) for b in range(links) for a in range(b - 1) if len(self._points[b])]
+        near = self._between(*self._poses(home[None]))
+        self._pairs = [pair for pair, distance in zip(self._pairs, near[0], strict=True) if distance >= room]
+
+    def lowest(self, q: np.ndarray) -> np.ndarray:
+        """Height of the lowest place of all links that move, above the plane z = 0 of the base frame.
+
+        The first moving link turns on the base, at one height, and is left out.
+
+        Args:
+            q: Postures, shape (N, n) [rad].
+
+        Returns:
+            Shape (N,) [m].
+        """
+        rotation, origin = self._poses(q)
+        found = np.full(len(q), np.inf)
+        for link, points in enumerate(self._points):
+            body = self._depth[link]
+            if body >= 2 and len(points):
+                z = points @ rotation[:, body, 2].T + origin[:, body, 2]
+                found = np.minimum(found, z.min(axis=0))
+        return found
+
+    def nearest(self, q: np.ndarray) -> np.ndarray:
+        """Smallest distance between two links that are no neighbours, negative inside each other.
+
+        Args:
+            q: Postures, shape (N, n) [rad].
+
+        Returns:
+            Shape (N,) [m]; infinite where there are no such links.
+        """
+        return np.asarray(np.min(self._between(*self._poses(q)), axis=1, initial=np.inf))
+
+    def _poses(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        n = q.shape[1]
+        motion = empty_motion(n)
+        rotation, origin = np.empty((len(q), n + 1, 3, 3)), np.empty((len(q), n + 1, 3))
+        for i, row in enumerate(np.ascontiguousarray(q, dtype=float)):
+            place(self._model, row, motion)
+            rotation[i], origin[i] = motion.rotation, motion.origin
+        return rotation, origin
+
+    def _between(self, rotation: np.ndarray, origin: np.ndarray) -> np.ndarray:
+        """Distance of every pair of links in every posture, shape (N, pairs)."""
+        found = np.full((len(rotation), len(self._pairs)), np.inf)
+        for column, (a, b) in enumerate(self._pairs):
+            A, B = self._depth[a], self._depth[b]
+            base = np.einsum("nij,pj->npi", rotation[:, B], self._points[b]) + origin[:, None, B]
+            local = np.einsum("nji,npj->npi", rotation[:, A], base - origin[:, None, A])
+            distance, _, _ = distances(self._surfaces, local.reshape(-1, 3), a)
+            found[:, column] = distance.reshape(local.shape[:2]).min(axis=1)
+        return found

@@ -1,0 +1,142 @@
+"""`contactsense excite --robot ur10e`: a short motion that makes a calibration well-posed."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from contactsense.calibration import CalibrationError
+from contactsense.calibration.excite import Proposal, Wishes, propose
+from contactsense.scene import Scene, SceneError
+from robots import RobotError, load
+from service.recording import RecordingError, write
+
+
+@click.command()
+@click.option("--robot", "name", help="Arm: a name of `contactsense robots`, or a path.")
+@click.option(
+    "--scene", "path", type=click.Path(path_type=Path), help="Scene file (YAML): arm, tool and sensors."
+)
+@click.option("--into", type=click.Path(path_type=Path), help="Write the motion into this table.")
+@click.option("--seconds", default=Wishes.seconds, show_default=True, help="Length of the motion [s].")
+@click.option("--rate", default=125.0, show_default=True, help="Rows a second in the table [Hz].")
+@click.option(
+    "--speed", default=Wishes.speed, show_default=True, help="Highest speed, of each joint's limit."
+)
+@click.option("--floor", default=Wishes.floor, show_default=True, help="Height above the base plane [m].")
+@click.option("--room", default=Wishes.room, show_default=True, help="Distance between links [m].")
+@click.option("--home", help="Posture to swing about: joint angles in degrees, separated by commas.")
+@click.option("--tries", default=60, show_default=True, type=click.IntRange(2), help="Motions to look at.")
+@click.option("--seed", default=0, show_default=True, help="Of the random numbers.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
+def excite(
+    name: str | None,
+    path: Path | None,
+    into: Path | None,
+    seconds: float,
+    rate: float,
+    speed: float,
+    floor: float,
+    room: float,
+    home: str | None,
+    tries: int,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Propose a motion from rest to rest for `contactsense calibrate`.
+
+    Joint limits, the height above the plane on which the base stands and distances between the links are kept
+    as far as the model knows them. What stands around the arm is not known: run it slowly first, hand on the
+    emergency stop. --into writes timestamp, actual_q_0.., actual_qd_0.. as a recording has them.
+    """
+    if (name is None) == (path is None):
+        raise click.UsageError("--robot and --scene: expected one of them")
+    if not rate > 0.0 or not 0.0 < speed <= 1.0:
+        raise click.UsageError(f"--rate above 0 and --speed up to 1 expected, got {rate:g} and {speed:g}")
+    try:
+        scene = Scene(robot=load(name)) if name is not None else Scene.load(path or "")
+        wishes = Wishes(seconds, speed, floor=floor, room=room, home=_angles(home))
+        with Progress(console=Console(stderr=True), transient=True) as progress:
+            task = progress.add_task("motions", total=tries)
+            found = propose(scene, wishes, tries, seed, lambda: progress.advance(task))
+        if into is not None:
+            write(into, table_of(found, rate))
+    except (RobotError, SceneError, CalibrationError, RecordingError) as error:
+        raise click.ClickException(str(error)) from None
+    if as_json:
+        click.echo(json.dumps(as_plain(found), indent=1))
+    else:
+        _print(found, scene, into)
+
+
+def _angles(text: str | None) -> tuple[float, ...] | None:
+    if text is None:
+        return None
+    try:
+        return tuple(float(np.radians(float(angle))) for angle in text.split(","))
+    except ValueError:
+        raise click.UsageError(f"--home: expected angles separated by commas, got {text!r}") from None
+
+
+def table_of(found: Proposal, rate: float) -> dict[str, np.ndarray]:
+    """The motion as columns of a recording, at that many rows a second."""
+    t = np.linspace(0.0, found.motion.period, round(found.motion.period * rate) + 1)
+    q, qd, _ = found.motion.at(t)
+    columns = {"timestamp": t}
+    for group, array in (("actual_q", q), ("actual_qd", qd)):
+        columns |= {f"{group}_{j}": array[:, j] for j in range(q.shape[1])}
+    return columns
+
+
+def as_plain(found: Proposal) -> dict[str, Any]:
+    """The proposal as plain data."""
+    expected = found.expected
+    return {
+        "seconds": found.motion.period,
+        "motion": {
+            "center": found.motion.center.tolist(),
+            "sine": found.motion.sine.tolist(),
+            "cosine": found.motion.cosine.tolist(),
+        },
+        "condition": expected.condition,
+        "parameters": [
+            {"name": entry.name, "unit": entry.unit, "std": float(std) if seen else None}
+            for entry, std, seen in zip(expected.entries, expected.std, expected.seen, strict=True)
+        ],
+        "not_excited": [e.name for e, seen in zip(expected.entries, expected.seen, strict=True) if not seen],
+        "lowest": found.lowest,
+        "nearest": found.nearest if np.isfinite(found.nearest) else None,
+        "speed": found.speed.tolist(),
+        "torque": found.torque.tolist(),
+    }
+
+
+def _print(found: Proposal, scene: Scene, into: Path | None) -> None:
+    console = Console(soft_wrap=True)
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("parameter", "expected std", "unit"):
+        table.add_column(heading, justify="right" if heading == "expected std" else "left")
+    expected = found.expected
+    for entry, std, seen in zip(expected.entries, expected.std, expected.seen, strict=True):
+        table.add_row(entry.name, f"{std:.2g}" if seen else "not excited", entry.unit)
+    console.print(table)
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("joint", "from [deg]", "to [deg]", "speed [rad/s]", "torque [Nm]"):
+        table.add_column(heading, justify="left" if heading == "joint" else "right")
+    q = np.degrees(found.motion.at(np.linspace(0.0, found.motion.period, 2000))[0])
+    for j, joint in enumerate(scene.robot.joints):
+        numbers = (f"{q[:, j].min():.0f}", f"{q[:, j].max():.0f}")
+        table.add_row(joint.name, *numbers, f"{found.speed[j]:.2f}", f"{found.torque[j]:.0f}")
+    console.print(table)
+    console.print(f"condition number of the scaled regressor: {expected.condition:.3g}")
+    console.print(f"lowest place {found.lowest:.3f} m above the base plane")
+    if np.isfinite(found.nearest):
+        console.print(f"links that are no neighbours keep {found.nearest:.3f} m")
+    if into is not None:
+        console.print(f"{found.motion.period:g} s written into {into}", highlight=False)

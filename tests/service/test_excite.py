@@ -1,0 +1,51 @@
+"""`contactsense excite` as its users run it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from service.cli.excite import excite
+from service.recording import read
+
+
+def test_a_motion_is_proposed_and_written(tmp_path: Path) -> None:
+    path = tmp_path / "motion.csv"
+    asked = ["--robot", "ur10e", "--seconds", "8", "--tries", "4", "--into", str(path), "--rate", "50"]
+    result = CliRunner().invoke(excite, [*asked, "--json"])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert said["seconds"] == 8.0
+    assert said["lowest"] >= 0.05
+    assert {p["name"]: p["std"] for p in said["parameters"]}["payload mass"] < 0.1
+    table = read(path)
+    q, qd = table.group("actual_q", 6), table.group("actual_qd", 6)
+    assert len(table.t) == 401
+    np.testing.assert_allclose(np.gradient(q, table.t, axis=0)[1:-1], qd[1:-1], atol=0.02)
+    np.testing.assert_allclose(np.abs(qd).max(axis=0), said["speed"], rtol=0.02)
+
+
+def test_the_summary_names_every_parameter() -> None:
+    result = CliRunner().invoke(excite, ["--robot", "ur5e", "--seconds", "8", "--tries", "2"])
+    assert result.exit_code == 0, result.output
+    for text in ("coulomb of elbow_joint", "payload mass", "condition number", "above the base plane"):
+        assert text in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        ([], 2, "--robot and --scene: expected one of them"),
+        (["--robot", "ur5e", "--home", "1,x"], 2, "--home: expected angles"),
+        (["--robot", "ur5e", "--home", "1,2"], 1, "home: expected 6 angles, got 2"),
+        (["--robot", "ur5e", "--speed", "2"], 2, "--speed up to 1 expected"),
+        (["--robot", "nobody"], 1, "nobody"),
+        (["--scene", "absent.yaml"], 1, "absent.yaml: cannot read the scene"),
+    ],
+)
+def test_what_is_wrong_is_said(arguments: list[str], status: int, message: str) -> None:
+    result = CliRunner().invoke(excite, arguments)
+    assert result.exit_code == status, result.output
+    assert message in result.output
