@@ -2,13 +2,14 @@
 
 from contactsense.localizer import Batch, Localizer
 from contactsense.scene import JointTorqueSensor, Scene, SceneError, WrenchSensor
-from contactsense.types import Contact, Estimate, Event, Sample
+from contactsense.types import Contact, Estimate, Event, Explanation, Sample
 
 __all__ = [
     "Batch",
     "Contact",
     "Estimate",
     "Event",
+    "Explanation",
     "JointTorqueSensor",
     "Localizer",
     "Sample",

@@ -51,7 +51,7 @@ class Composer:
         """The explanations in `rows`, as `contactsense.report` writes them; with a `reason` the estimate is
         `degraded`. `number`, `phase` and `kinds` of events are those of the stream's contact."""
         rows = rows.copy()
-        listed = tuple([self._contact(row, number, phase) for row in rows])
+        listed = tuple([self.contact(row, number, phase) for row in rows])
         other = max(1.0 - sum([contact.probability for contact in listed]), 0.0)
         best = listed[0].probability if listed else 0.0
         status: Status = "contact" if best >= self._clear else "ambiguous"
@@ -70,7 +70,8 @@ class Composer:
             tuple([Event(kind, number, t, name) for kind in kinds]),
         )
 
-    def _contact(self, row: np.ndarray, number: int, phase: Phase) -> Contact:
+    def contact(self, row: np.ndarray, number: int = 0, phase: Phase = "") -> Contact:
+        """One contact from a row, see `contactsense.report`; keeps views of it."""
         link, primitive = int(row[LINK]), int(row[PRIMITIVE])
         point = row[POINT]
         if link > self._joints:

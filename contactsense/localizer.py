@@ -1,7 +1,7 @@
 """`Localizer`: samples go in, estimates come out. It alone remembers anything between samples."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -26,9 +26,10 @@ from contactsense.report import (
     WIDTH,
 )
 from contactsense.scene import Scene
+from contactsense.several.locator import SetLocator
 from contactsense.skin import skin_of
 from contactsense.tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, forget
-from contactsense.types import Estimate, Event, EventKind, Phase, Sample
+from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Sample
 from contactsense.workspace import Workspace
 
 SETTLE = 5.0
@@ -87,6 +88,7 @@ class Localizer:
         self._joints, self._links, primitives, _ = self._work.sizes
         self._rows = np.zeros((max(primitives, MOST), WIDTH))
         self._composer = Composer(scene, arm.surfaces.start)
+        self._sets: SetLocator | None = None
         self._fitted = (
             scene.base_wrench is not None,
             scene.joint_torque is not None,
@@ -174,6 +176,9 @@ class Localizer:
         wrist_wrench: np.ndarray | None = None,
         external: bool = True,
         detect: bool = True,
+        contacts: int = 1,
+        known: Sequence[Contact] = (),
+        drift: float | None = None,
     ) -> Estimate:
         """Explain one measurement of an arm at rest; nothing is remembered.
 
@@ -188,6 +193,12 @@ class Localizer:
                 leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is taken off here.
             detect: Answer `none` where noise alone explains the measurement; False: a contact is known to be
                 there.
+            contacts: Most contacts that may act at the same time, 1 to 3. With more than one, the status is
+                `multiple` where several explain the measurement better than one.
+            known: Contacts that are there already, of an estimate in the same posture: their places have
+                their covariances as prior. `contacts` counts them too.
+            drift: How much each component of their forces may have changed since, standard deviation [N];
+                None: their forces are free. The smaller, the better a new contact is told from them.
 
         Raises:
             ValueError: an argument has the wrong shape or is not finite, or the scene has no such sensor.
@@ -199,6 +210,10 @@ class Localizer:
             self._blank[i] if value is None else checked_vector(_SENSORS[i], value, self._sizes[i], "N, Nm")
             for i, value in enumerate(given)
         ]
+        several = contacts != 1 or len(known) > 0
+        if several:
+            self._sets = self._sets or SetLocator(self.scene, self._work, self._buffers, self._composer)
+            self._sets.check(contacts, known, drift)
         threshold = self._threshold(present) if detect else -1.0
         listed, nothing = once(
             *self._buffers, q, values[1], values[0], values[2], external, *present, self._gate, threshold,
@@ -206,7 +221,12 @@ class Localizer:
         )  # fmt: skip
         if nothing <= threshold:
             return self._composer.quiet(0.0, "none")
-        return self._composer.contacts(0.0, self._work.memory, self._rows[:listed])
+        estimate = self._composer.contacts(0.0, self._work.memory, self._rows[:listed])
+        if several and self._sets is not None:
+            sets = self._sets.locate(q, values, present, external, contacts, known, drift)
+            if known or len(sets.contacts) > 1:
+                return sets
+        return estimate
 
     def locate_batch(
         self,

@@ -76,7 +76,7 @@ def locate(
     if link < 0:
         link_probability[:] = 0.0
         return 0
-    _place_primitives(surfaces, depth, motion, found)
+    place_primitives(surfaces, depth, motion, found)
     if aimed and _is_sharp(hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]):
         count = search_along(surfaces, touchable, hypotheses, prior, work, found)
         _cover(surfaces, found, count, prior)
@@ -140,7 +140,7 @@ def _unexplained(hypotheses, link, prior, work):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _place_primitives(surfaces, depth, motion, found):  # type: ignore[no-untyped-def]
+def place_primitives(surfaces, depth, motion, found):  # type: ignore[no-untyped-def]
     """Body frames of all primitives in the base frame."""
     for p in range(surfaces.kind.shape[0]):
         body = depth[surfaces.link[p]]

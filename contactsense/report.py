@@ -36,46 +36,63 @@ def report(arm: Arm, memory: Memory, skin: Grids, count: int, rows: np.ndarray) 
         p = found.order[k]
         if found.probability[p] < LEAST_PROBABILITY:
             break
-        row = rows[k]
-        link = arm.surfaces.link[found.primitive[p]]
-        body = arm.sensors.depth[link]
-        R, o = memory.motion.rotation[body], memory.motion.origin[body]
-        row[0] = link
-        row[1] = found.primitive[p]
-        row[2] = found.probability[p]
-        row[3] = found.torsion[p]
-        dx, dy, dz = found.point[p, 0] - o[0], found.point[p, 1] - o[1], found.point[p, 2] - o[2]
-        fx, fy, fz = found.force[p, 0], found.force[p, 1], found.force[p, 2]
-        cx = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
-        cy = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
-        cz = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-        nx, ny, nz = 0.0, 0.0, 0.0
-        reached = False
-        if link < skin.shape.shape[0]:
-            left, sx, sy, sz, nx, ny, nz = slide(
-                skin.values,
-                skin.start,
-                skin.shape,
-                skin.low,
-                skin.cell,
-                link,
-                cx,
-                cy,
-                cz,
-                R[0, 0] * fx + R[1, 0] * fy + R[2, 0] * fz,
-                R[0, 1] * fx + R[1, 1] * fy + R[2, 1] * fz,
-                R[0, 2] * fx + R[1, 2] * fy + R[2, 2] * fz,
-                SLIDE_STEPS,
-            )
-            reached = abs(left) < REACHED
-            if reached:
-                cx, cy, cz = sx, sy, sz
-        row[4], row[5], row[6] = cx, cy, cz
-        for i in range(3):
-            row[7 + i] = o[i] + R[i, 0] * cx + R[i, 1] * cy + R[i, 2] * cz
-            row[10 + i] = R[i, 0] * nx + R[i, 1] * ny + R[i, 2] * nz if reached else found.normal[p, i]
-            row[13 + i] = found.force[p, i]
-            for j in range(3):
-                row[16 + 3 * i + j] = found.covariance[p, i, j]
+        write_row(
+            arm,
+            memory,
+            skin,
+            found.primitive[p],
+            found.probability[p],
+            found.torsion[p],
+            found.point[p],
+            found.normal[p],
+            found.force[p],
+            found.covariance[p],
+            rows[k],
+        )
         listed += 1
     return listed
+
+
+@kernel
+def write_row(arm, memory, skin, primitive, probability, torsion, point, normal, force, covariance, row):  # type: ignore[no-untyped-def]
+    """Write one contact, base frame, as a row, its place on the skin where there is one."""
+    link = arm.surfaces.link[primitive]
+    body = arm.sensors.depth[link]
+    R, o = memory.motion.rotation[body], memory.motion.origin[body]
+    row[0] = link
+    row[1] = primitive
+    row[2] = probability
+    row[3] = torsion
+    dx, dy, dz = point[0] - o[0], point[1] - o[1], point[2] - o[2]
+    fx, fy, fz = force[0], force[1], force[2]
+    cx = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
+    cy = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
+    cz = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
+    nx, ny, nz = 0.0, 0.0, 0.0
+    reached = False
+    if link < skin.shape.shape[0]:
+        left, sx, sy, sz, nx, ny, nz = slide(
+            skin.values,
+            skin.start,
+            skin.shape,
+            skin.low,
+            skin.cell,
+            link,
+            cx,
+            cy,
+            cz,
+            R[0, 0] * fx + R[1, 0] * fy + R[2, 0] * fz,
+            R[0, 1] * fx + R[1, 1] * fy + R[2, 1] * fz,
+            R[0, 2] * fx + R[1, 2] * fy + R[2, 2] * fz,
+            SLIDE_STEPS,
+        )
+        reached = abs(left) < REACHED
+        if reached:
+            cx, cy, cz = sx, sy, sz
+    row[4], row[5], row[6] = cx, cy, cz
+    for i in range(3):
+        row[7 + i] = o[i] + R[i, 0] * cx + R[i, 1] * cy + R[i, 2] * cz
+        row[10 + i] = R[i, 0] * nx + R[i, 1] * ny + R[i, 2] * nz if reached else normal[i]
+        row[13 + i] = force[i]
+        for j in range(3):
+            row[16 + 3 * i + j] = covariance[i, j]

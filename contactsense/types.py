@@ -77,6 +77,16 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
+class Explanation:
+    """Contacts that act at the same time and together explain one measurement."""
+
+    contacts: tuple[Contact, ...]
+    """Each with its own probability: that of all explanations which have it."""
+    probability: float
+    """Probability of just these contacts, given the measurement."""
+
+
+@dataclass(frozen=True, slots=True)
 class Estimate:
     """What the localizer makes of one sample."""
 
@@ -84,13 +94,15 @@ class Estimate:
     """Time of the sample [s]."""
     status: Status
     """`none`: nothing touches; `contact`: one clear answer; `ambiguous`: others are not clearly worse;
-    `degraded`: a sensor is missing or unusable, see `reason`."""
+    `multiple`: several contacts at a time; `degraded`: a sensor is missing or unusable, see `reason`."""
     contacts: tuple[Contact, ...]
-    """Explanations, most probable first; with `other` their probabilities add up to one."""
+    """Explanations, most probable first; with `other` their probabilities add up to one.
+    Where the status is `multiple`: the contacts that act at the same time, of the best of `explanations`."""
     link_probability: np.ndarray
     """Probability that each link is the touched one, shape (n + 1,); zeros where nothing touches. What they
     lack to one is the probability that it is no single push on a touchable link: a pull, a couple, several
-    contacts."""
+    contacts. Where the status is
+    `multiple`: probability that each link is touched, which may add up to more than one."""
     wrench: np.ndarray
     """External wrench on the arm under the best explanation, force then moment about the base origin, base
     axes [N, Nm], shape (6,)."""
@@ -102,3 +114,6 @@ class Estimate:
     """Why the status is what it is, where that is not plain: one sentence for a person."""
     events: tuple[Event, ...] = ()
     """What has just happened to contacts of the stream."""
+    explanations: tuple[Explanation, ...] = ()
+    """Where several contacts were looked for: sets of simultaneous contacts, most probable first; with
+    `other` their probabilities add up to one."""

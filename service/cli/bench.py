@@ -6,6 +6,7 @@ BENCHES = {
     "truth": "service.bench.truth:truth",
     "motion": "service.bench.motion.command:motion",
     "calibration": "service.bench.calibration:calibration",
+    "several": "service.bench.several.command:several",
     "speed": "service.bench.speed:speed",
     "stream": "service.bench.stream:stream",
     "latency": "service.bench.latency:latency",

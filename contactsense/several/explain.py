@@ -1,0 +1,257 @@
+"""One, two or three contacts, with or without contacts that are tracked already: which explain a measurement?
+
+Every number of contacts is tried in turn: seeds from the scan, the search from each, and the evidence of each
+result. All compete on one scale, with a prior for each further contact, so that a second contact is reported
+only where one does not explain the measurement.
+"""
+
+import math
+
+from contactsense.arm import Arm
+from contactsense.cover import clearance, exposed, stands_on
+from contactsense.energy import lean_in
+from contactsense.memory import Memory
+from contactsense.refine import CUT
+from contactsense.several.memory import LISTED, UNKNOWNS, Several
+from contactsense.several.rows import fill_rows
+from contactsense.several.scan import lay_ground, likely_force, likely_pushes, place_of, scan_places
+from contactsense.several.stack import invert, put, settle
+from robots.compiled import fused_kernel
+
+FURTHER = 0.02
+"""Prior probability of a further contact, in units of that of no further one."""
+WORTH = 8.0
+"""Energy that must be left for a further contact to be tried: less than it must gain to be believed in."""
+HOPELESS = 30.0
+"""Energy above the best at which a search is given up: more than explanations may differ by, as the energy
+falls on the way."""
+SURE = 1e-4
+"""Least standard deviation of a known place [m]."""
+
+
+@fused_kernel
+def explain_more(
+    arm: Arm,
+    memory: Memory,
+    several: Several,
+    has_base: bool,
+    has_torque: bool,
+    has_wrist: bool,
+    scale: float,
+    known: int,
+    most: int,
+) -> int:
+    """Explain the external parts in `memory` by the known contacts and further ones.
+
+    Args:
+        arm: The scene's constants.
+        memory: With poses, external parts, and the primitives' frames, see
+            `contactsense.locate.place_primitives`.
+        several: With `known` filled for that many contacts; explanations are left in `found`, sorted by
+            `order`. Within each, the known contacts come first, in their order, then the further ones.
+        has_base, has_torque, has_wrist: Which sensors have a value.
+        scale: Factor on all variances of the scene's noise.
+        known: Number of known contacts.
+        most: Most contacts of an explanation, the known ones included.
+
+    Returns:
+        Number of explanations.
+    """
+    rows, scan = several.rows, several.scan
+    m = fill_rows(arm, memory, has_base, has_torque, has_wrist, scale, rows)
+    force = likely_force(memory, has_base, has_torque, has_wrist)
+    _take_known(arm, memory, several, known, force)
+    lay_ground(arm, several.known, scan.normals, known, force, rows, m, scan)
+    stored = 0
+    best = math.inf
+    if known > 0:
+        stored, best = _try(arm, memory, several, m, known, 0, math.inf, stored)
+    for extra in range(1, most - known + 1):
+        if best < WORTH:
+            break
+        seeds = scan_places(arm, memory.motion, several.choice, extra, force, rows, m, scan)
+        level = math.inf
+        for t in range(seeds):
+            _take_known(arm, memory, several, known, force)
+            likely_pushes(arm, memory.motion, several.choice, t, extra, force, rows, m, scan, scan.pushes)
+            for e in range(extra):
+                _start(arm, memory, several, scan.seed[t, e], scan.pushes[e], known + e)
+            stored, energy = _try(arm, memory, several, m, known, extra, level + HOPELESS, stored)
+            level = min(level, energy)
+        best = min(best, level)
+    kept: int = _rank_sets(arm, several.found, stored, 2.0 * arm.prior.offset)
+    return kept
+
+
+@fused_kernel
+def _take_known(arm, memory, several, known, force):  # type: ignore[no-untyped-def]
+    """The known contacts as a first guess, each with its force before, or a push of the likely size; and
+    their priors."""
+    stack, given = several.stack, several.known
+    for i in range(known):
+        p, c, f = given.primitive[i], given.point[i], given.force[i]
+        put(arm.surfaces, memory.found, stack, i, p, c[0], c[1], c[2], f[0], f[1], f[2])
+        n = several.scan.normals[i]
+        n[0], n[1], n[2] = stack.frame[i, 0, 0], stack.frame[i, 1, 0], stack.frame[i, 2, 0]
+        fx, fy, fz = f[0], f[1], f[2]
+        stack.prior_stiffness[i] = 0.0
+        if given.drift[i] < math.inf:
+            stack.prior_stiffness[i] = 1.0 / given.drift[i] ** 2
+        else:
+            fx, fy, fz = -force * n[0], -force * n[1], -force * n[2]
+        for k in range(3):
+            stack.prior_point[i, k] = stack.point[i, k]
+            stack.prior_force[i, k] = f[k]
+        stack.force[i, 0], stack.force[i, 1], stack.force[i, 2] = lean_in(fx, fy, fz, n[0], n[1], n[2])
+        _sharpen(stack.frame[i], given.covariance[i], stack.prior_sharpness[i])
+
+
+@fused_kernel
+def _sharpen(T, C, out):  # type: ignore[no-untyped-def]
+    """Information on a place: the inverse of its covariance C in the tangent plane of the frame T."""
+    aa, ab, bb = SURE * SURE, 0.0, SURE * SURE
+    for i in range(3):
+        for k in range(3):
+            aa += T[i, 1] * C[i, k] * T[k, 1]
+            ab += T[i, 1] * C[i, k] * T[k, 2]
+            bb += T[i, 2] * C[i, k] * T[k, 2]
+    det = aa * bb - ab * ab
+    for i in range(3):
+        for k in range(3):
+            out[i, k] = (
+                bb * T[i, 1] * T[k, 1] - ab * (T[i, 1] * T[k, 2] + T[i, 2] * T[k, 1]) + aa * T[i, 2] * T[k, 2]
+            ) / det
+
+
+@fused_kernel
+def _start(arm, memory, several, place, push, i):  # type: ignore[no-untyped-def]
+    """Contact i at a place, with a likely push: a first guess."""
+    stack = several.stack
+    x, y, z, _, _, _ = place_of(arm, memory.motion, several.choice, place)
+    put(arm.surfaces, memory.found, stack, i, several.choice.primitive[place], x, y, z, 0.0, 0.0, 0.0)
+    T = stack.frame[i]
+    fx, fy, fz = lean_in(push[0], push[1], push[2], T[0, 0], T[1, 0], T[2, 0])
+    stack.force[i, 0], stack.force[i, 1], stack.force[i, 2] = fx, fy, fz
+    stack.prior_sharpness[i] = 0.0
+    stack.prior_stiffness[i] = 0.0
+
+
+@fused_kernel
+def _try(arm, memory, several, m, known, extra, limit, stored):  # type: ignore[no-untyped-def]
+    """Search from the stack's contacts and store what comes out; how many explanations are stored then, and
+    the energy."""
+    stack, found, t = several.stack, several.found, stored
+    count = known + extra
+    energy, score = settle(arm.surfaces, memory.found, several.rows, m, arm.prior, count, limit, stack)
+    if energy == math.inf or stored == LISTED:
+        return stored, energy
+    score += extra * math.log(FURTHER)
+    for i in range(known, count):
+        c, p, T = stack.point[i], stack.primitive[i], stack.frame[i]
+        if stands_on(arm.surfaces.link[p], c[2], T[2, 0], arm.prior.offset):
+            return stored, math.inf
+        room = arm.prior.room
+        x, y, z = c[0] + room * T[0, 0], c[1] + room * T[1, 0], c[2] + room * T[2, 0]
+        score += math.log(exposed(clearance(arm.surfaces, memory.found, p, x, y, z, 0.0), arm.prior))
+    found.contacts[t] = count
+    found.energy[t] = energy
+    found.score[t] = score
+    invert(stack, count * UNKNOWNS)
+    found.wrench[t] = 0.0
+    for i in range(count):
+        found.primitive[t, i] = stack.primitive[i]
+        found.torsion[t, i] = stack.torsion[i]
+        for k in range(3):
+            found.point[t, i, k] = stack.point[i, k]
+            found.normal[t, i, k] = stack.frame[i, k, 0]
+            found.force[t, i, k] = stack.force[i, k]
+        for k in range(6):
+            found.wrench[t, k] += stack.wrench[i, k]
+        _spread_contact(stack, i, arm.prior.offset, found.covariance[t, i], found.force_covariance[t, i])
+    _spread_wrench(stack, count * UNKNOWNS, found.wrench_covariance[t])
+    return stored + 1, energy
+
+
+@fused_kernel
+def _spread_contact(stack, i, offset, place, force):  # type: ignore[no-untyped-def]
+    """Covariance of place and force of contact i."""
+    at = i * UNKNOWNS
+    V, G, T = stack.inverse, stack.wrench_map, stack.kept_frame[i]
+    for k in range(3):
+        for a in range(3):
+            place[k, a] = offset * offset * T[k, 0] * T[a, 0]
+            for b in range(2):
+                for d in range(2):
+                    place[k, a] += T[k, 1 + b] * V[at + 4 + b, at + 4 + d] * T[a, 1 + d]
+            force[k, a] = 0.0
+            for b in range(3):
+                for d in range(3):
+                    force[k, a] += G[k, at + b] * V[at + b, at + d] * G[a, at + d]
+
+
+@fused_kernel
+def _spread_wrench(stack, size, out):  # type: ignore[no-untyped-def]
+    """Covariance of the sum of all wrenches."""
+    V, G = stack.inverse, stack.wrench_map
+    for a in range(6):
+        for b in range(a + 1):
+            x = 0.0
+            for i in range(size):
+                for k in range(size):
+                    x += G[a, i] * V[i, k] * G[b, k]
+            out[a, b] = x
+            out[b, a] = x
+
+
+@fused_kernel
+def _rank_sets(arm, found, stored, apart):  # type: ignore[no-untyped-def]
+    """Sort, drop doubles and the hopeless, turn scores into probabilities; how many are left."""
+    order = found.order
+    for i in range(stored):
+        order[i] = i
+    kept = 0
+    best = 0.0
+    total = 0.0
+    for i in range(stored):
+        for k in range(i + 1, stored):
+            if found.score[order[k]] > found.score[order[i]]:
+                order[i], order[k] = order[k], order[i]
+        t = order[i]
+        if i == 0:
+            best = found.score[t]
+        if not found.score[t] >= best - CUT:
+            break
+        if not _is_double_set(arm, found, t, kept, apart):
+            order[kept] = t
+            found.probability[t] = math.exp(found.score[t] - best)
+            total += found.probability[t]
+            kept += 1
+    for i in range(kept):
+        found.probability[order[i]] /= total
+    return kept
+
+
+@fused_kernel
+def _is_double_set(arm, found, t, kept, apart):  # type: ignore[no-untyped-def]
+    """Whether a better explanation, among the first `kept`, has the same contacts, in any order, closer than
+    `apart`."""
+    link = arm.surfaces.link
+    for i in range(kept):
+        u = found.order[i]
+        if found.contacts[u] != found.contacts[t]:
+            continue
+        near = 0
+        for a in range(found.contacts[t]):
+            for b in range(found.contacts[t]):
+                dx = found.point[u, b, 0] - found.point[t, a, 0]
+                dy = found.point[u, b, 1] - found.point[t, a, 1]
+                dz = found.point[u, b, 2] - found.point[t, a, 2]
+                if (
+                    link[found.primitive[u, b]] == link[found.primitive[t, a]]
+                    and dx * dx + dy * dy + dz * dz < apart * apart
+                ):
+                    near += 1
+                    break
+        if near == found.contacts[t]:
+            return True
+    return False

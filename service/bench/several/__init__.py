@@ -1,0 +1,1 @@
+"""`contactsense bench several`: one, two and three contacts at a time."""

@@ -1,0 +1,132 @@
+"""The command `contactsense bench several`."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from service.bench.several.measure import WITHIN, Arrival, localizer_for, measure
+from service.bench.several.pairs import measure_pairs
+from service.bench.several.trials import Lean, Links
+from service.bench.static_cases import COLUMNS, Noise
+
+WAYS: tuple[tuple[Arrival, float | None], ...] = (
+    ("one_by_one", 0.5),
+    ("one_by_one", None),
+    ("at_once", None),
+)
+"""How contacts arrive, and what is known of the change of the forces that were there before [N]."""
+
+
+@click.command()
+@click.option("--robot", "robots", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
+@click.option(
+    "--contacts", type=click.IntRange(1, 3), multiple=True, default=(1, 2, 3), help="May be repeated."
+)
+@click.option("--trials", type=click.IntRange(1), default=300, show_default=True, help="Of each kind.")
+@click.option("--force", type=float, default=20.0, show_default=True, help="Size of each force [N].")
+@click.option(
+    "--links",
+    type=click.Choice(get_args(Links)),
+    default="different",
+    show_default=True,
+    help="All contacts on different links, or all on one.",
+)
+@click.option(
+    "--lean",
+    type=click.Choice(get_args(Lean)),
+    default="cone",
+    show_default=True,
+    help="Directions of the forces: all over the friction disc, or square to the surface.",
+)
+@click.option("--noise", type=float, nargs=3, help="One column only: N, Nm, Nm (base force, moment, torque).")
+@click.option(
+    "--truth",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Locate the pairs of motion_ROBOT.npz in this folder instead of constructed ones.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def several(
+    robots: tuple[str, ...],
+    contacts: tuple[int, ...],
+    trials: int,
+    force: float,
+    links: Links,
+    lean: Lean,
+    noise: tuple[float, float, float] | None,
+    truth: Path | None,
+    as_json: bool,
+) -> None:
+    """Locate one to three simultaneous contacts, arriving one by one or all at once.
+
+    The truth is constructed on the primitives of the arms: the question is what the sensors tell, not how
+    well primitives fit the meshes. With --truth, MuJoCo's on the meshes. One sample for each answer.
+    """
+    columns = COLUMNS if noise is None else (Noise(*noise),)
+    results: list[dict[str, Any]] = []
+    kinds = [(robot, level, n) for robot in robots for level in columns for n in contacts]
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        if truth is not None:
+            for robot in progress.track(robots, description="locating"):
+                results += [
+                    {"robot": robot, "noise": str(level)} | row
+                    for level in columns
+                    for row in measure_pairs(truth, robot, level)
+                ]
+        else:
+            task = progress.add_task("locating", total=len(kinds) * trials * len(WAYS))
+            for robot, level, count in kinds:
+                localizer = localizer_for(robot, level)
+                for arrival, drift in WAYS[:1] if count == 1 else WAYS:
+                    row = measure(
+                        localizer, level, trials, count, force=force, arrival=arrival, drift=drift,
+                        links=links, lean=lean, tick=lambda: progress.advance(task),
+                    )  # fmt: skip
+                    known = "" if count == 1 else _way(arrival, drift)
+                    results.append({"robot": robot, "noise": str(level), "arriving": known} | row)
+    if as_json:
+        click.echo(json.dumps(results, indent=1))
+    else:
+        what = "pairs of the moving truth" if truth else f"{force:g} N, {lean}, {links} links"
+        _print(results, what)
+
+
+def _way(arrival: Arrival, drift: float | None) -> str:
+    if arrival == "at_once":
+        return "at once"
+    return "one by one, forces free" if drift is None else f"one by one, forces +-{drift:g} N"
+
+
+def _print(results: Sequence[dict[str, Any]], what: str) -> None:
+    table = Table(
+        title=f"several contacts: {what}",
+        caption=(
+            f"found: contacts within {1e3 * WITHIN:g} mm; all: trials with all of them; counted: right "
+            "number of contacts; median, 95 %, RMSE of the contacts in mm, RMSE without the missed ones; ms: "
+            "time of the last answer"
+        ),
+    )
+    for name in ("arm", "noise N / Nm / Nm", "contacts", "arriving"):
+        table.add_column(name, no_wrap=name != "contacts")
+    for name in ("found", "all", "counted", "median", "95 %", "RMSE", "ms"):
+        table.add_column(name, justify="right")
+    for r in results:
+        table.add_row(
+            r["robot"],
+            r["noise"],
+            str(r["contacts"]),
+            r["arriving"],
+            *(f"{100 * r[key]:.1f} %" for key in ("success", "all", "counted")),
+            *(_number(r[key]) for key in ("median_mm", "p95_mm", "rmse_mm")),
+            f"{r['median_ms']:.1f}",
+        )
+    Console(width=130).print(table)
+
+
+def _number(value: float | None) -> str:
+    return "missed" if value is None or value == float("inf") else f"{value:.1f}"
