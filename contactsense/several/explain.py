@@ -12,10 +12,11 @@ from contactsense.cover import clearance, exposed, stands_on
 from contactsense.energy import lean_in
 from contactsense.memory import Memory
 from contactsense.refine import CUT
+from contactsense.several.cholesky import invert
 from contactsense.several.memory import LISTED, UNKNOWNS, Several
 from contactsense.several.rows import fill_rows
 from contactsense.several.scan import lay_ground, likely_force, likely_pushes, place_of, scan_places
-from contactsense.several.stack import invert, put, settle
+from contactsense.several.stack import put, settle
 from robots.compiled import fused_kernel
 
 FURTHER = 0.02

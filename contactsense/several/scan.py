@@ -8,7 +8,7 @@ one small Gaussian.
 
 import math
 
-from contactsense.several.stack import factor
+from contactsense.several.cholesky import factor
 from robots.compiled import fused_kernel
 
 LEAN = 2.0

@@ -14,6 +14,7 @@ from contactsense.locate import place_primitives
 from contactsense.memory import Memory, empty_memory
 from contactsense.pipeline import rest
 from contactsense.several import stack as kernels
+from contactsense.several.cholesky import invert, solve_in_place
 from contactsense.several.memory import UNKNOWNS, Several, empty_several
 from contactsense.several.rows import fill_rows
 from robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
@@ -169,9 +170,9 @@ def test_the_inverse_is_that_of_the_matrix(case: Case) -> None:
     size = 3 * UNKNOWNS
     lower = np.tril(stack.matrix[:size, :size])
     matrix = lower + lower.T - np.diag(np.diag(lower))
-    log_det, _ = kernels._solve(stack.matrix, stack.step, size)
+    log_det, _ = solve_in_place(stack.matrix, stack.step, size)
     assert log_det == pytest.approx(np.linalg.slogdet(matrix)[1])
-    kernels.invert(stack, size)
+    invert(stack, size)
     np.testing.assert_allclose(stack.inverse[:size, :size] @ matrix, np.eye(size), atol=1e-6)
 
 
@@ -184,6 +185,6 @@ def test_a_known_place_holds_and_gets_sharper(case: Case) -> None:
     stack.prior_sharpness[0] = sharpness * np.eye(3)
     kernels.settle(arm.surfaces, case.memory.found, case.several.rows, m, arm.prior, 1, np.inf, stack)
     assert np.linalg.norm(stack.point[0] - stack.prior_point[0]) < 0.003
-    kernels.invert(stack, UNKNOWNS)
+    invert(stack, UNKNOWNS)
     assert stack.inverse[4, 4] < 1.0 / sharpness
     assert stack.inverse[5, 5] < 1.0 / sharpness
