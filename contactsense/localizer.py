@@ -223,7 +223,7 @@ class Localizer:
             return self._composer.quiet(0.0, "none")
         estimate = self._composer.contacts(0.0, self._work.memory, self._rows[:listed])
         if several and self._sets is not None:
-            sets = self._sets.locate(q, values, present, external, contacts, known, drift)
+            sets = self._sets.explain(0.0, present, contacts, known, drift)
             if known or len(sets.contacts) > 1:
                 return sets
         return estimate

@@ -43,7 +43,7 @@ class SetComposer:
         Args:
             t: Time of the sample [s].
             several: With the explanations, sorted.
-            rows: See `contactsense.several.entry.explain_rest`.
+            rows: See `contactsense.several.entry.explain_sets`.
             listed: How many explanations are in `rows`.
             rank: How many independent numbers the sensors say about the first one's wrenches.
             known: Number of contacts whose places were known before.
@@ -91,7 +91,7 @@ class SetComposer:
             found.wrench_covariance[row].copy(),
             max(1.0 - sum(e.probability for e in sets), 0.0),
             "; ".join(parts),
-            sets,
+            explanations=sets,
         )
 
     @staticmethod

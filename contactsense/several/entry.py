@@ -1,40 +1,57 @@
-"""The compiled function that Python calls for several contacts of an arm at rest."""
+"""The compiled function that Python calls for several contacts."""
+
+import math
 
 import numpy as np
 
 from contactsense.locate import place_primitives
-from contactsense.pipeline import rest
+from contactsense.memory import Memory
+from contactsense.observer import GAIN
 from contactsense.report import LEAST_PROBABILITY, write_row
 from contactsense.several.explain import explain_more
-from contactsense.several.memory import MOST, Several
-from contactsense.several.rows import rank_of
+from contactsense.several.memory import MOST, Bodies, Several
+from contactsense.several.rows import fill_rows, rank_of
+from contactsense.several.scan import likely_force, place_places
 from contactsense.workspace import unfold
 from robots.compiled import kernel
 from robots.grid import Grids
 
 
 @kernel
-def explain_rest(
+def residual_gain(memory: Memory, present: tuple[bool, bool, bool]) -> float:
+    """Variance of the observers' residuals over that of one sample's noise; the noisiest counts."""
+    scale = 0.0
+    if present[0]:
+        scale = max(scale, memory.base.clock[GAIN])
+    if present[1]:
+        scale = max(scale, memory.joints.clock[GAIN])
+    if present[2]:
+        scale = max(scale, memory.wrist.clock[GAIN])
+    return scale
+
+
+@kernel
+def explain_sets(
     floats: np.ndarray,
     integers: np.ndarray,
     sizes: tuple[int, int, int, int],
     skin: Grids,
     several: Several,
-    q: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
-    external: bool,
-    has_base: bool,
-    has_torque: bool,
-    has_wrist: bool,
+    present: tuple[bool, bool, bool],
+    bandwidth: float,
     known: int,
     most: int,
     rows: np.ndarray,
 ) -> tuple[int, int]:
-    """One sample of an arm at rest: `rest` and `explain_more`.
+    """Explain the sample that the workspace has taken last by sets of simultaneous contacts.
 
     Args:
+        floats, integers, sizes, skin: The workspace, after `contactsense.entry.once` or `step`, and the skin.
+        several: With the known contacts.
+        present: Which of base wrench, joint torques and wrist wrench were measured.
+        bandwidth: Cut-off of the observers [Hz]; infinite for an arm at rest, whose external parts come as
+            they are.
+        known, most: Number of known contacts, and most contacts of an explanation, those included.
         rows: Filled: contact i of the k-th explanation goes into row k * MOST + i, as in
             `contactsense.report`, shape (LISTED * MOST, WIDTH).
 
@@ -43,10 +60,23 @@ def explain_rest(
         sensors say about the wrenches of the first one's contacts.
     """
     arm, memory = unfold(floats, integers, sizes)
-    rest(arm, memory, q, torque, base_wrench, wrist_wrench, external)
-    place_primitives(arm.surfaces, arm.sensors.depth, memory.motion, memory.found)
-    count = explain_more(arm, memory, several, has_base, has_torque, has_wrist, 1.0, known, most)
-    found = several.found
+    scale, lag = 1.0, 0.0
+    parts = (memory.base_wrench, memory.torque, memory.wrist_wrench)
+    if bandwidth < math.inf:
+        # The observers' own residuals, not those that were averaged for a single contact.
+        lag = 1.0 / (2.0 * math.pi * bandwidth)
+        parts = (memory.base.residual[:6], memory.joints.residual, memory.wrist.residual)
+        scale = residual_gain(memory, present)
+    depth, choice, found = arm.sensors.depth, several.choice, several.found
+    place_primitives(arm.surfaces, depth, memory.motion, memory.found)
+    place_places(arm.places, depth, memory.motion, choice, several.scan)
+    m = fill_rows(
+        arm.sensors, memory.motion, parts, memory.unexplained, memory.wrist_origin, present, scale, lag,
+        several.rows,
+    )  # fmt: skip
+    bodies = Bodies(memory.found.rotation, memory.found.origin)
+    force = likely_force(parts, present)
+    count = explain_more(arm.surfaces, arm.prior, bodies, several, m, force, known, most)
     listed = 0
     for k in range(count):
         t = found.order[k]
@@ -73,6 +103,5 @@ def explain_rest(
         links = several.stack.primitive
         for i in range(found.contacts[t]):
             links[i] = arm.surfaces.link[found.primitive[t, i]]
-        m = 6 * has_base + q.shape[0] * has_torque + 6 * has_wrist
         rank = rank_of(several.rows, m, links, found.contacts[t], several.stack.jacobian)
     return listed, rank

@@ -7,17 +7,15 @@ only where one does not explain the measurement.
 
 import math
 
-from contactsense.arm import Arm
 from contactsense.cover import clearance, exposed, stands_on
-from contactsense.energy import lean_in
-from contactsense.memory import Memory
+from contactsense.energy import Prior, lean_in
 from contactsense.refine import CUT
 from contactsense.several.cholesky import invert
-from contactsense.several.memory import LISTED, UNKNOWNS, Several
-from contactsense.several.rows import fill_rows
-from contactsense.several.scan import lay_ground, likely_force, likely_pushes, place_of, scan_places
+from contactsense.several.memory import UNKNOWNS, Bodies, Several
+from contactsense.several.scan import lay_ground, likely_pushes, scan_places
 from contactsense.several.stack import put, settle
 from robots.compiled import fused_kernel
+from robots.surface import Surfaces
 
 FURTHER = 0.02
 """Prior probability of a further contact, in units of that of no further one."""
@@ -32,79 +30,84 @@ SURE = 1e-4
 
 @fused_kernel
 def explain_more(
-    arm: Arm,
-    memory: Memory,
+    surfaces: Surfaces,
+    prior: Prior,
+    bodies: Bodies,
     several: Several,
-    has_base: bool,
-    has_torque: bool,
-    has_wrist: bool,
-    scale: float,
+    m: int,
+    force: float,
     known: int,
     most: int,
 ) -> int:
-    """Explain the external parts in `memory` by the known contacts and further ones.
+    """Explain a measurement by the known contacts and further ones.
 
     Args:
-        arm: The scene's constants.
-        memory: With poses, external parts, and the primitives' frames, see
-            `contactsense.locate.place_primitives`.
-        several: With `known` filled for that many contacts; explanations are left in `found`, sorted by
-            `order`. Within each, the known contacts come first, in their order, then the further ones.
-        has_base, has_torque, has_wrist: Which sensors have a value.
-        scale: Factor on all variances of the scene's noise.
+        surfaces: Primitives.
+        prior: What is known of contacts beforehand.
+        bodies: Where the primitives are.
+        several: With the measurement in `rows`, all places in the base frame in `scan.place`, and `known`
+            filled for that many contacts; explanations are left in `found`, sorted by `order`. Within each,
+            the known contacts come first, in their order, then the further ones.
+        m: Number of rows.
+        force: Size of the forces at work, about [N].
         known: Number of known contacts.
         most: Most contacts of an explanation, the known ones included.
 
     Returns:
         Number of explanations.
     """
-    rows, scan = several.rows, several.scan
-    m = fill_rows(arm, memory, has_base, has_torque, has_wrist, scale, rows)
-    force = likely_force(memory, has_base, has_torque, has_wrist)
-    _take_known(arm, memory, several, known, force)
-    lay_ground(arm, several.known, scan.normals, known, force, rows, m, scan)
+    choice, rows, given, stack, scan, sets = several
+    for i in range(known):
+        _take_known(surfaces, bodies, given, stack, scan.normals[i], force, i)
+    lay_ground(surfaces.link, prior.lean, given, known, force, rows, m, scan)
     stored = 0
     best = math.inf
-    if known > 0:
-        stored, best = _try(arm, memory, several, m, known, 0, math.inf, stored)
-    for extra in range(1, most - known + 1):
+    for extra in range(0 if known > 0 else 1, most - known + 1):
         if best < WORTH:
             break
-        seeds = scan_places(arm, memory.motion, several.choice, extra, force, rows, m, scan)
+        seeds = 1
+        if extra > 0:
+            seeds = scan_places(choice, prior.lean, extra, force, rows, m, scan)
         level = math.inf
         for t in range(seeds):
-            _take_known(arm, memory, several, known, force)
-            likely_pushes(arm, memory.motion, several.choice, t, extra, force, rows, m, scan, scan.pushes)
-            for e in range(extra):
-                _start(arm, memory, several, scan.seed[t, e], scan.pushes[e], known + e)
-            stored, energy = _try(arm, memory, several, m, known, extra, level + HOPELESS, stored)
-            level = min(level, energy)
+            for i in range(known):
+                _take_known(surfaces, bodies, given, stack, scan.normals[i], force, i)
+            if extra > 0:
+                likely_pushes(choice, prior.lean, t, extra, force, rows, m, scan, scan.pushes)
+                for e in range(extra):
+                    _start(surfaces, bodies, choice, scan, stack, scan.seed[t, e], scan.pushes[e], known + e)
+            count = known + extra
+            energy, score = settle(surfaces, bodies, rows, m, prior, count, level + HOPELESS, stack)
+            if energy < math.inf:
+                score += extra * math.log(FURTHER) + _room(surfaces, bodies, prior, stack, known, count)
+                if score > -math.inf:
+                    _store(stack, prior.offset, count, energy, score, sets, stored)
+                    stored += 1
+                    level = min(level, energy)
         best = min(best, level)
-    kept: int = _rank_sets(arm, several.found, stored, 2.0 * arm.prior.offset)
+    kept: int = _rank_sets(surfaces.link, sets, stored, 2.0 * prior.offset)
     return kept
 
 
 @fused_kernel
-def _take_known(arm, memory, several, known, force):  # type: ignore[no-untyped-def]
-    """The known contacts as a first guess, each with its force before, or a push of the likely size; and
-    their priors."""
-    stack, given = several.stack, several.known
-    for i in range(known):
-        p, c, f = given.primitive[i], given.point[i], given.force[i]
-        put(arm.surfaces, memory.found, stack, i, p, c[0], c[1], c[2], f[0], f[1], f[2])
-        n = several.scan.normals[i]
-        n[0], n[1], n[2] = stack.frame[i, 0, 0], stack.frame[i, 1, 0], stack.frame[i, 2, 0]
-        fx, fy, fz = f[0], f[1], f[2]
-        stack.prior_stiffness[i] = 0.0
-        if given.drift[i] < math.inf:
-            stack.prior_stiffness[i] = 1.0 / given.drift[i] ** 2
-        else:
-            fx, fy, fz = -force * n[0], -force * n[1], -force * n[2]
-        for k in range(3):
-            stack.prior_point[i, k] = stack.point[i, k]
-            stack.prior_force[i, k] = f[k]
-        stack.force[i, 0], stack.force[i, 1], stack.force[i, 2] = lean_in(fx, fy, fz, n[0], n[1], n[2])
-        _sharpen(stack.frame[i], given.covariance[i], stack.prior_sharpness[i])
+def _take_known(surfaces, bodies, given, stack, n, force, i):  # type: ignore[no-untyped-def]
+    """Known contact i as a first guess, with its force before, or a push of the likely size; and its priors.
+
+    n: filled with its outward normal."""
+    c, f = given.point[i], given.force[i]
+    put(surfaces, bodies, stack, i, given.primitive[i], c[0], c[1], c[2], f[0], f[1], f[2])
+    n[0], n[1], n[2] = stack.frame[i, 0, 0], stack.frame[i, 1, 0], stack.frame[i, 2, 0]
+    fx, fy, fz = f[0], f[1], f[2]
+    stack.prior_stiffness[i] = 0.0
+    if given.drift[i] < math.inf:
+        stack.prior_stiffness[i] = 1.0 / given.drift[i] ** 2
+    else:
+        fx, fy, fz = -force * n[0], -force * n[1], -force * n[2]
+    for k in range(3):
+        stack.prior_point[i, k] = stack.point[i, k]
+        stack.prior_force[i, k] = f[k]
+    stack.force[i, 0], stack.force[i, 1], stack.force[i, 2] = lean_in(fx, fy, fz, n[0], n[1], n[2])
+    _sharpen(stack.frame[i], given.covariance[i], stack.prior_sharpness[i])
 
 
 @fused_kernel
@@ -125,11 +128,10 @@ def _sharpen(T, C, out):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _start(arm, memory, several, place, push, i):  # type: ignore[no-untyped-def]
+def _start(surfaces, bodies, choice, scan, stack, place, push, i):  # type: ignore[no-untyped-def]
     """Contact i at a place, with a likely push: a first guess."""
-    stack = several.stack
-    x, y, z, _, _, _ = place_of(arm, memory.motion, several.choice, place)
-    put(arm.surfaces, memory.found, stack, i, several.choice.primitive[place], x, y, z, 0.0, 0.0, 0.0)
+    c = scan.place[place]
+    put(surfaces, bodies, stack, i, choice.primitive[place], c[0], c[1], c[2], 0.0, 0.0, 0.0)
     T = stack.frame[i]
     fx, fy, fz = lean_in(push[0], push[1], push[2], T[0, 0], T[1, 0], T[2, 0])
     stack.force[i, 0], stack.force[i, 1], stack.force[i, 2] = fx, fy, fz
@@ -138,39 +140,39 @@ def _start(arm, memory, several, place, push, i):  # type: ignore[no-untyped-def
 
 
 @fused_kernel
-def _try(arm, memory, several, m, known, extra, limit, stored):  # type: ignore[no-untyped-def]
-    """Search from the stack's contacts and store what comes out; how many explanations are stored then, and
-    the energy."""
-    stack, found, t = several.stack, several.found, stored
-    count = known + extra
-    energy, score = settle(arm.surfaces, memory.found, several.rows, m, arm.prior, count, limit, stack)
-    if energy == math.inf or stored == LISTED:
-        return stored, energy
-    score += extra * math.log(FURTHER)
+def _room(surfaces, bodies, prior, stack, known, count):  # type: ignore[no-untyped-def]
+    """Log of how far the places of the further contacts count as ones that can be touched."""
+    score = 0.0
     for i in range(known, count):
         c, p, T = stack.point[i], stack.primitive[i], stack.frame[i]
-        if stands_on(arm.surfaces.link[p], c[2], T[2, 0], arm.prior.offset):
-            return stored, math.inf
-        room = arm.prior.room
+        if stands_on(surfaces.link[p], c[2], T[2, 0], prior.offset):
+            return -math.inf
+        room = prior.room
         x, y, z = c[0] + room * T[0, 0], c[1] + room * T[1, 0], c[2] + room * T[2, 0]
-        score += math.log(exposed(clearance(arm.surfaces, memory.found, p, x, y, z, 0.0), arm.prior))
-    found.contacts[t] = count
-    found.energy[t] = energy
-    found.score[t] = score
+        score += math.log(exposed(clearance(surfaces, bodies, p, x, y, z, 0.0), prior))
+    return score
+
+
+@fused_kernel
+def _store(stack, offset, count, energy, score, sets, t):  # type: ignore[no-untyped-def]
+    """Write the contacts in `stack` as explanation t."""
+    sets.contacts[t] = count
+    sets.energy[t] = energy
+    sets.score[t] = score
     invert(stack, count * UNKNOWNS)
-    found.wrench[t] = 0.0
+    for k in range(6):
+        sets.wrench[t, k] = 0.0
     for i in range(count):
-        found.primitive[t, i] = stack.primitive[i]
-        found.torsion[t, i] = stack.torsion[i]
+        sets.primitive[t, i] = stack.primitive[i]
+        sets.torsion[t, i] = stack.torsion[i]
         for k in range(3):
-            found.point[t, i, k] = stack.point[i, k]
-            found.normal[t, i, k] = stack.frame[i, k, 0]
-            found.force[t, i, k] = stack.force[i, k]
+            sets.point[t, i, k] = stack.point[i, k]
+            sets.normal[t, i, k] = stack.frame[i, k, 0]
+            sets.force[t, i, k] = stack.force[i, k]
         for k in range(6):
-            found.wrench[t, k] += stack.wrench[i, k]
-        _spread_contact(stack, i, arm.prior.offset, found.covariance[t, i], found.force_covariance[t, i])
-    _spread_wrench(stack, count * UNKNOWNS, found.wrench_covariance[t])
-    return stored + 1, energy
+            sets.wrench[t, k] += stack.wrench[i, k]
+        _spread_contact(stack, i, offset, sets.covariance[t, i], sets.force_covariance[t, i])
+    _spread_wrench(stack, count * UNKNOWNS, sets.wrench_covariance[t])
 
 
 @fused_kernel
@@ -205,7 +207,7 @@ def _spread_wrench(stack, size, out):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _rank_sets(arm, found, stored, apart):  # type: ignore[no-untyped-def]
+def _rank_sets(link, found, stored, apart):  # type: ignore[no-untyped-def]
     """Sort, drop doubles and the hopeless, turn scores into probabilities; how many are left."""
     order = found.order
     for i in range(stored):
@@ -222,7 +224,7 @@ def _rank_sets(arm, found, stored, apart):  # type: ignore[no-untyped-def]
             best = found.score[t]
         if not found.score[t] >= best - CUT:
             break
-        if not _is_double_set(arm, found, t, kept, apart):
+        if not _is_double_set(link, found, t, kept, apart):
             order[kept] = t
             found.probability[t] = math.exp(found.score[t] - best)
             total += found.probability[t]
@@ -233,10 +235,9 @@ def _rank_sets(arm, found, stored, apart):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _is_double_set(arm, found, t, kept, apart):  # type: ignore[no-untyped-def]
+def _is_double_set(link, found, t, kept, apart):  # type: ignore[no-untyped-def]
     """Whether a better explanation, among the first `kept`, has the same contacts, in any order, closer than
     `apart`."""
-    link = arm.surfaces.link
     for i in range(kept):
         u = found.order[i]
         if found.contacts[u] != found.contacts[t]:

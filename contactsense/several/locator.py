@@ -10,7 +10,7 @@ from contactsense.answer import Composer
 from contactsense.report import WIDTH
 from contactsense.scene import Scene
 from contactsense.several.answer import SetComposer
-from contactsense.several.entry import explain_rest
+from contactsense.several.entry import explain_sets
 from contactsense.several.memory import LISTED, MOST, empty_several
 from contactsense.types import Contact, Estimate
 from contactsense.workspace import Workspace
@@ -27,24 +27,22 @@ class SetLocator:
         self._rows = np.zeros((LISTED * MOST, WIDTH))
         self._answer = SetComposer(scene, composer)
 
-    def locate(
+    def explain(
         self,
-        q: np.ndarray,
-        values: Sequence[np.ndarray],
+        t: float,
         present: tuple[bool, bool, bool],
-        external: bool,
         contacts: int,
         known: Sequence[Contact],
         drift: float | None,
+        bandwidth: float = math.inf,
     ) -> Estimate:
-        """Explain one measurement by at most `contacts` simultaneous contacts; see `Localizer.locate`.
+        """Explain the sample that the workspace has taken last by at most `contacts` simultaneous contacts.
 
         Args:
-            q: Joint positions, shape (n,) [rad].
-            values: Base wrench, joint torques, wrist wrench; zeros where there is none.
-            present: Which of them were measured.
-            external: Whether the arm's own part has been taken off.
+            t: Its time [s].
+            present: Which of base wrench, joint torques and wrist wrench were measured.
             contacts, known, drift: As in `Localizer.locate`, checked.
+            bandwidth: Cut-off of the observers [Hz]; infinite for an arm at rest.
         """
         given = self._several.known
         for i, contact in enumerate(known):
@@ -53,11 +51,10 @@ class SetLocator:
             given.covariance[i] = contact.covariance
             given.force[i] = contact.force_base
             given.drift[i] = math.inf if drift is None else drift
-        listed, rank = explain_rest(
-            *self._buffers, self._several, q, values[1], values[0], values[2], external, *present, len(known),
-            contacts, self._rows,
-        )  # fmt: skip
-        return self._answer.sets(0.0, self._several, self._rows, listed, rank, len(known))
+        listed, rank = explain_sets(
+            *self._buffers, self._several, present, bandwidth, len(known), contacts, self._rows
+        )
+        return self._answer.sets(t, self._several, self._rows, listed, rank, len(known))
 
     def check(self, contacts: int, known: Sequence[Contact], drift: float | None) -> None:
         """Refuse what cannot be asked for.

@@ -19,16 +19,32 @@ LISTED = 3 * SEEDS + 1
 """Most explanations before they are ranked."""
 
 
+class Bodies(NamedTuple):
+    """Where all P primitives are: their body frames in the base frame."""
+
+    rotation: np.ndarray
+    """Shape (P, 3, 3)."""
+    origin: np.ndarray
+    """Shape (P, 3) [m]."""
+
+
 class Rows(NamedTuple):
-    """The measurement in units of its noise: value = sum of the rows times the wrenches that they see, plus
-    noise of variance one."""
+    """The measurement in units of its noise: value = sum of the rows of each contact's link times its wrench,
+    plus noise of variance one."""
 
     matrix: np.ndarray
-    """Rows that act on a wrench about the base origin, base axes, shape (M, 6)."""
+    """What each row sees of a wrench on each link, about the base origin, base axes, zeros where it sees
+    nothing, shape (links, M, 6)."""
     value: np.ndarray
     """Shape (M,)."""
     seen: np.ndarray
     """1.0 where a row sees contacts on a link, else 0.0, shape (links, M)."""
+    factor: np.ndarray
+    """Scratch: root of the base sensor's information, shape (6, 6)."""
+    row: np.ndarray
+    """Scratch: a row before it is turned for each link, shape (6,)."""
+    turned: np.ndarray
+    """Scratch, shape (6,)."""
 
 
 class Known(NamedTuple):
@@ -102,6 +118,8 @@ class Stack(NamedTuple):
 class Scan(NamedTuple):
     """Scratch of the scan over sampled places."""
 
+    place: np.ndarray
+    """Points [m] and outward normals of all places, base frame, shape (S, 6)."""
     spread: np.ndarray
     """Covariance of the rows by a contact at each of the few places, shape (few, M, M)."""
     entering: np.ndarray
@@ -183,7 +201,7 @@ def empty_several(arm: Arm) -> Several:
     choice = choose_places(arm)
     return Several(
         choice=choice,
-        rows=Rows(np.zeros((rows, 6)), np.zeros(rows), np.zeros((len(arm.touchable), rows))),
+        rows=_empty_rows(rows, len(arm.touchable)),
         known=Known(
             primitive=np.zeros(MOST, dtype=np.int64),
             point=np.zeros((MOST, 3)),
@@ -194,6 +212,17 @@ def empty_several(arm: Arm) -> Several:
         stack=_empty_stack(rows),
         scan=_empty_scan(rows, len(choice.primitive), len(choice.few)),
         found=_empty_explanations(),
+    )
+
+
+def _empty_rows(rows: int, links: int) -> Rows:
+    return Rows(
+        matrix=np.zeros((links, rows, 6)),
+        value=np.zeros(rows),
+        seen=np.zeros((links, rows)),
+        factor=np.zeros((6, 6)),
+        row=np.zeros(6),
+        turned=np.zeros(6),
     )
 
 
@@ -228,6 +257,7 @@ def _empty_stack(rows: int) -> Stack:
 
 def _empty_scan(rows: int, places: int, few: int) -> Scan:
     return Scan(
+        place=np.zeros((places, 6)),
         spread=np.zeros((few, rows, rows)),
         entering=np.zeros((places, rows)),
         ground=np.zeros((rows, rows)),

@@ -17,6 +17,10 @@ class Choice(NamedTuple):
 
     primitive: np.ndarray
     """Primitive of every place, shape (S,), int64."""
+    link: np.ndarray
+    """Its link, shape (S,), int64."""
+    spread: np.ndarray
+    """Standard deviation of its cell along each tangent, shape (S,) [m]."""
     few: np.ndarray
     """Numbers of the chosen places, shape (at most FEW,), int64."""
     coarser: float
@@ -27,11 +31,14 @@ def choose_places(arm: Arm) -> Choice:
     """Choose each place as far as possible from those before it."""
     places = arm.places
     primitive = np.repeat(np.arange(len(arm.surfaces.kind)), np.diff(places.start))
-    feature = np.column_stack((places.point, TURN * places.normal, 10.0 * arm.surfaces.link[primitive]))
+    link = arm.surfaces.link[primitive]
+    feature = np.column_stack((places.point, TURN * places.normal, 10.0 * link))
     nearest = np.full(len(feature), np.inf)
     few: list[int] = []
     for _ in range(min(FEW, len(feature))):
         few.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, np.linalg.norm(feature - feature[few[-1]], axis=1))
     coarser = float(np.sqrt(len(feature) / len(few))) if few else 1.0
-    return Choice(primitive.astype(np.int64), np.array(few, dtype=np.int64), coarser)
+    return Choice(
+        primitive.astype(np.int64), link.copy(), places.spread.copy(), np.array(few, dtype=np.int64), coarser
+    )

@@ -1,82 +1,139 @@
-"""The measurement as rows in units of the noise, and which rows see contacts on which link."""
+"""The measurement as rows in units of the noise: what each sensor sees of a wrench on each link.
+
+The observers low-pass what the sensors see, with the time constant `lag`. A contact that keeps its place on
+link k leaves a wrench w that turns and travels with that link's twist V: dw/dt = V x* w. Its low-pass in base
+axes is (1 + lag V x*)^-1 w, and of the torque s_j . w, whose screw moves with link j, it is s_j . (1 + lag (V
+- V_j) x*)^-1 w. So each link has rows of its own, and contacts on different links of a moving arm are told
+apart with the lag of each.
+"""
 
 import math
 
-from contactsense.arm import Arm
-from contactsense.memory import Memory
+import numpy as np
+
+from contactsense.isolation import Sensors
 from contactsense.several.memory import Rows
+from kinematics.model import Motion
 from robots.compiled import fused_kernel
 
 
 @fused_kernel
+def _cross(a, twist, still, out):  # type: ignore[no-untyped-def]
+    """Row c with c . w = a . (V x* w) for all w, V = twist - still. Six floats each."""
+    vx, vy, vz = twist[0] - still[0], twist[1] - still[1], twist[2] - still[2]
+    x, y, z = twist[3] - still[3], twist[4] - still[4], twist[5] - still[5]
+    out[0] = a[1] * z - a[2] * y + a[4] * vz - a[5] * vy
+    out[1] = a[2] * x - a[0] * z + a[5] * vx - a[3] * vz
+    out[2] = a[0] * y - a[1] * x + a[3] * vy - a[4] * vx
+    out[3] = a[4] * z - a[5] * y
+    out[4] = a[5] * x - a[3] * z
+    out[5] = a[3] * y - a[4] * x
+
+
+@fused_kernel
+def _see(row, twist, still, lag, scratch, out):  # type: ignore[no-untyped-def]
+    """The row of a link that moves with `twist` where the sensor moves with `still`: row (1 + lag V x*)^-1,
+    to the second order of the lag."""
+    out[:] = row
+    for _ in range(2):
+        _cross(out, twist, still, scratch)
+        for i in range(6):
+            out[i] = row[i] - lag * scratch[i]
+
+
+@fused_kernel
 def fill_rows(
-    arm: Arm,
-    memory: Memory,
-    has_base: bool,
-    has_torque: bool,
-    has_wrist: bool,
+    sensors: Sensors,
+    motion: Motion,
+    parts: tuple[np.ndarray, np.ndarray, np.ndarray],
+    spread: np.ndarray,
+    wrist_origin: np.ndarray,
+    present: tuple[bool, bool, bool],
     scale: float,
+    lag: float,
     rows: Rows,
 ) -> int:
-    """Write the external parts in `memory` as rows of variance one; returns how many.
+    """Write external parts as rows of variance one; returns how many.
 
     Args:
-        arm: The scene's constants.
-        memory: With poses and external parts.
-        has_base, has_torque, has_wrist: Which sensors have a value.
+        sensors: What sees which link, and the noise.
+        motion: Poses and twists.
+        parts: External base wrench (6,), joint torques as s_j . w (n,) and wrist wrench (6,), low-passed in
+            base axes.
+        spread: What model and friction leave of each torque, standard deviation, shape (n,) [Nm].
+        wrist_origin: Origin of the wrist sensor, base frame, shape (3,) [m].
+        present: Which of the parts were measured.
         scale: Factor on all variances of the scene's noise.
+        lag: Time constant of the low-pass [s]; 0 without one.
         rows: Filled.
     """
-    A, y, seen = rows.matrix, rows.value, rows.seen
-    A[:] = 0.0
-    seen[:] = 0.0
+    y, seen, row, turned = rows.value, rows.seen, rows.row, rows.turned
+    still = motion.twist[0]
     links = seen.shape[0]
+    seen[:] = 0.0
+    rows.matrix[:] = 0.0
     m = 0
-    if has_base:
+    if present[0]:
         # Upper factor U of the information matrix U^T U: U times the noise has unit variance.
+        U = rows.factor
         for i in range(6):
+            for k in range(6):
+                U[i, k] = 0.0
             for k in range(i, 6):
-                x = arm.sensors.base_information[i, k] / scale
+                x = sensors.base_information[i, k] / scale
                 for r in range(i):
-                    x -= A[r, i] * A[r, k]
-                A[i, k] = math.sqrt(x) if k == i else x / A[i, i]
+                    x -= U[r, i] * U[r, k]
+                U[i, k] = math.sqrt(x) if k == i else x / U[i, i]
         for i in range(6):
             y[i] = 0.0
             for k in range(i, 6):
-                y[i] += A[i, k] * memory.base_wrench[k]
+                y[i] += U[i, k] * parts[0][k]
             for link in range(links):
                 seen[link, i] = 1.0
+                twist = motion.twist[sensors.depth[link]]
+                _see(U[i], twist, still, lag, turned, rows.matrix[link, i])
         m = 6
-    if has_torque:
-        for j in range(memory.torque.shape[0]):
-            weight = 1.0 / math.sqrt(arm.sensors.torque_variance[j] * scale + memory.unexplained[j] ** 2)
+    if present[1]:
+        for j in range(spread.shape[0]):
+            weight = 1.0 / math.sqrt(sensors.torque_variance[j] * scale + spread[j] ** 2)
             for k in range(6):
-                A[m, k] = memory.motion.screw[j, k] * weight
-            y[m] = memory.torque[j] * weight
+                row[k] = motion.screw[j, k] * weight
+            y[m] = parts[1][j] * weight
             for link in range(links):
-                if arm.sensors.depth[link] > j:
+                if sensors.depth[link] > j:
                     seen[link, m] = 1.0
+                    twist = motion.twist[sensors.depth[link]]
+                    _see(row, twist, motion.twist[j], lag, turned, rows.matrix[link, m])
             m += 1
-    if has_wrist:
-        ox, oy, oz = memory.wrist_origin[0], memory.wrist_origin[1], memory.wrist_origin[2]
-        force = 1.0 / math.sqrt(arm.sensors.wrist_variance[0] * scale)
-        moment = 1.0 / math.sqrt(arm.sensors.wrist_variance[1] * scale)
-        for i in range(3):
-            A[m + i, i] = force
-            A[m + 3 + i, 3 + i] = moment
-        # Moment about the sensor's origin: m - o x f.
-        A[m + 3, 1], A[m + 3, 2] = oz * moment, -oy * moment
-        A[m + 4, 0], A[m + 4, 2] = -oz * moment, ox * moment
-        A[m + 5, 0], A[m + 5, 1] = oy * moment, -ox * moment
-        for _ in range(6):
+    if present[2]:
+        for i in range(6):
+            _wrist_row(i, wrist_origin, row)
+            weight = 1.0 / math.sqrt(sensors.wrist_variance[i // 3] * scale)
             y[m] = 0.0
             for k in range(6):
-                y[m] += A[m, k] * memory.wrist_wrench[k]
+                row[k] *= weight
+                y[m] += row[k] * parts[2][k]
             for link in range(links):
-                if arm.sensors.beyond_wrist[link]:
+                if sensors.beyond_wrist[link]:
                     seen[link, m] = 1.0
+                    twist = motion.twist[sensors.depth[link]]
+                    _see(row, twist, still, lag, turned, rows.matrix[link, m])
             m += 1
     return m
+
+
+@fused_kernel
+def _wrist_row(i, o, row):  # type: ignore[no-untyped-def]
+    """Component i of a wrench about the wrist sensor's origin o: force, then moment m - o x f."""
+    for k in range(6):
+        row[k] = 0.0
+    row[i] = 1.0
+    if i == 3:
+        row[1], row[2] = o[2], -o[1]
+    elif i == 4:
+        row[0], row[2] = -o[2], o[0]
+    elif i == 5:
+        row[0], row[1] = o[1], -o[0]
 
 
 @fused_kernel
@@ -92,11 +149,12 @@ def rank_of(rows, m, links, count, scratch):  # type: ignore[no-untyped-def]
     n = 6 * count
     for r in range(m):
         size = 0.0
-        for k in range(6):
-            size = max(size, abs(rows.matrix[r, k]))
         for i in range(count):
             for k in range(6):
-                scratch[r, 6 * i + k] = rows.seen[links[i], r] * rows.matrix[r, k] / size
+                size = max(size, abs(rows.matrix[links[i], r, k]))
+        for i in range(count):
+            for k in range(6):
+                scratch[r, 6 * i + k] = rows.matrix[links[i], r, k] / size if size > 0.0 else 0.0
     rank = 0
     for _ in range(min(m, n)):
         # Gauss elimination with full pivoting.

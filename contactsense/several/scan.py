@@ -20,18 +20,18 @@ FAINT = 1.0
 
 
 @fused_kernel
-def likely_force(memory, has_base, has_torque, has_wrist):  # type: ignore[no-untyped-def]
-    """Size of the forces at work, about [N]."""
+def likely_force(parts, present):  # type: ignore[no-untyped-def]
+    """Size of the forces at work, about [N]; arguments as for `contactsense.several.rows.fill_rows`."""
     force = FAINT
-    if has_base:
-        y = memory.base_wrench
+    if present[0]:
+        y = parts[0]
         force = max(force, math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]))
-    if has_wrist:
-        y = memory.wrist_wrench
+    if present[2]:
+        y = parts[2]
         force = max(force, math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]))
-    if has_torque:
-        for j in range(memory.torque.shape[0]):
-            force = max(force, abs(memory.torque[j]) / LEVER)
+    if present[1]:
+        for j in range(parts[1].shape[0]):
+            force = max(force, abs(parts[1][j]) / LEVER)
     return force
 
 
@@ -48,7 +48,7 @@ def _widen(rows, m, link, place, force, slack, levers, entering, out):  # type: 
         entering: Filled: each row by a unit force along the normal, shape (M,).
         out: Shape (M, M).
     """
-    A, seen = rows.matrix, rows.seen[link]
+    A, seen = rows.matrix[link], rows.seen[link]
     cx, cy, cz, nx, ny, nz = place
     across = force[1] * force[1]
     along = force[0] * force[0] - across
@@ -148,36 +148,33 @@ def _offer(primitives, count, score, a, b, c, scores, seeds):  # type: ignore[no
 
 
 @fused_kernel
-def place_of(arm, motion, choice, i):  # type: ignore[no-untyped-def]
-    """Point and normal of a place in the base frame, six floats."""
-    body = arm.sensors.depth[arm.surfaces.link[choice.primitive[i]]]
-    R, o, c, n = motion.rotation[body], motion.origin[body], arm.places.point[i], arm.places.normal[i]
-    return (
-        o[0] + R[0, 0] * c[0] + R[0, 1] * c[1] + R[0, 2] * c[2],
-        o[1] + R[1, 0] * c[0] + R[1, 1] * c[1] + R[1, 2] * c[2],
-        o[2] + R[2, 0] * c[0] + R[2, 1] * c[1] + R[2, 2] * c[2],
-        R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2],
-        R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2],
-        R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2],
-    )
+def place_places(places, depth, motion, choice, scan):  # type: ignore[no-untyped-def]
+    """Bring all places to the base frame: fills `scan.place`."""
+    for i in range(choice.link.shape[0]):
+        body = depth[choice.link[i]]
+        R, o, c, n = motion.rotation[body], motion.origin[body], places.point[i], places.normal[i]
+        out = scan.place[i]
+        for k in range(3):
+            out[k] = o[k] + R[k, 0] * c[0] + R[k, 1] * c[1] + R[k, 2] * c[2]
+            out[3 + k] = R[k, 0] * n[0] + R[k, 1] * n[1] + R[k, 2] * n[2]
 
 
 @fused_kernel
-def lay_ground(arm, known, normals, count, force, rows, m, scan):  # type: ignore[no-untyped-def]
+def lay_ground(links, lean, known, count, force, rows, m, scan):  # type: ignore[no-untyped-def]
     """Covariance of the rows by noise and by `count` known contacts, and the innovation over their known
     forces.
 
-    `normals`: outward normals of the known contacts, base axes, shape (>= count, 3); `force`: about the size
-    of the forces at work [N].
+    `links`: link of each primitive; `lean`: scale of the prior's; `force`: about the size of the forces at
+    work [N]. The normals of the known contacts are in `scan.normals`.
     """
     scan.ground[:m, :m] = 0.0
     for r in range(m):
         scan.ground[r, r] = 1.0
         scan.innovation[r] = rows.value[r]
     for i in range(count):
-        link = arm.surfaces.link[known.primitive[i]]
-        c, n, f, C = known.point[i], normals[i], known.force[i], known.covariance[i]
-        across, along, size = LEAN * arm.prior.lean * force, force, force
+        link = links[known.primitive[i]]
+        c, n, f, C = known.point[i], scan.normals[i], known.force[i], known.covariance[i]
+        across, along, size = LEAN * lean * force, force, force
         if known.drift[i] < math.inf:
             across = along = known.drift[i]
             size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
@@ -191,39 +188,39 @@ def lay_ground(arm, known, normals, count, force, rows, m, scan):  # type: ignor
             )
             for r in range(m):
                 for k in range(6):
-                    scan.innovation[r] -= rows.seen[link, r] * rows.matrix[r, k] * w[k]
+                    scan.innovation[r] -= rows.matrix[link, r, k] * w[k]
         slack = size * math.sqrt(0.5 * (C[0, 0] + C[1, 1] + C[2, 2]))
         place = (c[0], c[1], c[2], n[0], n[1], n[2])
         _widen(rows, m, link, place, (along, across), slack, scan.levers, scan.weighed, scan.ground)
 
 
 @fused_kernel
-def _widen_at(arm, motion, choice, i, coarser, force, rows, m, scan, out):  # type: ignore[no-untyped-def]
+def _widen_at(choice, lean, i, coarser, force, rows, m, scan, out):  # type: ignore[no-untyped-def]
     """`_widen` by a contact at place i."""
-    link = arm.surfaces.link[choice.primitive[i]]
-    place = place_of(arm, motion, choice, i)
-    slack = arm.places.spread[i] * coarser * force
-    sizes = (force, LEAN * arm.prior.lean * force)
-    _widen(rows, m, link, place, sizes, slack, scan.levers, scan.entering[i], out)
+    c = scan.place[i]
+    place = (c[0], c[1], c[2], c[3], c[4], c[5])
+    slack = choice.spread[i] * coarser * force
+    sizes = (force, LEAN * lean * force)
+    _widen(rows, m, choice.link[i], place, sizes, slack, scan.levers, scan.entering[i], out)
 
 
 @fused_kernel
-def scan_places(arm, motion, choice, extra, force, rows, m, scan):  # type: ignore[no-untyped-def]
+def scan_places(choice, lean, extra, force, rows, m, scan):  # type: ignore[no-untyped-def]
     """Fill `scan.seed` with sets of `extra` (1 to 3) places that explain the innovation best; how many.
 
     Args:
-        arm, motion: Constants, and poses.
         choice: Which places are tried.
+        lean: Scale of the prior's lean.
         extra: Number of contacts that are sought.
         force: Size of the forces at work, about [N].
         rows, m: The measurement and the number of its rows.
-        scan: After `lay_ground`.
+        scan: After `place_places` and `lay_ground`.
     """
     scan.seed_score[:] = -math.inf
     if extra == 1:
-        _scan_all(arm, motion, choice, force, rows, m, scan)
+        _scan_all(choice, lean, force, rows, m, scan)
     else:
-        _scan_pairs(arm, motion, choice, extra, force, rows, m, scan)
+        _scan_pairs(choice, lean, extra, force, rows, m, scan)
     if extra == 3:
         _scan_thirds(choice, m, scan)
     count = 0
@@ -233,11 +230,11 @@ def scan_places(arm, motion, choice, extra, force, rows, m, scan):  # type: igno
 
 
 @fused_kernel
-def _scan_all(arm, motion, choice, force, rows, m, scan):  # type: ignore[no-untyped-def]
+def _scan_all(choice, lean, force, rows, m, scan):  # type: ignore[no-untyped-def]
     """Every place for one further contact."""
     for i in range(choice.primitive.shape[0]):
         _copy(m, scan.ground, scan.factor)
-        _widen_at(arm, motion, choice, i, 1.0, force, rows, m, scan, scan.factor)
+        _widen_at(choice, lean, i, 1.0, force, rows, m, scan, scan.factor)
         fit = _fit(m, scan)
         if fit > scan.seed_score[-1]:
             _weigh(m, scan)
@@ -246,7 +243,7 @@ def _scan_all(arm, motion, choice, force, rows, m, scan):  # type: ignore[no-unt
 
 
 @fused_kernel
-def _scan_pairs(arm, motion, choice, extra, force, rows, m, scan):  # type: ignore[no-untyped-def]
+def _scan_pairs(choice, lean, extra, force, rows, m, scan):  # type: ignore[no-untyped-def]
     """Every pair of the few places: as seeds for two, as a beam for three."""
     scan.beam_score[:] = -math.inf
     for e in range(choice.few.shape[0]):
@@ -254,7 +251,7 @@ def _scan_pairs(arm, motion, choice, extra, force, rows, m, scan):  # type: igno
         for r in range(m):
             for s in range(r + 1):
                 S[r, s] = 0.0
-        _widen_at(arm, motion, choice, i, choice.coarser, force, rows, m, scan, S)
+        _widen_at(choice, lean, i, choice.coarser, force, rows, m, scan, S)
         _sum(m, scan.ground, S, scan.pair)
         for d in range(e):
             k = choice.few[d]
@@ -309,22 +306,23 @@ def _sum(m, a, b, out):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def likely_pushes(arm, motion, choice, t, extra, force, rows, m, scan, out):  # type: ignore[no-untyped-def]
+def likely_pushes(choice, lean, t, extra, force, rows, m, scan, out):  # type: ignore[no-untyped-def]
     """Most likely forces at the places of a seed, base axes, shape (>= extra, 3) [N]."""
     coarser = 1.0 if extra == 1 else choice.coarser
     _copy(m, scan.ground, scan.factor)
     for e in range(extra):
-        _widen_at(arm, motion, choice, scan.seed[t, e], coarser, force, rows, m, scan, scan.factor)
+        _widen_at(choice, lean, scan.seed[t, e], coarser, force, rows, m, scan, scan.factor)
     _fit(m, scan)
     _weigh(m, scan)
-    across = (LEAN * arm.prior.lean * force) ** 2
+    across = (LEAN * lean * force) ** 2
     for e in range(extra):
         i = scan.seed[t, e]
-        link = arm.surfaces.link[choice.primitive[i]]
-        c0, c1, c2, n0, n1, n2 = place_of(arm, motion, choice, i)
+        link = choice.link[i]
+        c = scan.place[i]
+        c0, c1, c2, n0, n1, n2 = c[0], c[1], c[2], c[3], c[4], c[5]
         b0, b1, b2 = 0.0, 0.0, 0.0
         for r in range(m):
-            a, x = rows.matrix[r], scan.weighed[r] * rows.seen[link, r]
+            a, x = rows.matrix[link, r], scan.weighed[r]
             b0 += x * (a[0] + a[4] * c2 - a[5] * c1)
             b1 += x * (a[1] + a[5] * c0 - a[3] * c2)
             b2 += x * (a[2] + a[3] * c1 - a[4] * c0)

@@ -4,12 +4,12 @@ The energy is that of `contactsense.energy`, with one measurement for all contac
 
     E = 1/2 |y - sum_i A_i w_i|^2  +  sum_i [ priors of force, lean, torsion and surface offset of contact i ]
 
-y being the rows of `contactsense.several.rows`, A_i those that see contact i, w_i = (f, (c + h n) x f + xi
-n). The unknowns of a contact are the logarithm of its normal force F, lean f_t / F and torsion xi / F, the
-offset h of the real surface from the primitive, each in units of its prior, and a step of its place c in the
-tangent plane. In these the priors are unit normal distributions (that of the lean Student's), so that what no
-sensor sees stays what it was beforehand. A contact that is tracked already has a prior of its place too, and
-may have one of its force.
+y being the rows of `contactsense.several.rows`, A_i what they see of the link of contact i, w_i = (f, (c + h
+n) x f + xi n). The unknowns of a contact are the logarithm of its normal force F, lean f_t / F and torsion xi
+/ F, the offset h of the real surface from the primitive, each in units of its prior, and a step of its place
+c in the tangent plane. In these the priors are unit normal distributions (that of the lean Student's), so
+that what no sensor sees stays what it was beforehand. A contact that is tracked already has a prior of its
+place too, and may have one of its force.
 """
 
 import math
@@ -36,12 +36,12 @@ HASTE = 3.0
 
 
 @fused_kernel
-def settle(surfaces, found, rows, m, prior, count, limit, stack):  # type: ignore[no-untyped-def]
+def settle(surfaces, bodies, rows, m, prior, count, limit, stack):  # type: ignore[no-untyped-def]
     """Search from the contacts in `stack` and leave the most probable ones there.
 
     Args:
         surfaces: Primitives.
-        found: With the poses of all primitives' body frames, see `contactsense.candidates.Candidates`.
+        bodies: Where all primitives are, base frame.
         rows, m: The measurement and the number of its rows.
         prior: What is known of contacts beforehand.
         count: Number of contacts.
@@ -54,10 +54,10 @@ def settle(surfaces, found, rows, m, prior, count, limit, stack):  # type: ignor
     """
     size = count * UNKNOWNS
     H, g = stack.matrix, stack.step
-    energy = _energy(surfaces, found, rows, m, prior, count, stack)
+    energy = _energy(surfaces.link, rows, m, prior, count, stack)
     log_det = math.inf
     for iteration in range(ITERATIONS + 1):
-        _linearize(surfaces, found, rows, m, prior, count, stack)
+        _linearize(surfaces, bodies, rows, m, prior, count, stack)
         log_det, hope = solve_in_place(H, g, size)
         _keep(count, stack, True)
         if log_det == math.inf or iteration == ITERATIONS:
@@ -70,8 +70,8 @@ def settle(surfaces, found, rows, m, prior, count, limit, stack):  # type: ignor
         accepted = False
         tried = math.inf
         for _ in range(TRIALS):
-            _step(surfaces, found, prior, count, scale, stack)
-            tried = _energy(surfaces, found, rows, m, prior, count, stack)
+            _step(surfaces, bodies, prior, count, scale, stack)
+            tried = _energy(surfaces.link, rows, m, prior, count, stack)
             if tried < energy:
                 accepted = True
                 break
@@ -90,9 +90,9 @@ def settle(surfaces, found, rows, m, prior, count, limit, stack):  # type: ignor
 
 
 @fused_kernel
-def put(surfaces, found, stack, i, p, x, y, z, fx, fy, fz):  # type: ignore[no-untyped-def]
+def put(surfaces, bodies, stack, i, p, x, y, z, fx, fy, fz):  # type: ignore[no-untyped-def]
     """Set contact i: on primitive p nearest to a point (base frame), with a force (base axes) that pushes."""
-    R, o, c, T = found.rotation[p], found.origin[p], stack.point[i], stack.frame[i]
+    R, o, c, T = bodies.rotation[p], bodies.origin[p], stack.point[i], stack.frame[i]
     x, y, z = x - o[0], y - o[1], z - o[2]
     _, bx, by, bz, n1, n2, n3 = project(
         surfaces.kind[p],
@@ -137,7 +137,7 @@ def _along(T, a, f):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _energy(surfaces, found, rows, m, prior, count, stack):  # type: ignore[no-untyped-def]
+def _energy(links, rows, m, prior, count, stack):  # type: ignore[no-untyped-def]
     """Energy of the contacts in `stack`; leaves the residual and each contact's wrench."""
     y = stack.residual
     for r in range(m):
@@ -169,22 +169,20 @@ def _energy(surfaces, found, rows, m, prior, count, stack):  # type: ignore[no-u
         w[3] = py * f[2] - pz * f[1] + xi * T[0, 0]
         w[4] = pz * f[0] - px * f[2] + xi * T[1, 0]
         w[5] = px * f[1] - py * f[0] + xi * T[2, 0]
-        seen = rows.seen[surfaces.link[stack.primitive[i]]]
+        A = rows.matrix[links[stack.primitive[i]]]
         for r in range(m):
-            a = rows.matrix[r]
-            y[r] -= seen[r] * (
-                a[0] * w[0] + a[1] * w[1] + a[2] * w[2] + a[3] * w[3] + a[4] * w[4] + a[5] * w[5]
-            )
+            a = A[r]
+            y[r] -= a[0] * w[0] + a[1] * w[1] + a[2] * w[2] + a[3] * w[3] + a[4] * w[4] + a[5] * w[5]
     for r in range(m):
         energy += 0.5 * y[r] * y[r]
     return energy
 
 
 @fused_kernel
-def _bend(surfaces, found, stack, i):  # type: ignore[no-untyped-def]
+def _bend(surfaces, bodies, stack, i):  # type: ignore[no-untyped-def]
     """Curvature along the two tangents at contact i: k11, k12, k22 [1/m]."""
     p = stack.primitive[i]
-    R, o, c, T = found.rotation[p], found.origin[p], stack.point[i], stack.frame[i]
+    R, o, c, T = bodies.rotation[p], bodies.origin[p], stack.point[i], stack.frame[i]
     b = stack.body
     for k in range(3):
         x = 0.0
@@ -222,12 +220,12 @@ def _add(H, g, at, residual, row):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _linearize(surfaces, found, rows, m, prior, count, stack):  # type: ignore[no-untyped-def]
+def _linearize(surfaces, bodies, rows, m, prior, count, stack):  # type: ignore[no-untyped-def]
     """Gauss-Newton matrix (lower triangle) and gradient at the contacts in `stack`, whose energy was the last
     computed."""
     size = count * UNKNOWNS
     H, g, J, G = stack.matrix, stack.step, stack.jacobian, stack.wrench_map
-    _energy(surfaces, found, rows, m, prior, count, stack)
+    _energy(surfaces.link, rows, m, prior, count, stack)
     H[:size, :size] = 0.0
     g[:size] = 0.0
     for i in range(count):
@@ -235,7 +233,7 @@ def _linearize(surfaces, found, rows, m, prior, count, stack):  # type: ignore[n
         p = stack.primitive[i]
         c, T, f, w = stack.point[i], stack.frame[i], stack.force[i], stack.wrench[i]
         xi, h = stack.torsion[i], stack.offset[i]
-        k11, k12, k22 = _bend(surfaces, found, stack, i)
+        k11, k12, k22 = _bend(surfaces, bodies, stack, i)
         F = -_along(T, 0, f)
         alpha, beta = _along(T, 1, f) / F, _along(T, 2, f) / F
         # With force and torsion held, a step turns the normal: the same force leans more, and pushes less.
@@ -281,11 +279,11 @@ def _linearize(surfaces, found, rows, m, prior, count, stack):  # type: ignore[n
             G[4, at + 4 + a] += tz * f[0] - tx * f[2]
             G[5, at + 4 + a] += tx * f[1] - ty * f[0]
         _add_known(surfaces.radius[p], stack, i)
-        seen = rows.seen[surfaces.link[p]]
+        B = rows.matrix[surfaces.link[p]]
         for r in range(m):
-            A = rows.matrix[r]
+            A = B[r]
             for a in range(at, at + UNKNOWNS):
-                J[r, a] = seen[r] * (
+                J[r, a] = (
                     A[0] * G[0, a]
                     + A[1] * G[1, a]
                     + A[2] * G[2, a]
@@ -326,7 +324,7 @@ def _add_known(radius, stack, i):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _step(surfaces, found, prior, count, scale, stack):  # type: ignore[no-untyped-def]
+def _step(surfaces, bodies, prior, count, scale, stack):  # type: ignore[no-untyped-def]
     """Take the step, times `scale`, from the contacts that were put aside."""
     for i in range(count):
         at = i * UNKNOWNS
@@ -341,7 +339,7 @@ def _step(surfaces, found, prior, count, scale, stack):  # type: ignore[no-untyp
         v1, v2 = -scale * d[at + 4], -scale * d[at + 5]
         put(
             surfaces,
-            found,
+            bodies,
             stack,
             i,
             stack.primitive[i],

@@ -40,6 +40,56 @@ def _alone(localizer: Localizer, trial: Trial, push: Push) -> Contact:
     return min(found, key=lambda contact: float(np.linalg.norm(contact.point_base - push.point)))
 
 
+def _good(localizer: Localizer) -> tuple[Trial, Contact]:
+    trial = Trials(localizer.scene, seed=15).draw(1, 20.0, "different", "cone")
+    return trial, _alone(localizer, trial, trial.pushes[0])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"contacts": 0}, "contacts: expected 1 to 3, got 0"),
+        ({"contacts": 4}, "contacts: expected 1 to 3, got 4"),
+        ({"contacts": 2.0}, "contacts: expected 1 to 3, got 2.0"),
+        ({"contacts": 2, "drift": -1.0}, "drift: expected a positive number of N, got -1.0"),
+        ({"contacts": 2, "drift": float("nan")}, "drift: expected a positive number of N, got nan"),
+    ],
+)
+def test_wrong_options_are_refused(ordinary: Localizer, options: dict[str, object], message: str) -> None:
+    trial, _ = _good(ordinary)
+    with pytest.raises(ValueError, match=message):
+        _locate(ordinary, trial, trial.pushes, **options)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"link_index": 9}, r"known\[0\].link_index: expected 0 to 6, got 9"),
+        ({"primitive": 17}, r"known\[0\].primitive: expected 0 to \d on .*, got 17"),
+        ({"point_base": np.full(3, np.nan)}, r"known\[0\].point_base: expected finite numbers"),
+        ({"covariance": np.zeros(3)}, r"known\[0\].covariance: expected finite numbers of shape \(3, 3\)"),
+    ],
+)
+def test_wrong_known_contacts_are_refused(
+    ordinary: Localizer, change: dict[str, object], message: str
+) -> None:
+    trial, known = _good(ordinary)
+    with pytest.raises(ValueError, match=message):
+        _locate(ordinary, trial, trial.pushes, contacts=2, known=[replace(known, **change)])  # type: ignore[arg-type]
+
+
+def test_more_known_contacts_than_asked_for_are_refused(ordinary: Localizer) -> None:
+    trial, known = _good(ordinary)
+    with pytest.raises(ValueError, match="known: expected at most 1"):
+        _locate(ordinary, trial, trial.pushes, contacts=1, known=[known, known])
+
+
+def test_values_that_are_not_finite_are_refused(ordinary: Localizer) -> None:
+    trial, known = _good(ordinary)
+    with pytest.raises(ValueError, match="base_wrench: expected finite numbers"):
+        ordinary.locate(trial.q, base_wrench=np.full(6, np.nan), contacts=2, known=[known])
+
+
 def test_a_second_contact_is_told_from_a_known_one(precise: Localizer) -> None:
     trials, errors = Trials(PRECISE, seed=1), []
     for _ in range(25):
@@ -244,53 +294,3 @@ def test_any_subset_of_sensors_will_do(ordinary: Localizer, present: tuple[str, 
     assert estimate.contacts
     for contact in estimate.contacts:
         assert np.isfinite(contact.point_base).all()
-
-
-def _good(localizer: Localizer) -> tuple[Trial, Contact]:
-    trial = Trials(localizer.scene, seed=15).draw(1, 20.0, "different", "cone")
-    return trial, _alone(localizer, trial, trial.pushes[0])
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"contacts": 0}, "contacts: expected 1 to 3, got 0"),
-        ({"contacts": 4}, "contacts: expected 1 to 3, got 4"),
-        ({"contacts": 2.0}, "contacts: expected 1 to 3, got 2.0"),
-        ({"contacts": 2, "drift": -1.0}, "drift: expected a positive number of N, got -1.0"),
-        ({"contacts": 2, "drift": float("nan")}, "drift: expected a positive number of N, got nan"),
-    ],
-)
-def test_wrong_options_are_refused(ordinary: Localizer, options: dict[str, object], message: str) -> None:
-    trial, _ = _good(ordinary)
-    with pytest.raises(ValueError, match=message):
-        _locate(ordinary, trial, trial.pushes, **options)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"link_index": 9}, r"known\[0\].link_index: expected 0 to 6, got 9"),
-        ({"primitive": 17}, r"known\[0\].primitive: expected 0 to \d on .*, got 17"),
-        ({"point_base": np.full(3, np.nan)}, r"known\[0\].point_base: expected finite numbers"),
-        ({"covariance": np.zeros(3)}, r"known\[0\].covariance: expected finite numbers of shape \(3, 3\)"),
-    ],
-)
-def test_wrong_known_contacts_are_refused(
-    ordinary: Localizer, change: dict[str, object], message: str
-) -> None:
-    trial, known = _good(ordinary)
-    with pytest.raises(ValueError, match=message):
-        _locate(ordinary, trial, trial.pushes, contacts=2, known=[replace(known, **change)])  # type: ignore[arg-type]
-
-
-def test_more_known_contacts_than_asked_for_are_refused(ordinary: Localizer) -> None:
-    trial, known = _good(ordinary)
-    with pytest.raises(ValueError, match="known: expected at most 1"):
-        _locate(ordinary, trial, trial.pushes, contacts=1, known=[known, known])
-
-
-def test_values_that_are_not_finite_are_refused(ordinary: Localizer) -> None:
-    trial, known = _good(ordinary)
-    with pytest.raises(ValueError, match="base_wrench: expected finite numbers"):
-        ordinary.locate(trial.q, base_wrench=np.full(6, np.nan), contacts=2, known=[known])

@@ -11,6 +11,7 @@ from contactsense.memory import Memory, empty_memory
 from contactsense.pipeline import rest
 from contactsense.several.memory import Several, empty_several
 from contactsense.several.rows import fill_rows, rank_of
+from kinematics.core import move
 from robots.primitives import Capsule
 from robots.tool import Tool
 from tests.plain_arm import plain_ur5e
@@ -37,8 +38,16 @@ def case() -> Case:
     return Case(arm, empty_memory(arm), empty_several(arm))
 
 
-def _fill(case: Case, *sensors: bool) -> int:
-    return int(fill_rows(case.arm, case.memory, *sensors, 1.0, case.several.rows))
+def _fill(case: Case, *sensors: bool, lag: float = 0.0) -> int:
+    arm, memory = case.arm, case.memory
+    parts = (memory.base_wrench, memory.torque, memory.wrist_wrench)
+    origin = memory.wrist_origin
+    return int(
+        fill_rows(
+            arm.sensors, memory.motion, parts, memory.unexplained, origin, sensors, 1.0, lag,
+            case.several.rows,
+        )
+    )  # fmt: skip
 
 
 def _take(case: Case, wrenches: dict[int, np.ndarray]) -> None:
@@ -64,14 +73,14 @@ def test_rows_times_wrenches_are_the_measurement(
     m = _fill(case, *sensors)
     assert m == 6 * sum(sensors)
     rows = case.several.rows
-    explained = sum(rows.seen[link, :m] * (rows.matrix[:m] @ wrench) for link, wrench in wrenches.items())
+    explained = sum(rows.matrix[link, :m] @ wrench for link, wrench in wrenches.items())
     np.testing.assert_allclose(explained, rows.value[:m], atol=1e-9)
 
 
 def test_noise_of_the_base_sensor_has_unit_variance_in_the_rows(case: Case) -> None:
     _take(case, {})
     _fill(case, True, False, False)
-    U = case.several.rows.matrix[:6]
+    U = case.several.rows.matrix[3, :6]
     np.testing.assert_allclose(U @ case.arm.sensors.base_covariance @ U.T, np.eye(6), atol=1e-9)
 
 
@@ -98,5 +107,32 @@ def test_rank(case: Case, sensors: tuple[bool, bool, bool], links: tuple[int, ..
     rows, scratch = case.several.rows, case.several.stack.jacobian
     assert rank_of(rows, m, np.array(links), len(links), scratch) == rank
     # Oracle: NumPy's singular values of the stacked map.
-    stacked = np.hstack([rows.seen[link, :m, None] * rows.matrix[:m] for link in links])
+    stacked = np.hstack([rows.matrix[link, :m] for link in links])
     assert np.linalg.matrix_rank(stacked) == rank
+
+
+@pytest.mark.parametrize("link", [1, 3, 6, 7])
+def test_rows_of_a_moving_arm_lag_as_the_observers_do(case: Case, link: int) -> None:
+    """A wrench at rest on a link of an arm in motion, low-passed by numbers, is what the rows make of it."""
+    lag, qd = 0.016, np.array([1.0, -0.7, 0.9, 1.2, -0.8, 1.1])
+    wrench = np.array([5.0, -20.0, 10.0, 1.0, 2.0, -3.0])
+    body, model, motion = min(link, 6), case.arm.model, case.memory.motion
+    ages = np.linspace(0.0, 12.0 * lag, 1201)
+    base, torque, beyond = np.zeros((len(ages), 6)), np.zeros((len(ages), 6)), np.zeros((len(ages), 6))
+    for i in range(len(ages) - 1, -1, -1):
+        # The last is the newest: it leaves the motion as it is now.
+        move(model, Q - qd * ages[i], qd, case.arm.gravity, motion)
+        R, o = motion.rotation[body], motion.origin[body]
+        force = R @ wrench[:3]
+        now = np.concatenate((force, R @ wrench[3:] + np.cross(o, force)))
+        base[i], torque[i, :body] = now, motion.screw[:body] @ now
+        beyond[i] = now if link == 7 else 0.0
+    weight = np.exp(-ages / lag) / lag
+    parts = tuple(np.trapezoid(part * weight[:, None], ages, axis=0) for part in (base, torque, beyond))
+    arm, memory, rows = case.arm, case.memory, case.several.rows
+    sensors, spread, origin = arm.sensors, np.zeros(6), motion.origin[6] + motion.rotation[6] @ [0, 0, 0.1]
+    left = []
+    for delay in (lag, 0.0):
+        m = fill_rows(sensors, memory.motion, parts, spread, origin, (True, True, True), 1.0, delay, rows)
+        left.append(np.abs(rows.matrix[link, :m] @ now - rows.value[:m]).max())
+    assert left[0] < 0.06 * left[1], "what is left is of the second order of the lag"

@@ -73,7 +73,14 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
         p = min(own, key=lambda p: abs(_distance(case, p, push.point)))
         start = push.point + shift * chance.standard_normal(3)
         kernels.put(surfaces, found, stack, i, p, *start, *push.force)
-    return int(fill_rows(case.arm, case.memory, True, True, False, 1.0, case.several.rows))
+    memory = case.memory
+    parts = (memory.base_wrench, memory.torque, memory.wrist_wrench)
+    return int(
+        fill_rows(
+            case.arm.sensors, memory.motion, parts, memory.unexplained, memory.wrist_origin,
+            (True, True, False), 1.0, 0.0, case.several.rows,
+        )
+    )  # fmt: skip
 
 
 def _distance(case: Case, p: int, point: np.ndarray) -> float:
@@ -102,7 +109,7 @@ def test_the_gradient_is_that_of_the_energy(case: Case, count: int) -> None:
             stack.step[:size] = 0.0
             stack.step[a] = -step
             kernels._step(arm.surfaces, found, arm.prior, count, 1.0, stack)
-            values.append(kernels._energy(arm.surfaces, found, rows, m, arm.prior, count, stack))
+            values.append(kernels._energy(arm.surfaces.link, rows, m, arm.prior, count, stack))
         slope = (values[0] - values[1]) / 2e-6
         assert slope == pytest.approx(gradient[a], rel=2e-4, abs=2e-3)
 
@@ -122,7 +129,7 @@ def _residuals(case: Case, m: int, primitives: list[int], x: np.ndarray) -> np.n
         lean = (f @ f - push**2) / (prior.lean * push) ** 2
         wrench = np.concatenate((f, np.cross(point + h * normal, f) + xi * normal))
         link = case.arm.surfaces.link[p]
-        left -= rows.seen[link, :m] * (rows.matrix[:m] @ wrench)
+        left -= rows.matrix[link, :m] @ wrench
         heavy = np.sqrt((TAIL + 2.0) * np.log1p(max(lean, 0.0) / TAIL))
         # The last: the free coordinate along the normal, so that SciPy's problem is regular.
         parts.append(
