@@ -67,3 +67,22 @@ def test_with_nowhere_to_write_kernels_are_compiled_in_memory() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "6.0"
+
+
+def test_a_class_of_arguments_that_is_gone_leaves_no_trace(tmp_path: Path) -> None:
+    """Numba lists the types of arguments by name: one that was renamed must not keep the rest from loading."""
+    (tmp_path / "inner.py").write_text(
+        "from robots.compiled import kernel\n@kernel\ndef inner(pair):\n    return pair.a + pair.b\n"
+    )
+    for name in ("Pair", "Couple"):
+        (tmp_path / "outer.py").write_text(
+            "from typing import NamedTuple\n"
+            "from inner import inner as outer_inner\n"
+            f"class {name}(NamedTuple):\n"
+            "    a: float\n"
+            "    b: float\n"
+            "def outer(x):\n"
+            f"    return outer_inner({name}(x, 2.0 * x))\n"
+            "outer.stats = outer_inner.stats\n"
+        )
+        assert _run(tmp_path) == 3.0
