@@ -79,7 +79,7 @@ class _Index(IndexDataCacheFile):
     def _load_index(self) -> Any:
         """What the index lists; nothing where that names a class of a caller's arguments that is gone."""
         try:
-            return super()._load_index()
+            return super()._load_index()  # type: ignore[no-untyped-call]
         except (AttributeError, ImportError):
             return {}
 

@@ -70,7 +70,7 @@ def test_with_nowhere_to_write_kernels_are_compiled_in_memory() -> None:
 
 
 def test_a_class_of_arguments_that_is_gone_leaves_no_trace(tmp_path: Path) -> None:
-    """Numba lists the types of arguments by name: one that was renamed must not keep the rest from loading."""
+    """Numba lists types of arguments by name: one that was renamed must not keep the rest from loading."""
     (tmp_path / "inner.py").write_text(
         "from robots.compiled import kernel\n@kernel\ndef inner(pair):\n    return pair.a + pair.b\n"
     )
