@@ -84,13 +84,25 @@ def _weigh_all(  # type: ignore[no-untyped-def]
         w, L = cells.wrench, cells.information
         view(hypotheses.wrench[link], hypotheses.information[link], R, o, w, L, work)
         ff = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-        known = P[0, 0] + P[1, 1] + P[2, 2] < ff
-        start = max(math.sqrt(ff), 1e-3 * prior.force) if known else prior.force
+        loose = P[0, 0] + P[1, 1] + P[2, 2]
+        known = loose < ff
+        # Variance of the moment per squared lever, for as great a force as may be.
+        room = (math.sqrt(ff) + SIGMAS * math.sqrt(loose)) ** 2
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
             if aimed and _far(surfaces, hypotheses, prior, found, link, p, ff):
                 continue
             for s in range(places.start[p], places.start[p + 1]):
                 c, n = places.point[s], places.normal[s]
+                if known and _misses(
+                    hypotheses.wrench[link],
+                    P,
+                    o[0] + R[0, 0] * c[0] + R[0, 1] * c[1] + R[0, 2] * c[2],
+                    o[1] + R[1, 0] * c[0] + R[1, 1] * c[1] + R[1, 2] * c[2],
+                    o[2] + R[2, 0] * c[0] + R[2, 1] * c[1] + R[2, 2] * c[2],
+                    room * (places.spread[s] ** 2 + prior.lever**2),
+                    least + CUT - own,
+                ):
+                    continue
                 if known and n[0] * w[0] + n[1] * w[1] + n[2] * w[2] > 0.5 * math.sqrt(ff):
                     # A pull, as far as the force is known.
                     continue
@@ -105,7 +117,7 @@ def _weigh_all(  # type: ignore[no-untyped-def]
                     n[1],
                     n[2],
                     places.spread[s],
-                    start,
+                    known,
                     least + CUT - own,
                     work,
                 )
@@ -121,12 +133,22 @@ def _weigh_all(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
+def _misses(w, P, x, y, z, spread, limit):  # type: ignore[no-untyped-def]
+    """Whether the moment about a place is more than noise (P), torsion and the cell's width (`spread`, their
+    variance) make of it."""
+    mx, my, mz = w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0]
+    return 0.5 * (mx * mx + my * my + mz * mz) > limit * (moment_variance(P, x, y, z) + spread)
+
+
+@fused_kernel
 def _far(surfaces, hypotheses, prior, found, link, p, ff):  # type: ignore[no-untyped-def]
     """Whether the wrench axis passes too far from a primitive."""
     w = hypotheses.wrench[link]
     ox, oy, oz = found.origin[p, 0], found.origin[p, 1], found.origin[p, 2]
     mx, my, mz = w[3] - oy * w[2] + oz * w[1], w[4] - oz * w[0] + ox * w[2], w[5] - ox * w[1] + oy * w[0]
     ax, ay, az = w[1] * mz - w[2] * my, w[2] * mx - w[0] * mz, w[0] * my - w[1] * mx
+    if ff == 0.0:
+        return False
     gap = math.sqrt(ax * ax + ay * ay + az * az) / ff - surfaces.radius[p]
     variance = moment_variance(hypotheses.covariance[link], ox, oy, oz) + prior.offset * prior.offset * ff
     return gap > 0.0 and 0.5 * ff * gap * gap > 2.0 * CUT * variance
