@@ -45,6 +45,8 @@ class Arm(NamedTuple):
     """Origin of the wrist sensor in the last link's frame, shape (3,) [m]."""
     drive: Drive
     """What the joint torque signal contains beside the contact."""
+    bias_rate: float
+    """Inverse of the time over which biases are averaged, 0: they are constant [1/s]."""
 
 
 def build_arm(scene: Scene) -> Arm:
@@ -78,6 +80,7 @@ def build_arm(scene: Scene) -> Arm:
         wrist_rotation=flange_rotation @ wrist.rotation,
         wrist_origin=flange_rotation @ np.array(wrist.translation) + flange_origin,
         drive=make_drive(torque, len(scene.robot.joints)),
+        bias_rate=0.0 if scene.bias_time is None else 1.0 / scene.bias_time,
     )
 
 

@@ -7,9 +7,10 @@ import numpy as np
 
 from contactsense.arm import Arm
 from contactsense.equations import difference
+from contactsense.follower import QUIET
 from contactsense.memory import Memory
 from contactsense.observer import GAIN
-from contactsense.pipeline import energy_of_nothing, explain, follow, present, rest
+from contactsense.pipeline import energy_of_nothing, explain, follow, follow_unknown, present, rest
 from contactsense.report import report
 from contactsense.tracker import NONE, PHASE, WINDOW, average, choose, forget, live
 from contactsense.workspace import unfold
@@ -65,7 +66,7 @@ def step(
     """
     arm, memory = unfold(floats, integers, sizes)
     track = memory.track
-    follow(arm, memory, q, qd, torque, base_wrench, wrist_wrench, steps, bandwidth, matched)
+    follow(arm, memory, q, qd, torque, base_wrench, wrist_wrench, steps, dt, bandwidth, matched)
     if not (has_base or has_torque):
         forget(track)
         return -2
@@ -80,7 +81,9 @@ def step(
     nothing = energy_of_nothing(arm, memory, has_base, has_torque, has_wrist, scale)
     if nothing <= (onset if track.life[PHASE] == NONE else release):
         forget(track)
+        follow_unknown(arm, memory, has_base, has_torque, scale, bandwidth)
         return -1
+    memory.follower.clock[QUIET] = 0.0
     average(
         track,
         memory.base,

@@ -1,4 +1,5 @@
-"""Six linear equations: the step of the search in `contactsense.refine`, and the curvature at its end."""
+"""Six linear equations: the step of the search in `contactsense.refine`, and the curvature at its end; and
+the inverse of a covariance."""
 
 import math
 
@@ -86,3 +87,23 @@ def solve(H, g):  # type: ignore[no-untyped-def]
     if not 1e-300 < det < 1e300:
         return math.inf, 0.0, 0.0, 0.0, 0.0
     return math.log(det), hope, i4 + l54 * l54 * i5, -l54 * i5, i5
+
+
+@fused_kernel
+def invert(C, out):  # type: ignore[no-untyped-def]
+    """Inverse of a positive definite matrix, by Gauss and Jordan without pivots; `out` is filled."""
+    n = C.shape[0]
+    for i in range(n):
+        for k in range(n):
+            out[i, k] = C[i, k]
+    for p in range(n):
+        sharp = 1.0 / out[p, p]
+        out[p, p] = 1.0
+        for k in range(n):
+            out[p, k] *= sharp
+        for i in range(n):
+            if i != p:
+                share = out[i, p]
+                out[i, p] = 0.0
+                for k in range(n):
+                    out[i, k] -= share * out[p, k]

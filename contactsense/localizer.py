@@ -13,6 +13,7 @@ from contactsense.check import checked_rows, checked_vector
 from contactsense.detection import level, release_level, single_level
 from contactsense.entry import batch, finite, once, step
 from contactsense.feed import Feed
+from contactsense.follower import restart
 from contactsense.memory import empty_memory
 from contactsense.report import (
     COVARIANCE,
@@ -103,7 +104,12 @@ class Localizer:
     def reset(self) -> None:
         """Forget all samples and contacts; the next sample starts a new stream."""
         self._restart()
-        self._work.memory.track.life[NUMBER] = 0.0
+        arm, memory = self._work.arm, self._work.memory
+        memory.track.life[NUMBER] = 0.0
+        memory.model.mass[:], memory.model.inertia[:] = arm.model.mass, arm.model.inertia
+        memory.drive.bias[:] = arm.drive.bias
+        weight = arm.model.mass[0] * np.append(arm.gravity, np.cross(arm.model.com[0], arm.gravity))
+        restart(memory.follower, self.scene.inertia_error, weight)
         self._phase, self._number = NONE, 0
 
     def _restart(self) -> None:

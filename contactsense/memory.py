@@ -8,16 +8,24 @@ import numpy as np
 from contactsense.arm import Arm
 from contactsense.candidates import Candidates, empty_candidates
 from contactsense.cells import Cells, empty_cells
+from contactsense.drive import Drive
 from contactsense.energy import Work, empty_work
+from contactsense.follower import Follower, empty_follower
 from contactsense.isolation import Hypotheses, empty_hypotheses
 from contactsense.observer import Observer, empty_observer
 from contactsense.tracker import Track, empty_track
-from kinematics.model import Motion, empty_motion
+from kinematics.model import Model, Motion, empty_motion
 
 
 class Memory(NamedTuple):
     """Everything that a sample changes: observers, and the arrays in which results are left."""
 
+    model: Model
+    """The arm's, with masses as `follower` has them."""
+    drive: Drive
+    """The arm's, with biases as `follower` has them."""
+    follower: Follower
+    """What is not known of sensors and masses."""
     motion: Motion
     hypotheses: Hypotheses
     found: Candidates
@@ -41,6 +49,12 @@ class Memory(NamedTuple):
     """Momentum and gravity wrench of what the wrist sensor carries, shape (2, 6)."""
     wrist_origin: np.ndarray
     """Origin of the wrist sensor, base frame, shape (3,) [m]."""
+    reading: np.ndarray
+    """Scratch: base wrench less its bias, shape (6,) [N, Nm]."""
+    base_covariance: np.ndarray
+    """Covariance of `base_wrench`, noise and model, over the factor on the noise, shape (6, 6)."""
+    base_information: np.ndarray
+    """Its inverse."""
     base_wrench: np.ndarray
     """External wrench on the base sensor, shape (6,) [N, Nm]."""
     body_wrench: np.ndarray
@@ -71,6 +85,9 @@ def empty_memory(arm: Arm) -> Memory:
     joints = arm.model.joints
     links = len(arm.touchable)
     return Memory(
+        model=Model(*(array.copy() for array in arm.model)),
+        drive=arm.drive._replace(bias=arm.drive.bias.copy()),
+        follower=empty_follower(joints),
         motion=empty_motion(joints),
         hypotheses=empty_hypotheses(links),
         found=empty_candidates(len(arm.surfaces.kind)),
@@ -85,6 +102,9 @@ def empty_memory(arm: Arm) -> Memory:
         track=empty_track(joints),
         carried=np.zeros((2, 6)),
         wrist_origin=np.zeros(3),
+        reading=np.zeros(6),
+        base_covariance=np.zeros((6, 6)),
+        base_information=np.zeros((6, 6)),
         base_wrench=np.zeros(6),
         body_wrench=np.zeros((joints + 1, 6)),
         torque=np.zeros(joints),

@@ -1,6 +1,8 @@
 """The way of one sample, compiled: poses, external parts, link hypotheses, explanations. Nothing is
 allocated."""
 
+import math
+
 import numpy as np
 
 from contactsense.arm import Arm
@@ -13,7 +15,9 @@ from contactsense.equations import (
     observe_wrench,
     observe_wrist_match,
 )
-from contactsense.isolation import isolate
+from contactsense.follower import APART, PAUSE, QUIET, WAITED, learn, take_up, watch
+from contactsense.isolation import Sensors, isolate
+from contactsense.ldl import invert
 from contactsense.locate import locate
 from contactsense.memory import Memory
 from kinematics.core import carry, dot6, move
@@ -51,6 +55,7 @@ def follow(
     base_wrench: np.ndarray,
     wrist_wrench: np.ndarray,
     steps: tuple[float, float, float, float, float],
+    dt: float,
     bandwidth: float,
     matched: tuple[bool, bool],
 ) -> None:
@@ -63,28 +68,40 @@ def follow(
         q, qd, torque, base_wrench, wrist_wrench: The sample.
         steps: Time since the last value of base wrench, torque, wrist wrench, base wrench and torque
             together, base wrench and wrist wrench together [s]; 0 starts anew, negative: no value this time.
+        dt: Time since the last sample [s]; 0 for the first.
         bandwidth: Cut-off frequency [Hz].
         matched: Whether torque and wrist wrench can be held against the base wrench.
     """
     motion = memory.motion
-    move(arm.model, q, qd, arm.gravity, motion)
+    model, drive, reading = memory.model, memory.drive, memory.reading
+    move(model, q, qd, arm.gravity, motion)
     _place_wrist(arm, memory)
+    for i in range(6):
+        reading[i] = base_wrench[i] - memory.follower.bias[i]
     if steps[0] >= 0.0:
-        observe_in_bodies(motion, base_wrench, steps[0], bandwidth, memory.base)
+        observe_in_bodies(motion, reading, steps[0], bandwidth, memory.base)
     if steps[1] >= 0.0:
         observe_joints(
-            arm.model, arm.drive, motion, qd, torque, steps[1], bandwidth, memory.joints, memory.unexplained
+            model, drive, motion, qd, torque, steps[1], bandwidth, memory.joints, memory.unexplained
         )
     if steps[2] >= 0.0:
         observe_wrench(memory.carried[0], memory.carried[1], wrist_wrench, steps[2], bandwidth, memory.wrist)
     if steps[3] >= 0.0:
-        observe_match(
-            arm.model, arm.drive, motion, qd, torque, base_wrench, steps[3], bandwidth, memory.match
-        )
+        observe_match(model, drive, motion, qd, torque, reading, steps[3], bandwidth, memory.match)
     if steps[4] >= 0.0:
         observe_wrist_match(
-            motion, memory.carried, wrist_wrench, base_wrench, steps[4], bandwidth, memory.wrist_match
+            motion, memory.carried, wrist_wrench, reading, steps[4], bandwidth, memory.wrist_match
         )
+    watch(
+        memory.follower,
+        drive,
+        motion,
+        arm.sensors.base_covariance,
+        arm.sensors.torque_variance,
+        arm.bias_rate,
+        dt,
+        bandwidth,
+    )
     present(
         memory,
         memory.base.residual,
@@ -133,14 +150,14 @@ def energy_of_nothing(
 
     Arguments as for `explain`.
     """
+    _tell(arm, memory, scale)
     energy = 0.0
     if has_torque:
         for j in range(memory.torque.shape[0]):
-            variance = arm.sensors.torque_variance[j] * scale + memory.unexplained[j] ** 2
-            energy += 0.5 * memory.torque[j] ** 2 / variance
+            energy += 0.5 * memory.torque[j] ** 2 / memory.torque_variance[j]
     if has_base:
         for i in range(6):
-            row = dot6(arm.sensors.base_information[i], memory.base_wrench)
+            row = dot6(memory.base_information[i], memory.base_wrench)
             energy += 0.5 * memory.base_wrench[i] * row / scale
     if has_wrist:
         s, w = memory.wrist_origin, memory.wrist_wrench
@@ -156,6 +173,63 @@ def energy_of_nothing(
             / moment
         )
     return energy
+
+
+@kernel
+def _tell(arm: Arm, memory: Memory, scale: float) -> None:
+    """Fill in the covariances of the external parts: noise times `scale`, and what is not known of the
+    arm."""
+    sensors, follower = arm.sensors, memory.follower
+    for j in range(memory.torque.shape[0]):
+        known = sensors.torque_variance[j] * scale + memory.unexplained[j] ** 2
+        memory.torque_variance[j] = known + follower.torque[j]
+    for i in range(6):
+        for k in range(6):
+            memory.base_covariance[i, k] = sensors.base_covariance[i, k] + follower.base[i, k] / scale
+    invert(memory.base_covariance, memory.base_information)
+
+
+@kernel
+def follow_unknown(
+    arm: Arm, memory: Memory, has_base: bool, has_torque: bool, scale: float, bandwidth: float
+) -> None:
+    """Learn from the residuals of an arm that nothing touches what is not known of sensors and masses.
+
+    Residuals are an Ornstein-Uhlenbeck process: taken some way apart, each counts a little less than a sample
+    of white noise would.
+
+    Args:
+        arm, memory: After `follow` and `energy_of_nothing` for this sample.
+        has_base, has_torque: Which residuals can be used.
+        scale: Factor on the variances of the scene's noise.
+        bandwidth: Cut-off frequency of the observers [Hz].
+    """
+    follower, n = memory.follower, memory.torque.shape[0]
+    K = 2.0 * math.pi * bandwidth
+    if follower.clock[WAITED] * K < APART or follower.clock[QUIET] * K < PAUSE:
+        return
+    alike = math.exp(-K * follower.clock[WAITED])
+    counts = (1.0 + alike) / (1.0 - alike)
+    follower.clock[WAITED] = 0.0
+    if has_torque:
+        for j in range(n):
+            variance = arm.sensors.torque_variance[j] * scale + memory.unexplained[j] ** 2
+            learn(follower, j, n, memory.joints.residual[j], variance * counts)
+    if has_base:
+        for i in range(6):
+            variance = arm.sensors.base_covariance[i, i] * scale
+            learn(follower, n + i, n, memory.base_wrench[i], variance * counts)
+    take_up(
+        follower,
+        memory.model,
+        memory.drive,
+        memory.motion,
+        bandwidth,
+        memory.base,
+        memory.match,
+        memory.joints,
+        memory.wrist_match,
+    )
 
 
 @kernel
@@ -183,6 +257,8 @@ def rest(
     for i in range(6):
         memory.base_wrench[i] = base_wrench[i] - (0.0 if external else motion.gravity[0, i])
         memory.wrist_wrench[i] = wrist_wrench[i] - (0.0 if external else memory.carried[1, i])
+    memory.follower.base[:] = 0.0
+    memory.follower.torque[:] = 0.0
     memory.body_wrench[:] = memory.base_wrench
     memory.seen_torque[:] = memory.torque
     memory.seen_wrist[:] = memory.wrist_wrench
@@ -213,10 +289,17 @@ def explain(
         Number of explanations, and the energy of "nothing touches": half the sum of squares in units of the
         noise.
     """
-    for j in range(memory.torque.shape[0]):
-        memory.torque_variance[j] = arm.sensors.torque_variance[j] * scale + memory.unexplained[j] ** 2
+    _tell(arm, memory, scale)
+    known = arm.sensors
     isolate(
-        arm.sensors,
+        Sensors(
+            known.depth,
+            known.beyond_wrist,
+            memory.base_covariance,
+            memory.base_information,
+            known.torque_variance,
+            known.wrist_variance,
+        ),
         memory.motion.screw,
         memory.base_wrench,
         has_base,
@@ -236,7 +319,7 @@ def explain(
     nothing = memory.hypotheses.energy[0]
     if has_base:
         for i in range(6):
-            row = dot6(arm.sensors.base_information[i], memory.base_wrench)
+            row = dot6(memory.base_information[i], memory.base_wrench)
             nothing += 0.5 * memory.base_wrench[i] * row / scale
         for link in range(1, arm.touchable.shape[0]):
             for i in range(6):

@@ -67,6 +67,9 @@ class Scene(BaseModel):
     """Acceleration of gravity [m/s^2]."""
     inertia: dict[str, LinkInertia] | None = None
     """Mass distribution of links by name, where calibration found another than the robot's data say."""
+    inertia_error: NonNegativeFloat = 0.0
+    """How far the mass of each link may be off, relative, standard deviation. A stream follows the masses
+    while nothing touches; what it does not know yet is no contact."""
     tool: Tool | None = None
     """What is mounted on the tool flange."""
     base_wrench: WrenchSensor | None = WrenchSensor()
@@ -99,6 +102,9 @@ class Scene(BaseModel):
     """How far the primitives are off the real surface, standard deviation [m]."""
     bandwidth: PositiveFloat = 10.0
     """Cut-off frequency of the momentum observer [Hz]: lower is less noisy, higher is faster."""
+    bias_time: PositiveFloat | None = 10.0
+    """Time over which a stream averages the sensors' biases while nothing touches [s]: they may wander that
+    slowly. None: they are what the scene says for ever."""
     false_alarms_per_hour: PositiveFloat = 0.01
     """How often noise alone may make a stream look like a contact [1/h]."""
     clear: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95

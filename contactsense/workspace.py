@@ -15,6 +15,7 @@ from contactsense.candidates import MOST, Candidates
 from contactsense.cells import Cells
 from contactsense.drive import Drive
 from contactsense.energy import Prior, Work
+from contactsense.follower import Follower
 from contactsense.isolation import Hypotheses, Sensors
 from contactsense.memory import Memory
 from contactsense.observer import Observer
@@ -177,9 +178,9 @@ def _arm(f, i, n, links, p, s):  # type: ignore[no-untyped-def]
     drive, a = _drive(f, a, n)
     arm = Arm(
         model, surfaces, places, sensors, prior, touchable, gravity, tool_mass, tool_com, tool_inertia,
-        wrist_rotation, wrist_origin, drive,
+        wrist_rotation, wrist_origin, drive, f[a],
     )  # fmt: skip
-    return arm, a, b
+    return arm, a + 1, b
 
 
 @kernel
@@ -272,6 +273,22 @@ def _track(f, a, n):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _follower(f, a, n):  # type: ignore[no-untyped-def]
+    size = 6 + 2 * n
+    covariance, a = _take2(f, a, size, size)
+    bias, a = _take1(f, a, 6)
+    weights, a = _observer(f, a, (n + 6) * n)
+    base, a = _take2(f, a, 6, 6)
+    torque, a = _take1(f, a, n)
+    row, a = _take1(f, a, size)
+    image, a = _take1(f, a, size)
+    change, a = _take1(f, a, size)
+    wrench, a = _take2(f, a, 2, 6)
+    clock, a = _take1(f, a, 3)
+    return Follower(covariance, bias, weights, base, torque, row, image, change, wrench, clock), a
+
+
+@kernel
 def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     """`Arm` and `Memory` as views of a workspace's buffers.
 
@@ -281,6 +298,9 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     """
     n, links, p, s = sizes
     arm, a, b = _arm(f, i, n, links, p, s)
+    model, a = _model(f, a, n, links)
+    drive, a = _drive(f, a, n)
+    follower, a = _follower(f, a, n)
     motion, a = _motion(f, a, n)
     hypotheses, a = _hypotheses(f, a, links)
     found, a, b = _candidates(f, i, a, b, p)
@@ -295,6 +315,9 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     track, a = _track(f, a, n)
     carried, a = _take2(f, a, 2, 6)
     wrist_place, a = _take1(f, a, 3)
+    reading, a = _take1(f, a, 6)
+    base_covariance, a = _take2(f, a, 6, 6)
+    base_information, a = _take2(f, a, 6, 6)
     base_wrench, a = _take1(f, a, 6)
     body_wrench, a = _take2(f, a, n + 1, 6)
     torque, a = _take1(f, a, n)
@@ -307,8 +330,9 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     rest, a = _take1(f, a, n)
     choice, b = _take1(i, b, links)
     memory = Memory(
-        motion, hypotheses, found, work, cells, link_probability, joints, base, match, wrist, wrist_match,
-        track, carried, wrist_place, base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist,
-        change, unexplained, torque_variance, rest, choice,
+        model, drive, follower, motion, hypotheses, found, work, cells, link_probability, joints, base, match,
+        wrist, wrist_match, track, carried, wrist_place, reading, base_covariance, base_information,
+        base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist, change, unexplained,
+        torque_variance, rest, choice,
     )  # fmt: skip
     return arm, memory

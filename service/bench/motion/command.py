@@ -14,10 +14,11 @@ from rich.table import Table
 import robots
 from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.observer import noise_gain
+from contactsense.sensing import Friction
 from service.bench.motion.score import Score
 from service.bench.motion.static import static_error
 from service.bench.motion.streams import KINDS, SUITES, Stream, read
-from service.bench.motion.wrong_model import FRICTION_ERROR, MASS_ERROR, friction, heavier
+from service.bench.motion.wrong_model import MASS_ERROR, assumed_friction, friction, heavier
 from service.bench.static_cases import ASSUMED, COLUMNS, Noise
 
 MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
@@ -88,23 +89,27 @@ def motion(
 
 
 def scene_for(stream: Stream, noise: Noise, wrong: bool, bandwidth: float | None = None) -> Scene:
-    """The scene that the estimator is given for a stream: its noise is known, its masses may be wrong."""
+    """The scene that the estimator is given for a stream: its noise is known; its masses and friction may be
+    wrong, and it is told by how much, standard deviation."""
     told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
     robot = robots.load(stream.robot)
     return Scene(
         robot=heavier(robot, MASS_ERROR) if wrong else robot,
         gravity=stream.gravity,
         base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment),
-        joint_torque=JointTorqueSensor(noise=told.torque),
+        joint_torque=JointTorqueSensor(
+            noise=told.torque, friction=assumed_friction() if wrong else Friction()
+        ),
+        inertia_error=MASS_ERROR if wrong else 0.0,
         **({} if bandwidth is None else {"bandwidth": bandwidth}),
     )
 
 
 def samples(stream: Stream, noise: Noise, wrong: bool) -> Iterator[Sample]:
-    """What the sensors say, with that noise; `wrong`: with what is left of friction after compensation."""
+    """What the sensors say, with that noise; `wrong`: joints rub."""
     torque = stream.torque + noise.torque * stream.noise_torque
     if wrong:
-        torque = torque + FRICTION_ERROR * friction(stream.qd)
+        torque = torque + friction(stream.qd)
     wrench = stream.base_wrench + np.repeat(noise[:2], 3) * stream.noise_wrench
     for row in zip(stream.t.tolist(), stream.q, stream.qd, torque, wrench, strict=True):
         yield Sample(*row)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from contactsense.sensing import Friction
 from robots import Inertia, Robot
 
 MASS_ERROR = 0.02
@@ -37,3 +38,15 @@ def heavier(robot: Robot, share: float) -> Robot:
 def friction(qd: np.ndarray) -> np.ndarray:
     """Friction torque of each joint at velocities qd, shape (N, 6) [rad/s] -> [Nm]."""
     return np.asarray(COULOMB * np.tanh(qd / CREEP) + VISCOUS * qd)
+
+
+def assumed_friction() -> Friction:
+    """What the estimator is told of `friction`: coefficients that are too small, and by how much they may be
+    off."""
+    share = 1.0 - FRICTION_ERROR
+    return Friction(
+        coulomb=tuple(share * COULOMB),
+        viscous=tuple(share * VISCOUS),
+        velocity=CREEP,
+        error=FRICTION_ERROR,
+    )
