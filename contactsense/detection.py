@@ -58,8 +58,8 @@ def level(per_hour: float, freedom: int, bandwidth: float, dt: float) -> float:
 
 
 def single_level(per_hour: float, freedom: int, bandwidth: float) -> float:
-    """The same for single measurements: each counts as one look of the stream's, of which there are K an
-    hour."""
+    """The same for single measurements: each counts as one look of a stream, which takes K of them a
+    second."""
     probability = per_hour / (HOUR * 2.0 * math.pi * bandwidth)
     return float(chi2.isf(min(probability, 0.5), max(freedom, 1))) / 2.0
 

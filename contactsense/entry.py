@@ -12,6 +12,7 @@ from contactsense.memory import Memory
 from contactsense.observer import GAIN
 from contactsense.pipeline import energy_of_nothing, explain, follow, follow_unknown, present, rest
 from contactsense.report import report
+from contactsense.slide import lead
 from contactsense.tracker import NONE, PHASE, WINDOW, average, choose, forget, live
 from contactsense.workspace import unfold
 from robots.compiled import kernel
@@ -84,6 +85,7 @@ def step(
         follow_unknown(arm, memory, has_base, has_torque, scale, bandwidth)
         return -1
     memory.follower.clock[QUIET] = 0.0
+    sensors = 1.0 * has_base + 2.0 * has_torque + 4.0 * has_wrist + 8.0 * matched[0] + 16.0 * matched[1]
     average(
         track,
         memory.base,
@@ -92,6 +94,7 @@ def step(
         memory.wrist_match,
         memory.wrist,
         scale,
+        sensors,
         dt,
         bandwidth,
     )
@@ -103,9 +106,11 @@ def step(
     count, _ = explain(arm, memory, has_base, has_torque, has_wrist, track.gain[window], gate, -1.0)
     listed: int = report(arm, memory, skin, count, rows)
     if listed > 0:
+        if has_base:
+            lead(track, memory.motion, arm.sensors.depth[int(rows[0, 0])], rows[0])
+            if window > 0:
+                _bring_up_to_date(arm, memory, window, rows[:listed])
         _remember(arm, memory, rows[0])
-        if window > 0 and has_base:
-            _bring_up_to_date(arm, memory, window, rows[:listed])
     return listed
 
 

@@ -9,8 +9,8 @@ explains itself by a contact just as one sample does, with a variance that is sm
 place and link probability sharpen as long as the contact holds still.
 
 Which window can be trusted is Lepski's rule: the longest one whose place agrees with those of all shorter
-windows to within their noise. A window that plainly disagrees starts again from the longest that can be
-trusted: the contact has moved.
+windows to within their noise. A long window that plainly disagrees starts again from the longest that can
+be trusted: the contact has moved.
 """
 
 import math
@@ -31,6 +31,9 @@ AGREE, PART = 1.5, 9.0
 """Distance up to which windows agree, and from which on they part for sure, as (x - d) / sqrt(2 d) of a
 chi-square variable x with d degrees of freedom: of the two of a place, x = 5 and 20, which noise exceeds with
 probability 8e-2 and 5e-5."""
+FORGETFUL = 3
+"""Shorter windows forget by themselves soon enough: they do not start again. What lies between their places
+is the velocity of a contact that slides."""
 SLACK = 1e-4
 """A place may change by so much without counting as moved: skin gives, patches roll [m]."""
 SETTLED = 9.0
@@ -53,6 +56,9 @@ class Track(NamedTuple):
     """Covariance of each mean with the observer's residual, in the same unit, shape (WINDOWS,)."""
     samples: np.ndarray
     """Samples in each window so far, shape (WINDOWS,)."""
+    age: np.ndarray
+    """How long ago what is in each window was, on average, the observer's lag included, shape (WINDOWS,)
+    [s]."""
     place: np.ndarray
     """Where the last answer was: number of the body or -1, point and outward normal in its frame, shape (7,)
     [m]."""
@@ -62,11 +68,11 @@ class Track(NamedTuple):
     """Scratch: covariance of the moment that a place leaves unexplained, tangents, as xx, xy, yy, shape
     (3,)."""
     life: np.ndarray
-    """Phase, its number among all contacts, age [s], time since it last moved [s], the window in use, shape
-    (5,)."""
+    """Phase, its number among all contacts, age [s], time since it last moved [s], the window in use, the
+    sensors whose residuals are in the windows, shape (6,)."""
 
 
-PHASE, NUMBER, AGE, CALM_FOR, WINDOW = 0, 1, 2, 3, 4
+PHASE, NUMBER, AGE, CALM_FOR, WINDOW, SENSORS = 0, 1, 2, 3, 4, 5
 """Places in `Track.life`."""
 
 
@@ -77,10 +83,11 @@ def empty_track(joints: int) -> Track:
         gain=np.zeros(WINDOWS),
         shared=np.zeros(WINDOWS),
         samples=np.zeros(WINDOWS),
+        age=np.zeros(WINDOWS),
         place=np.full(7, -1.0),
         apart=np.zeros((WINDOWS, 3)),
         spread=np.zeros(3),
-        life=np.zeros(5),
+        life=np.zeros(6),
     )
 
 
@@ -115,15 +122,18 @@ def average(
     wrist_match: Observer,
     wrist: Observer,
     gain: float,
+    sensors: float,
     dt: float,
     bandwidth: float,
 ) -> None:
-    """Take the observers' residuals into all windows; the first sample of a contact fills them.
+    """Take the observers' residuals into all windows; the first sample of a contact fills them, and so does
+    one whose residuals are those of other sensors than before.
 
     Args:
         track: Changed in place.
         base, match, joints, wrist_match, wrist: The observers.
         gain: Variance of their residuals over that of one sample's white noise.
+        sensors: A number that stands for the sensors that can be used and held against each other.
         dt: Time since the last sample [s].
         bandwidth: Cut-off of the observers [Hz].
     """
@@ -132,14 +142,18 @@ def average(
     track.gain[0] = gain
     track.shared[0] = gain
     K = 2.0 * math.pi * bandwidth
+    track.age[0] = 1.0 / K
+    afresh = track.life[PHASE] == NONE or track.life[SENSORS] != sensors
+    track.life[SENSORS] = sensors
     decay = math.exp(-K * dt)
     length = GROWTH / K
     for i in range(1, WINDOWS):
-        if track.life[PHASE] == NONE:
+        if afresh:
             track.mean[i] = fast
             track.gain[i] = gain
             track.shared[i] = gain
             track.samples[i] = 1.0
+            track.age[i] = track.age[0]
             continue
         track.samples[i] += 1.0
         share = 1.0 / track.samples[i]
@@ -154,6 +168,7 @@ def average(
         keep = 1.0 - share
         track.gain[i] = keep * keep * track.gain[i] + 2.0 * share * keep * shared + share * share * gain
         track.shared[i] = keep * shared + share * gain
+        track.age[i] = keep * (track.age[i] + dt) + share * track.age[0]
 
 
 @kernel
@@ -187,10 +202,13 @@ def choose(
             worst = max(worst, gap)
         if worst > PART:
             moved = moved or has_base
+            if i < FORGETFUL:
+                continue
             reach = GROWTH**chosen / (2.0 * math.pi * bandwidth * max(dt, 1e-9))
             track.mean[i] = track.mean[chosen]
             track.gain[i] = track.gain[chosen]
             track.shared[i] = track.shared[chosen]
+            track.age[i] = track.age[chosen]
             track.samples[i] = min(max(track.samples[chosen], 1.0), reach) if chosen > 0 else 1.0
             track.apart[i] = track.apart[chosen]
         elif worst <= AGREE and chosen == i - 1:
@@ -200,7 +218,7 @@ def choose(
 
 
 @kernel
-def _tangents(nx: float, ny: float, nz: float) -> tuple[float, float, float, float, float, float]:
+def tangents(nx: float, ny: float, nz: float) -> tuple[float, float, float, float, float, float]:
     """Two unit vectors that span the plane across the unit vector n."""
     if abs(nx) < 0.6:
         length = math.sqrt(ny * ny + nz * nz)
@@ -225,7 +243,7 @@ def _put(track: Track, i: int) -> None:
     rx = w[at + 3] - p[2] * fz + p[3] * fy
     ry = w[at + 4] - p[3] * fx + p[1] * fz
     rz = w[at + 5] - p[1] * fy + p[2] * fx
-    ax, ay, az, bx, by, bz = _tangents(p[4], p[5], p[6])
+    ax, ay, az, bx, by, bz = tangents(p[4], p[5], p[6])
     push = fx * p[4] + fy * p[5] + fz * p[6]
     track.apart[i, 0] = -(bx * rx + by * ry + bz * rz) / push
     track.apart[i, 1] = (ax * rx + ay * ry + az * rz) / push
@@ -241,7 +259,7 @@ def _spread(sensors: Sensors, motion: Motion, track: Track) -> None:
     cx = o[0] + R[0, 0] * p[1] + R[0, 1] * p[2] + R[0, 2] * p[3]
     cy = o[1] + R[1, 0] * p[1] + R[1, 1] * p[2] + R[1, 2] * p[3]
     cz = o[2] + R[2, 0] * p[1] + R[2, 1] * p[2] + R[2, 2] * p[3]
-    t = _tangents(p[4], p[5], p[6])
+    t = tangents(p[4], p[5], p[6])
     C = sensors.base_covariance
     track.spread[:] = 0.0
     for k in range(3):
@@ -263,7 +281,7 @@ def _row(
     cy: float,
     cz: float,
 ) -> tuple[float, float, float, float, float, float]:
-    """u with u . (f, m) = tangent . (m - c x f); tangent 0 or 1 of `_tangents`, turned to base axes."""
+    """u with u . (f, m) = tangent . (m - c x f); tangent 0 or 1 of `tangents`, turned to base axes."""
     x, y, z = (t[0], t[1], t[2]) if which == 0 else (t[3], t[4], t[5])
     tx = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z
     ty = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z

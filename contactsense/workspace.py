@@ -265,11 +265,12 @@ def _track(f, a, n):  # type: ignore[no-untyped-def]
     gain, a = _take1(f, a, WINDOWS)
     shared, a = _take1(f, a, WINDOWS)
     samples, a = _take1(f, a, WINDOWS)
+    age, a = _take1(f, a, WINDOWS)
     place, a = _take1(f, a, 7)
     apart, a = _take2(f, a, WINDOWS, 3)
     spread, a = _take1(f, a, 3)
-    life, a = _take1(f, a, 5)
-    return Track(mean, gain, shared, samples, place, apart, spread, life), a
+    life, a = _take1(f, a, 6)
+    return Track(mean, gain, shared, samples, age, place, apart, spread, life), a
 
 
 @kernel
