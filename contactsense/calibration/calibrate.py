@@ -34,7 +34,10 @@ from contactsense.calibration.stretch import Stretch
 from contactsense.observer import noise_gain
 from contactsense.scene import Scene
 
-_ROUNDS = 3
+_ROUNDS, _MOST_ROUNDS = 3, 12
+_STILL = 0.1
+"""Rounds go on until no parameter moves by more than this share of its standard deviation. Torque constants
+multiply what is measured, so that they may need several."""
 _ROWS = 10.0
 """Rows kept per second and hertz of bandwidth: more of them say the same."""
 _DEMAND = 2.5
@@ -102,12 +105,15 @@ def calibrate(
     free = np.ones(len(chosen), dtype=bool)
     kept: dict[int, str] = {}
     step, condition = None, 1.0
-    for number in range(_ROUNDS):
-        progress(f"round {number + 1} of {_ROUNDS}")
+    for number in range(_MOST_ROUNDS):
+        progress(f"round {number + 1}")
         if number == 1 and settings.widths and "coulomb" in settings.groups:
             progress("widths of the smooth signs")
             plant = _best_widths(plant, stretches, scene.bandwidth)
         plant, step, condition = work.solve(plant, free, kept, on_demand=number > 0)
+        std = np.sqrt(np.diag(step.covariance))
+        if number >= _ROUNDS - 1 and np.all(np.abs(step.step[free]) <= _STILL * std[free]):
+            break
     assert step is not None
     progress("noise and model error")
     before = [residuals(start, s, scene.bandwidth)[settled(s, scene.bandwidth) :] for s in stretches]

@@ -35,16 +35,9 @@ def measure(runs: int, seconds: float, rate: float, show: bool = False) -> dict[
     for seed in track(
         range(runs), "calibrating", console=Console(stderr=True), disable=not show, transient=True
     ):
-        truth, gain, start = _draw(np.random.default_rng(seed))
-        motion = Harmonics.draw(np.random.default_rng(seed + 10_000), _CENTER, np.full(6, 0.7), 8, seconds)
-        stretch = simulate(truth, motion, seed, rate, gain)
-        found = calibrate(start, [stretch], Settings(GROUPS, widths=False))
-        true = Plant.of(truth).with_values(gain=gain)
-        for item in found.values:
-            if not item.kept:
-                score = (item.after - value(true, item.entry)) / item.std
-                hits[item.entry.group].append(abs(score) < _NORMAL_95)
-                scores[item.entry.group].append(score)
+        for group, score in scores_of(seed, seconds, rate):
+            hits[group].append(abs(score) < _NORMAL_95)
+            scores[group].append(score)
     everything = [hit for group in hits.values() for hit in group]
     return {
         "runs": runs,
@@ -58,6 +51,21 @@ def measure(runs: int, seconds: float, rate: float, show: bool = False) -> dict[
             for group in hits
         },
     }
+
+
+def scores_of(seed: int, seconds: float, rate: float) -> list[tuple[Group, float]]:
+    """One recording: of each estimated parameter its group, and its error in units of the stated standard
+    deviation."""
+    truth, gain, start = _draw(np.random.default_rng(seed))
+    motion = Harmonics.draw(np.random.default_rng(seed + 10_000), _CENTER, np.full(6, 0.7), 8, seconds)
+    stretch = simulate(truth, motion, seed, rate, gain)
+    found = calibrate(start, [stretch], Settings(GROUPS, widths=False))
+    true = Plant.of(truth).with_values(gain=gain)
+    return [
+        (item.entry.group, (item.after - value(true, item.entry)) / item.std)
+        for item in found.values
+        if not item.kept
+    ]
 
 
 def _draw(chance: np.random.Generator) -> tuple[Scene, np.ndarray, Scene]:
