@@ -27,6 +27,8 @@ from contactsense.report import (
     WIDTH,
 )
 from contactsense.scene import Scene
+from contactsense.several.answer import SetComposer
+from contactsense.several.live import SetTracker
 from contactsense.several.locator import SetLocator
 from contactsense.skin import skin_of
 from contactsense.tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, forget
@@ -90,6 +92,10 @@ class Localizer:
         self._rows = np.zeros((max(primitives, MOST), WIDTH))
         self._composer = Composer(scene, arm.surfaces.start)
         self._sets: SetLocator | None = None
+        self._together: SetTracker | None = None
+        if scene.contacts > 1:
+            self._sets = SetLocator(scene, self._work, self._buffers, self._composer)
+            self._together = SetTracker(scene, self._work, self._sets, SetComposer(scene, self._composer))
         self._fitted = (
             scene.base_wrench is not None,
             scene.joint_torque is not None,
@@ -119,6 +125,8 @@ class Localizer:
         self._t = -math.inf
         self._usual_step = 0.0
         forget(self._work.memory.track)
+        if self._together is not None:
+            self._together.forget()
 
     def step(self, sample: Sample) -> Estimate:
         """Take the next sample of a live stream, of an arm that may move, and say what touches it now.
@@ -153,6 +161,13 @@ class Localizer:
         )  # fmt: skip
         reason = "; ".join(troubles)
         kinds, ended = self._news(t)
+        if self._together is not None:
+            if listed < 0:
+                ended += self._together.end(t, self._number)
+            else:
+                several, self._number = self._together.step(t, ready, self._number, listed > 0, reason)
+                if several is not None:
+                    return several
         if listed == -2:
             reason = reason or "observer settles after its start"
         if listed < 0:
@@ -170,7 +185,8 @@ class Localizer:
         self._phase = phase
         if phase == NONE:
             return (), (Event("release", self._number, t),)
-        self._number = int(life[NUMBER])
+        if phase == NEW:
+            self._number = int(life[NUMBER])
         return (_EVENTS[phase],), ()
 
     def locate(
@@ -229,7 +245,7 @@ class Localizer:
             return self._composer.quiet(0.0, "none")
         estimate = self._composer.contacts(0.0, self._work.memory, self._rows[:listed])
         if several and self._sets is not None:
-            sets = self._sets.explain(0.0, present, contacts, known, drift)
+            sets = self._sets.explain(present, contacts, known, drift)
             if known or len(sets.contacts) > 1:
                 return sets
         return estimate
@@ -347,5 +363,8 @@ class Localizer:
         self.step(Sample(0.0, zero, zero, torque, base, wrist))
         rows = [None if value is None else value[None] for value in (base, torque, wrist)]
         self.locate_batch(zero[None], base_wrench=rows[0], joint_torque=rows[1], wrist_wrench=rows[2])
-        self.locate(zero, base_wrench=base, joint_torque=torque, wrist_wrench=wrist)
+        self.locate(
+            zero, base_wrench=base, joint_torque=torque, wrist_wrench=wrist, contacts=self.scene.contacts,
+            detect=False,
+        )  # fmt: skip
         self.reset()

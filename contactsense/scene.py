@@ -95,6 +95,9 @@ class Scene(BaseModel):
     torsion: PositiveFloat = 0.0025
     """Torsional moment per normal force, standard deviation [m]: about friction times the radius of the
     contact patch."""
+    contacts: Annotated[int, Field(ge=1, le=3)] = 1
+    """Most contacts at a time that are looked for in a stream; a further one is told from those that are
+    tracked already."""
     room: NonNegativeFloat = 0.005
     """Room above a place that whatever touches the arm needs, a fingertip at the least [m]: faces in the slit
     of a joint cannot be touched."""

@@ -102,6 +102,16 @@ def forget(track: Track) -> None:
 
 
 @kernel
+def restart(track: Track) -> None:
+    """Start all windows again from the observer's residual: what they have averaged was another contact."""
+    for i in range(1, WINDOWS):
+        track.mean[i] = track.mean[0]
+        track.gain[i] = track.gain[0]
+        track.shared[i] = track.shared[0]
+        track.samples[i] = 1.0
+
+
+@kernel
 def _gather(
     out: np.ndarray, base: Observer, match: Observer, joints: Observer, wrist_match: Observer, wrist: Observer
 ) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 from contactsense.answer import Composer
 from contactsense.report import PROBABILITY
 from contactsense.scene import Scene
-from contactsense.several.memory import MOST, Several
-from contactsense.types import Contact, Estimate, Explanation, Status
+from contactsense.several.memory import MOST
+from contactsense.types import Contact, Estimate, Event, Explanation, Phase, Status
 
 SAME = 0.02
 """Contacts of two explanations on one link that are nearer than this count as the same [m]."""
@@ -31,37 +31,41 @@ class SetComposer:
     def sets(
         self,
         t: float,
-        several: Several,
-        rows: np.ndarray,
-        listed: int,
+        groups: Sequence[np.ndarray],
+        wrench: np.ndarray,
+        covariance: np.ndarray,
         rank: int,
         known: int,
         reason: str = "",
+        tracked: Sequence[tuple[int, Phase]] = (),
+        events: tuple[Event, ...] = (),
     ) -> Estimate:
-        """The explanations in `rows`, as `contactsense.several.entry` writes them.
+        """Sets of contacts, the most probable first, as an estimate.
 
         Args:
             t: Time of the sample [s].
-            several: With the explanations, sorted.
-            rows: See `contactsense.several.entry.explain_sets`.
-            listed: How many explanations are in `rows`.
-            rank: How many independent numbers the sensors say about the first one's wrenches.
+            groups: One array for each set: a row for each contact, as in `contactsense.report`, each with the
+                probability of the whole set.
+            wrench, covariance: Sum of the first set's wrenches, shape (6,), and its covariance, (6, 6).
+            rank: How many independent numbers the sensors say about the first set's wrenches.
             known: Number of contacts whose places were known before.
             reason: Why the estimate is `degraded`, if it is.
+            tracked: Number and phase of each contact of a stream, the same in all sets.
+            events: What has happened to them.
         """
-        if listed == 0:
+        if not groups:
             why = "something acts on the arm, but no pushes on touchable links explain it"
             return self._composer.quiet(
                 t, "degraded" if reason else "ambiguous", f"{reason}; {why}".strip("; ")
             )
-        found = several.found
-        explanations = []
-        for k in range(listed):
-            first = k * MOST
-            own = rows[first : first + int(found.contacts[found.order[k]])].copy()
-            explanations.append(
-                Explanation(tuple(self._composer.contact(row) for row in own), float(own[0, PROBABILITY]))
+        named = tracked or [(0, "")] * MOST
+        explanations = [
+            Explanation(
+                tuple(self._composer.contact(row, *label) for row, label in zip(rows, named, strict=False)),
+                float(rows[0, PROBABILITY]),
             )
+            for rows in groups
+        ]
         sets = tuple(
             replace(e, contacts=tuple(replace(c, probability=_share(c, explanations)) for c in e.contacts))
             for e in explanations
@@ -74,7 +78,6 @@ class SetComposer:
             sum(e.probability for e in sets if any(c.link_index == link for c in e.contacts))
             for link in range(len(self._names))
         ]
-        row = found.order[0]
         parts = [reason] if reason else []
         if len(best.contacts) > 1:
             parts += self._open(best.contacts, rank, known)
@@ -87,11 +90,12 @@ class SetComposer:
             "degraded" if reason else status,
             best.contacts,
             np.array(touched),
-            found.wrench[row].copy(),
-            found.wrench_covariance[row].copy(),
+            wrench.copy(),
+            covariance.copy(),
             max(1.0 - sum(e.probability for e in sets), 0.0),
             "; ".join(parts),
-            explanations=sets,
+            events,
+            sets,
         )
 
     @staticmethod

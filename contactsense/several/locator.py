@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,9 +11,24 @@ from contactsense.report import WIDTH
 from contactsense.scene import Scene
 from contactsense.several.answer import SetComposer
 from contactsense.several.entry import explain_sets
-from contactsense.several.memory import LISTED, MOST, empty_several
+from contactsense.several.memory import LISTED, MOST, Explanations, empty_several
 from contactsense.types import Contact, Estimate
 from contactsense.workspace import Workspace
+
+
+class Given(NamedTuple):
+    """A contact that is known already, base frame."""
+
+    primitive: int
+    """Number of the primitive among all of the arm."""
+    point: np.ndarray
+    """Place, shape (3,) [m]."""
+    covariance: np.ndarray
+    """Its covariance, shape (3, 3) [m^2]."""
+    force: np.ndarray
+    """Force before, shape (3,) [N]."""
+    drift: float
+    """Standard deviation of each component of its change since [N]; infinity: the force is free."""
 
 
 class SetLocator:
@@ -27,34 +42,67 @@ class SetLocator:
         self._rows = np.zeros((LISTED * MOST, WIDTH))
         self._answer = SetComposer(scene, composer)
 
-    def explain(
-        self,
-        t: float,
-        present: tuple[bool, bool, bool],
-        contacts: int,
-        known: Sequence[Contact],
-        drift: float | None,
-        bandwidth: float = math.inf,
-    ) -> Estimate:
-        """Explain the sample that the workspace has taken last by at most `contacts` simultaneous contacts.
+    @property
+    def found(self) -> Explanations:
+        """What `fit` has found last."""
+        return self._several.found
+
+    def rows(self, k: int) -> np.ndarray:
+        """The contacts of the k-th explanation that `fit` has listed, as in `contactsense.report`; a copy."""
+        contacts = int(self.found.contacts[self.found.order[k]])
+        return self._rows[k * MOST : k * MOST + contacts].copy()
+
+    def fit(
+        self, present: tuple[bool, bool, bool], most: int, known: Sequence[Given], bandwidth: float = math.inf
+    ) -> tuple[int, int]:
+        """Explain the sample that the workspace has taken last; `found` and `rows` have the result.
 
         Args:
-            t: Its time [s].
             present: Which of base wrench, joint torques and wrist wrench were measured.
-            contacts, known, drift: As in `Localizer.locate`, checked.
+            most: Most contacts of an explanation, the known ones included.
+            known: Contacts that are there already.
             bandwidth: Cut-off of the observers [Hz]; infinite for an arm at rest.
+
+        Returns:
+            Number of explanations in `rows`, and how many independent numbers the sensors say about the
+            wrenches of the first one's contacts.
         """
         given = self._several.known
         for i, contact in enumerate(known):
-            given.primitive[i] = self._arm.surfaces.start[contact.link_index] + contact.primitive
-            given.point[i] = contact.point_base
+            given.primitive[i], given.drift[i] = contact.primitive, contact.drift
+            given.point[i], given.force[i] = contact.point, contact.force
             given.covariance[i] = contact.covariance
-            given.force[i] = contact.force_base
-            given.drift[i] = math.inf if drift is None else drift
         listed, rank = explain_sets(
-            *self._buffers, self._several, present, bandwidth, len(known), contacts, self._rows
+            *self._buffers, self._several, present, bandwidth, len(known), most, self._rows
         )
-        return self._answer.sets(t, self._several, self._rows, listed, rank, len(known))
+        return int(listed), int(rank)
+
+    def explain(
+        self, present: tuple[bool, bool, bool], contacts: int, known: Sequence[Contact], drift: float | None
+    ) -> Estimate:
+        """Explain a sample of an arm at rest, that the workspace has just taken, by at most `contacts`
+        simultaneous contacts; arguments as in `Localizer.locate`, checked."""
+        start = self._arm.surfaces.start
+        given = [
+            Given(
+                int(start[contact.link_index]) + contact.primitive,
+                contact.point_base,
+                contact.covariance,
+                contact.force_base,
+                math.inf if drift is None else drift,
+            )
+            for contact in known
+        ]
+        listed, rank = self.fit(present, contacts, given)
+        best = self.found.order[0]
+        return self._answer.sets(
+            0.0,
+            [self.rows(k) for k in range(listed)],
+            self.found.wrench[best],
+            self.found.wrench_covariance[best],
+            rank,
+            len(known),
+        )
 
     def check(self, contacts: int, known: Sequence[Contact], drift: float | None) -> None:
         """Refuse what cannot be asked for.

@@ -1,0 +1,145 @@
+"""Several contacts in a stream: they come, are told apart, and go."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contactsense import Estimate, JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense.several.kept import Kept, log_known
+from service.bench.several.measure import match
+from tests.contactsense.several.streams import Push, stream
+from tests.plain_arm import plain_ur5e
+
+NOISE = (0.05, 0.01, 0.3)
+SCENE = Scene(
+    robot=plain_ur5e(),
+    base_wrench=WrenchSensor(force_noise=NOISE[0], moment_noise=NOISE[1]),
+    joint_torque=JointTorqueSensor(noise=NOISE[2]),
+    surface_error=1e-4,
+    contacts=3,
+)
+FOREARM = Push(3, (-0.2, 0.04, 0.007), (1.0, -20.0, 0.0), 0.3, 1.6)
+UPPER_ARM = Push(2, (-0.25, 0.0, 0.188), (1.0, 2.0, -18.0), 0.7, 1.2)
+WRIST = Push(5, (0.0, 0.02, 0.045), (1.0, 1.0, -15.0), 0.7, 1.2)
+
+
+@pytest.fixture(scope="module")
+def localizer() -> Localizer:
+    return Localizer(SCENE)
+
+
+def _run(
+    localizer: Localizer, pushes: list[Push], seconds: float, seed: int = 0, speed: float = 0.0
+) -> tuple[list[Estimate], list[list[np.ndarray]]]:
+    localizer.reset()
+    estimates, truth = [], []
+    for sample, places in stream(SCENE, pushes, seconds, NOISE, seed, speed):
+        estimates.append(localizer.step(sample))
+        truth.append(places)
+    return estimates, truth
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+@pytest.mark.parametrize("second", [UPPER_ARM, WRIST])
+def test_a_second_contact_comes_and_goes(localizer: Localizer, second: Push, speed: float) -> None:
+    estimates, truth = _run(localizer, [FOREARM, second], 1.8, seed=3, speed=speed)
+    errors = []
+    for estimate, places in zip(estimates, truth, strict=True):
+        if estimate.t < 0.69 or 1.3 < estimate.t < 1.55:
+            assert estimate.status != "multiple"
+        if 0.85 < estimate.t < 1.15:
+            assert estimate.status == "multiple"
+            assert {contact.id for contact in estimate.contacts} == {1, 2}
+            assert sum(e.probability for e in estimate.explanations) == pytest.approx(1.0)
+            errors.append(match(estimate.contacts, places))
+    # The first was known to a fraction of a millimetre; of the second the sensors say less.
+    assert np.median(np.max(errors, axis=1)) < 0.0225
+    events = [(event.kind, event.contact) for e in estimates for event in e.events]
+    kinds = [(kind, number) for kind, number in events if kind in ("onset", "release")]
+    assert kinds == [("onset", 1), ("onset", 2), ("release", 2), ("release", 1)]
+    assert ("hold", 2) in events
+
+
+def test_the_first_may_go_before_the_second(localizer: Localizer) -> None:
+    second = replace(WRIST, stop=1.8)
+    estimates, truth = _run(localizer, [replace(FOREARM, stop=1.2), second], 2.0, seed=4)
+    events = [(event.kind, event.contact) for e in estimates for event in e.events]
+    kinds = [(kind, number) for kind, number in events if kind in ("onset", "release")]
+    assert kinds == [("onset", 1), ("onset", 2), ("release", 1), ("release", 2)]
+    late = [
+        (e.contacts[0], places[0]) for e, places in zip(estimates, truth, strict=True) if 1.5 < e.t < 1.75
+    ]
+    assert {contact.id for contact, _ in late} == {2}
+    assert np.median([np.linalg.norm(contact.point_base - place) for contact, place in late]) < 0.01
+
+
+def test_all_may_go_at_once(localizer: Localizer) -> None:
+    estimates, _ = _run(localizer, [FOREARM, replace(WRIST, stop=1.6)], 1.8, seed=5)
+    over = {event.contact for e in estimates for event in e.events if event.kind == "release"}
+    assert over == {1, 2}
+    assert estimates[-1].status == "none"
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_slide_or_a_harder_push_is_no_second_contact(localizer: Localizer, speed: float) -> None:
+    def slide(t: float) -> float:
+        return 0.05 * float(np.clip(t - 0.7, 0.0, 0.6))
+
+    def push(t: float) -> float:
+        return float(np.interp(t, [0.7, 0.75, 1.0, 1.02], [0.5, 1.5, 1.5, 0.4]))
+
+    for seed, changed in enumerate((replace(FOREARM, slide=slide), replace(FOREARM, size=push))):
+        estimates, _ = _run(localizer, [changed], 1.5, seed, speed)
+        assert all(estimate.status != "multiple" for estimate in estimates)
+
+
+def test_what_is_missing_is_said_of_several_too(localizer: Localizer) -> None:
+    """The torques fall silent while two contacts are on: the base wrench alone says less; that is said."""
+    localizer.reset()
+    status, reason = "", ""
+    for sample, _ in stream(SCENE, [FOREARM, UPPER_ARM], 1.15, NOISE, 6, 0.0):
+        given = replace(sample, joint_torque=None) if sample.t > 0.95 else sample
+        estimate = localizer.step(given)
+        status, reason = estimate.status, estimate.reason
+        for contact in estimate.contacts:
+            assert np.isfinite(contact.point_base).all()
+    assert status == "degraded"
+    assert "joint_torque is missing" in reason
+
+
+def test_a_new_stream_knows_nothing_of_the_last(localizer: Localizer) -> None:
+    _run(localizer, [FOREARM, UPPER_ARM], 0.9, seed=7)
+    estimates, _ = _run(localizer, [FOREARM], 0.7, seed=8)
+    assert {contact.id for e in estimates for contact in e.contacts} == {1}
+    assert all(estimate.status != "multiple" for estimate in estimates)
+
+
+def test_knowing_a_place_is_worth_its_share_of_the_area() -> None:
+    """A place known to lie within a part of the surface was as much more probable as that part is smaller."""
+    prior = Localizer(SCENE)._work.arm.prior
+    sigma = 0.003
+    normal = np.array([0.0, 0.6, 0.8])
+    contact = Kept(0, 0, np.zeros(3), normal, sigma**2 * np.eye(3), -20.0 * normal)
+    share = 2.0 * np.pi * sigma**2 / prior.area
+    assert log_known(prior, (contact,), np.inf, 0.0) == pytest.approx(-np.log(share), abs=1e-9)
+    wider = log_known(prior, (contact,), np.inf, 0.004)
+    assert wider == pytest.approx(-np.log(share * 25.0 / 9.0), abs=1e-9)
+
+
+def test_knowing_a_force_is_worth_its_share_of_those_that_are_usual() -> None:
+    """Against a sum over forces of the prior's density times what is known."""
+    prior = Localizer(SCENE)._work.arm.prior
+    normal = np.array([0.0, 0.0, 1.0])
+    contact = Kept(0, 0, np.zeros(3), normal, 1e-6 * np.eye(3), np.array([2.0, -1.0, -25.0]))
+    drift = 0.5
+    place = log_known(prior, (contact,), np.inf, 0.0)
+    known = log_known(prior, (contact,), drift, 0.0) - place
+    chance = np.random.default_rng(0)
+    force = contact.force + drift * chance.standard_normal((200_000, 3))
+    push = -force[:, 2]
+    lean = (force[:, 0] ** 2 + force[:, 1] ** 2) / (prior.lean * push) ** 2
+    log_density = -0.5 * np.log(push / prior.force) ** 2 - 3.0 * np.log1p(lean / 4.0)
+    log_density -= np.log(push**3 * prior.lean**2)
+    expected = np.log(np.mean(np.exp(log_density))) + 3.0 * np.log(drift)
+    assert known == pytest.approx(-expected, abs=0.05)
