@@ -150,7 +150,7 @@ def energy_of_nothing(
 
     Arguments as for `explain`.
     """
-    _tell(arm, memory, scale)
+    tell(arm, memory, scale)
     energy = 0.0
     if has_torque:
         for j in range(memory.torque.shape[0]):
@@ -176,7 +176,7 @@ def energy_of_nothing(
 
 
 @kernel
-def _tell(arm: Arm, memory: Memory, scale: float) -> None:
+def tell(arm: Arm, memory: Memory, scale: float) -> None:
     """Fill in the covariances of the external parts: noise times `scale`, and what is not known of the
     arm."""
     sensors, follower = arm.sensors, memory.follower
@@ -289,7 +289,7 @@ def explain(
         Number of explanations, and the energy of "nothing touches": half the sum of squares in units of the
         noise.
     """
-    _tell(arm, memory, scale)
+    tell(arm, memory, scale)
     known = arm.sensors
     isolate(
         Sensors(

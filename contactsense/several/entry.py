@@ -7,6 +7,7 @@ import numpy as np
 from contactsense.locate import place_primitives
 from contactsense.memory import Memory
 from contactsense.observer import GAIN
+from contactsense.pipeline import tell
 from contactsense.report import LEAST_PROBABILITY, write_row
 from contactsense.several.explain import explain_more
 from contactsense.several.memory import MOST, Bodies, Several
@@ -67,12 +68,13 @@ def explain_sets(
         lag = 1.0 / (2.0 * math.pi * bandwidth)
         parts = (memory.base.residual[:6], memory.joints.residual, memory.wrist.residual)
         scale = residual_gain(memory, present)
+    tell(arm, memory, scale)
     depth, choice, found = arm.sensors.depth, several.choice, several.found
     place_primitives(arm.surfaces, depth, memory.motion, memory.found)
     place_places(arm.places, depth, memory.motion, choice, several.scan)
     m = fill_rows(
-        arm.sensors, memory.motion, parts, memory.unexplained, memory.wrist_origin, present, scale, lag,
-        several.rows,
+        arm.sensors, memory.motion, parts, memory.base_information, memory.torque_variance,
+        memory.wrist_origin, present, scale, lag, several.rows,
     )  # fmt: skip
     bodies = Bodies(memory.found.rotation, memory.found.origin)
     force = likely_force(parts, present)

@@ -46,7 +46,8 @@ def fill_rows(
     sensors: Sensors,
     motion: Motion,
     parts: tuple[np.ndarray, np.ndarray, np.ndarray],
-    spread: np.ndarray,
+    base_information: np.ndarray,
+    torque_variance: np.ndarray,
     wrist_origin: np.ndarray,
     present: tuple[bool, bool, bool],
     scale: float,
@@ -56,14 +57,15 @@ def fill_rows(
     """Write external parts as rows of variance one; returns how many.
 
     Args:
-        sensors: What sees which link, and the noise.
+        sensors: What sees which link, and the wrist sensor's noise.
         motion: Poses and twists.
         parts: External base wrench (6,), joint torques as s_j . w (n,) and wrist wrench (6,), low-passed in
             base axes.
-        spread: What model and friction leave of each torque, standard deviation, shape (n,) [Nm].
+        base_information: Inverse covariance of the base wrench times `scale`, shape (6, 6).
+        torque_variance: Variance of each torque, shape (n,) [Nm^2].
         wrist_origin: Origin of the wrist sensor, base frame, shape (3,) [m].
         present: Which of the parts were measured.
-        scale: Factor on all variances of the scene's noise.
+        scale: Factor on the variances of the scene's noise.
         lag: Time constant of the low-pass [s]; 0 without one.
         rows: Filled.
     """
@@ -80,7 +82,7 @@ def fill_rows(
             for k in range(6):
                 U[i, k] = 0.0
             for k in range(i, 6):
-                x = sensors.base_information[i, k] / scale
+                x = base_information[i, k] / scale
                 for r in range(i):
                     x -= U[r, i] * U[r, k]
                 U[i, k] = math.sqrt(x) if k == i else x / U[i, i]
@@ -94,8 +96,8 @@ def fill_rows(
                 _see(U[i], twist, still, lag, turned, rows.matrix[link, i])
         m = 6
     if present[1]:
-        for j in range(spread.shape[0]):
-            weight = 1.0 / math.sqrt(sensors.torque_variance[j] * scale + spread[j] ** 2)
+        for j in range(torque_variance.shape[0]):
+            weight = 1.0 / math.sqrt(torque_variance[j])
             for k in range(6):
                 row[k] = motion.screw[j, k] * weight
             y[m] = parts[1][j] * weight

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense import Estimate, JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense.arm import build_arm
 from contactsense.several.kept import Kept, log_known
 from service.bench.several.measure import match
 from tests.contactsense.several.streams import Push, stream
@@ -38,6 +39,12 @@ def _run(
         estimates.append(localizer.step(sample))
         truth.append(places)
     return estimates, truth
+
+
+def test_a_scene_of_one_contact_never_answers_several() -> None:
+    single = Localizer(SCENE.model_copy(update={"contacts": 1}))
+    estimates, _ = _run(single, [FOREARM, WRIST], 1.0)
+    assert all(estimate.status != "multiple" and not estimate.explanations for estimate in estimates)
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0])
@@ -117,7 +124,7 @@ def test_a_new_stream_knows_nothing_of_the_last(localizer: Localizer) -> None:
 
 def test_knowing_a_place_is_worth_its_share_of_the_area() -> None:
     """A place known to lie within a part of the surface was as much more probable as that part is smaller."""
-    prior = Localizer(SCENE)._work.arm.prior
+    prior = build_arm(SCENE).prior
     sigma = 0.003
     normal = np.array([0.0, 0.6, 0.8])
     contact = Kept(0, 0, np.zeros(3), normal, sigma**2 * np.eye(3), -20.0 * normal)
@@ -129,7 +136,7 @@ def test_knowing_a_place_is_worth_its_share_of_the_area() -> None:
 
 def test_knowing_a_force_is_worth_its_share_of_those_that_are_usual() -> None:
     """Against a sum over forces of the prior's density times what is known."""
-    prior = Localizer(SCENE)._work.arm.prior
+    prior = build_arm(SCENE).prior
     normal = np.array([0.0, 0.0, 1.0])
     contact = Kept(0, 0, np.zeros(3), normal, 1e-6 * np.eye(3), np.array([2.0, -1.0, -25.0]))
     drift = 0.5

@@ -44,8 +44,8 @@ def _fill(case: Case, *sensors: bool, lag: float = 0.0) -> int:
     origin = memory.wrist_origin
     return int(
         fill_rows(
-            arm.sensors, memory.motion, parts, memory.unexplained, origin, sensors, 1.0, lag,
-            case.several.rows,
+            arm.sensors, memory.motion, parts, arm.sensors.base_information, arm.sensors.torque_variance,
+            origin, sensors, 1.0, lag, case.several.rows,
         )
     )  # fmt: skip
 
@@ -130,9 +130,10 @@ def test_rows_of_a_moving_arm_lag_as_the_observers_do(case: Case, link: int) -> 
     weight = np.exp(-ages / lag) / lag
     parts = tuple(np.trapezoid(part * weight[:, None], ages, axis=0) for part in (base, torque, beyond))
     arm, memory, rows = case.arm, case.memory, case.several.rows
-    sensors, spread, origin = arm.sensors, np.zeros(6), motion.origin[6] + motion.rotation[6] @ [0, 0, 0.1]
+    sensors, origin = arm.sensors, motion.origin[6] + motion.rotation[6] @ [0, 0, 0.1]
+    noise = sensors.base_information, sensors.torque_variance
     left = []
     for delay in (lag, 0.0):
-        m = fill_rows(sensors, memory.motion, parts, spread, origin, (True, True, True), 1.0, delay, rows)
+        m = fill_rows(sensors, memory.motion, parts, *noise, origin, (True,) * 3, 1.0, delay, rows)
         left.append(np.abs(rows.matrix[link, :m] @ now - rows.value[:m]).max())
     assert left[0] < 0.06 * left[1], "what is left is of the second order of the lag"

@@ -77,8 +77,9 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
     parts = (memory.base_wrench, memory.torque, memory.wrist_wrench)
     return int(
         fill_rows(
-            case.arm.sensors, memory.motion, parts, memory.unexplained, memory.wrist_origin,
-            (True, True, False), 1.0, 0.0, case.several.rows,
+            case.arm.sensors, memory.motion, parts, case.arm.sensors.base_information,
+            case.arm.sensors.torque_variance, memory.wrist_origin, (True, True, False), 1.0, 0.0,
+            case.several.rows,
         )
     )  # fmt: skip
 
