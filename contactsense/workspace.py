@@ -24,6 +24,7 @@ from contactsense.tracker import WINDOWS, Track
 from kinematics.model import Model, Motion
 from robots.compiled import kernel
 from robots.surface import Surfaces
+from robots.uncounted import uncounted
 
 
 class Workspace:
@@ -298,6 +299,8 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
         sizes: Its `sizes`: numbers of joints, links, primitives and places.
     """
     n, links, p, s = sizes
+    # Views of a counted array would be counted whenever one is handed on: a third of a sample's time.
+    f, i = uncounted(f), uncounted(i)
     arm, a, b = _arm(f, i, n, links, p, s)
     model, a = _model(f, a, n, links)
     drive, a = _drive(f, a, n)

@@ -86,9 +86,14 @@ class _Index(IndexDataCacheFile):
 
 def _gather(compiled: Any, ingredients: set[tuple[str, ...]], seen: set[Any]) -> None:
     """Add the source files and constants that go into a function's machine code."""
-    if compiled in seen or compiled not in _SOURCES:
+    if compiled in seen:
         return
     seen.add(compiled)
+    if compiled not in _SOURCES:
+        # Compiled by other means, such as an overload.
+        if hasattr(compiled, "__code__"):
+            ingredients.add(("file", compiled.__code__.co_filename))
+        return
     function, liberties = _SOURCES[compiled]
     ingredients.add(("liberties", *sorted(liberties)))
     ingredients.add(("file", function.__code__.co_filename))
