@@ -27,10 +27,10 @@ WINDOWS = 6
 """Number of windows, the observer's own included."""
 GROWTH = 3.0
 """Each window is so many times as long as the one before; the last has no end."""
-AGREE, PART = 1.5, 9.0
-"""Distance up to which windows agree, and from which on they part for sure, as (x - d) / sqrt(2 d) of a
-chi-square variable x with d degrees of freedom: of the two of a place, x = 5 and 20, which noise exceeds with
-probability 8e-2 and 5e-5."""
+AGREE, AGREE_HELD, PART = 1.5, 4.0, 9.0
+"""Distance up to which windows agree, the same for a contact that holds, and from which on they part for
+sure, as (x - d) / sqrt(2 d) of a chi-square variable x with d degrees of freedom: of the two of a place, x =
+5, 10 and 20, which noise exceeds with probability 8e-2, 7e-3 and 5e-5."""
 FORGETFUL = 3
 """Shorter windows forget by themselves soon enough: they do not start again. What lies between their places
 is the velocity of a contact that slides."""
@@ -201,6 +201,7 @@ def choose(
         return False
     chosen = 0
     moved = False
+    agree = AGREE_HELD if track.life[PHASE] == HOLD else AGREE
     if has_base:
         _spread(sensors, motion, track)
         for i in range(WINDOWS):
@@ -221,7 +222,7 @@ def choose(
             track.age[i] = track.age[chosen]
             track.samples[i] = min(max(track.samples[chosen], 1.0), reach) if chosen > 0 else 1.0
             track.apart[i] = track.apart[chosen]
-        elif worst <= AGREE and chosen == i - 1:
+        elif worst <= agree and chosen == i - 1:
             chosen = i
     track.life[WINDOW] = chosen
     return moved

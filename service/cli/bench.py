@@ -5,6 +5,7 @@ from service.cli.lazy import LazyGroup
 BENCHES = {
     "truth": "service.bench.truth:truth",
     "motion": "service.bench.motion.command:motion",
+    "hold": "service.bench.hold.command:hold",
     "calibration": "service.bench.calibration:calibration",
     "several": "service.bench.several.command:several",
     "speed": "service.bench.speed:speed",

@@ -1,0 +1,1 @@
+"""A contact that is held gets better with time, one that slides is followed."""
