@@ -121,5 +121,5 @@ def _print(said: dict[str, Any], runs: int) -> None:
     console.print(
         f"slide at {1e3 * SLIDE.slide:g} mm/s: error {slide['median_mm']:.2f} mm median, "
         f"{slide['p95_mm']:.2f} mm p95; once at rest {slide['at_rest_mm']:.2f} mm; "
-        f"said {slide['said_after_s']:.2f} s after its begin, over {slide['over_after_s']:.2f} s after its end"
+        f"said {slide['said_after_s']:.2f} s after its begin, over {slide['over_after_s']:.2f} s after it"
     )
