@@ -7,6 +7,7 @@ import numpy as np
 
 from contactsense.arm import Arm
 from contactsense.equations import difference
+from contactsense.fit import judge
 from contactsense.follower import QUIET
 from contactsense.memory import Memory
 from contactsense.observer import GAIN
@@ -80,6 +81,7 @@ def step(
     if has_wrist:
         scale = max(scale, memory.wrist.clock[GAIN])
     nothing = energy_of_nothing(arm, memory, has_base, has_torque, has_wrist, scale)
+    judge(arm, memory, scale)
     if nothing <= (onset if track.life[PHASE] == NONE else release):
         forget(track)
         follow_unknown(arm, memory, has_base, has_torque, scale, bandwidth)

@@ -14,6 +14,7 @@ from contactsense.detection import level, release_level, single_level
 from contactsense.entry import batch, finite, once, step
 from contactsense.feed import Feed
 from contactsense.follower import restart
+from contactsense.health import Health
 from contactsense.memory import empty_memory
 from contactsense.report import (
     COVARIANCE,
@@ -104,6 +105,7 @@ class Localizer:
         self._sizes = (6, self._joints, 6)
         self._blank = tuple(np.zeros(size) for size in self._sizes)
         self._levels: dict[tuple[tuple[bool, bool, bool], int], tuple[float, float]] = {}
+        self._health = Health(scene.force)
         self.reset()
         self._warm_up()
 
@@ -117,6 +119,7 @@ class Localizer:
         weight = arm.model.mass[0] * np.append(arm.gravity, np.cross(arm.model.com[0], arm.gravity))
         restart(memory.follower, self.scene.inertia_error, weight)
         self._phase, self._number = NONE, 0
+        self._health.reset()
 
     def _restart(self) -> None:
         settle = SETTLE / (2.0 * math.pi * self.scene.bandwidth)
@@ -151,7 +154,8 @@ class Localizer:
         dt = t - self._t if self._t > -math.inf else 0.0
         self._usual_step += (_LATELY if self._usual_step > 0.0 else 1.0) * (dt - self._usual_step)
         self._t = t
-        values, steps, ready, troubles = self._read(sample)
+        values, steps, there, troubles = self._read(sample)
+        ready = self._health.trusted(there)
         both = steps[0] >= 0.0
         steps += [pair.step(t, both and steps[i] >= 0.0) for i, pair in enumerate(self._pairs, start=1)]
         matched = (self._pairs[0].ready(t), self._pairs[1].ready(t))
@@ -159,8 +163,12 @@ class Localizer:
             *self._buffers, q, qd, values[1], values[0], values[2], tuple(steps), dt, self.scene.bandwidth,
             matched, *ready, self._gate, *self._onset_and_release(ready), self._rows,
         )  # fmt: skip
-        reason = "; ".join(troubles)
         kinds, ended = self._news(t)
+        if listed > -2:
+            memory = self._work.memory
+            force = float(np.linalg.norm(memory.base_wrench[:3]))
+            troubles += self._health.step(dt, memory.fit.tolist(), force, self._phase != NONE, there)
+        reason = "; ".join(troubles)
         if self._together is not None:
             if listed < 0:
                 ended += self._together.end(t, self._number)

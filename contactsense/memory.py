@@ -74,6 +74,8 @@ class Memory(NamedTuple):
     shape (n,) [Nm]."""
     torque_variance: np.ndarray
     """Variance of `torque`, noise and model, shape (n,) [Nm^2]."""
+    fit: np.ndarray
+    """How well residuals fit what is known, see `contactsense.fit.judge`, shape (3,)."""
     rest: np.ndarray
     """Zero joint velocities, shape (n,)."""
     open: np.ndarray
@@ -114,6 +116,7 @@ def empty_memory(arm: Arm) -> Memory:
         change=np.zeros(6),
         unexplained=np.zeros(joints),
         torque_variance=np.zeros(joints),
+        fit=np.zeros(3),
         rest=np.zeros(joints),
         open=np.zeros(links, dtype=np.int64),
     )

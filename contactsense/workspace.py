@@ -331,12 +331,13 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     change, a = _take1(f, a, 6)
     unexplained, a = _take1(f, a, n)
     torque_variance, a = _take1(f, a, n)
+    fit, a = _take1(f, a, 3)
     rest, a = _take1(f, a, n)
     choice, b = _take1(i, b, links)
     memory = Memory(
         model, drive, follower, motion, hypotheses, found, work, cells, link_probability, joints, base, match,
         wrist, wrist_match, track, carried, wrist_place, reading, base_covariance, base_information,
         base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist, change, unexplained,
-        torque_variance, rest, choice,
+        torque_variance, fit, rest, choice,
     )  # fmt: skip
     return arm, memory
