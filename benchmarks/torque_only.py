@@ -17,7 +17,7 @@ from rich.table import Table
 
 from benchmarks.compare import NEAR
 from benchmarks.method import Located
-from benchmarks.touches import Toucher
+from benchmarks.touches import Toucher, Touches
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from service.bench.static_cases import ASSUMED, COLUMNS, Noise
 
@@ -34,16 +34,21 @@ class Shares(NamedTuple):
     """How many contacts there were, shape (links,)."""
 
 
-def shares(robot: str, noise: Noise, base: bool, contacts: int, seed: int = 0) -> Shares:
-    """Locate one contact in each of many postures, links drawn all alike."""
+def touched(robot: str, contacts: int, seed: int = 0) -> Touches:
+    """One contact in each of many postures, links drawn all alike, places uniform by area."""
+    return Toucher(Scene(robot=robot), seed=seed).draw(contacts, force=FORCE, even=True)
+
+
+def shares(robot: str, touches: Touches, noise: Noise, base: bool, seed: int = 1) -> Shares:
+    """Locate contacts from joint torques, with a base sensor besides or not."""
     told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
     scene = Scene(
         robot=robot,
         base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment) if base else None,
         joint_torque=JointTorqueSensor(noise=told.torque),
     )
-    touches = Toucher(scene, seed=seed).draw(contacts, force=FORCE, even=True)
-    rng = np.random.default_rng(seed + 1)
+    contacts = len(touches.q)
+    rng = np.random.default_rng(seed)
     wrench = touches.base_wrench[:, 0] + rng.normal(size=(contacts, 6)) * np.repeat(noise[:2], 3)
     torque = touches.joint_torque[:, 0] + rng.normal(size=touches.q.shape) * noise.torque
     found = Located(scene)(touches.q, wrench if base else None, torque)
@@ -56,13 +61,13 @@ def shares(robot: str, noise: Noise, base: bool, contacts: int, seed: int = 0) -
 
 @click.command()
 @click.option("--robot", default="ur5e", show_default=True, help="Arm.")
-@click.option("--contacts", default=2000, show_default=True, help="Contacts, each in a posture of its own.")
+@click.option("--contacts", default=1400, show_default=True, help="Contacts, each in a posture of its own.")
 def main(robot: str, contacts: int) -> None:
     """Share of each link's area where a contact of 20 N is located to 22.5 mm."""
-    columns = (COLUMNS[0], COLUMNS[2])
-    cases = [(noise, base) for noise in columns for base in (False, True)]
+    touches = touched(robot, contacts)
+    cases = [(noise, base) for noise in COLUMNS[:3] for base in (False, True)]
     results = [
-        shares(robot, noise, base, contacts)
+        shares(robot, touches, noise, base)
         for noise, base in track(cases, "locating", console=Console(stderr=True), transient=True)
     ]
     table = Table(title=f"{robot}: {contacts} contacts of {FORCE:g} N on the primitives; located to 22.5 mm")

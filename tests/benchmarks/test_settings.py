@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.mcp_ep import judge, scene_of, sequence
 from benchmarks.peers.exploration_filter import Found
-from benchmarks.torque_only import shares
+from benchmarks.torque_only import shares, touched
 from benchmarks.touches import Toucher, Touches
 from service.bench.static_cases import Noise
 
@@ -62,6 +62,7 @@ def test_contacts_come_one_after_another_on_different_links(touches: Touches) ->
 @pytest.mark.slow
 def test_a_base_sensor_locates_what_torques_cannot() -> None:
     """On the base no joint feels anything, on the shoulder one; with a base sensor both are located."""
-    alone, both = (shares("ur5e", NONE, base, 40) for base in (False, True))
+    touches = touched("ur5e", 40)
+    alone, both = (shares("ur5e", touches, NONE, base) for base in (False, True))
     assert alone.located[:2].max() < 0.5
     assert both.located[:2].min() > 0.8

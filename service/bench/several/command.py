@@ -12,6 +12,7 @@ from rich.table import Table
 
 from service.bench.several.measure import WITHIN, Arrival, localizer_for, measure
 from service.bench.several.pairs import measure_pairs
+from service.bench.several.stream import measure_stream
 from service.bench.several.trials import Lean, Links
 from service.bench.static_cases import COLUMNS, Noise
 
@@ -50,6 +51,13 @@ WAYS: tuple[tuple[Arrival, float | None], ...] = (
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Locate the pairs of motion_ROBOT.npz in this folder instead of constructed ones.",
 )
+@click.option(
+    "--stream",
+    "speeds",
+    type=float,
+    multiple=True,
+    help="Two contacts in live streams instead, joints moving with up to this speed, rad/s; may be repeated.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def several(
     robots: tuple[str, ...],
@@ -60,12 +68,14 @@ def several(
     lean: Lean,
     noise: tuple[float, float, float] | None,
     truth: Path | None,
+    speeds: tuple[float, ...],
     as_json: bool,
 ) -> None:
     """Locate one to three simultaneous contacts, arriving one by one or all at once.
 
     The truth is constructed on the primitives of the arms: the question is what the sensors tell, not how
-    well primitives fit the meshes. With --truth, MuJoCo's on the meshes. One sample for each answer.
+    well primitives fit the meshes. With --truth, MuJoCo's on the meshes. One sample for each answer. With
+    --stream, samples at 500 Hz in which the second contact comes and goes while the first is on.
     """
     columns = COLUMNS if noise is None else (Noise(*noise),)
     results: list[dict[str, Any]] = []
@@ -78,6 +88,15 @@ def several(
                     for level in columns
                     for row in measure_pairs(truth, robot, level)
                 ]
+        elif speeds:
+            streams = [(robot, level, speed) for robot in robots for level in columns for speed in speeds]
+            task = progress.add_task("following", total=len(streams) * trials)
+            for robot, level, speed in streams:
+                row = measure_stream(
+                    localizer_for(robot, level, contacts=2), level, trials, speed, force=force, lean=lean,
+                    tick=lambda: progress.advance(task),
+                )  # fmt: skip
+                results.append({"robot": robot, "noise": str(level)} | row)
         else:
             task = progress.add_task("locating", total=len(kinds) * trials * len(WAYS))
             for robot, level, count in kinds:
@@ -91,6 +110,8 @@ def several(
                     results.append({"robot": robot, "noise": str(level), "arriving": known} | row)
     if as_json:
         click.echo(json.dumps(results, indent=1))
+    elif speeds and truth is None:
+        _print_streams(results, f"{force:g} N, {lean}, different links")
     else:
         what = "pairs of the moving truth" if truth else f"{force:g} N, {lean}, {links} links"
         _print(results, what)
@@ -124,6 +145,33 @@ def _print(results: Sequence[dict[str, Any]], what: str) -> None:
             *(f"{100 * r[key]:.1f} %" for key in ("success", "all", "counted")),
             *(_number(r[key]) for key in ("median_mm", "p95_mm", "rmse_mm")),
             f"{r['median_ms']:.1f}",
+        )
+    Console(width=130).print(table)
+
+
+def _print_streams(results: Sequence[dict[str, Any]], what: str) -> None:
+    table = Table(
+        title=f"two contacts in a stream: {what}",
+        caption=(
+            f"found: both within {1e3 * WITHIN:g} mm in the median; median, 95 %: the worse contact of a "
+            "stream, mm; delay: from the second's onset, ms; false: several answered of one; back: the "
+            "first right again after the second; ms: 99 % of the steps take less"
+        ),
+    )
+    for name in ("arm", "noise N / Nm / Nm"):
+        table.add_column(name, no_wrap=True)
+    for name in ("rad/s", "streams", "found", "median", "95 %", "delay", "never", "false", "back", "ms"):
+        table.add_column(name, justify="right")
+    for r in results:
+        table.add_row(
+            r["robot"],
+            r["noise"],
+            f"{r['speed']:g}",
+            str(r["streams"]),
+            f"{100 * r['found']:.1f} %",
+            *(_number(r[key]) for key in ("median_mm", "p95_mm", "delay_ms")),
+            *(f"{100 * r[key]:.1f} %" for key in ("never", "false", "back")),
+            f"{r['ms']:.1f}",
         )
     Console(width=130).print(table)
 

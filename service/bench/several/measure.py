@@ -17,13 +17,15 @@ WITHIN = 0.0225
 """Distance within which a contact counts as found: that of MCP-EP [m]."""
 
 
-def localizer_for(robot: str, noise: Noise, gravity: float = 9.81) -> Localizer:
-    """A localizer that knows the noise; sensors without noise are given a small one."""
+def localizer_for(robot: str, noise: Noise, gravity: float = 9.81, contacts: int = 1) -> Localizer:
+    """A localizer that knows the noise, for streams with so many contacts; sensors without noise are given a
+    small one."""
     told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
     return Localizer(
         Scene(
             robot=robot,
             gravity=gravity,
+            contacts=contacts,
             base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment),
             joint_torque=JointTorqueSensor(noise=told.torque),
         )

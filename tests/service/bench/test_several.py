@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from contactsense import Contact, Scene
+from contactsense import Contact, JointTorqueSensor, Localizer, Scene, WrenchSensor
 from service.bench.several.measure import match, summary
+from service.bench.several.stream import FIRST, SECOND, measure_stream, samples
 from service.bench.several.trials import APART, Trials
+from service.bench.static_cases import Noise
 from tests.plain_arm import plain_ur5e
 
 SCENE = Scene(robot=plain_ur5e())
@@ -61,3 +63,38 @@ def test_trials_push_where_they_are_told(links: str) -> None:
         for j in range(6):
             seen = sum((push.wrench for push in trial.pushes if push.link > j), np.zeros(6))
             assert torque[j] == pytest.approx(-trial.screw[j] @ seen)
+
+
+QUIET = Scene(
+    robot=plain_ur5e(),
+    base_wrench=WrenchSensor(force_noise=0.05, moment_noise=0.01),
+    joint_torque=JointTorqueSensor(noise=0.3),
+    contacts=2,
+)
+
+
+@pytest.fixture(scope="module")
+def localizer() -> Localizer:
+    return Localizer(QUIET)
+
+
+def test_the_second_contact_of_a_stream_comes_and_goes(localizer: Localizer) -> None:
+    """What the sensors say, summed over the pushes: their places shift the moment, and nothing else does."""
+    trial = Trials(QUIET, seed=2).draw(2, 20.0, "different", "cone")
+    still = [(s, p) for s, p in samples(localizer, trial, Noise(0.0, 0.0, 0.0), 0.0, 0)]
+    weight = still[0][0].base_wrench
+    for sample, points in still:
+        on = [sum(start <= sample.t < stop for start, stop in (FIRST, SECOND))]
+        assert [len(points)] == on
+    full = min(still, key=lambda item: abs(item[0].t - 1.55))[0]
+    swing = 1.0 + 0.4 * np.sin(2.0 * np.pi * (full.t - FIRST[0]))
+    one, two = trial.pushes
+    np.testing.assert_allclose(full.base_wrench - weight, swing * one.wrench + two.wrench, atol=1e-9)
+
+
+def test_streams_are_judged(localizer: Localizer) -> None:
+    row = measure_stream(localizer, Noise(0.05, 0.01, 0.3), 4, 0.5)
+    assert row["streams"] == 4
+    assert row["found"] >= 0.5
+    assert row["false"] <= 0.25
+    assert row["delay_ms"] < 100.0
