@@ -16,6 +16,7 @@ from contactsense.feed import Feed
 from contactsense.follower import restart
 from contactsense.health import Health
 from contactsense.memory import empty_memory
+from contactsense.payload import PickUp
 from contactsense.report import (
     COVARIANCE,
     FORCE,
@@ -106,6 +107,7 @@ class Localizer:
         self._blank = tuple(np.zeros(size) for size in self._sizes)
         self._levels: dict[tuple[tuple[bool, bool, bool], int], tuple[float, float]] = {}
         self._health = Health(scene.force)
+        self._pick_up = PickUp(scene, self._work) if scene.picks_up else None
         self.reset()
         self._warm_up()
 
@@ -114,12 +116,15 @@ class Localizer:
         self._restart()
         arm, memory = self._work.arm, self._work.memory
         memory.track.life[NUMBER] = 0.0
-        memory.model.mass[:], memory.model.inertia[:] = arm.model.mass, arm.model.inertia
+        for mine, its in zip(memory.model, arm.model, strict=True):
+            mine[:] = its
         memory.drive.bias[:] = arm.drive.bias
         weight = arm.model.mass[0] * np.append(arm.gravity, np.cross(arm.model.com[0], arm.gravity))
         restart(memory.follower, self.scene.inertia_error, weight)
         self._phase, self._number = NONE, 0
         self._health.reset()
+        if self._pick_up is not None:
+            self._pick_up.reset()
 
     def _restart(self) -> None:
         settle = SETTLE / (2.0 * math.pi * self.scene.bandwidth)
@@ -164,6 +169,10 @@ class Localizer:
             matched, *ready, self._gate, *self._onset_and_release(ready), self._rows,
         )  # fmt: skip
         kinds, ended = self._news(t)
+        if self._phase == HOLD and self._pick_up is not None and ready[0] and ready[1]:
+            mass = self._pick_up.step()
+            if mass is not None:
+                return self._weight(t, mass)
         if listed > -2:
             memory = self._work.memory
             force = float(np.linalg.norm(memory.base_wrench[:3]))
@@ -183,6 +192,15 @@ class Localizer:
         return self._composer.contacts(
             t, self._work.memory, self._rows[:listed], reason, self._number, _PHASES[self._phase], kinds
         )
+
+    def _weight(self, t: float, mass: float) -> Estimate:
+        """The contact was a weight, which is in the model now: the observers start anew."""
+        event = Event("weight", self._number, t, self.scene.robot.link_names[-1], mass)
+        settle = SETTLE / (2.0 * math.pi * self.scene.bandwidth)
+        self._feeds, self._pairs = tuple(Feed(settle) for _ in _SENSORS), (Feed(settle), Feed(settle))
+        forget(self._work.memory.track)
+        self._phase = NONE
+        return self._composer.quiet(t, "none", events=(event,))
 
     def _news(self, t: float) -> tuple[tuple[EventKind, ...], tuple[Event, ...]]:
         """What has happened to the contact with this sample: to one that is on, and to one that was."""

@@ -108,6 +108,9 @@ class Scene(BaseModel):
     bias_time: PositiveFloat | None = 10.0
     """Time over which a stream averages the sensors' biases while nothing touches [s]: they may wander that
     slowly. None: they are what the scene says for ever."""
+    picks_up: bool = False
+    """Whether the arm picks things up: a steady load that pulls along gravity at the flange is then a weight,
+    not a contact. Needs base sensor and joint torques."""
     false_alarms_per_hour: PositiveFloat = 0.01
     """How often noise alone may make a stream look like a contact [1/h]."""
     clear: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
@@ -152,6 +155,8 @@ class Scene(BaseModel):
                 raise ValueError(
                     f"joint_torque.fields: expected the {joints} fields that carry external_torque, got none"
                 )
+        if self.picks_up and (self.base_wrench is None or self.joint_torque is None or self.wrist_wrench):
+            raise ValueError("picks_up: expected base_wrench and joint_torque, and no wrist_wrench")
         if self.wrist_wrench is not None and self.tool is None:
             raise ValueError("wrist_wrench: expected a tool beyond the wrist sensor, got none")
         return self

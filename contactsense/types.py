@@ -8,7 +8,7 @@ import numpy as np
 Status = Literal["none", "contact", "ambiguous", "multiple", "degraded"]
 Phase = Literal["", "new", "hold", "slide"]
 """What a contact of a stream does: it has just begun, keeps its place, or moves; empty without a stream."""
-EventKind = Literal["onset", "hold", "slide", "release"]
+EventKind = Literal["onset", "hold", "slide", "release", "weight"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +67,16 @@ class Event:
     """Something happened to a contact with this sample."""
 
     kind: EventKind
-    """`onset`: it began; `hold`: it keeps its place; `slide`: it moves; `release`: it ended."""
+    """`onset`: it began; `hold`: it keeps its place; `slide`: it moves; `release`: it ended; `weight`: it was
+    none, but a weight that was picked up or put down."""
     contact: int
     """Its number, see `Contact.id`."""
     t: float
     """Time of the sample [s]."""
     link: str = ""
     """The most probable link, where there is one."""
+    mass: float = 0.0
+    """By how much the weight that the arm carries has changed [kg]."""
 
 
 @dataclass(frozen=True, slots=True)

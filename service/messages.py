@@ -104,11 +104,13 @@ class EventOut(BaseModel):
     """Something that happened to a contact with this sample."""
 
     kind: EventKind = Field(
-        description="onset: it began; hold: it keeps its place; slide: it moves; release: it ended."
+        description="onset: it began; hold: it keeps its place; slide: it moves; release: it ended; "
+        "weight: it was none, but a weight that was picked up or put down."
     )
     contact: int = Field(description="Number of the contact in its stream, see contacts.id.")
     t: float = Field(description="Time of the sample [s].")
     link: str = Field(description="The most probable link; empty where there is none.")
+    mass: float = Field(0.0, description="By how much the weight that the arm carries has changed [kg].")
 
 
 class EstimateOut(BaseModel):
@@ -276,7 +278,13 @@ def estimate_dict(estimate: Estimate) -> dict[str, Any]:
         "covariance": _finite(estimate.covariance),
         "reason": estimate.reason,
         "events": [
-            {"kind": event.kind, "contact": event.contact, "t": event.t, "link": event.link}
+            {
+                "kind": event.kind,
+                "contact": event.contact,
+                "t": event.t,
+                "link": event.link,
+                "mass": event.mass,
+            }
             for event in estimate.events
         ],
     }
