@@ -40,9 +40,9 @@ def _stream(
     for t in np.arange(0.0, seconds, DT):
         q, qd, qdd = POSTURE.copy(), np.zeros(6), np.zeros(6)
         if swing[0] <= t < swing[1]:
-            phase = t - swing[0]
-            q[0] += 0.4 * (1.0 - np.cos(phase))
-            qd[0], qdd[0] = 0.4 * np.sin(phase), 0.4 * np.cos(phase)
+            s, c = np.sin(t - swing[0]), np.cos(t - swing[0])
+            q[0] += 0.2 * (1.0 - c) ** 2
+            qd[0], qdd[0] = 0.4 * (1.0 - c) * s, 0.4 * (s * s + (1.0 - c) * c)
         model = heavy if carried[0] <= t < carried[1] else bare
         inverse_dynamics(model, q, qd, qdd, gravity, motion, torque, wrench)
         noisy = wrench + NOISE * chance.standard_normal(6)
