@@ -72,20 +72,25 @@ def _edges(
     least = _FAR
     x = y = z = nx = ny = 0.0
     limit = r * r * (fx * fx + fy * fy)
-    for sx in (-1.0, 1.0):
-        for sy in (-1.0, 1.0):
-            px, py = sx * bx, sy * by
-            about = mz - (px * fy - py * fx)
-            if about * about < limit:
-                lx, ly = mx - py * fz, my + px * fz
-                disc, a, b, u, v = directions(fx, fy, lx, ly, about, r, 0.0)
-                ex, ey = a - u, b - v
-                push = ex * fx + ey * fy
-                if disc > 0.0 and push < 0.0:
-                    at = (ex * ly - ey * lx + r * fz) / push
-                    outside = max(abs(at) - bz, -reach * min(sx * ex, sy * ey))
-                    if outside < least:
-                        least, x, y, z, nx, ny = outside, px, py, at, ex, ey
+    # First the edge that the force comes from.
+    likely = (1 if fx > 0.0 else 0) + (2 if fy > 0.0 else 0)
+    for turn in range(4):
+        k = likely ^ turn
+        sx, sy = 1.0 - 2.0 * (k & 1), 1.0 - (k & 2)
+        px, py = sx * bx, sy * by
+        about = mz - (px * fy - py * fx)
+        if about * about < limit:
+            lx, ly = mx - py * fz, my + px * fz
+            disc, a, b, u, v = directions(fx, fy, lx, ly, about, r, 0.0)
+            ex, ey = a - u, b - v
+            push = ex * fx + ey * fy
+            if disc > 0.0 and push < 0.0:
+                at = (ex * ly - ey * lx + r * fz) / push
+                outside = max(abs(at) - bz, -reach * min(sx * ex, sy * ey))
+                if outside < least:
+                    least, x, y, z, nx, ny = outside, px, py, at, ex, ey
+                    if least <= 0.0:
+                        break
     return least, x, y, z, nx, ny, 0.0
 
 
@@ -108,7 +113,9 @@ def _corners(
     x = y = z = nx = ny = nz = 0.0
     ux, uy, uz = r * fx, r * fy, r * fz
     uu = ux * ux + uy * uy + uz * uz
-    for k in range(8):
+    likely = (1 if fx > 0.0 else 0) + (2 if fy > 0.0 else 0) + (4 if fz > 0.0 else 0)
+    for turn in range(8):
+        k = likely ^ turn
         sx, sy, sz = 1.0 - 2.0 * (k & 1), 1.0 - (k & 2), 1.0 - 0.5 * (k & 4)
         px, py, pz = sx * bx, sy * by, sz * bz
         lx = mx - (py * fz - pz * fy)
@@ -149,7 +156,7 @@ def _on_box(
 
 
 @kernel
-def _box(
+def patch_of_box(
     fx: float,
     fy: float,
     fz: float,
@@ -160,7 +167,8 @@ def _box(
     by: float,
     bz: float,
     r: float,
-) -> Answer:
+) -> tuple[float, float, float, float, float, float, float, int]:
+    """The patch that a wrench enters: a `Place`, and how many of its principal curvatures are 1 / r."""
     reach = sqrt(bx * bx + by * by + bz * bz) + r
     best = _FAR
     px = py = pz = nx = ny = nz = 0.0
@@ -176,7 +184,7 @@ def _box(
         if d < best:
             best, px, py, pz, nx, ny, nz = d, x, y, z, ex, ey, ez
             if best <= 0.0:
-                return _on_box(fx, fy, fz, mx, my, mz, r, px, py, pz, nx, ny, nz, 0)
+                return best, px, py, pz, nx, ny, nz, bends
     if r > 0.0:
         for axis in range(3):
             if axis == 0:
@@ -189,11 +197,29 @@ def _box(
                 best, px, py, pz, nx, ny, nz = d, x, y, z, ex, ey, ez
                 bends = 1
                 if best <= 0.0:
-                    return _on_box(fx, fy, fz, mx, my, mz, r, px, py, pz, nx, ny, nz, 1)
+                    return best, px, py, pz, nx, ny, nz, bends
         d, x, y, z, ex, ey, ez = _corners(fx, fy, fz, mx, my, mz, bx, by, bz, r, reach)
         if d < best:
             best, px, py, pz, nx, ny, nz = d, x, y, z, ex, ey, ez
             bends = 2
+    return best, px, py, pz, nx, ny, nz, bends
+
+
+@kernel
+def _box(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    bx: float,
+    by: float,
+    bz: float,
+    r: float,
+) -> Answer:
+    reach = sqrt(bx * bx + by * by + bz * bz) + r
+    best, px, py, pz, nx, ny, nz, bends = patch_of_box(fx, fy, fz, mx, my, mz, bx, by, bz, r)
     if best <= _SEAM * reach:
         return _on_box(fx, fy, fz, mx, my, mz, r, px, py, pz, nx, ny, nz, bends)
     size = (bx, by, bz, r)

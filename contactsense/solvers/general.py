@@ -1,5 +1,5 @@
-"""Contacts on smooth convex bodies: a start in closed form, Newton's method, and what to say where there is
-no contact."""
+"""Contacts on smooth convex bodies: quick steps, a careful search for the few wrenches on which they fail, a
+sure one for the rest, and what to say where there is no contact."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -13,7 +13,6 @@ from contactsense.solvers.answer import (
     MISS,
     NOT_CONVERGED,
     OK,
-    PULLING,
     Answer,
     finish,
     nothing,
@@ -22,14 +21,15 @@ from contactsense.solvers.answer import (
     unit_exponents,
     unusable,
 )
-from contactsense.solvers.ellipsoid import solve_ellipsoid
+from contactsense.solvers.enclose import enclose
 from contactsense.solvers.implicit import evaluate
 from contactsense.solvers.level import Point, enter_level, entry, onto
-from contactsense.solvers.newton import follow, refine
+from contactsense.solvers.newton import refine
+from contactsense.solvers.osculating import approach, gauge_at
+from contactsense.solvers.start import first_of_any, straight
 from contactsense.solvers.typed import kernel
 
-_STARTS = 5
-_FAINT = 1e-100
+_FAINT, _HEAVY = 1e-100, 1e100
 _PURE = 1e-12
 """Torsion per force and moment below which a wrench that enters nowhere is a force that passes by."""
 
@@ -70,54 +70,24 @@ def solve_smooth_counted(
     extent: Point,
     gauge: bool,
 ) -> tuple[Answer, int]:
-    """`solve_smooth`, and the number of Newton steps that it took."""
+    """`solve_smooth`, and the number of steps of `approach`, `refine` and `enclose` together."""
     status = unusable(fx, fy, fz, mx, my, mz)
     if status != OK:
         return nothing(status), 0
-    ix, iy, iz = inner
     reach = max(extent[0], extent[1], extent[2])
-    lever = reach + sqrt(ix * ix + iy * iy + iz * iz)
+    lever = reach + sqrt(inner[0] * inner[0] + inner[1] * inner[1] + inner[2] * inner[2])
     large = max(abs(fx), abs(fy), abs(fz))
     e = g = 0
-    if not (_FAINT < large < 1.0 / _FAINT and max(abs(mx), abs(my), abs(mz)) < large * lever / _FAINT):
+    plain = _FAINT < large < _HEAVY and max(abs(mx), abs(my), abs(mz)) < _HEAVY * large * lever
+    if not plain:
         e, g, _ = unit_exponents(fx, fy, fz, mx, my, mz, lever)
         fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, 0)
-    # The ellipsoid of the same extent has its contact nearby, in closed form; nearer to the middle if the
-    # force's line there passes by.
-    _, sx, sy, sz, _, _, _, _, _, _ = solve_ellipsoid(
-        fx,
-        fy,
-        fz,
-        mx - (iy * fz - iz * fy),
-        my - (iz * fx - ix * fz),
-        mz - (ix * fy - iy * fx),
-        extent[0],
-        extent[1],
-        extent[2],
+    found, steps, x, y, z, nx, ny, nz, xi, trace, det = approach(
+        size, gauge, inner, extent, fx, fy, fz, mx, my, mz
     )
-    found, steps, x, y, z, nx, ny, nz, xi, trace, det = refine(
-        size, gauge, inner, reach, lever, fx, fy, fz, mx, my, mz, ix + sx, iy + sy, iz + sz
-    )
-    share = 1.0
-    for _ in range(_STARTS):
-        if found:
-            break
-        share *= 0.7
+    if not found:
         found, more, x, y, z, nx, ny, nz, xi, trace, det = refine(
-            size,
-            gauge,
-            inner,
-            reach,
-            lever,
-            fx,
-            fy,
-            fz,
-            mx,
-            my,
-            mz,
-            ix + share * sx,
-            iy + share * sy,
-            iz + share * sz,
+            size, gauge, inner, reach, lever, fx, fy, fz, mx, my, mz, x, y, z
         )
         steps += more
     if not found:
@@ -129,7 +99,7 @@ def solve_smooth_counted(
             if entered == MISS:
                 return rescaled(miss_at(size, inner, fx, fy, fz, mx, my, mz, x, y, z), e, g, 0), steps
         else:
-            more, x, y, z = follow(size, gauge, inner, reach, lever, fx, fy, fz, mx, my, mz)
+            more, x, y, z = enclose(size, inner, reach, fx, fy, fz, mx, my, mz)
             steps += more
         found, more, x, y, z, nx, ny, nz, xi, trace, det = refine(
             size, gauge, inner, reach, lever, fx, fy, fz, mx, my, mz, x, y, z
@@ -137,7 +107,7 @@ def solve_smooth_counted(
         steps += more
     status = OK if found else NOT_CONVERGED
     answer = finish(status, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, xi, trace, det)
-    return rescaled(answer, e, g, 0), steps
+    return (answer if plain else rescaled(answer, e, g, 0)), steps
 
 
 @kernel
@@ -200,38 +170,21 @@ def wrench_axis_smooth(
     return rescaled(answer, e, g, 0)
 
 
-@kernel
-def solve_paraboloid(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    size: Any,
-    inner: Point,
-    extent: Point,
-    gauge: bool,
-) -> Answer:
-    """`solve_smooth` for the paraboloid, which is open below: no force from there enters."""
-    if fz > 0.0:
-        return nothing(PULLING)
-    return solve_smooth(fx, fy, fz, mx, my, mz, size, inner, extent, gauge)
-
-
 @lru_cache(maxsize=64)
 def solvers_for(function: Callable[..., Any]) -> tuple[Callable[..., Answer], Callable[..., Answer]]:
     """`solve_smooth` and `wrench_axis_smooth` for a compiled function of one's own in place of `evaluate`.
 
     Numba's cache cannot keep them, so they are compiled once in each process.
     """
-    own: dict[str, Any] = {"evaluate": function}
+    own: dict[str, Any] = {"evaluate": function, "first": first_of_any, "bend": straight}
     for part in (
         entry,
         onto,
         enter_level,
         refine,
-        follow,
+        enclose,
+        gauge_at,
+        approach,
         miss_at,
         solve_smooth_counted,
         solve_smooth,

@@ -18,7 +18,7 @@ Level = tuple[float, float, float, float, float, float, float, float, float, flo
 
 
 @kernel
-def _power(x: float, exponent: float) -> float:
+def power(x: float, exponent: float) -> float:
     """x^exponent for x >= 0, quick for the exponents that superquadrics usually have."""
     if exponent == 2.0:
         return x * x
@@ -27,11 +27,14 @@ def _power(x: float, exponent: float) -> float:
     if exponent == 4.0:
         square = x * x
         return square * square
+    if exponent == 6.0:
+        square = x * x
+        return square * square * square
     return float(x**exponent)
 
 
 @kernel
-def _root(x: float, exponent: float) -> float:
+def root(x: float, exponent: float) -> float:
     """x^(1 / exponent) for x >= 0."""
     if exponent == 2.0:
         return sqrt(x)
@@ -41,10 +44,40 @@ def _root(x: float, exponent: float) -> float:
 
 
 @kernel
+def _even(a: float, b: float, c: float, p: float, x: float, y: float, z: float) -> Level:
+    # Gauge N = (|a x|^p + |b y|^p + |c z|^p)^(1/p).
+    ax, by, cz = a * x, b * y, c * z
+    u, v, w = power(abs(ax), p - 2.0), power(abs(by), p - 2.0), power(abs(cz), p - 2.0)
+    gx, gy, gz = u * ax, v * by, w * cz
+    total = gx * ax + gy * by + gz * cz
+    if total == 0.0:
+        return -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    gauge = root(total, p)
+    i = 1.0 / total
+    drop = gauge * i
+    back = (1.0 - p) * drop * i
+    turn = (p - 1.0) * drop
+    gx, gy, gz = a * gx, b * gy, c * gz
+    kx, ky, kz = back * gx, back * gy, back * gz
+    return (
+        gauge - 1.0,
+        drop * gx,
+        drop * gy,
+        drop * gz,
+        turn * u * (a * a) + kx * gx,
+        turn * v * (b * b) + ky * gy,
+        turn * w * (c * c) + kz * gz,
+        kx * gy,
+        kx * gz,
+        ky * gz,
+    )
+
+
+@kernel
 def _superquadric(a: float, b: float, c: float, p: float, q: float, x: float, y: float, z: float) -> Level:
     # Gauge N = ((|a x|^p + |b y|^p)^(q/p) + |c z|^q)^(1/q), with a, b, c one over the semi-axes.
     u, v, w = abs(a * x), abs(b * y), abs(c * z)
-    up, vp, wq = _power(u, p - 2.0), _power(v, p - 2.0), _power(w, q - 2.0)
+    up, vp, wq = power(u, p - 2.0), power(v, p - 2.0), power(w, q - 2.0)
     du, dv, dw = up * u, vp * v, wq * w
     flat = du * u + dv * v
     curl = 0.0
@@ -55,7 +88,7 @@ def _superquadric(a: float, b: float, c: float, p: float, q: float, x: float, y:
     total = flat + dw * w
     if total == 0.0:
         return -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    gauge = _root(total, q)
+    gauge = root(total, q)
     # With G = N^q: G_u = q u^(p-1) (...)^(q/p-1), and N_u = N^(1-q) G_u / q.
     drop = gauge / total
     gu, gv, gw = drop * du, drop * dv, drop * dw
@@ -93,9 +126,11 @@ def evaluate(size: Size, x: float, y: float, z: float) -> Level:
     """
     kind = size[0]
     if kind == SUPERQUADRIC:
+        if size[4] == size[5]:
+            return _even(size[1], size[2], size[3], size[4], x, y, z)
         return _superquadric(size[1], size[2], size[3], size[4], size[5], x, y, z)
     if kind == ELLIPSOID:
-        return _superquadric(size[1], size[2], size[3], 2.0, 2.0, x, y, z)
+        return _even(size[1], size[2], size[3], 2.0, x, y, z)
     k1, k2 = size[1], size[2]
     value = z + 0.5 * (k1 * x * x + k2 * y * y)
     return value, k1 * x, k2 * y, 1.0, k1, k2, 0.0, 0.0, 0.0, 0.0

@@ -3,8 +3,7 @@
 At a point c of the surface, with the moment r = m - c x f about it, the tangential part F = T^T r must
 vanish. A step T v changes it by M v, M = fn J - xi W, whose determinant fn^2 + xi^2 det W is positive
 wherever the force pushes: flat or curved, with or without torsion. So a line search on |F| cannot stop in a
-false minimum, and what few wrenches lead it to the rim of the pushed side are followed from a wrench with a
-known contact.
+false minimum. It may end at the rim of the pushed side, or creep where M is nearly singular.
 """
 
 from math import sqrt
@@ -18,8 +17,6 @@ _HALVINGS = 12
 _FIRST_HALVINGS = 5
 _WELL = 0.5
 """Cosine between force and inward normal from which on the slopes are the better unknowns."""
-
-_LEGS = 300
 
 
 @kernel
@@ -191,45 +188,3 @@ def refine(
     if push * push > 1e-3 * force * force:
         xi = (fx * mx + fy * my + fz * mz) / push
     return found, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, waa * wbb - wab * wab
-
-
-@kernel
-def follow(
-    size: Any,
-    gauge: bool,
-    inner: Point,
-    reach: float,
-    lever: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-) -> tuple[int, float, float, float]:
-    """Follow the contact from that of the force through the inner point, as the moment grows to what it is.
-
-    All wrenches on the way have a contact, and M is regular at each, so small enough legs arrive.
-
-    Returns:
-        Number of steps, and a start for `refine`.
-    """
-    ox, oy, oz = inner[1] * fz - inner[2] * fy, inner[2] * fx - inner[0] * fz, inner[0] * fy - inner[1] * fx
-    x, y, z = inner
-    done, leg, steps = 0.0, 0.25, 0
-    for _ in range(_LEGS):
-        to = min(done + leg, 1.0)
-        lx, ly, lz = (1.0 - to) * ox + to * mx, (1.0 - to) * oy + to * my, (1.0 - to) * oz + to * mz
-        found, used, px, py, pz, _, _, _, _, _, _ = refine(
-            size, gauge, inner, reach, lever, fx, fy, fz, lx, ly, lz, x, y, z
-        )
-        steps += used
-        if found:
-            x, y, z, done, leg = px, py, pz, to, 2.0 * leg
-            if done >= 1.0:
-                break
-        else:
-            leg *= 0.25
-            if leg < 1e-9:
-                break
-    return steps, x, y, z

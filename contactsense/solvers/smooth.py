@@ -1,4 +1,4 @@
-"""Smooth convex bodies without a closed form, in plain words, for Newton's method."""
+"""Smooth convex bodies other than the ellipsoid, in plain words: most for Newton's method."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from contactsense.solvers import general, implicit
+from contactsense.solvers import general, implicit, paraboloid
 from contactsense.solvers.surface import Problem, level_shape, positive
 
 
@@ -58,29 +58,29 @@ class Paraboloid:
     k2: float
     """Curvature along y at the top [1/m]."""
     depth: float
-    """Depth below the top to which it is touched, about [m]."""
+    """Depth below the top to which it is touched, about [m]; only Newton's method asks."""
 
     def __post_init__(self) -> None:
         positive(self, k1=self.k1, k2=self.k2, depth=self.depth)
 
     def problem(self) -> Problem:
-        """Newton's method."""
+        """Closed form."""
+        return paraboloid.solve_paraboloid, (float(self.k1), float(self.k2))
+
+    def newton_problem(self) -> Problem:
+        """As any smooth convex body."""
         size = (implicit.PARABOLOID, float(self.k1), float(self.k2), 0.0, 0.0, 0.0)
         half = 0.5 * float(self.depth)
         extent = (float(np.sqrt(self.depth / self.k1)), float(np.sqrt(self.depth / self.k2)), half)
-        return general.solve_paraboloid, (size, (0.0, 0.0, -half), extent, False)
-
-    def newton_problem(self) -> Problem:
-        """The same: there is no closed form."""
-        return self.problem()
+        return general.solve_smooth, (size, (0.0, 0.0, -half), extent, False)
 
     def line_problem(self) -> Problem:
         """Its wrench axis."""
-        return general.wrench_axis_smooth, self.problem()[1]
+        return paraboloid.wrench_axis_paraboloid, self.problem()[1]
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
-        return level_shape(implicit.evaluate(self.problem()[1][0], *point), normal)
+        return level_shape(implicit.evaluate(self.newton_problem()[1][0], *point), normal)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from contactsense.solvers import (
     Cone,
     Cylinder,
     Ellipsoid,
+    Paraboloid,
     Plane,
     Revolved,
     Solutions,
@@ -67,6 +68,11 @@ def points_on(surface: Surface, rng: np.random.Generator, count: int) -> tuple[n
         c = rng.normal(size=(count, 3))
         c[:, 2] = surface.offset
         return c, np.tile((0.0, 0.0, 1.0), (count, 1))
+    if isinstance(surface, Paraboloid):
+        x, y = rng.uniform(-1.0, 1.0, size=(2, count)) * np.sqrt(2.0 * surface.depth / surface.k1)
+        z = -0.5 * (surface.k1 * x**2 + surface.k2 * y**2)
+        n = unit(np.column_stack((surface.k1 * x, surface.k2 * y, np.ones(count))))
+        return np.column_stack((x, y, z)), n
     angle = rng.uniform(0.0, 2.0 * np.pi, count)
     e = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(count)))
     # No further than the cone's apex.
@@ -94,6 +100,9 @@ def reference_of(surface: Surface, number: Callable[[float], Any]) -> Reference 
     if isinstance(surface, Cone):
         radius, taper = number(surface.radius), number(surface.taper)
         return lambda f, m: formulas.cone(f, m, radius, taper)
+    if isinstance(surface, Paraboloid):
+        k1, k2 = number(surface.k1), number(surface.k2)
+        return lambda f, m: formulas.paraboloid(f, m, k1, k2)
     if isinstance(surface, Plane):
         normal = np.array([[number(float(x))] for x in unit(np.array(surface.normal))])
         offset = number(surface.offset)
@@ -122,6 +131,7 @@ SURFACES: dict[str, Surface] = {
     "cylinder": Cylinder(0.05),
     "plane": Plane((0.0, 0.0, 1.0), 0.1),
     "cone": Cone(0.1, 0.2),
+    "paraboloid": Paraboloid(20.0, 10.0, 0.1),
     "capsule": Revolved(0.2, 0.0, 0.0, 0.06),
     "rounded cylinder": Revolved(0.1, 0.05, 0.05, 0.01),
     "rounded cone": Revolved(0.1, 0.05, 0.03, 0.01),

@@ -13,6 +13,7 @@ from contactsense.solvers import (
     Cone,
     Cylinder,
     Ellipsoid,
+    Paraboloid,
     Placed,
     Plane,
     Polytope,
@@ -113,6 +114,12 @@ def _torsion() -> Iterator[Case]:
                 yield _contact(
                     "torsion", f"{type(body).__name__} oblique {xi:g}", body, c, n, (-3.0, 4.0, -5.0), xi
                 )
+    for xi in sizes:
+        dish = Paraboloid(4.0, 16.0, 1.0)
+        yield Case("torsion", f"Paraboloid {xi:g}", dish, (0.0, 0.0, -8.0), (0.25, 0.0, -xi / 8.0))
+        if 1e-8 <= xi <= 1e8:
+            c, n = (0.5, -0.25, -1.0), (2.0 / 21.0**0.5, -4.0 / 21.0**0.5, 1.0 / 21.0**0.5)
+            yield _contact("torsion", f"Paraboloid oblique {xi:g}", dish, c, n, (-3.0, 4.0, 5.0), xi)
 
 
 def _grazing() -> Iterator[Case]:
@@ -134,6 +141,10 @@ def _grazing() -> Iterator[Case]:
             pipe = Cylinder(0.05)
             yield _contact(
                 "grazing", f"cylinder {label}", pipe, (0.05, 0.0, 0.1), (1.0, 0.0, 0.0), sideways, xi
+            )
+            dish = Placed(Paraboloid(4.0, 16.0, 1.0), np.array((0.0, 0.0, 0.25)), np.eye(3))
+            yield _contact(
+                "grazing", f"paraboloid {label}", dish, (0.0, 0.0, 0.25), (0.0, 0.0, 1.0), force, xi
             )
 
 

@@ -61,6 +61,27 @@ def plane(f: Vectors, m: Vectors, n: Vectors, offset: Any) -> Vectors:
     return (cross(n, m) + offset * f) / dot(n, f)
 
 
+def paraboloid(f: Vectors, m: Vectors, k1: Any, k2: Any) -> Vectors:
+    """Contact centroids on z = -(k1 x^2 + k2 y^2) / 2; wrenches that miss or touch are not for it."""
+    r1, r2 = np.sqrt(k1), np.sqrt(k2)
+    u = np.stack((r1 * f[0], r2 * f[1], f[2]))
+    v = np.stack((r2 * m[0], r1 * m[1], r1 * r2 * m[2]))
+    tau = dot(u, v)
+    real = u[2] * u[2] - v[2] * v[2] - 2 * (u[0] * v[1] - u[1] * v[0])
+    large = np.sqrt((np.sqrt(real * real + 4 * tau * tau) + abs(real)) / 2)
+    small = abs(tau) / large
+    length = np.where(real > 0, large, small)
+    k = np.where(real > 0, small, large)
+    k = np.where(tau > 0, -k, k)
+    # Twice the complex numbers i V / (L + W), or (L - W) / conj(A).
+    add = k * v[2] >= length * u[2]
+    re, im = np.where(add, u[2] - length, -length - u[2]), np.where(add, k + v[2], k - v[2])
+    scale = 1 / np.where(add, (re * re + im * im) / 2, u[0] * u[0] + u[1] * u[1])
+    x = scale * np.where(add, v[0] * im - v[1] * re, re * u[0] - im * u[1])
+    y = scale * np.where(add, v[0] * re + v[1] * im, re * u[1] + im * u[0])
+    return np.stack((x / r1, y / r2, -(x * x + y * y) / 2))
+
+
 def printed_ellipsoid(f: Vectors, m: Vectors, a: float, b: float, c: float) -> Vectors:
     """The paper's (16) into its (14), with the wrench axis where f.m is zero."""
     A = np.array(((1.0 / a,), (1.0 / b,), (1.0 / c,)))

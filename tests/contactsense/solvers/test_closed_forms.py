@@ -9,6 +9,7 @@ from contactsense.solvers import (
     Cone,
     Cylinder,
     Ellipsoid,
+    Paraboloid,
     Placed,
     Plane,
     Revolved,
@@ -44,6 +45,8 @@ SURFACES = [
     Revolved(0.0, 0.05, 0.05, 0.02),
     Revolved(0.1, 0.05, 0.0, 1e-4),
     Revolved(0.1, 0.0, 0.0, 0.05),
+    Paraboloid(20.0, 10.0, 0.1),
+    Paraboloid(1e4, 1e-3, 0.1),
 ]
 
 
@@ -137,6 +140,19 @@ def test_a_pure_force_that_passes_by_misses(surface: Surface, method: str) -> No
     assert found.residual > 0.1
 
 
+def test_a_pure_force_above_a_paraboloid_misses() -> None:
+    dish = Paraboloid(4.0, 16.0, 1.0)
+    # Along (1, 0, 1): it is parallel to the surface at x = -0.25, and passes 0.25 above it there.
+    force = np.array((3.0, 0.0, 3.0))
+    for method in ("exact", "wrench_axis"):
+        found = solve(dish, force, np.cross((-0.25, 0.125, 0.0), force), method)  # type: ignore[arg-type]
+        assert found.status == Status.MISS
+        np.testing.assert_allclose(found.centroid, (-0.25, 0.125, -0.25), atol=1e-15)
+    touching = solve(dish, force, np.cross((-0.25, 0.0, -0.125), force))
+    assert touching.status == Status.TANGENT
+    np.testing.assert_allclose(touching.centroid, (-0.25, 0.0, -0.125), atol=1e-15)
+
+
 def test_a_tangent_line_is_degenerate() -> None:
     for surface in (Sphere(0.5), Ellipsoid(0.5, 0.25, 2.0), Cylinder(0.5)):
         found = solve(surface, (0.0, 2.0, 0.0), (0.0, 0.0, 1.0))
@@ -151,6 +167,9 @@ def test_pulling_and_parallel() -> None:
     pulled = solve(floor, (0.0, 0.0, 1.0), (0.2, 0.0, 0.0))
     assert pulled.status == Status.PULLING
     np.testing.assert_allclose(pulled.centroid, (0.0, 0.2, 0.1), atol=1e-15)
+    dish = solve(Paraboloid(2.0, 8.0, 1.0), (0.0, 0.0, 1.0), np.cross((0.5, 0.25, 0.0), (0.0, 0.0, 1.0)))
+    assert dish.status == Status.PULLING
+    np.testing.assert_allclose(dish.centroid, (0.5, 0.25, -0.5), atol=1e-15)
     assert solve(floor, (1.0, 0.0, 0.0), (0.2, 0.0, 0.0)).status == Status.PARALLEL
     assert solve(Cylinder(0.1), (0.0, 0.0, 1.0), (0.2, 0.0, 0.0)).status == Status.PARALLEL
 

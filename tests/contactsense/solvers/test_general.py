@@ -69,16 +69,14 @@ def test_recovers_contacts(name: str, torsion: float) -> None:
     assert found.residual.max() < 1e-12
 
 
-@pytest.mark.parametrize("torsion", [0.0, 0.3])
-def test_recovers_contacts_on_a_paraboloid(torsion: float) -> None:
+def test_newton_finds_on_a_paraboloid_what_the_closed_form_does() -> None:
     surface = Paraboloid(20.0, 10.0, 0.1)
-    contacts = draw(surface, np.random.default_rng(4), 2000, torsion)
-    found = solve_batch(surface, contacts.force, contacts.moment)
-    upward = contacts.force[:, 2] > 0.0
-    assert np.all(found.status[upward] == Status.PULLING)
-    assert np.all(found.ok[~upward])
-    error = np.linalg.norm(found.centroid - contacts.centroid, axis=1)[~upward] / 0.1
-    assert np.all(error <= 16 * np.finfo(float).eps * contacts.relative_condition(found.condition)[~upward])
+    contacts = draw(surface, np.random.default_rng(4), 2000, 0.3)
+    expected = solve_batch(surface, contacts.force, contacts.moment)
+    found = solve_batch(surface, contacts.force, contacts.moment, "newton")
+    assert np.all(found.ok)
+    error = np.linalg.norm(found.centroid - expected.centroid, axis=1)
+    assert np.all(error <= 1e-14 * contacts.relative_condition(found.condition))
 
 
 @pytest.mark.parametrize("torsion", [0.0, 0.3])
@@ -120,7 +118,8 @@ def test_newton_and_closed_form_agree_on_an_ellipsoid() -> None:
         steps.append(count)
         assert answer[0] == Status.OK
         assert np.abs(answer[1:4] - expected.centroid[i]).max() < 1e-14 * (10.0 + expected.condition[i])
-    assert np.median(steps) <= 6
+    # One step, and sometimes one more for rounding.
+    assert np.max(steps) <= 2
 
 
 def test_evaluate_gives_the_derivatives_of_its_value() -> None:

@@ -59,22 +59,19 @@ def test_seams_have_one_answer_a_million_times() -> None:
         assert row.residual < 1e-12
 
 
-def test_newton_is_quick_where_contacts_are() -> None:
+def test_newton_is_quick() -> None:
     for row in iterations.rows(2_000, lambda name: None):
         assert row.failures == 0
         assert row.residual < 1e-12
-        if "friction" in row.wrenches:
-            assert row.p99 <= 8
+        assert row.p99 <= 8 or row.surface in iterations.HARDEST
 
 
 @pytest.mark.slow
 def test_newton_a_hundred_thousand_times() -> None:
     for row in iterations.rows(100_000, lambda name: None):
+        assert row.failures == 0
         assert row.residual < 1e-12
-        if "friction" in row.wrenches or "exponent 8" not in row.surface:
-            assert row.failures == 0
-        if "friction" in row.wrenches:
-            assert row.p99 <= 8
+        assert row.p99 <= 8 or row.surface in iterations.HARDEST
 
 
 def test_tables_go_into_a_page() -> None:

@@ -1,0 +1,130 @@
+"""The three stages of Newton's method on smooth bodies, each by itself: quick, careful, sure."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactsense.solvers import Status, Superquadric, solve_batch
+from contactsense.solvers.enclose import enclose
+from contactsense.solvers.general import solve_smooth_counted
+from contactsense.solvers.implicit import evaluate
+from contactsense.solvers.newton import refine
+from contactsense.solvers.osculating import approach, gauge_at, osculate
+from tests.contactsense.solvers.contacts import Contacts, draw
+
+SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def _parts(surface: Superquadric) -> tuple[Any, ...]:
+    found: tuple[Any, ...] = surface.newton_problem()[1]
+    return found
+
+
+def test_the_osculating_ellipsoid_of_an_ellipsoid_has_its_contact() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        spread = rng.normal(size=(3, 3))
+        Q = spread @ spread.T + 0.1 * np.eye(3)
+        x = rng.normal(size=3)
+        x /= np.sqrt(x @ Q @ x)
+        u = rng.normal(size=3)
+        u *= -np.sign(u @ Q @ x)
+        v = rng.normal() * (Q @ x) + np.cross(x, u)
+        there, *found = osculate(*(Q[i] for i in SIX), *u, *v)
+        assert there
+        np.testing.assert_allclose(found, x, atol=1e-9)
+    # No torsion, and the line passes by.
+    assert not osculate(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 2.0, 0.0)[0]
+
+
+@pytest.mark.parametrize("gauge", [True, False])
+def test_the_form_of_a_gauge_is_the_hessian_of_half_its_square(gauge: bool) -> None:
+    """Both ways of finding it: from a gauge, and from a level set that is not one."""
+    inner, extent = (0.0, 0.0, 0.0), (0.5, 0.7, 1.0)
+    size = Superquadric(*extent, 3.0, 4.0).problem()[1][0]
+    rng = np.random.default_rng(2)
+    for x in rng.normal(size=(20, 3)):
+        # Without `gauge` the same function, about: one step of second order along the ray.
+        near = x / (1.0 + evaluate(size, *(x * extent))[0])
+        there, px, py, pz, gx, gy, gz, *rest = gauge_at(size, gauge, inner, extent, *near)
+        assert there
+        np.testing.assert_allclose((px, py, pz), near, atol=1e-14)
+
+        def half(y: np.ndarray) -> float:
+            return 0.5 * (1.0 + evaluate(size, *(y * extent))[0]) ** 2
+
+        step = 1e-4 * np.eye(3)
+        slopes = [(half(near + e) - half(near - e)) / 2e-4 for e in step]
+        np.testing.assert_allclose((gx, gy, gz), slopes, atol=1e-6)
+        bends = [
+            (
+                half(near + step[i] + step[j])
+                - half(near + step[i] - step[j])
+                - half(near - step[i] + step[j])
+                + half(near - step[i] - step[j])
+            )
+            / 4e-8
+            for i, j in SIX
+        ]
+        np.testing.assert_allclose(rest[:6], bends, atol=1e-5 * (1.0 + np.abs(bends).max()))
+
+
+def _errors(surface: Superquadric, contacts: Contacts, found: np.ndarray) -> np.ndarray:
+    condition = solve_batch(surface, contacts.force, contacts.moment).condition
+    error = np.linalg.norm(found - contacts.centroid, axis=1) / np.linalg.norm(contacts.centroid, axis=1)
+    return np.asarray(error / contacts.relative_condition(condition))
+
+
+@pytest.mark.parametrize("exponents", [(2.5, 3.0), (8.0, 8.0), (30.0, 30.0)])
+def test_cuts_enclose_every_contact(exponents: tuple[float, float]) -> None:
+    """Without a start and whatever the curvature."""
+    surface = Superquadric(0.05, 0.07, 0.1, *exponents)
+    size, inner, extent, _ = _parts(surface)
+    contacts = draw(surface, np.random.default_rng(3), 100, 0.5)
+    found = []
+    for force, moment in zip(contacts.force, contacts.moment, strict=True):
+        cuts, *place = enclose(size, inner, max(extent), *force, *moment)
+        assert 0 < cuts <= 300
+        found.append(place)
+    assert _errors(surface, contacts, np.array(found)).max() < 1e-9
+
+
+def test_the_careful_search_needs_no_good_start() -> None:
+    surface = Superquadric(0.05, 0.07, 0.1)
+    size, inner, extent, gauge = _parts(surface)
+    contacts = draw(surface, np.random.default_rng(4), 300, 0.05)
+    found, rows = [], []
+    for row, (force, moment) in enumerate(zip(contacts.force, contacts.moment, strict=True)):
+        answer = refine(size, gauge, inner, max(extent), max(extent), *force, *moment, *inner)
+        if answer[0]:
+            found.append(answer[2:5])
+            rows.append(row)
+    assert len(rows) > 250
+    some = Contacts(
+        *(values[rows] for values in (contacts.centroid, contacts.normal, contacts.force)),
+        contacts.moment[rows],
+        contacts.torsion[rows],
+    )
+    assert _errors(surface, some, np.array(found)).max() < 1e-14
+
+
+def test_what_the_quick_steps_leave_the_others_find() -> None:
+    """Forces along the edges of a body that is nearly a box, with much torsion: some defeat the quick
+    steps."""
+    surface = Superquadric(0.05, 0.07, 0.1, 16.0, 16.0)
+    size, inner, extent, gauge = _parts(surface)
+    contacts = draw(surface, np.random.default_rng(5), 20_000, 1.0)
+    found = solve_batch(surface, contacts.force, contacts.moment)
+    assert np.all(found.ok)
+    assert found.residual.max() < 1e-12
+    left = sure = 0
+    for force, moment in zip(contacts.force, contacts.moment, strict=True):
+        if approach(size, gauge, inner, extent, *force, *moment)[0]:
+            continue
+        left += 1
+        answer, steps = solve_smooth_counted(*force, *moment, size, inner, extent, gauge)
+        assert answer[0] == Status.OK
+        sure += steps > 100
+    assert left > 50
+    assert sure > 0
