@@ -21,6 +21,7 @@ from contactsense.calibration.linearize import settled
 from contactsense.calibration.parameters import Group
 from contactsense.calibration.plant import Plant
 from contactsense.calibration.residuals import residuals
+from contactsense.fit import TORQUE
 from service.sensors.mapping import torque_constants
 
 IDENTIFICATION = (
@@ -62,15 +63,21 @@ def measure(folder: Path) -> dict[str, Any]:
         stretch, theirs = file(name)
         start = settled(stretch, scene.bandwidth)
         free[name] = _level(residuals(plant, stretch, scene.bandwidth)[start:, :6])
-        free[name]["energy"] = float(_energy(found.scene, stretch)[start:].max())
+        energy, onsets = _follow(found.scene, stretch)
+        free[name] |= {"energy": float(energy[start:].max()), "alarms": len(onsets)}
         if name.startswith("collision"):
             free[f"{name} (authors)"] = _level(theirs[start:])
     threshold = max(level["energy"] for level in free.values() if "energy" in level)
     touched = {}
     for name in TOUCHED:
         stretch, _ = file(name)
-        touched[name] = _touches(stretch.t - stretch.t[0], _energy(found.scene, stretch), threshold)
-    return {"free": free, "threshold": threshold, "touches": touched, "warnings": list(found.warnings)}
+        energy, onsets = _follow(found.scene, stretch)
+        t = stretch.t - stretch.t[0]
+        touched[name] = {
+            "touches": _touches(t, energy, threshold),
+            "onsets": [float(x - stretch.t[0]) for x in onsets],
+        }
+    return {"free": free, "threshold": threshold, "touched": touched, "warnings": list(found.warnings)}
 
 
 def _level(values: np.ndarray) -> dict[str, Any]:
@@ -80,16 +87,18 @@ def _level(values: np.ndarray) -> dict[str, Any]:
     }
 
 
-def _energy(scene: Scene, stretch: Stretch) -> np.ndarray:
-    """Energy of "nothing touches" at every sample: half the squared residuals in units of their variance."""
+def _follow(scene: Scene, stretch: Stretch) -> tuple[np.ndarray, list[float]]:
+    """A live stream over a recording: at every sample the energy of "nothing touches", half the squared
+    residuals in units of their variance, and the times at which a contact began at the scene's rate of false
+    alarms [s]."""
     assert stretch.torque is not None
-    localizer, energy = Localizer(scene), np.zeros(len(stretch.t))
+    localizer, energy, onsets = Localizer(scene), np.zeros(len(stretch.t)), []
+    joints = stretch.q.shape[1]
     for i, t in enumerate(stretch.t):
-        localizer.step(Sample(float(t), stretch.q[i], stretch.qd[i], stretch.torque[i]))
-        memory = localizer._work.memory
-        if np.all(memory.torque_variance > 0.0):
-            energy[i] = 0.5 * np.sum(memory.torque**2 / memory.torque_variance)
-    return energy
+        estimate = localizer.step(Sample(float(t), stretch.q[i], stretch.qd[i], stretch.torque[i]))
+        energy[i] = 0.5 * joints * localizer._work.memory.fit[TORQUE]
+        onsets += [event.t for event in estimate.events if event.kind == "onset"]
+    return energy, onsets
 
 
 def _touches(t: np.ndarray, energy: np.ndarray, threshold: float) -> list[dict[str, float]]:
@@ -117,15 +126,18 @@ def recordings(folder: Path, as_json: bool) -> None:
         click.echo(json.dumps(result, indent=1))
         return
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("free motion [Nm]", *(f"joint {j}" for j in range(1, 7)), "highest energy"):
+    for heading in ("free motion [Nm]", *(f"joint {j}" for j in range(1, 7)), "highest energy", "alarms"):
         table.add_column(heading, justify="left" if heading.startswith("free") else "right")
     for name, level in result["free"].items():
         pairs = [f"{a:.2f} / {b:.2f}" for a, b in zip(level["rms"], level["q999"], strict=True)]
-        table.add_row(name, *pairs, f"{level['energy']:.1f}" if "energy" in level else "")
+        told = (f"{level['energy']:.1f}", str(level["alarms"])) if "energy" in level else ("", "")
+        table.add_row(name, *pairs, *told)
     console = Console(width=150)
     console.print("RMS / 99.9 % of each joint's residual")
     console.print(table)
-    for name, touches in result["touches"].items():
+    for name, found in result["touched"].items():
+        touches, onsets = found["touches"], found["onsets"]
         console.print(f"{name}: {len(touches)} touches above {result['threshold']:.1f}")
+        console.print(f"  the stream itself says {len(onsets)}: {', '.join(f'{t:.2f}' for t in onsets)} s")
         for touch in touches:
             console.print(f"  {touch['start']:6.2f} to {touch['stop']:6.2f} s, energy {touch['energy']:.0f}")
