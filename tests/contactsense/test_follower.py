@@ -124,15 +124,15 @@ def test_a_step_of_the_follower_leaves_no_jump() -> None:
     """Observers go on as if the model had always been the corrected one: the residual does not jump."""
     localizer = Localizer(_scene(heavier(ARM, 0.02), inertia_error=0.02))
     memory = localizer._work.memory
-    mass, moment = [], []
+    mass, left = [], []
     for sample in _free(4.0, 0.6, 0.002, noise=0.0):
         localizer.step(sample)
         mass.append(memory.model.mass.copy())
-        moment.append(memory.base_wrench.copy())
+        left.append(np.concatenate((memory.base_wrench, memory.torque, memory.match.residual)))
     stepped = np.any(np.diff(mass, axis=0) != 0.0, axis=1)
     assert 50 < stepped.sum() < len(mass) / 10
     # The sample of the step itself still shows the old residual; from the next on nothing may ring.
-    change = np.abs(np.diff(moment, axis=0))[1:]
+    change = np.abs(np.diff(left, axis=0))[1:]
     after = change[1:][stepped[:-2]][5:]
     assert after.max() < 0.02
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from contactsense.ldl import solve
+from contactsense.ldl import invert, solve
 
 
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
@@ -28,3 +28,12 @@ def test_a_matrix_that_is_not_positive_says_so(bad: float) -> None:
     H = np.eye(6)
     H[3, 3] = bad
     assert solve(H, np.ones(6))[0] == math.inf
+
+
+def test_a_covariance_is_inverted() -> None:
+    chance = np.random.default_rng(1)
+    out = np.empty((6, 6))
+    for scale in (1.0, 1e-3):
+        root = chance.standard_normal((6, 6)) * np.repeat([1.0, scale], 3)[:, None]
+        invert(root @ root.T, out)
+        np.testing.assert_allclose(out @ (root @ root.T), np.eye(6), atol=1e-6)
