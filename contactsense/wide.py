@@ -4,7 +4,7 @@ from them (see `contactsense.survey`)."""
 import math
 
 from contactsense.aim import moment_variance
-from contactsense.candidates import MOST, store
+from contactsense.candidates import MOST, store, turn
 from contactsense.cover import clearance, exposed
 from contactsense.energy import lean_in
 from contactsense.refine import CUT, refine
@@ -12,6 +12,7 @@ from contactsense.survey import weigh
 from contactsense.view import view
 from robots.compiled import fused_kernel
 from robots.surface import project
+from robots.union import nearest
 
 REACH = 0.04
 """Cells nearer than this to an explanation's place are part of it, however sharp it is [m]."""
@@ -245,19 +246,55 @@ def _explain(  # type: ignore[no-untyped-def]
     reach = max(REACH, SIGMAS * math.sqrt(sharp)) if exact else REACH
     own = hypotheses.energy[link]
     narrow = exact and sharp < places.spread[s] ** 2
-    total, C = _gather(surfaces, places, cells, link, s, kx, ky, kz, reach)
+    total, mean, C = _gather(surfaces, places, cells, link, s, kx, ky, kz, reach)
     if narrow:
         found.score[row] = result[1] - own
         return
     found.score[row] = total
+    shift = _to_mean(surfaces, found, row, link, R, o, kx + mean[0], ky + mean[1], kz + mean[2])
+    dx, dy, dz = shift[0] - kx, shift[1] - ky, shift[2] - kz
+    # Second moments about the new place.
+    C = (
+        C[0] - 2.0 * mean[0] * dx + dx * dx,
+        C[1] - mean[0] * dy - mean[1] * dx + dx * dy,
+        C[2] - mean[0] * dz - mean[2] * dx + dx * dz,
+        C[3] - 2.0 * mean[1] * dy + dy * dy,
+        C[4] - mean[1] * dz - mean[2] * dy + dy * dz,
+        C[5] - 2.0 * mean[2] * dz + dz * dz,
+    )
     _spread_over(found, row, R, C, prior.offset)
 
 
 @fused_kernel
+def _to_mean(surfaces, found, row, link, R, o, x, y, z):  # type: ignore[no-untyped-def]
+    """Move an explanation to the place of the surface that is nearest to a mean (x, y, z); where it is, link
+    frame."""
+    _, p, sx, sy, sz, nx, ny, nz = nearest(
+        surfaces.kind,
+        surfaces.rotation,
+        surfaces.origin,
+        surfaces.size,
+        surfaces.radius,
+        surfaces.start[link],
+        surfaces.start[link + 1],
+        x,
+        y,
+        z,
+    )
+    found.primitive[row] = p
+    turn(R, sx, sy, sz, found.point[row])
+    turn(R, nx, ny, nz, found.normal[row])
+    for i in range(3):
+        found.point[row, i] += o[i]
+    return sx, sy, sz
+
+
+@fused_kernel
 def _gather(surfaces, places, cells, link, s, x, y, z, reach):  # type: ignore[no-untyped-def]
-    """Use up cell s and those of the link that lie within `reach` of a place; their total score, and their
-    second moments about it (xx, xy, xz, yy, yz, zz) [m^2], link frame."""
+    """Use up cell s and those of the link that lie within `reach` of a place; their total score, their mean
+    place from it (x, y, z) [m], and second moments about it (xx, xy, xz, yy, yz, zz) [m^2], link frame."""
     top = cells.score[s]
+    mx, my, mz = 0.0, 0.0, 0.0
     total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for q in range(surfaces.start[link], surfaces.start[link + 1]):
         for i in range(places.start[q], places.start[q + 1]):
@@ -268,6 +305,9 @@ def _gather(surfaces, places, cells, link, s, x, y, z, reach):  # type: ignore[n
             cells.score[i] = -math.inf
             n, v = places.normal[i], cells.variance[i]
             total += weight
+            mx += weight * dx
+            my += weight * dy
+            mz += weight * dz
             xx += weight * (dx * dx + v * (1.0 - n[0] * n[0]))
             xy += weight * (dx * dy - v * n[0] * n[1])
             xz += weight * (dx * dz - v * n[0] * n[2])
@@ -275,7 +315,7 @@ def _gather(surfaces, places, cells, link, s, x, y, z, reach):  # type: ignore[n
             yz += weight * (dy * dz - v * n[1] * n[2])
             zz += weight * (dz * dz + v * (1.0 - n[2] * n[2]))
     moments = (xx / total, xy / total, xz / total, yy / total, yz / total, zz / total)
-    return top + math.log(total), moments
+    return top + math.log(total), (mx / total, my / total, mz / total), moments
 
 
 @fused_kernel
