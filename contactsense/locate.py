@@ -26,7 +26,7 @@ from kinematics.model import Motion
 from robots.compiled import fused_kernel
 from robots.surface import Surfaces
 
-WIDE = 0.02
+WIDE = 0.008
 """Where the wrench axis is known less well than this, standard deviation, it does not tell where to look
 [m]."""
 UNEXPLAINED = 0.01

@@ -18,6 +18,10 @@ REACH = 0.04
 """Cells nearer than this to an explanation's place are part of it, however sharp it is [m]."""
 SIGMAS = 3.0
 """So are cells within this many standard deviations."""
+CREASE = 8
+"""Most projections onto a link's surface until a place is on it."""
+BURIED = 1e-7
+"""Places inside the surface by less than this are on it [m]."""
 LEAST = 1e-3
 """Cells that hold less than this part of the best explanation's weight get no explanation of their own."""
 
@@ -244,15 +248,14 @@ def _explain(  # type: ignore[no-untyped-def]
     kz = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
     exact = result[1] > -math.inf
     reach = max(REACH, SIGMAS * math.sqrt(sharp)) if exact else REACH
-    own = hypotheses.energy[link]
-    narrow = exact and sharp < places.spread[s] ** 2
     total, mean, C = _gather(surfaces, places, cells, link, s, kx, ky, kz, reach)
-    if narrow:
-        found.score[row] = result[1] - own
-        return
     found.score[row] = total
-    shift = _to_mean(surfaces, found, row, link, R, o, kx + mean[0], ky + mean[1], kz + mean[2])
-    dx, dy, dz = shift[0] - kx, shift[1] - ky, shift[2] - kz
+    # Narrower than a cell, the search's place is better than the mean over the cells' tangent planes.
+    part = 0.0 if exact and C[0] + C[3] + C[5] < 2.0 * places.spread[s] ** 2 else 1.0
+    told = _tell(
+        surfaces, found, row, link, R, o, kx + part * mean[0], ky + part * mean[1], kz + part * mean[2]
+    )
+    dx, dy, dz = told[0] - kx, told[1] - ky, told[2] - kz
     # Second moments about the new place.
     C = (
         C[0] - 2.0 * mean[0] * dx + dx * dx,
@@ -266,27 +269,32 @@ def _explain(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _to_mean(surfaces, found, row, link, R, o, x, y, z):  # type: ignore[no-untyped-def]
-    """Move an explanation to the place of the surface that is nearest to a mean (x, y, z); where it is, link
-    frame."""
-    _, p, sx, sy, sz, nx, ny, nz = nearest(
-        surfaces.kind,
-        surfaces.rotation,
-        surfaces.origin,
-        surfaces.size,
-        surfaces.radius,
-        surfaces.start[link],
-        surfaces.start[link + 1],
-        x,
-        y,
-        z,
-    )
+def _tell(surfaces, found, row, link, R, o, x, y, z):  # type: ignore[no-untyped-def]
+    """Move an explanation to the place of the link's surface that is nearest to (x, y, z); where that is,
+    link frame."""
+    p, nx, ny, nz = -1, 0.0, 0.0, 0.0
+    for _ in range(CREASE):
+        # In a crease, the surface of one primitive may lie inside another.
+        depth, p, x, y, z, nx, ny, nz = nearest(
+            surfaces.kind,
+            surfaces.rotation,
+            surfaces.origin,
+            surfaces.size,
+            surfaces.radius,
+            surfaces.start[link],
+            surfaces.start[link + 1],
+            x,
+            y,
+            z,
+        )
+        if depth > -BURIED:
+            break
     found.primitive[row] = p
-    turn(R, sx, sy, sz, found.point[row])
+    turn(R, x, y, z, found.point[row])
     turn(R, nx, ny, nz, found.normal[row])
     for i in range(3):
         found.point[row, i] += o[i]
-    return sx, sy, sz
+    return x, y, z
 
 
 @fused_kernel
