@@ -15,6 +15,7 @@ from contactsense.solvers.bodies import (
     TaperedCapsule,
     place,
 )
+from contactsense.solvers.parts import Compound, Part
 from contactsense.solvers.primitive import solve_primitive
 from contactsense.solvers.sensitivity import Sensitivity, sensitivity
 from contactsense.solvers.smooth import Convex, Paraboloid, Superquadric
@@ -26,6 +27,7 @@ __all__ = [
     "METHODS",
     "Box",
     "Capsule",
+    "Compound",
     "Cone",
     "Convex",
     "Cylinder",
@@ -33,6 +35,7 @@ __all__ = [
     "Fingertip",
     "Method",
     "Paraboloid",
+    "Part",
     "Placed",
     "Plane",
     "Polytope",

@@ -8,9 +8,14 @@ import numpy as np
 from contactsense.solvers import (
     Box,
     Capsule,
+    Compound,
+    Cylinder,
     Fingertip,
+    Part,
+    Plane,
     Polytope,
     Revolved,
+    Sphere,
     Surface,
     TaperedCapsule,
     solve_batch,
@@ -25,7 +30,7 @@ class Row:
     surface: str
     wrenches: int
     gaps: int
-    """Wrenches not answered with `OK`."""
+    """Wrenches not answered with `OK`; but for what grazes a sharp rim."""
     doubles: int
     """Answers that are another point than the one where the contact was constructed."""
     residual: float
@@ -115,6 +120,21 @@ def _tip(radius: float) -> Callable[[np.random.Generator, int], Points]:
     return draw
 
 
+_OFF = 1e-9
+"""Distance from a sharp rim, relative to the body's size, at which it is still told which side is touched."""
+
+
+def _sharp(half: float, radius: float) -> Callable[[np.random.Generator, int], Points]:
+    def draw(rng: np.random.Generator, count: int) -> Points:
+        e, z = _around(rng, count), np.array((0.0, 0.0, 1.0))
+        nudge = _OFF + _nudges(rng, count)[:, None]
+        on_side = rng.uniform(size=(count, 1)) < 0.5
+        c = np.where(on_side, radius * e + half * (1.0 - nudge) * z, radius * (1.0 - nudge) * e + half * z)
+        return c, np.where(on_side, e, z)
+
+    return draw
+
+
 _CUBE = [(x, y, z) for x in (-0.1, 0.1) for y in (-0.04, 0.04) for z in (-0.07, 0.07)]
 
 BODIES: dict[str, tuple[Surface, Callable[[np.random.Generator, int], Points]]] = {
@@ -125,7 +145,24 @@ BODIES: dict[str, tuple[Surface, Callable[[np.random.Generator, int], Points]]] 
     "rounded cone": (Revolved(0.1, 0.06, 0.04, 0.01), _drum(0.1, 0.06, 0.04, 0.01)),
     "rounded box": (Box(0.1, 0.04, 0.07, 0.01), _block(0.1, 0.04, 0.07, 0.01)),
     "rounded polytope": (Polytope(_CUBE, 0.01), _block(0.1, 0.04, 0.07, 0.01)),
+    "compound fingertip": (
+        Compound(
+            [
+                Part(Sphere(0.03), (Plane((0.0, 0.0, -1.0), 0.0),)),
+                Part(Cylinder(0.03), (Plane((0.0, 0.0, 1.0), 0.0),)),
+            ],
+            0.1,
+        ),
+        _tip(0.03),
+    ),
+    "compound with sharp rims": (
+        Compound.common([Cylinder(0.05), *(Plane((0.0, 0.0, side), 0.08) for side in (1.0, -1.0))], 0.1),
+        _sharp(0.08, 0.05),
+    ),
 }
+
+
+SHARP = ("compound with sharp rims",)
 
 
 def rows(count: int, tick: Callable[[str], None]) -> Iterator[Row]:
@@ -142,11 +179,14 @@ def rows(count: int, tick: Callable[[str], None]) -> Iterator[Row]:
         moment = np.linalg.norm(contacts.moment, axis=1)
         size = float(np.abs(contacts.centroid).max())
         steep = (1.0 + moment / (force * size)) * (force / push) * (1.0 + moment / (push * 0.03))
-        doubles = found.ok & (error > 1e-13 * size * (10.0 + steep))
+        rounding = 1e-13 * (10.0 + steep)
+        doubles = found.ok & (error > rounding * size)
+        # Where a force grazes so near to a sharp rim, rounding decides which side it acts on, or none.
+        gaps = ~found.ok & ~((rounding > _OFF) & (name in SHARP))
         yield Row(
             name,
             count,
-            int(np.count_nonzero(~found.ok)),
+            int(np.count_nonzero(gaps)),
             int(np.count_nonzero(doubles)),
             float(found.residual[found.ok].max()),
         )

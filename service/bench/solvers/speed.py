@@ -10,6 +10,7 @@ import numpy as np
 from contactsense.solvers import (
     Box,
     Capsule,
+    Compound,
     Cone,
     Cylinder,
     Ellipsoid,
@@ -63,6 +64,10 @@ SURFACES: dict[str, tuple[Surface, int]] = {
     "rounded cone": (Revolved(0.1, 0.05, 0.03, 0.01), 5),
     "rounded box": (Box(0.1, 0.04, 0.07, 0.01), 26),
     "rounded polytope, 30 vertices": (Polytope(_STONE, 0.005), 30 + 56 + 84),
+    "compound cylinder, sharp rims": (
+        Compound.common([Cylinder(0.05), *(Plane((0.0, 0.0, side), 0.08) for side in (1.0, -1.0))], 0.1),
+        3,
+    ),
     "superquadric, exponent 4": (Superquadric(0.05, 0.07, 0.1), 1),
     "paraboloid": (Paraboloid(20.0, 10.0, 0.1), 1),
 }
@@ -75,6 +80,7 @@ def _wrenches(surface: Surface, count: int) -> np.ndarray:
         Capsule: Revolved(0.2, 0.0, 0.0, 0.06),
         TaperedCapsule: Revolved(0.2, 0.0, 0.0, 0.055),
         Polytope: Ellipsoid(0.1, 0.05, 0.07),
+        Compound: Revolved(0.079, 0.049, 0.049, 0.001),
     }
     there = stand_in.get(type(surface), surface)
     smooth = isinstance(there, Superquadric | Paraboloid)

@@ -140,7 +140,7 @@ def iterations_table(count: int, tick: Tick) -> Table:
 def speed_table(count: int, tick: Tick) -> Table:
     """Times as ratios."""
     found = list(speed.rows(max(count // 10, 1), tick))
-    own = {row.surface: row.nanoseconds for row in found if row.method == "wrench_axis"}
+    own = {row.surface: row.ratio for row in found if row.method == "wrench_axis"}
     rows = [
         (
             row.surface,
@@ -149,7 +149,7 @@ def speed_table(count: int, tick: Tick) -> Table:
             f"{row.nanoseconds:.0f}",
             f"{row.nanoseconds / row.patches:.1f}",
             f"{row.ratio:.2f}",
-            f"{row.nanoseconds / own[row.surface]:.2f}",
+            f"{row.ratio / own[row.surface]:.2f}",
         )
         for row in found
     ]
