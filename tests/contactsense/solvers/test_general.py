@@ -79,15 +79,32 @@ def test_newton_finds_on_a_paraboloid_what_the_closed_form_does() -> None:
     assert np.all(error <= 1e-14 * contacts.relative_condition(found.condition))
 
 
-@pytest.mark.parametrize("torsion", [0.0, 0.3])
-def test_recovers_contacts_on_a_body_of_ones_own(torsion: float) -> None:
-    body = Convex(egg, (0.08, 0.05), (0.08, 0.05, 0.1))
-    rng = np.random.default_rng(5)
-    direction = 0.05 * unit(rng.normal(size=(500, 3)))
+def _on_egg(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points on the egg and normals there."""
+    points = 0.05 * unit(rng.normal(size=(count, 3)))
     for _ in range(60):
-        level = np.array([egg(body.size, *row) for row in direction])
-        direction *= (1.0 - level[:, 0] / np.sum(level[:, 1:4] * direction, axis=1))[:, None]
-    centroid, normal = direction, unit(level[:, 1:4])
+        level = np.array([egg((0.08, 0.05), *row) for row in points])
+        points *= (1.0 - level[:, 0] / np.sum(level[:, 1:4] * points, axis=1))[:, None]
+    return points, unit(level[:, 1:4])
+
+
+@pytest.mark.parametrize("torsion", [0.0, 0.3, 10.0])
+@pytest.mark.parametrize(
+    ("extent", "inner"),
+    [
+        ((0.08, 0.05, 0.1), (0.0, 0.0, 0.0)),
+        ((0.24, 0.15, 0.3), (0.0, 0.0, 0.0)),
+        ((0.03, 0.02, 0.03), (0.0, 0.0, 0.0)),
+        ((0.3, 0.02, 0.1), (0.03, 0.02, -0.05)),
+    ],
+)
+def test_recovers_contacts_on_a_body_of_ones_own(
+    extent: tuple[float, float, float], inner: tuple[float, float, float], torsion: float
+) -> None:
+    """However roughly its extent and its middle are known."""
+    body = Convex(egg, (0.08, 0.05), extent, inner)
+    rng = np.random.default_rng(5)
+    centroid, normal = _on_egg(rng, 500)
     force = unit(rng.normal(size=(500, 3)))
     force *= -np.sign(np.sum(force * normal, axis=1, keepdims=True))
     moment = np.cross(centroid, force) + 0.1 * torsion * rng.normal(size=(500, 1)) * normal
@@ -95,6 +112,10 @@ def test_recovers_contacts_on_a_body_of_ones_own(torsion: float) -> None:
     assert np.all(found.ok)
     error = np.linalg.norm(found.centroid - centroid, axis=1)
     assert np.all(error <= 1e-15 * (10.0 + found.condition))
+
+
+def test_a_body_of_ones_own_may_be_missed() -> None:
+    body = Convex(egg, (0.08, 0.05), (0.08, 0.05, 0.1))
     missed = solve(body, (0.0, 0.0, -1.0), (0.5, 0.0, 0.0))
     assert missed.status == Status.MISS
     assert solve(body, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), "wrench_axis").centroid[2] == pytest.approx(
