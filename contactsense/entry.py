@@ -18,6 +18,7 @@ from contactsense.tracker import NONE, PHASE, WINDOW, average, choose, forget, l
 from contactsense.workspace import unfold
 from robots.compiled import kernel
 from robots.grid import Grids
+from robots.uncounted import uncounted
 
 
 @kernel
@@ -67,6 +68,8 @@ def step(
         sensor can be used.
     """
     arm, memory = unfold(floats, integers, sizes)
+    q, qd, torque = uncounted(q), uncounted(qd), uncounted(torque)
+    base_wrench, wrist_wrench, rows = uncounted(base_wrench), uncounted(wrist_wrench), uncounted(rows)
     track = memory.track
     follow(arm, memory, q, qd, torque, base_wrench, wrist_wrench, steps, dt, bandwidth, matched)
     if not (has_base or has_torque):
@@ -216,6 +219,8 @@ def batch(
     """`once` for N samples; the best explanation of each goes into a row of `best`, its first number -1 for
     none."""
     arm, memory = unfold(floats, integers, sizes)
+    q, torque, rows, best = uncounted(q), uncounted(torque), uncounted(rows), uncounted(best)
+    base_wrench, wrist_wrench = uncounted(base_wrench), uncounted(wrist_wrench)
     for i in range(q.shape[0]):
         rest(arm, memory, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
         count, nothing[i] = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate, -1.0)

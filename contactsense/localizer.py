@@ -175,7 +175,7 @@ class Localizer:
                 return self._weight(t, mass)
         if listed > -2:
             memory = self._work.memory
-            force = float(np.linalg.norm(memory.base_wrench[:3]))
+            force = math.hypot(*memory.base_wrench[:3].tolist())
             troubles += self._health.step(dt, memory.fit.tolist(), force, self._phase != NONE, there)
         reason = "; ".join(troubles)
         if self._together is not None:
