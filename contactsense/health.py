@@ -30,9 +30,15 @@ _NAMES = ("base_wrench", "joint_torque")
 class Health:
     """Of one stream."""
 
-    def __init__(self, force: float) -> None:
-        """Nothing is wrong yet; `force`: usual force of contacts [N]."""
-        self._no_push = NO_PUSH * force
+    def __init__(self, force: float, single: bool = True) -> None:
+        """Nothing is wrong yet.
+
+        Args:
+            force: Usual force of contacts [N].
+            single: Whether only one contact at a time is expected. Several may leave the sensors without a
+                link on which they agree, so that torques are never left out.
+        """
+        self._no_push, self._single = NO_PUSH * force, single
         self.reset()
 
     def reset(self) -> None:
@@ -72,7 +78,7 @@ class Health:
                 self._large[sensor] = self.level[sensor] > (FINE if self._large[sensor] else LARGE)
         if ready[0] and ready[1]:
             self._mean(AGREEMENT, share, fit)
-            agree = self.level[AGREEMENT]
+            agree = self.level[AGREEMENT] if self._single else 1.0
             none = force > self._no_push and fit[TORQUE] < APART
             self._judge(BASE, dt, none, force < 0.5 * self._no_push)
             # A base sensor that is left out is no witness against the torques.

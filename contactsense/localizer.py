@@ -106,7 +106,7 @@ class Localizer:
         self._sizes = (6, self._joints, 6)
         self._blank = tuple(np.zeros(size) for size in self._sizes)
         self._levels: dict[tuple[tuple[bool, bool, bool], int], tuple[float, float]] = {}
-        self._health = Health(scene.force)
+        self._health = Health(scene.force, single=scene.contacts == 1)
         self._pick_up = PickUp(scene, self._work) if scene.picks_up else None
         self.reset()
         self._warm_up()

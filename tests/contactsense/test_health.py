@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense.health import Health
 from kinematics.core import inverse_dynamics
 from kinematics.model import build_model, empty_motion
 from tests.plain_arm import plain_ur5e
@@ -107,3 +108,11 @@ def test_a_new_stream_starts_without_doubts(localizer: Localizer) -> None:
     assert "times" in list(localizer.run(samples))[-1].reason
     quiet, _ = _stream(1.0)
     assert list(localizer.run(quiet))[-1].reason == ""
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_where_several_contacts_are_expected_disagreement_is_no_fault(single: bool) -> None:
+    health = Health(20.0, single)
+    for _ in range(1000):
+        health.step(0.01, (1.0, 1.0, 30.0), 0.0, touched=True, ready=(True, True, False))
+    assert health.trusted((True, True, False)) == (True, not single, False)
