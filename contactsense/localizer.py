@@ -10,11 +10,11 @@ from contactsense.answer import Composer
 from contactsense.arm import build_arm
 from contactsense.candidates import MOST
 from contactsense.check import checked_rows, checked_vector
-from contactsense.detection import level, release_level, single_level
 from contactsense.entry import batch, finite, once, step
 from contactsense.feed import Feed
 from contactsense.follower import restart
 from contactsense.health import Health
+from contactsense.levels import Levels
 from contactsense.memory import empty_memory
 from contactsense.payload import PickUp
 from contactsense.report import (
@@ -105,7 +105,7 @@ class Localizer:
         )
         self._sizes = (6, self._joints, 6)
         self._blank = tuple(np.zeros(size) for size in self._sizes)
-        self._levels: dict[tuple[tuple[bool, bool, bool], int], tuple[float, float]] = {}
+        self._levels = Levels(scene, self._sizes)
         self._health = Health(scene.force, single=scene.contacts == 1)
         self._pick_up = PickUp(scene, self._work) if scene.picks_up else None
         self.reset()
@@ -166,7 +166,7 @@ class Localizer:
         matched = (self._pairs[0].ready(t), self._pairs[1].ready(t))
         listed = step(
             *self._buffers, q, qd, values[1], values[0], values[2], tuple(steps), dt, self.scene.bandwidth,
-            matched, *ready, self._gate, *self._onset_and_release(ready), self._rows,
+            matched, *ready, self._gate, *self._levels.stream(ready, self._usual_step), self._rows,
         )  # fmt: skip
         kinds, ended = self._news(t)
         if self._phase == HOLD and self._pick_up is not None and ready[0] and ready[1]:
@@ -262,7 +262,7 @@ class Localizer:
         if several:
             self._sets = self._sets or SetLocator(self.scene, self._work, self._buffers, self._composer)
             self._sets.check(contacts, known, drift)
-        threshold = self._threshold(present) if detect else -1.0
+        threshold = self._levels.single(present) if detect else -1.0
         listed, nothing = once(
             *self._buffers, q, values[1], values[0], values[2], external, *present, self._gate, threshold,
             self._rows,
@@ -315,7 +315,7 @@ class Localizer:
             force_base=best[:, FORCE],
             torsion=best[:, TORSION],
             covariance=best[:, COVARIANCE].reshape(n, 3, 3),
-            detected=nothing > self._threshold(present),
+            detected=nothing > self._levels.single(present),
         )
 
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
@@ -323,24 +323,6 @@ class Localizer:
         self.reset()
         for sample in recording:
             yield self.step(sample)
-
-    def _freedom(self, present: tuple[bool, bool, bool]) -> int:
-        return max(sum(size for size, there in zip(self._sizes, present, strict=True) if there), 1)
-
-    def _threshold(self, present: tuple[bool, bool, bool]) -> float:
-        """Energy of "nothing touches" that noise exceeds in a single measurement as seldom as told."""
-        return single_level(self.scene.false_alarms_per_hour, self._freedom(present), self.scene.bandwidth)
-
-    def _onset_and_release(self, ready: tuple[bool, bool, bool]) -> tuple[float, float]:
-        """Energies of "nothing touches" at which a contact of the stream begins and ends."""
-        pace = min(max(round(1e3 * self._usual_step), 1), 20)
-        if (ready, pace) not in self._levels:
-            freedom, scene = self._freedom(ready), self.scene
-            self._levels[ready, pace] = (
-                level(scene.false_alarms_per_hour, freedom, scene.bandwidth, 1e-3 * pace),
-                release_level(freedom),
-            )
-        return self._levels[ready, pace]
 
     def _present(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
         for name, value, fitted in zip(_SENSORS, given, self._fitted, strict=True):
