@@ -5,9 +5,11 @@ import pytest
 
 import robots
 from contactsense import Contact, Estimate
+from service.bench.motion.command import measure
 from service.bench.motion.score import Score
 from service.bench.motion.streams import KINDS, Event, Stream, read
 from service.bench.motion.wrong_model import MASS_ERROR, friction, heavier
+from service.bench.static_cases import COLUMNS
 from tests.shared import shared
 
 N = 1000
@@ -87,3 +89,19 @@ def test_the_truth_is_read_run_by_run(suite: str) -> None:
         # The contact's wrench acts at its point: force times lever is the moment, but for torsion.
         moment = stream.wrench[strong, 3:] - np.cross(stream.point_base[strong], stream.wrench[strong, :3])
         assert np.abs(moment).max() < 0.01 * np.abs(stream.wrench[strong]).max() + 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", [False, True])
+def test_motion_costs_little_and_nothing_is_missed_or_made_up(wrong: bool) -> None:
+    """UR5e at 0.25 N, 0.05 Nm, 1 Nm: slow motion at most 1.2 times the error at rest, fast motion at most
+    twice."""
+    found = {row["kind"]: row for row in measure(read(shared("truth"), "ur5e", "motion"), COLUMNS[2], wrong)}
+    for kind, most in (("slow", 1.2), ("fast", 2.0)):
+        assert found[kind]["ratio"]["median"] < most
+        assert found[kind]["ratio"]["p95"] < most
+        assert found[kind]["link_right"] > found[kind]["link_right_static"] - 0.02
+    for row in found.values():
+        assert row["missed"] == {}
+        assert row["false_alarms"] == 0
+        assert row["answered"] > 0.98
