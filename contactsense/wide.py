@@ -3,6 +3,8 @@ from them (see `contactsense.survey`)."""
 
 import math
 
+import numpy as np
+
 from contactsense.aim import moment_variance
 from contactsense.candidates import MOST, store, turn
 from contactsense.cover import clearance, exposed
@@ -80,7 +82,11 @@ def _weigh_all(  # type: ignore[no-untyped-def]
     best = -math.inf
     least = math.inf
     cells.score[:] = -math.inf
-    for link in range(touchable.shape[0]):
+    links = touchable.shape[0]
+    first = np.argmin(hypotheses.energy)
+    for k in range(links):
+        # The best link first, so that places on the others can be given up early.
+        link = (first + k) % links
         own = hypotheses.energy[link]
         if not touchable[link] or own > least + CUT:
             continue
@@ -98,7 +104,7 @@ def _weigh_all(  # type: ignore[no-untyped-def]
                 continue
             for s in range(places.start[p], places.start[p + 1]):
                 c, n = places.point[s], places.normal[s]
-                if known and _misses(
+                if known and misses(
                     hypotheses.wrench[link],
                     P,
                     o[0] + R[0, 0] * c[0] + R[0, 1] * c[1] + R[0, 2] * c[2],
@@ -138,11 +144,32 @@ def _weigh_all(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _misses(w, P, x, y, z, spread, limit):  # type: ignore[no-untyped-def]
+def misses(w, P, x, y, z, spread, limit):  # type: ignore[no-untyped-def]
     """Whether the moment about a place is more than noise (P), torsion and the cell's width (`spread`, their
-    variance) make of it."""
-    mx, my, mz = w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0]
-    return 0.5 * (mx * mx + my * my + mz * mz) > limit * (moment_variance(P, x, y, z) + spread)
+    variance) make of it: an energy above the limit, whatever the force is."""
+    a, b, c = w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0]
+    # Covariance of that moment, P_mm - X G^T - G X^T with G = P_mf - 1/2 X P_ff, X = [c]x.
+    hx, hy, hz = 0.5 * x, 0.5 * y, 0.5 * z
+    g00 = P[3, 0] - hy * P[2, 0] + hz * P[1, 0]
+    g01 = P[3, 1] - hy * P[2, 1] + hz * P[1, 1]
+    g02 = P[3, 2] - hy * P[2, 2] + hz * P[1, 2]
+    g10 = P[4, 0] - hz * P[0, 0] + hx * P[2, 0]
+    g11 = P[4, 1] - hz * P[0, 1] + hx * P[2, 1]
+    g12 = P[4, 2] - hz * P[0, 2] + hx * P[2, 2]
+    g20 = P[5, 0] - hx * P[1, 0] + hy * P[0, 0]
+    g21 = P[5, 1] - hx * P[1, 1] + hy * P[0, 1]
+    g22 = P[5, 2] - hx * P[1, 2] + hy * P[0, 2]
+    s00 = P[3, 3] + spread - 2.0 * (y * g02 - z * g01)
+    s11 = P[4, 4] + spread - 2.0 * (z * g10 - x * g12)
+    s22 = P[5, 5] + spread - 2.0 * (x * g21 - y * g20)
+    s01 = P[3, 4] - (y * g12 - z * g11) - (z * g00 - x * g02)
+    s02 = P[3, 5] - (y * g22 - z * g21) - (x * g01 - y * g00)
+    s12 = P[4, 5] - (z * g20 - x * g22) - (x * g11 - y * g10)
+    c00, c01, c02 = s11 * s22 - s12 * s12, s02 * s12 - s01 * s22, s01 * s12 - s02 * s11
+    c11, c12, c22 = s00 * s22 - s02 * s02, s01 * s02 - s00 * s12, s00 * s11 - s01 * s01
+    det = s00 * c00 + s01 * c01 + s02 * c02
+    square = a * a * c00 + b * b * c11 + c * c * c22 + 2.0 * (a * b * c01 + a * c * c02 + b * c * c12)
+    return 0.5 * square > limit * det
 
 
 @fused_kernel
