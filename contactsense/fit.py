@@ -1,17 +1,20 @@
 """How well residuals fit what is known: each sensor by itself, and the two against each other."""
 
+import math
+
 from contactsense.arm import Arm
 from contactsense.memory import Memory
 from kinematics.core import dot6
 from robots.compiled import kernel
 
-BASE, TORQUE, AGREEMENT = 0, 1, 2
+BASE, TORQUE, AGREEMENT, FORCE = 0, 1, 2, 3
 """Places in `Memory.fit`."""
 
 
 @kernel
 def judge(arm: Arm, memory: Memory, scale: float) -> None:
-    """Fill `fit`: mean square residual in units of its variance, 1 if all is as stated.
+    """Fill `fit`: mean square residuals in units of their variance, 1 if all is as stated; and `FORCE`, what
+    the base sensor feels beyond the arm's own [N].
 
     `BASE` and `TORQUE` hold where nothing touches. `AGREEMENT` holds in a contact too: joints up to some link
     see what the base sensor sees and the others see nothing (theory, section 3), under the link that fits
@@ -26,6 +29,7 @@ def judge(arm: Arm, memory: Memory, scale: float) -> None:
     for i in range(6):
         total += w[i] * dot6(C[i], w) / scale
     memory.fit[BASE] = total / 6.0
+    memory.fit[FORCE] = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     blind = 0.0
     for j in range(n):
         blind += memory.torque[j] ** 2 / memory.torque_variance[j]

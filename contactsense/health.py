@@ -9,8 +9,12 @@ joints feel nothing, is left out. What is left out is watched on, and used again
 import math
 from collections.abc import Sequence
 
-from contactsense.fit import AGREEMENT, BASE, TORQUE
+import numpy as np
 
+from contactsense.fit import AGREEMENT, BASE, FORCE, TORQUE
+
+PACE = 0.02
+"""Residuals are looked at so often: they are low-passed anyway [s]."""
 LATELY = 2.0
 """Time over which statistics are averaged [s]."""
 LARGE, FINE = 1.6, 1.3
@@ -49,6 +53,8 @@ class Health:
         self._left_out = [False, False]
         self._doubt = [0.0, 0.0]
         """For how long a sensor has been in doubt, or out of it while it is left out [s]."""
+        self._waited = 0.0
+        self._last: list[str] = []
 
     def trusted(self, ready: tuple[bool, bool, bool]) -> tuple[bool, bool, bool]:
         """Which of the sensors (base, torques, wrist) that are ready shall be used."""
@@ -56,21 +62,26 @@ class Health:
             return ready
         return not self._left_out[0], not self._left_out[1], ready[2]
 
-    def step(
-        self, dt: float, fit: Sequence[float], force: float, touched: bool, ready: tuple[bool, bool, bool]
-    ) -> list[str]:
+    def step(self, dt: float, fit: np.ndarray, touched: bool, ready: tuple[bool, bool, bool]) -> list[str]:
         """Take in one sample.
 
         Args:
             dt: Time since the last [s].
             fit: `Memory.fit`.
-            force: Force that the base sensor feels beyond the arm's own [N].
             touched: Whether a contact is on.
             ready: Which sensors could be used.
 
         Returns:
             What is wrong, a phrase each.
         """
+        self._waited += dt
+        if self._waited >= PACE:
+            self._look(self._waited, fit.tolist(), touched, ready)
+            self._waited = 0.0
+            self._last = self._said()
+        return self._last
+
+    def _look(self, dt: float, fit: Sequence[float], touched: bool, ready: tuple[bool, bool, bool]) -> None:
         share = min(dt / LATELY, 1.0)
         for sensor in (BASE, TORQUE):
             if ready[sensor] and not touched and not self._left_out[sensor]:
@@ -79,11 +90,10 @@ class Health:
         if ready[0] and ready[1]:
             self._mean(AGREEMENT, share, fit)
             agree = self.level[AGREEMENT] if self._single else 1.0
-            none = force > self._no_push and fit[TORQUE] < APART
-            self._judge(BASE, dt, none, force < 0.5 * self._no_push)
+            none = fit[FORCE] > self._no_push and fit[TORQUE] < APART
+            self._judge(BASE, dt, none, fit[FORCE] < 0.5 * self._no_push)
             # A base sensor that is left out is no witness against the torques.
             self._judge(TORQUE, dt, agree > APART and not self._left_out[BASE], agree < TOGETHER)
-        return self._said()
 
     def _mean(self, what: int, share: float, fit: Sequence[float]) -> None:
         self.level[what] += share * (min(fit[what], MOST) - self.level[what])

@@ -174,9 +174,7 @@ class Localizer:
             if mass is not None:
                 return self._weight(t, mass)
         if listed > -2:
-            memory = self._work.memory
-            force = math.hypot(*memory.base_wrench[:3].tolist())
-            troubles += self._health.step(dt, memory.fit.tolist(), force, self._phase != NONE, there)
+            troubles += self._health.step(dt, self._work.memory.fit, self._phase != NONE, there)
         reason = "; ".join(troubles)
         if self._together is not None:
             if listed < 0:

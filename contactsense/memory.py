@@ -75,7 +75,7 @@ class Memory(NamedTuple):
     torque_variance: np.ndarray
     """Variance of `torque`, noise and model, shape (n,) [Nm^2]."""
     fit: np.ndarray
-    """How well residuals fit what is known, see `contactsense.fit.judge`, shape (3,)."""
+    """How well residuals fit what is known, see `contactsense.fit.judge`, shape (4,)."""
     rest: np.ndarray
     """Zero joint velocities, shape (n,)."""
     open: np.ndarray
@@ -116,7 +116,7 @@ def empty_memory(arm: Arm) -> Memory:
         change=np.zeros(6),
         unexplained=np.zeros(joints),
         torque_variance=np.zeros(joints),
-        fit=np.zeros(3),
+        fit=np.zeros(4),
         rest=np.zeros(joints),
         open=np.zeros(links, dtype=np.int64),
     )

@@ -331,7 +331,7 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     change, a = _take1(f, a, 6)
     unexplained, a = _take1(f, a, n)
     torque_variance, a = _take1(f, a, n)
-    fit, a = _take1(f, a, 3)
+    fit, a = _take1(f, a, 4)
     rest, a = _take1(f, a, n)
     choice, b = _take1(i, b, links)
     memory = Memory(

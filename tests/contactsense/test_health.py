@@ -114,5 +114,5 @@ def test_a_new_stream_starts_without_doubts(localizer: Localizer) -> None:
 def test_where_several_contacts_are_expected_disagreement_is_no_fault(single: bool) -> None:
     health = Health(20.0, single)
     for _ in range(1000):
-        health.step(0.01, (1.0, 1.0, 30.0), 0.0, touched=True, ready=(True, True, False))
+        health.step(0.01, np.array([1.0, 1.0, 30.0, 0.0]), touched=True, ready=(True, True, False))
     assert health.trusted((True, True, False)) == (True, not single, False)
