@@ -154,7 +154,7 @@ def main(names: tuple[str, ...], runs: int, seed: int, as_json: bool) -> None:
         click.echo(json.dumps(plain, indent=1))
         return
     for name in dict.fromkeys(name for name, _, _ in results):
-        Console(width=132).print(_table(name, runs, [part[1:] for part in results if part[0] == name]))
+        Console(width=145).print(_table(name, runs, [part[1:] for part in results if part[0] == name]))
 
 
 def _table(name: str, runs: int, rows: list[tuple[Noise, Row]]) -> Table:

@@ -30,7 +30,7 @@ class OneByOne:
                 deviation [N]; None: they are free.
         """
         held = "forces free" if drift is None else f"forces within {drift:g} N"
-        self.name = f"contactsense, {held}"
+        self.name = f"ours, {held}"
         self._localizer = Localizer(scene)
         self._contacts, self._drift = contacts, drift
 

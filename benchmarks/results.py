@@ -67,8 +67,14 @@ then the place on it. The difference is what geometry adds.""",
     ),
     (
         "Several contacts, the setting of MCP-EP",
-        "A particle filter in its spirit, beside what its paper reports; docs/peers.md says what is assumed.",
+        """Ours and a particle filter in its spirit, beside what its paper reports; docs/peers.md says what is
+assumed.""",
         "python -m benchmarks.mcp_ep",
+    ),
+    (
+        "Two contacts in a stream",
+        "The second comes and goes while the first is on, at 500 Hz; docs/several.md.",
+        "contactsense bench several --robot ur5e --stream 0 --stream 1 --trials 15",
     ),
     (
         "What torques alone can locate",

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.mcp_ep import judge, scene_of, sequence
+from benchmarks.one_by_one import OneByOne
 from benchmarks.peers.exploration_filter import Found
 from benchmarks.torque_only import shares, touched
 from benchmarks.touches import Toucher, Touches
@@ -57,6 +58,17 @@ def test_contacts_come_one_after_another_on_different_links(touches: Touches) ->
     np.testing.assert_allclose(torque[:, 1], touches.joint_torque.sum(axis=1))
     assert (touches.link[:, 0] != touches.link[:, 1]).all()
     assert (touches.link > 0).all(), "the base link cannot be touched"
+
+
+@pytest.mark.slow
+def test_ours_takes_contacts_one_after_another(touches: Touches) -> None:
+    measured = sequence(touches, NONE, seed=0)
+    found, seconds = OneByOne(scene_of("ur5e", NONE), 2, 0.5).follow(touches.q, *measured)
+    one, two = judge(found, touches)
+    assert one.success == 1.0
+    assert two.each >= 0.8
+    assert (found.link[:, 0, 1] == -1).all(), "one contact is there, one is answered"
+    assert seconds.shape == (2,)
 
 
 @pytest.mark.slow
