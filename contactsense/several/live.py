@@ -22,7 +22,7 @@ from contactsense.several.answer import SetComposer
 from contactsense.several.bank import DRIFT, SIZE, Bank, Fit, Rival, without
 from contactsense.several.kept import Kept, kept
 from contactsense.several.locator import SetLocator
-from contactsense.tracker import AGE, NUMBER, SETTLED, restart
+from contactsense.tracker import NEW, NUMBER, PHASE, SETTLED, restart
 from contactsense.types import Estimate, Event, Phase
 from contactsense.workspace import Workspace
 
@@ -120,7 +120,7 @@ class SetTracker:
     def _watch(self, t: float, present: tuple[bool, bool, bool], number: int, explained: bool) -> None:
         """Hold what was known of a single contact against the sample; start a bank where a further one has
         come."""
-        if self._memory.track.life[AGE] < RENEW * self._tau:
+        if self._memory.track.life[PHASE] == NEW:
             self._known = []
             return
         now = self._single() if explained else []
