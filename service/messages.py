@@ -122,7 +122,10 @@ class EstimateOut(BaseModel):
         "worse; multiple: more than one contact at a time; degraded: a sensor is missing or unusable, see "
         "reason."
     )
-    contacts: list[ContactOut] = Field(description="Explanations, most probable first.")
+    contacts: list[ContactOut] = Field(
+        description="Explanations, most probable first. Where the status is multiple: the contacts that "
+        "act at the same time."
+    )
     link_probability: Numbers = Field(
         description="Probability that each link is the touched one, in the order of the scene's links; zeros "
         "where nothing touches."
