@@ -15,6 +15,7 @@ class Levels:
         self._per_hour, self._bandwidth = scene.false_alarms_per_hour, scene.bandwidth
         self._sizes = sizes
         self._known: dict[tuple[tuple[bool, ...], int], tuple[float, float]] = {}
+        self._single: dict[tuple[bool, ...], float] = {}
 
     def _freedom(self, present: tuple[bool, ...]) -> int:
         return max(sum(size for size, there in zip(self._sizes, present, strict=True) if there), 1)
@@ -22,7 +23,9 @@ class Levels:
     def single(self, present: tuple[bool, ...]) -> float:
         """Energy that noise exceeds in a single measurement as seldom as told; `present`: which sensors
         count."""
-        return single_level(self._per_hour, self._freedom(present), self._bandwidth)
+        if present not in self._single:
+            self._single[present] = single_level(self._per_hour, self._freedom(present), self._bandwidth)
+        return self._single[present]
 
     def stream(self, present: tuple[bool, ...], step: float) -> tuple[float, float]:
         """Energies at which a contact of a stream begins and ends; `step`: usual time between samples [s]."""

@@ -24,7 +24,7 @@ from contactsense.tracker import WINDOWS, Track
 from kinematics.model import Model, Motion
 from robots.compiled import kernel
 from robots.surface import Surfaces
-from robots.uncounted import uncounted
+from robots.uncounted import block
 
 
 class Workspace:
@@ -69,17 +69,17 @@ def _collect(value: Any, floats: list[np.ndarray], integers: list[np.ndarray]) -
 
 @kernel
 def _take1(buffer, at, a):  # type: ignore[no-untyped-def]
-    return buffer[at : at + a], at + a
+    return block(buffer, at, (a,)), at + a
 
 
 @kernel
 def _take2(buffer, at, a, b):  # type: ignore[no-untyped-def]
-    return buffer[at : at + a * b].reshape(a, b), at + a * b
+    return block(buffer, at, (a, b)), at + a * b
 
 
 @kernel
 def _take3(buffer, at, a, b, c):  # type: ignore[no-untyped-def]
-    return buffer[at : at + a * b * c].reshape(a, b, c), at + a * b * c
+    return block(buffer, at, (a, b, c)), at + a * b * c
 
 
 @kernel
@@ -299,8 +299,6 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
         sizes: Its `sizes`: numbers of joints, links, primitives and places.
     """
     n, links, p, s = sizes
-    # Views of a counted array would be counted whenever one is handed on: a third of a sample's time.
-    f, i = uncounted(f), uncounted(i)
     arm, a, b = _arm(f, i, n, links, p, s)
     model, a = _model(f, a, n, links)
     drive, a = _drive(f, a, n)

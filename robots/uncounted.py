@@ -1,10 +1,12 @@
-"""Arrays whose users are not counted, for compiled functions that hand views about."""
+"""Views whose users are not counted, for compiled functions that hand them about."""
 
 from typing import Any
 
 import numpy as np
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
+from numba.np.arrayobj import populate_array
 
 
 def uncounted(array: np.ndarray) -> np.ndarray:
@@ -17,9 +19,20 @@ def uncounted(array: np.ndarray) -> np.ndarray:
     return array
 
 
+def block(buffer: np.ndarray, at: int, shape: tuple[int, ...]) -> np.ndarray:
+    """`buffer[at : at + product(shape)].reshape(shape)`, uncounted, without a look at the bounds: a tenth of
+    the time."""
+    return buffer[at : at + int(np.prod(shape))].reshape(shape)
+
+
 @overload(uncounted)
 def _uncounted(array):  # type: ignore[no-untyped-def]
     return lambda array: _without_owner(array)  # type: ignore[call-arg]
+
+
+@overload(block)
+def _block(buffer, at, shape):  # type: ignore[no-untyped-def]
+    return lambda buffer, at, shape: _view(buffer, at, shape)  # type: ignore[call-arg]
 
 
 @intrinsic
@@ -31,3 +44,22 @@ def _without_owner(context: Any, array: Any) -> Any:
         return view._getvalue()
 
     return array(array), generate
+
+
+@intrinsic
+def _view(context: Any, buffer: Any, at: Any, shape: Any) -> Any:
+    kind = types.Array(buffer.dtype, len(shape), "C")
+
+    def generate(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        whole = cgutils.create_struct_proxy(buffer)(target, builder, value=arguments[0])  # type: ignore[no-untyped-call]
+        view = cgutils.create_struct_proxy(kind)(target, builder)  # type: ignore[no-untyped-call]
+        lengths = cgutils.unpack_tuple(builder, arguments[2], len(shape))  # type: ignore[no-untyped-call]
+        strides = [whole.itemsize]
+        for length in reversed(lengths[1:]):
+            strides.insert(0, builder.mul(strides[0], length))
+        populate_array(  # type: ignore[no-untyped-call]
+            view, builder.gep(whole.data, [arguments[1]]), lengths, strides, whole.itemsize, None
+        )
+        return view._getvalue()
+
+    return kind(buffer, at, shape), generate
