@@ -16,7 +16,8 @@ INTRODUCTION = """# Results
 
 What was measured, with the command that prints it. `make results` writes this page anew; it needs the ground
 truth in `../shared/data/truth` (MuJoCo and the visual meshes, made independently of this project) and an idle
-machine.
+machine. Other pages have their own figures: [the solvers](solvers.md), [contacts in motion](motion.md),
+[several contacts](several.md), [calibration](calibration.md), [what others do](peers.md).
 """
 
 SECTIONS = (
@@ -48,7 +49,7 @@ then the place on it. The difference is what geometry adds.""",
     (
         "Beside the dense posterior",
         "How near that is to the best possible answers: see [the yardstick](yardstick.md).",
-        "python -m benchmarks.posterior --contacts 200",
+        "python -m benchmarks.posterior --contacts 100",
     ),
     (
         "Calibration",
@@ -58,28 +59,7 @@ then the place on it. The difference is what geometry adds.""",
     (
         "Time against error",
         "The figures of the picture above.",
-        "python -m benchmarks.speed_error --contacts 200",
-    ),
-    (
-        "Beside what others do",
-        "The methods are described in docs/peers.md. Times in us per answer, failures included.",
-        "python -m benchmarks.compare",
-    ),
-    (
-        "Several contacts, the setting of MCP-EP",
-        """Ours and a particle filter in its spirit, beside what its paper reports; docs/peers.md says what is
-assumed.""",
-        "python -m benchmarks.mcp_ep",
-    ),
-    (
-        "Two contacts in a stream",
-        "The second comes and goes while the first is on, at 500 Hz; docs/several.md.",
-        "contactsense bench several --robot ur5e --stream 0 --stream 1 --trials 15",
-    ),
-    (
-        "What torques alone can locate",
-        "Beside 32.6 % of a UR5's forearm that Pang, Umenberger & Tedrake call fully detectable.",
-        "python -m benchmarks.torque_only",
+        "python -m benchmarks.speed_error --contacts 100",
     ),
     (
         "Time per sample",
