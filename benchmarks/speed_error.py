@@ -168,7 +168,7 @@ def main(contacts: int, robots: tuple[str, ...], geometries: tuple[Geometry, ...
     if as_json:
         click.echo(json.dumps([m.as_json() for m in marks], indent=1))
     else:
-        Console(width=110).print(table(marks, contacts))
+        Console(width=128).print(table(marks, contacts))
 
 
 if __name__ == "__main__":
