@@ -118,6 +118,8 @@ class SetLocator:
             raise ValueError(f"drift: expected a positive number of N, got {drift!r}")
         start = self._arm.surfaces.start
         for i, contact in enumerate(known):
+            if not isinstance(contact, Contact):
+                raise ValueError(f"known[{i}]: expected a Contact, got {contact!r}")
             if not 0 <= contact.link_index < len(start) - 1:
                 raise ValueError(
                     f"known[{i}].link_index: expected 0 to {len(start) - 2}, got {contact.link_index}"

@@ -52,6 +52,7 @@ def _good(localizer: Localizer) -> tuple[Trial, Contact]:
         ({"contacts": 4}, "contacts: expected 1 to 3, got 4"),
         ({"contacts": 2.0}, "contacts: expected 1 to 3, got 2.0"),
         ({"contacts": 2, "drift": -1.0}, "drift: expected a positive number of N, got -1.0"),
+        ({"contacts": 2, "known": [1]}, r"known\[0\]: expected a Contact, got 1"),
         ({"contacts": 2, "drift": float("nan")}, "drift: expected a positive number of N, got nan"),
     ],
 )
