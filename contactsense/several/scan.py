@@ -15,6 +15,8 @@ LEAN = 2.0
 """Scale of the lean in the scan over that of the prior, for its heavy tail."""
 LEVER = 0.5
 """Lever arm by which a torque tells of a force when there is no base sensor [m]."""
+SIDE = 0.9
+"""Cosine between normals above which two places are on one side of a primitive."""
 FAINT = 1.0
 """Force that is reckoned with at least [N]."""
 
@@ -112,10 +114,17 @@ def _pushes(m, scan, place):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _offer(primitives, count, score, a, b, c, scores, seeds):  # type: ignore[no-untyped-def]
+def _alike(primitives, place, a, b):  # type: ignore[no-untyped-def]
+    """Whether the search goes from one place to the other by itself: on one primitive, one side of it."""
+    u, v = place[a], place[b]
+    return primitives[a] == primitives[b] and u[3] * v[3] + u[4] * v[4] + u[5] * v[5] > SIDE
+
+
+@fused_kernel
+def offer_seed(primitives, place, count, score, a, b, c, scores, seeds):  # type: ignore[no-untyped-def]
     """Put a set of `count` places into a list sorted by falling score, if it is good enough.
 
-    Of sets that differ in one place only, on the same primitives, the list keeps the best.
+    Of sets that differ in one place only, on the same side of the same primitive, the list keeps the best.
     """
     last = scores.shape[0] - 1
     if not score > scores[last]:
@@ -125,13 +134,13 @@ def _offer(primitives, count, score, a, b, c, scores, seeds):  # type: ignore[no
         if scores[i] == -math.inf:
             break
         x, y, z = seeds[i, 0], seeds[i, 1], seeds[i, 2]
-        same = primitives[x] == primitives[a]
+        same = _alike(primitives, place, x, a)
         differ = 1 if x != a else 0
         if count > 1:
-            same = same and primitives[y] == primitives[b]
+            same = same and _alike(primitives, place, y, b)
             differ += 1 if y != b else 0
         if count > 2:
-            same = same and primitives[z] == primitives[c]
+            same = same and _alike(primitives, place, z, c)
             differ += 1 if z != c else 0
         if same and differ <= 1:
             if scores[i] >= score:
@@ -239,7 +248,7 @@ def _scan_all(choice, lean, force, rows, m, scan):  # type: ignore[no-untyped-de
         if fit > scan.seed_score[-1]:
             _weigh(m, scan)
             if _pushes(m, scan, i):
-                _offer(choice.primitive, 1, fit, i, 0, 0, scan.seed_score, scan.seed)
+                offer_seed(choice.primitive, scan.place, 1, fit, i, 0, 0, scan.seed_score, scan.seed)
 
 
 @fused_kernel
@@ -258,11 +267,11 @@ def _scan_pairs(choice, lean, extra, force, rows, m, scan):  # type: ignore[no-u
             _sum(m, scan.pair, scan.spread[d], scan.factor)
             fit = _fit(m, scan)
             if extra > 2:
-                _offer(choice.primitive, 2, fit, i, k, 0, scan.beam_score, scan.beam)
+                offer_seed(choice.primitive, scan.place, 2, fit, i, k, 0, scan.beam_score, scan.beam)
             elif fit > scan.seed_score[-1]:
                 _weigh(m, scan)
                 if _pushes(m, scan, i) and _pushes(m, scan, k):
-                    _offer(choice.primitive, 2, fit, i, k, 0, scan.seed_score, scan.seed)
+                    offer_seed(choice.primitive, scan.place, 2, fit, i, k, 0, scan.seed_score, scan.seed)
 
 
 @fused_kernel
@@ -288,7 +297,7 @@ def _scan_thirds(choice, m, scan):  # type: ignore[no-untyped-def]
                     # In a fixed order, so that the same three are one seed.
                     a, c = max(i, max(k, j)), min(i, min(k, j))
                     b = i + k + j - a - c
-                    _offer(choice.primitive, 3, fit, a, b, c, scan.seed_score, scan.seed)
+                    offer_seed(choice.primitive, scan.place, 3, fit, a, b, c, scan.seed_score, scan.seed)
 
 
 @fused_kernel
