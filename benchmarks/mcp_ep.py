@@ -77,11 +77,8 @@ def sequence(touches: Touches, noise: Noise, seed: int) -> tuple[np.ndarray, np.
 
 def judge(found: Found, touches: Touches) -> Iterator[Judged]:
     """Score after one, two, ... contacts; answers are matched so that the farthest is nearest."""
-    runs, steps = found.link.shape[:2]
-    for t in range(steps):
-        gap = np.linalg.norm(found.point_base[:, t, :, None] - touches.point_base[:, None], axis=-1)
-        gap[found.link[:, t] < 0] = np.inf
-        matched = np.array([_match(gap[i, :, : t + 1]) for i in range(runs)])
+    for t in range(found.link.shape[1]):
+        matched = pair(found, touches, t)[0]
         there = matched[np.isfinite(matched)]
         yield Judged(
             success=float((matched <= NEAR).all(axis=1).mean()),
@@ -90,13 +87,34 @@ def judge(found: Found, touches: Touches) -> Iterator[Judged]:
         )
 
 
-def _match(gap: np.ndarray) -> np.ndarray:
-    """Distance of each true contact from its answer, shape (K,), of answers by contacts `gap` (A, K)."""
-    ways = [
-        np.array([gap[answer, k] for k, answer in enumerate(way)])
-        for way in permutations(range(len(gap)), gap.shape[1])
-    ]
-    return min(ways, key=lambda way: (way.max(), np.sort(way)[::-1].tolist()))
+def pair(found: Found, touches: Touches, step: int) -> tuple[np.ndarray, np.ndarray]:
+    """Give each true contact the answer that is meant for it, so that the farthest is nearest.
+
+    Args:
+        found: Answers.
+        touches: The truth.
+        step: Index of the measurement: one more contacts are there.
+
+    Returns:
+        Distances, infinite where no answer is left, and whether the answer names the link, shapes (N, step +
+        1).
+    """
+    here = slice(step + 1)
+    gap = np.linalg.norm(found.point_base[:, step, :, None] - touches.point_base[:, None, here], axis=-1)
+    gap[found.link[:, step] < 0] = np.inf
+    way = np.array([_way(of_run) for of_run in gap])
+    links = np.take_along_axis(found.link[:, step], way, axis=1)
+    distance = np.take_along_axis(gap, way[:, None], axis=1)[:, 0]
+    return distance, links == touches.link[:, here]
+
+
+def _way(gap: np.ndarray) -> tuple[int, ...]:
+    """Number of each true contact's answer, of answers by contacts `gap` (A, K)."""
+    contacts = range(gap.shape[1])
+    return min(
+        permutations(range(len(gap)), gap.shape[1]),
+        key=lambda way: sorted((gap[way[k], k] for k in contacts), reverse=True),
+    )
 
 
 class Row(NamedTuple):

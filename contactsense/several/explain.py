@@ -58,7 +58,7 @@ def explain_more(
     """
     choice, rows, given, stack, scan, sets = several
     for i in range(known):
-        _take_known(surfaces, bodies, given, stack, scan.normals[i], force, i)
+        take_known(surfaces, bodies, given, stack, scan.normals[i], force, i)
     lay_ground(surfaces.link, prior.lean, given, known, force, rows, m, scan)
     stored = 0
     best = math.inf
@@ -71,26 +71,35 @@ def explain_more(
         level = math.inf
         for t in range(seeds):
             for i in range(known):
-                _take_known(surfaces, bodies, given, stack, scan.normals[i], force, i)
+                take_known(surfaces, bodies, given, stack, scan.normals[i], force, i)
             if extra > 0:
                 likely_pushes(choice, prior.lean, t, extra, force, rows, m, scan, scan.pushes)
                 for e in range(extra):
                     _start(surfaces, bodies, choice, scan, stack, scan.seed[t, e], scan.pushes[e], known + e)
             count = known + extra
-            energy, score = settle(surfaces, bodies, rows, m, prior, count, level + HOPELESS, stack)
-            if energy < math.inf:
-                score += extra * math.log(FURTHER) + _room(surfaces, bodies, prior, stack, known, count)
-                if score > -math.inf:
-                    _store(stack, prior.offset, count, energy, score, sets, stored)
-                    stored += 1
-                    level = min(level, energy)
+            energy, score = weigh_set(surfaces, prior, bodies, rows, m, known, count, level + HOPELESS, stack)
+            if score > -math.inf:
+                _store(stack, prior.offset, count, energy, score, sets, stored)
+                stored += 1
+                level = min(level, energy)
         best = min(best, level)
     kept: int = _rank_sets(surfaces.link, sets, stored, 2.0 * prior.offset)
     return kept
 
 
 @fused_kernel
-def _take_known(surfaces, bodies, given, stack, n, force, i):  # type: ignore[no-untyped-def]
+def weigh_set(surfaces, prior, bodies, rows, m, known, count, limit, stack):  # type: ignore[no-untyped-def]
+    """Search from the contacts in `stack`, the known ones first; energy, and log evidence with the priors of
+    the further ones. Arguments as for `contactsense.several.stack.settle`."""
+    energy, score = settle(surfaces, bodies, rows, m, prior, count, limit, stack)
+    if energy < math.inf:
+        score += (count - known) * math.log(FURTHER)
+        score += _room(surfaces, bodies, prior, stack, known, count)
+    return energy, score
+
+
+@fused_kernel
+def take_known(surfaces, bodies, given, stack, n, force, i):  # type: ignore[no-untyped-def]
     """Known contact i as a first guess, with its force before, or a push of the likely size; and its priors.
 
     n: filled with its outward normal."""

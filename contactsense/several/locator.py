@@ -38,14 +38,14 @@ class SetLocator:
         """For the scene of a `Localizer`, on its workspace."""
         self._arm = work.arm
         self._buffers = buffers
-        self._several = empty_several(work.arm)
+        self.several = empty_several(work.arm)
         self._rows = np.zeros((LISTED * MOST, WIDTH))
         self._answer = SetComposer(scene, composer)
 
     @property
     def found(self) -> Explanations:
         """What `fit` has found last."""
-        return self._several.found
+        return self.several.found
 
     def rows(self, k: int) -> np.ndarray:
         """The contacts of the k-th explanation that `fit` has listed, as in `contactsense.report`; a copy."""
@@ -67,13 +67,13 @@ class SetLocator:
             Number of explanations in `rows`, and how many independent numbers the sensors say about the
             wrenches of the first one's contacts.
         """
-        given = self._several.known
+        given = self.several.known
         for i, contact in enumerate(known):
             given.primitive[i], given.drift[i] = contact.primitive, contact.drift
             given.point[i], given.force[i] = contact.point, contact.force
             given.covariance[i] = contact.covariance
         listed, rank = explain_sets(
-            *self._buffers, self._several, present, bandwidth, len(known), most, self._rows
+            *self._buffers, self.several, present, bandwidth, len(known), most, self._rows
         )
         return int(listed), int(rank)
 

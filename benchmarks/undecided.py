@@ -1,0 +1,173 @@
+"""`python -m benchmarks.undecided`: several contacts that are not found, is it the search or the measurement?
+
+The setting of `benchmarks.mcp_ep`. The search is started at the truth as well, and the evidence of what it
+ends at is held against that of the answer. Where the truth's is clearly better, a better search would have
+found it; where it is not, no search can: the measurement, with what is known of contacts, does not say which
+it is.
+"""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from benchmarks.compare import NEAR
+from benchmarks.mcp_ep import CONTACTS, HELD, scene_of, sequence
+from benchmarks.oracle import Oracle
+from benchmarks.touches import Toucher, Touches
+from contactsense import Contact
+from service.bench.several.measure import match
+from service.bench.static_cases import COLUMNS, Noise
+
+ALIKE = 1.0
+"""Difference in log evidence within which two explanations count as equally good."""
+WAYS: dict[str, float | None] = {"forces held": HELD, "forces free": None}
+"""How a further contact arrives, and what is known of the others' forces, see `mcp_ep.HELD`."""
+
+
+class Row(NamedTuple):
+    """Answers to runs in which all contacts before the last were found, or to all where all come at once."""
+
+    contacts: int
+    arriving: str
+    runs: int
+    found: float
+    """Share in which all contacts are found within `NEAR`."""
+    better: float
+    """Share in which they are not, and the truth's explanation has clearly better evidence."""
+    alike: float
+    """Share in which they are not, and it is about as good."""
+    worse: float
+    """Share in which they are not, and it is clearly worse, or itself leads away from the truth."""
+    perfect: float
+    """Share in which an explanation as good as the answer's or better has all contacts within `NEAR`: no
+    search finds more."""
+    stated: float
+    """Mean probability that the answer states."""
+
+
+class Outcome(NamedTuple):
+    """One answer beside the truth."""
+
+    found: bool
+    holds: bool
+    """Whether the search that starts at the truth stays within `NEAR`."""
+    gain: float
+    stated: float
+
+
+def judge(noise: Noise, robot: str, runs: int, seed: int) -> Iterator[Row]:
+    """One row for each number of contacts and way of arriving."""
+    scene = scene_of(robot, noise)
+    oracle = Oracle(scene)
+    touches = Toucher(scene, seed=seed).draw(runs, CONTACTS, even=True)
+    measured = sequence(touches, noise, seed + 1)
+    outcomes: dict[tuple[int, str], list[Outcome]] = {}
+    for i in range(runs):
+        for way, drift in WAYS.items():
+            known: tuple[Contact, ...] = ()
+            for step in range(CONTACTS):
+                known, outcome = _answer(oracle, touches, measured, i, step, known, drift)
+                if step > 0:
+                    outcomes.setdefault((step + 1, way), []).append(outcome)
+                if not outcome.found:
+                    break
+        outcome = _answer(oracle, touches, measured, i, 1, (), None)[1]
+        outcomes.setdefault((2, "at once"), []).append(outcome)
+    for (contacts, arriving), parts in sorted(outcomes.items()):
+        yield _row(contacts, arriving, parts)
+
+
+def _answer(
+    oracle: Oracle,
+    touches: Touches,
+    measured: tuple[np.ndarray, np.ndarray],
+    i: int,
+    step: int,
+    known: tuple[Contact, ...],
+    drift: float | None,
+) -> tuple[tuple[Contact, ...], Outcome]:
+    """Contacts of the answer, and how they stand beside the truth."""
+    wrench, torque = (part[i, step] for part in measured)
+    estimate = oracle.locate(touches.q[i], wrench, torque, step + 1, known, drift)
+    contacts = estimate.contacts if estimate.explanations else estimate.contacts[:1]
+    truth = touches.point_base[i, : step + 1]
+    found = bool((match(contacts, list(truth)) <= NEAR).all())
+    if step == 0 or not contacts:
+        return contacts, Outcome(found, True, np.inf, 0.0)
+    ended = oracle.from_truth(
+        touches.link[i, : step + 1], truth, touches.force_base[i, : step + 1], len(known)
+    )
+    holds = bool((np.linalg.norm(ended.point_base - truth, axis=1) <= NEAR).all())
+    return contacts, Outcome(found, holds, ended.gain, estimate.explanations[0].probability)
+
+
+def _row(contacts: int, arriving: str, outcomes: list[Outcome]) -> Row:
+    found, holds = (np.array([getattr(o, name) for o in outcomes], dtype=bool) for name in ("found", "holds"))
+    gain = np.array([o.gain if o.holds else -np.inf for o in outcomes])
+    missed = ~found
+    return Row(
+        contacts=contacts,
+        arriving=arriving,
+        runs=len(outcomes),
+        found=float(found.mean()),
+        better=float((missed & (gain > ALIKE)).mean()),
+        alike=float((missed & (abs(gain) <= ALIKE)).mean()),
+        worse=float((missed & (gain < -ALIKE)).mean()),
+        perfect=float((found | (holds & (gain >= 0.0))).mean()),
+        stated=float(np.mean([o.stated for o in outcomes])),
+    )
+
+
+@click.command()
+@click.option(
+    "--robot", "names", multiple=True, default=("ur5e",), help="Arm by name, or a URDF with a surface."
+)
+@click.option("--runs", default=200, show_default=True, help="Postures with three contacts each.")
+@click.option("--seed", default=0, show_default=True, help="Of everything random.")
+@click.option("--json", "as_json", is_flag=True, help="Plain numbers instead of tables.")
+def main(names: tuple[str, ...], runs: int, seed: int, as_json: bool) -> None:
+    """Hold answers with several contacts against what the search finds that knows the truth."""
+    cases = [(name, noise) for name in names for noise in COLUMNS[:3]]
+    rows = [
+        (Path(name).stem, noise, row)
+        for name, noise in track(cases, "locating", console=Console(stderr=True), transient=True)
+        for row in judge(noise, name, runs, seed)
+    ]
+    if as_json:
+        plain = [{"robot": name, "noise": list(noise)} | row._asdict() for name, noise, row in rows]
+        click.echo(json.dumps(plain, indent=1))
+    else:
+        Console(width=128).print(_table(rows))
+
+
+def _table(rows: list[tuple[str, Noise, Row]]) -> Table:
+    table = Table(
+        title=f"several contacts of 20 N: is it the search or the measurement? within {1e3 * NEAR:g} mm",
+        caption=(
+            "runs: in which all contacts before the last were found; missed: the truth's explanation being "
+            "clearly better, about as good (log evidence within 1) or worse than the answer's; perfect: no "
+            "search finds more; stated: mean probability of the answer"
+        ),
+    )
+    for name in ("arm", "noise N / Nm / Nm", "contacts", "arriving"):
+        table.add_column(name, no_wrap=name != "contacts")
+    for name in ("runs", "found", "missed: better", "alike", "worse", "perfect", "stated"):
+        table.add_column(name, justify="right")
+    for name, noise, row in rows:
+        shares = (row.found, row.better, row.alike, row.worse, row.perfect, row.stated)
+        table.add_row(
+            name, str(noise), str(row.contacts), row.arriving, str(row.runs),
+            *(f"{100 * share:.1f} %" for share in shares),
+        )  # fmt: skip
+    return table
+
+
+if __name__ == "__main__":
+    main()
