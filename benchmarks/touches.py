@@ -104,8 +104,25 @@ class Toucher:
         point, normal = in_base(self._motion, table)
         return self._room(point, normal)
 
+    def beside(self, q: np.ndarray, taken: int, contacts: int, force: float) -> Touches:
+        """Further contacts in a posture that is touched already, as `draw` with `even`; N is 1.
+
+        Args:
+            q: Shape (n,) [rad].
+            taken: Number of the link that is touched.
+            contacts: How many, on different links other than that.
+            force: Size of each [N].
+        """
+        place(self._model, q, self._motion)
+        share = (self._share > 0.0).astype(float)
+        share[taken] = 0.0
+        return Touches(*(column[None] for column in self._touch(q, share, contacts, force)))
+
     def _posture(self, share: np.ndarray, contacts: int, force: float) -> tuple[np.ndarray, ...]:
-        q = self._free()
+        return self._touch(self._free(), share, contacts, force)
+
+    def _touch(self, q: np.ndarray, share: np.ndarray, contacts: int, force: float) -> tuple[np.ndarray, ...]:
+        """Contacts at the posture that `_motion` has, as one run of `Touches`."""
         chosen: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
         while len(chosen) < contacts:
             link = int(self._rng.choice(len(share), p=share / share.sum()))
