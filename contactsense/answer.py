@@ -30,13 +30,17 @@ class Composer:
         self._clear = scene.clear
         self._flange = (scene.robot.flange_rotation, scene.robot.flange_translation)
         self._joints = len(scene.robot.joints)
+        self._zeros = (np.zeros(len(self._names)), np.zeros(6), np.zeros((6, 6)))
+        for array in self._zeros:
+            array.setflags(write=False)
+
+    def nothing(self, t: float) -> Estimate:
+        """Nothing touches; such estimates share their arrays, which cannot be written."""
+        return Estimate(t, "none", (), *self._zeros)
 
     def quiet(self, t: float, status: Status, reason: str = "", events: tuple[Event, ...] = ()) -> Estimate:
         """No contact, or no answer."""
-        links = len(self._names)
-        return Estimate(
-            t, status, (), np.zeros(links), np.zeros(6), np.zeros((6, 6)), reason=reason, events=events
-        )
+        return Estimate(t, status, (), *self._zeros, reason=reason, events=events)
 
     def contacts(
         self,

@@ -7,6 +7,7 @@ import numpy as np
 from contactsense.drive import Drive, make_drive
 from contactsense.energy import Prior
 from contactsense.isolation import Sensors
+from contactsense.levels import stream_levels
 from contactsense.places import Places, find_places
 from contactsense.scene import Scene
 from contactsense.sensing import JointTorqueSensor, WrenchSensor, per_joint
@@ -47,6 +48,8 @@ class Arm(NamedTuple):
     """What the joint torque signal contains beside the contact."""
     bias_rate: float
     """Inverse of the time over which biases are averaged, 0: they are constant [1/s]."""
+    levels: np.ndarray
+    """Energies at which contacts begin and end, see `contactsense.levels.stream_levels`."""
 
 
 def build_arm(scene: Scene) -> Arm:
@@ -81,6 +84,7 @@ def build_arm(scene: Scene) -> Arm:
         wrist_origin=flange_rotation @ np.array(wrist.translation) + flange_origin,
         drive=make_drive(torque, len(scene.robot.joints)),
         bias_rate=0.0 if scene.bias_time is None else 1.0 / scene.bias_time,
+        levels=stream_levels(scene, (6, len(scene.robot.joints), 6)),
     )
 
 

@@ -1,96 +1,124 @@
 """The compiled functions that Python calls, once per sample or once per batch; each opens a `Workspace`
 first."""
 
-import math
-
 import numpy as np
 
 from contactsense.arm import Arm
 from contactsense.equations import difference
 from contactsense.fit import judge
 from contactsense.follower import QUIET
+from contactsense.health import attend, trust
 from contactsense.memory import Memory
-from contactsense.observer import GAIN
-from contactsense.pipeline import energy_of_nothing, explain, follow, follow_unknown, present, rest
+from contactsense.pipeline import (
+    energy_of_nothing,
+    explain,
+    follow,
+    follow_unknown,
+    present,
+    residual_gain,
+    rest,
+)
 from contactsense.report import report
 from contactsense.slide import lead
+from contactsense.stream import (
+    BASE,
+    DOUBT,
+    REPEATED,
+    RESTARTED,
+    SCALE,
+    SETTLES,
+    STEP,
+    TORQUE,
+    TOUCHED,
+    UNUSABLE,
+    arrive,
+    pace,
+    sensor_number,
+    sensors_of,
+)
 from contactsense.tracker import NONE, PHASE, WINDOW, average, choose, forget, live
 from contactsense.workspace import unfold
-from robots.compiled import kernel
+from robots.compiled import inlined_kernel, kernel
 from robots.grid import Grids
 from robots.uncounted import uncounted
 
 
 @kernel
-def finite(vector: np.ndarray) -> bool:
-    """Whether all numbers of a vector are finite; NumPy takes ten times as long over six of them."""
-    for value in vector:  # noqa: SIM110 (a generator cannot be compiled)
-        if not math.isfinite(value):
-            return False
-    return True
+def listen(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int],
+    bandwidth: float,
+    t: float,
+    given: int,
+) -> int:
+    """One sample of a live stream, which has been put into `Memory.stream`: does anything touch?
+
+    Where nothing does, what is not known of sensors and masses is learned from.
+
+    Args:
+        floats, integers, sizes: The workspace.
+        bandwidth: Cut-off frequency of the observers [Hz].
+        t: Time of the sample [s].
+        given: Which sensors have a value in it, see `contactsense.stream.arrive`.
+
+    Returns:
+        What is to be said of the sample, see `contactsense.stream`.
+    """
+    arm, memory = unfold(floats, integers, sizes)
+    track, stream, health = memory.track, memory.stream, memory.health
+    said: int = arrive(stream, t, given, bandwidth)
+    if said & (REPEATED | UNUSABLE):
+        return said
+    if said & RESTARTED:
+        forget(track)
+    follow(arm, memory, bandwidth)
+    base_there, torque_there = stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0
+    trust(health, stream.usable)
+    has_base, has_torque, has_wrist = sensors_of(stream)
+    if not (has_base or has_torque):
+        forget(track)
+        return said | SETTLES
+    scale = residual_gain(memory, (has_base, has_torque, has_wrist))
+    stream.clock[SCALE] = scale
+    nothing = energy_of_nothing(arm, memory, has_base, has_torque, has_wrist, scale)
+    judge(arm, memory, scale)
+    levels = arm.levels[1 * has_base + 2 * has_torque + 4 * has_wrist, pace(stream)]
+    touched = not nothing <= levels[0 if track.life[PHASE] == NONE else 1]
+    if attend(health, memory.fit, touched, base_there, torque_there, stream.clock[STEP]):
+        said |= DOUBT
+    if touched:
+        return said | TOUCHED
+    forget(track)
+    follow_unknown(arm, memory, has_base, has_torque, scale, bandwidth)
+    return said
 
 
 @kernel
-def step(
+def pursue(
     floats: np.ndarray,
     integers: np.ndarray,
     sizes: tuple[int, int, int, int],
     skin: Grids,
-    q: np.ndarray,
-    qd: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
-    steps: tuple[float, float, float, float, float],
-    dt: float,
     bandwidth: float,
-    matched: tuple[bool, bool],
-    has_base: bool,
-    has_torque: bool,
-    has_wrist: bool,
     gate: bool,
-    onset: float,
-    release: float,
     rows: np.ndarray,
 ) -> int:
-    """One sample of a live stream: `follow`, and while a contact is on, `explain` what is averaged of it.
+    """After `listen` has found that something touches: average the residuals and `explain` them.
 
     Args:
-        floats, integers, sizes, skin: The workspace and the skin.
-        q, qd, torque, base_wrench, wrist_wrench, steps, bandwidth, matched: As for `follow`.
-        dt: Time since the last sample [s], 0 for the first.
-        has_base, has_torque, has_wrist, gate: As for `explain`.
-        onset, release: Energies of "nothing touches" at which a contact begins and ends.
+        floats, integers, sizes, skin, bandwidth: The workspace, the skin, the observers' cut-off [Hz].
+        gate: As for `explain`.
         rows: Filled with the explanations.
 
     Returns:
-        Number of explanations in `rows`, 0 where a contact has none; -1 where nothing touches, -2 where no
-        sensor can be used.
+        Number of explanations in `rows`.
     """
     arm, memory = unfold(floats, integers, sizes)
-    q, qd, torque = uncounted(q), uncounted(qd), uncounted(torque)
-    base_wrench, wrist_wrench, rows = uncounted(base_wrench), uncounted(wrist_wrench), uncounted(rows)
-    track = memory.track
-    follow(arm, memory, q, qd, torque, base_wrench, wrist_wrench, steps, dt, bandwidth, matched)
-    if not (has_base or has_torque):
-        forget(track)
-        return -2
-    # A sensor that has missed a sample passes a little more of its noise: the noisiest counts.
-    scale = 0.0
-    if has_base:
-        scale = max(scale, memory.base.clock[GAIN])
-    if has_torque:
-        scale = max(scale, memory.joints.clock[GAIN])
-    if has_wrist:
-        scale = max(scale, memory.wrist.clock[GAIN])
-    nothing = energy_of_nothing(arm, memory, has_base, has_torque, has_wrist, scale)
-    judge(arm, memory, scale)
-    if nothing <= (onset if track.life[PHASE] == NONE else release):
-        forget(track)
-        follow_unknown(arm, memory, has_base, has_torque, scale, bandwidth)
-        return -1
+    rows = uncounted(rows)
+    track, stream = memory.track, memory.stream
+    dt = stream.clock[STEP]
     memory.follower.clock[QUIET] = 0.0
-    sensors = 1.0 * has_base + 2.0 * has_torque + 4.0 * has_wrist + 8.0 * matched[0] + 16.0 * matched[1]
     average(
         track,
         memory.base,
@@ -98,16 +126,17 @@ def step(
         memory.joints,
         memory.wrist_match,
         memory.wrist,
-        scale,
-        sensors,
+        stream.clock[SCALE],
+        sensor_number(stream),
         dt,
         bandwidth,
     )
+    has_base, has_torque, has_wrist = sensors_of(stream)
     moved = choose(arm.sensors, track, memory.motion, has_base, dt, bandwidth)
     live(track, moved, dt, bandwidth)
     window = int(track.life[WINDOW])
     if window > 0:
-        _present_mean(memory, window, matched)
+        _present_mean(memory, window)
     count, _ = explain(arm, memory, has_base, has_torque, has_wrist, track.gain[window], gate, -1.0)
     listed: int = report(arm, memory, skin, count, rows)
     if listed > 0:
@@ -119,18 +148,18 @@ def step(
     return listed
 
 
-@kernel
-def _present_mean(memory: Memory, window: int, matched: tuple[bool, bool]) -> None:
+@inlined_kernel
+def _present_mean(memory: Memory, window: int) -> None:
     """Put a window's mean in the place of the observers' residuals."""
     n = memory.torque.shape[0]
     mean = memory.track.mean[window]
     a = 6 * (n + 1)
     b = a + n
     c = b + n
-    present(memory, mean[:a], mean[a:b], mean[b:c], mean[c : c + 6], mean[c + 6 :], matched)
+    present(memory, mean[:a], mean[a:b], mean[b:c], mean[c : c + 6], mean[c + 6 :])
 
 
-@kernel
+@inlined_kernel
 def _remember(arm: Arm, memory: Memory, row: np.ndarray) -> None:
     """The place of the best explanation, for the next sample."""
     body = arm.sensors.depth[int(row[0])]
@@ -142,7 +171,7 @@ def _remember(arm: Arm, memory: Memory, row: np.ndarray) -> None:
         place[4 + i] = R[0, i] * row[10] + R[1, i] * row[11] + R[2, i] * row[12]
 
 
-@kernel
+@inlined_kernel
 def _bring_up_to_date(arm: Arm, memory: Memory, window: int, rows: np.ndarray) -> None:
     """Place and link come from the mean over a window; force, torsion and wrench are told as they are now."""
     track = memory.track
@@ -189,7 +218,8 @@ def once(
     threshold: float,
     rows: np.ndarray,
 ) -> tuple[int, float]:
-    """One sample of an arm at rest: `rest` and `explain`. Returns as `step`."""
+    """One sample of an arm at rest: `rest` and `explain`. Returns the number of explanations in `rows`, and
+    the energy of "nothing touches"."""
     arm, memory = unfold(floats, integers, sizes)
     rest(arm, memory, q, torque, base_wrench, wrist_wrench, external)
     count, nothing = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate, threshold)

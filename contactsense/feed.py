@@ -1,45 +1,59 @@
-"""Bookkeeping of one sensor in a live stream: since when it runs, how long it has been silent."""
+"""Bookkeeping of the sensors in a live stream: since when each runs, how long it has been silent.
+
+A feed is a row of numbers: when it started, its last value, both [s], and its usual step [s].
+"""
+
+import math
+
+import numpy as np
+
+from robots.compiled import kernel
 
 HOLD = 0.05
 """A sensor that has been silent for longer than this counts as missing, and its observer starts anew [s]."""
 MISSED = 6.0
 """The same in steps of the sensor, where these are so long that this is more."""
+SINCE, LAST, USUAL = 0, 1, 2
+"""Places in a feed."""
 _LATELY = 0.1
 """Share of the newest step in the usual one."""
 
 
-class Feed:
-    """Says for each sample how far the sensor's observer must step, and whether its residual can be used."""
+@kernel
+def silence(feeds: np.ndarray) -> None:
+    """Feeds that have said nothing yet, shape (N, 3)."""
+    feeds[:] = 0.0
+    feeds[:, LAST] = -math.inf
 
-    def __init__(self, settle: float) -> None:
-        """A sensor that has said nothing yet; `settle`: time from a start until its residual is used [s]."""
-        self._settle = settle
-        self._since = 0.0
-        self._last: float | None = None
-        self._usual = 0.0
 
-    @property
-    def hold(self) -> float:
-        """Silence after which the sensor counts as missing [s]."""
-        return max(HOLD, MISSED * self._usual)
+@kernel
+def _hold(feed: np.ndarray) -> float:
+    """Silence after which the sensor counts as missing [s]."""
+    return float(max(HOLD, MISSED * feed[USUAL]))
 
-    def step(self, t: float, present: bool) -> float:
-        """Time since the sensor's last value [s]; 0: start anew; negative: no value in the sample at time
-        t."""
-        if not present:
-            return -1.0
-        last, self._last = self._last, t
-        if last is None or not 0.0 < t - last <= self.hold:
-            self._since = t
-            return 0.0
-        step = t - last
-        self._usual += (_LATELY if self._usual > 0.0 else 1.0) * (step - self._usual)
-        return step
 
-    def ready(self, t: float) -> bool:
-        """Whether the residual at time t can be used: the sensor is neither silent nor just started."""
-        return self._last is not None and t - self._last <= self.hold and t - self._since >= self._settle
+@kernel
+def proceed(feed: np.ndarray, t: float, present: bool) -> float:
+    """Time since the sensor's last value [s]; 0: start anew; negative: no value in the sample at time t."""
+    if not present:
+        return -1.0
+    step = t - feed[LAST]
+    feed[LAST] = t
+    if not 0.0 < step <= _hold(feed):
+        feed[SINCE] = t
+        return 0.0
+    feed[USUAL] += (_LATELY if feed[USUAL] > 0.0 else 1.0) * (step - feed[USUAL])
+    return float(step)
 
-    def silent(self, t: float) -> bool:
-        """Whether nothing usable has come from the sensor for longer than `hold`."""
-        return self._last is None or t - self._last > self.hold
+
+@kernel
+def silent(feed: np.ndarray, t: float) -> bool:
+    """Whether nothing usable has come from the sensor for longer than it may be silent."""
+    return bool(t - feed[LAST] > _hold(feed))
+
+
+@kernel
+def settled(feed: np.ndarray, t: float, settle: float) -> bool:
+    """Whether the residual at time t can be used: the sensor is neither silent nor just started; `settle`:
+    time from a start until then [s]."""
+    return not silent(feed, t) and t - feed[SINCE] >= settle

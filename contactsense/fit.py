@@ -3,15 +3,13 @@
 import math
 
 from contactsense.arm import Arm
+from contactsense.health import AGREEMENT, BASE, FORCE, TORQUE
 from contactsense.memory import Memory
 from kinematics.core import dot6
-from robots.compiled import kernel
-
-BASE, TORQUE, AGREEMENT, FORCE = 0, 1, 2, 3
-"""Places in `Memory.fit`."""
+from robots.compiled import inlined_kernel
 
 
-@kernel
+@inlined_kernel
 def judge(arm: Arm, memory: Memory, scale: float) -> None:
     """Fill `fit`: mean square residuals in units of their variance, 1 if all is as stated; and `FORCE`, what
     the base sensor feels beyond the arm's own [N].

@@ -1,6 +1,5 @@
 """`Localizer`: samples go in, estimates come out. It alone remembers anything between samples."""
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
@@ -10,11 +9,12 @@ from contactsense.answer import Composer
 from contactsense.arm import build_arm
 from contactsense.candidates import MOST
 from contactsense.check import checked_rows, checked_vector
-from contactsense.entry import batch, finite, once, step
-from contactsense.feed import Feed
-from contactsense.follower import restart
-from contactsense.health import Health
-from contactsense.levels import Levels
+from contactsense.entry import batch, listen, once, pursue
+from contactsense.feed import silence
+from contactsense.follower import restart as restart_follower
+from contactsense.health import complaints
+from contactsense.health import restart as restart_health
+from contactsense.levels import SingleLevels
 from contactsense.memory import empty_memory
 from contactsense.payload import PickUp
 from contactsense.report import (
@@ -33,20 +33,28 @@ from contactsense.several.answer import SetComposer
 from contactsense.several.live import SetTracker
 from contactsense.several.locator import SetLocator
 from contactsense.skin import skin_of
+from contactsense.stream import (
+    DOUBT,
+    MISSING,
+    REPEATED,
+    RESTARTED,
+    SCALE,
+    SETTLES,
+    SPOILT,
+    TOUCHED,
+    UNUSABLE,
+    sensors_of,
+)
+from contactsense.stream import restart as restart_stream
 from contactsense.tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, forget
 from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Sample
 from contactsense.workspace import Workspace
 
-SETTLE = 5.0
-"""Time constants of the observer after a start until its residual is used: it is within 1 % of its value by
-then."""
 Method = Literal["joint", "torques_first"]
 """How link and place are decided: `joint`: together; `torques_first`: the link from the evidence of base
 wrench and torques alone, then the place on it, which is what a gate in front of a locator does and is kept
 for comparison."""
 _SENSORS = ("base_wrench", "joint_torque", "wrist_wrench")
-_LATELY = 0.05
-"""Share of the newest step in the stream's usual one."""
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
 _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 
@@ -89,7 +97,9 @@ class Localizer:
         self._gate = method == "torques_first"
         arm = build_arm(scene)
         self._work = Workspace(arm, empty_memory(arm))
-        self._buffers = (self._work.floats, self._work.integers, self._work.sizes, skin_of(scene))
+        self._workspace = (self._work.floats, self._work.integers, self._work.sizes)
+        self._buffers = (*self._workspace, skin_of(scene))
+        self._stream, self._bandwidth = self._work.memory.stream, scene.bandwidth
         self._joints, self._links, primitives, _ = self._work.sizes
         self._rows = np.zeros((max(primitives, MOST), WIDTH))
         self._composer = Composer(scene, arm.surfaces.start)
@@ -103,38 +113,31 @@ class Localizer:
             scene.joint_torque is not None,
             scene.wrist_wrench is not None,
         )
+        self._heeded = ~sum((MISSING | SPOILT) << i for i, fitted in enumerate(self._fitted) if not fitted)
         self._sizes = (6, self._joints, 6)
         self._blank = tuple(np.zeros(size) for size in self._sizes)
-        self._levels = Levels(scene, self._sizes)
-        self._health = Health(scene.force, single=scene.contacts == 1)
+        self._levels = SingleLevels(scene, self._sizes)
         self._pick_up = PickUp(scene, self._work) if scene.picks_up else None
         self.reset()
         self._warm_up()
 
     def reset(self) -> None:
         """Forget all samples and contacts; the next sample starts a new stream."""
-        self._restart()
         arm, memory = self._work.arm, self._work.memory
+        restart_stream(memory.stream)
+        restart_health(memory.health, self.scene.force, self.scene.contacts == 1)
+        forget(memory.track)
         memory.track.life[NUMBER] = 0.0
+        if self._together is not None:
+            self._together.forget()
         for mine, its in zip(memory.model, arm.model, strict=True):
             mine[:] = its
         memory.drive.bias[:] = arm.drive.bias
         weight = arm.model.mass[0] * np.append(arm.gravity, np.cross(arm.model.com[0], arm.gravity))
-        restart(memory.follower, self.scene.inertia_error, weight)
+        restart_follower(memory.follower, self.scene.inertia_error, weight)
         self._phase, self._number = NONE, 0
-        self._health.reset()
         if self._pick_up is not None:
             self._pick_up.reset()
-
-    def _restart(self) -> None:
-        settle = SETTLE / (2.0 * math.pi * self.scene.bandwidth)
-        self._feeds = tuple(Feed(settle) for _ in _SENSORS)
-        self._pairs = (Feed(settle), Feed(settle))
-        self._t = -math.inf
-        self._usual_step = 0.0
-        forget(self._work.memory.track)
-        if self._together is not None:
-            self._together.forget()
 
     def step(self, sample: Sample) -> Estimate:
         """Take the next sample of a live stream, of an arm that may move, and say what touches it now.
@@ -145,37 +148,51 @@ class Localizer:
         Raises:
             ValueError: a field has the wrong shape; the message names it.
         """
-        q = self._shaped("q", sample.q, self._joints)
-        qd = self._shaped("qd", sample.qd, self._joints)
         t = sample.t
-        if not (math.isfinite(t) and finite(q) and finite(qd)):
+        given = self._take(sample)
+        said = listen(*self._workspace, self._bandwidth, t, given) & self._heeded
+        if said == 0 and self._phase == NONE:
+            return self._composer.nothing(t)
+        return self._tell(t, said)
+
+    def _take(self, sample: Sample) -> int:
+        """Put a sample into the workspace; returns which sensors have a value in it, a bit each."""
+        stream = self._stream
+        _put(stream.q, "q", sample.q)
+        _put(stream.qd, "qd", sample.qd)
+        given = 0
+        if sample.base_wrench is not None and self._fitted[0]:
+            _put(stream.base_wrench, "base_wrench", sample.base_wrench)
+            given = 1
+        if sample.joint_torque is not None and self._fitted[1]:
+            _put(stream.torque, "joint_torque", sample.joint_torque)
+            given += 2
+        if sample.wrist_wrench is not None and self._fitted[2]:
+            _put(stream.wrist_wrench, "wrist_wrench", sample.wrist_wrench)
+            given += 4
+        return given
+
+    def _tell(self, t: float, said: int) -> Estimate:
+        """The estimate for the sample that `listen` took in: something touches it, or something is to be said
+        of it."""
+        if said & UNUSABLE:
             return self._composer.quiet(
                 t, "degraded", "time, positions or velocities are not finite: sample unused"
             )
-        if t == self._t:
+        if said & REPEATED:
             return self._composer.quiet(t, "degraded", "same time as the sample before: sample unused")
-        if t < self._t:
-            self._restart()
-        dt = t - self._t if self._t > -math.inf else 0.0
-        self._usual_step += (_LATELY if self._usual_step > 0.0 else 1.0) * (dt - self._usual_step)
-        self._t = t
-        values, steps, there, troubles = self._read(sample)
-        ready = self._health.trusted(there)
-        both = steps[0] >= 0.0
-        steps += [pair.step(t, both and steps[i] >= 0.0) for i, pair in enumerate(self._pairs, start=1)]
-        matched = (self._pairs[0].ready(t), self._pairs[1].ready(t))
-        listed = step(
-            *self._buffers, q, qd, values[1], values[0], values[2], tuple(steps), dt, self.scene.bandwidth,
-            matched, *ready, self._gate, *self._levels.stream(ready, self._usual_step), self._rows,
-        )  # fmt: skip
+        if said & RESTARTED and self._together is not None:
+            self._together.forget()
+        listed = -1
+        if said & TOUCHED:
+            listed = pursue(*self._buffers, self._bandwidth, self._gate, self._rows)
         kinds, ended = self._news(t)
+        ready = sensors_of(self._stream)
         if self._phase == HOLD and self._pick_up is not None and ready[0] and ready[1]:
             mass = self._pick_up.step()
             if mass is not None:
                 return self._weight(t, mass)
-        if listed > -2:
-            troubles += self._health.step(dt, self._work.memory.fit, self._phase != NONE, there)
-        reason = "; ".join(troubles)
+        reason = self._troubles(said)
         if self._together is not None:
             if listed < 0:
                 ended += self._together.end(t, self._number)
@@ -183,19 +200,30 @@ class Localizer:
                 several, self._number = self._together.step(t, ready, self._number, listed > 0, reason)
                 if several is not None:
                     return several
-        if listed == -2:
-            reason = reason or "observer settles after its start"
         if listed < 0:
             return self._composer.quiet(t, "degraded" if reason else "none", reason, ended)
         return self._composer.contacts(
             t, self._work.memory, self._rows[:listed], reason, self._number, _PHASES[self._phase], kinds
         )
 
+    def _troubles(self, said: int) -> str:
+        """What is wrong, in words; see `contactsense.stream`."""
+        found = []
+        for i, name in enumerate(_SENSORS):
+            if said & MISSING << i:
+                found.append(f"{name} is missing")
+            elif said & SPOILT << i:
+                found.append(f"{name} is not finite")
+        if said & DOUBT:
+            found += complaints(self._work.memory.health)
+        if said & SETTLES and not found:
+            found.append("observer settles after its start")
+        return "; ".join(found)
+
     def _weight(self, t: float, mass: float) -> Estimate:
         """The contact was a weight, which is in the model now: the observers start anew."""
         event = Event("weight", self._number, t, self.scene.robot.link_names[-1], mass)
-        settle = SETTLE / (2.0 * math.pi * self.scene.bandwidth)
-        self._feeds, self._pairs = tuple(Feed(settle) for _ in _SENSORS), (Feed(settle), Feed(settle))
+        silence(self._stream.feeds)
         forget(self._work.memory.track)
         self._phase = NONE
         return self._composer.quiet(t, "none", events=(event,))
@@ -260,7 +288,7 @@ class Localizer:
         if several:
             self._sets = self._sets or SetLocator(self.scene, self._work, self._buffers, self._composer)
             self._sets.check(contacts, known, drift)
-        threshold = self._levels.single(present) if detect else -1.0
+        threshold = self._levels.level(present) if detect else -1.0
         listed, nothing = once(
             *self._buffers, q, values[1], values[0], values[2], external, *present, self._gate, threshold,
             self._rows,
@@ -313,7 +341,7 @@ class Localizer:
             force_base=best[:, FORCE],
             torsion=best[:, TORSION],
             covariance=best[:, COVARIANCE].reshape(n, 3, 3),
-            detected=nothing > self._levels.single(present),
+            detected=nothing > self._levels.level(present),
         )
 
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
@@ -330,36 +358,6 @@ class Localizer:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two, got none")
         return given[0] is not None, given[1] is not None, given[2] is not None
 
-    def _read(
-        self, sample: Sample
-    ) -> tuple[list[np.ndarray], list[float], tuple[bool, bool, bool], list[str]]:
-        """Values, observer steps and readiness of each sensor, and what is wrong with any."""
-        values, steps, ready, troubles = [], [], [], []
-        given = (sample.base_wrench, sample.joint_torque, sample.wrist_wrench)
-        for i, name in enumerate(_SENSORS):
-            value = (
-                None
-                if given[i] is None or not self._fitted[i]
-                else self._shaped(name, given[i], self._sizes[i])
-            )
-            usable = value is not None and finite(value)
-            feed = self._feeds[i]
-            steps.append(feed.step(sample.t, usable))
-            values.append(value if value is not None and usable else self._blank[i])
-            ready.append(feed.ready(sample.t))
-            if self._fitted[i] and feed.silent(sample.t):
-                troubles.append(f"{name} is missing")
-            elif value is not None and not usable:
-                troubles.append(f"{name} is not finite")
-        return values, steps, (ready[0], ready[1], ready[2]), troubles
-
-    @staticmethod
-    def _shaped(name: str, value: object, size: int) -> np.ndarray:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-        if array.shape != (size,):
-            raise ValueError(f"{name}: expected shape ({size},), got shape {array.shape}")
-        return array
-
     def _warm_up(self) -> None:
         """Compile the sample path before the first sample comes."""
         zero = self._blank[1]
@@ -367,6 +365,9 @@ class Localizer:
             blank if there else None for blank, there in zip(self._blank, self._fitted, strict=True)
         )
         self.step(Sample(0.0, zero, zero, torque, base, wrist))
+        self._stream.usable[:] = (*self._fitted, False, False)
+        self._stream.clock[SCALE] = 1.0
+        pursue(*self._buffers, self._bandwidth, self._gate, self._rows)
         rows = [None if value is None else value[None] for value in (base, torque, wrist)]
         self.locate_batch(zero[None], base_wrench=rows[0], joint_torque=rows[1], wrist_wrench=rows[2])
         self.locate(
@@ -374,3 +375,12 @@ class Localizer:
             detect=False,
         )  # fmt: skip
         self.reset()
+
+
+def _put(place: np.ndarray, name: str, value: object) -> None:
+    """Copy a field of a sample to its place in the workspace."""
+    if type(value) is not np.ndarray or value.shape != place.shape:
+        value = np.asarray(value, dtype=np.float64)
+        if value.shape != place.shape:
+            raise ValueError(f"{name}: expected shape {place.shape}, got shape {value.shape}")
+    place[:] = value

@@ -11,8 +11,10 @@ from contactsense.cells import Cells, empty_cells
 from contactsense.drive import Drive
 from contactsense.energy import Work, empty_work
 from contactsense.follower import Follower, empty_follower
+from contactsense.health import Health, empty_health
 from contactsense.isolation import Hypotheses, empty_hypotheses
 from contactsense.observer import Observer, empty_observer
+from contactsense.stream import Stream, empty_stream
 from contactsense.tracker import Track, empty_track
 from kinematics.model import Model, Motion, empty_motion
 
@@ -45,6 +47,10 @@ class Memory(NamedTuple):
     """What it sees beyond the base sensor, six equations."""
     track: Track
     """The contact that is on."""
+    stream: Stream
+    """The newest sample, and what its sensors are good for."""
+    health: Health
+    """Whether model and sensors still fit."""
     carried: np.ndarray
     """Momentum and gravity wrench of what the wrist sensor carries, shape (2, 6)."""
     wrist_origin: np.ndarray
@@ -102,6 +108,8 @@ def empty_memory(arm: Arm) -> Memory:
         wrist=empty_observer(6),
         wrist_match=empty_observer(6),
         track=empty_track(joints),
+        stream=empty_stream(joints),
+        health=empty_health(),
         carried=np.zeros((2, 6)),
         wrist_origin=np.zeros(3),
         reading=np.zeros(6),

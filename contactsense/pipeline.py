@@ -20,11 +20,13 @@ from contactsense.isolation import Sensors, isolate
 from contactsense.ldl import invert
 from contactsense.locate import locate
 from contactsense.memory import Memory
+from contactsense.observer import GAIN
+from contactsense.stream import BASE, MATCH, STEP, TORQUE, WRIST, WRIST_MATCH
 from kinematics.core import carry, dot6, move
-from robots.compiled import kernel
+from robots.compiled import inlined_kernel
 
 
-@kernel
+@inlined_kernel
 def _place_wrist(arm: Arm, memory: Memory) -> None:
     """Momentum and weight of the tool, and where the wrist sensor is."""
     last = memory.motion.rotation.shape[0] - 1
@@ -45,52 +47,41 @@ def _place_wrist(arm: Arm, memory: Memory) -> None:
         memory.wrist_origin[i] = o[i] + R[i, 0] * s[0] + R[i, 1] * s[1] + R[i, 2] * s[2]
 
 
-@kernel
+@inlined_kernel
 def follow(
     arm: Arm,
     memory: Memory,
-    q: np.ndarray,
-    qd: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
-    steps: tuple[float, float, float, float, float],
-    dt: float,
     bandwidth: float,
-    matched: tuple[bool, bool],
 ) -> None:
-    """Advance the observers by a sample of a moving arm.
-
-    The external parts are left in `memory`. Units and frames as in `contactsense.types.Sample`.
+    """Advance the observers by the newest sample of a stream, of an arm that may move.
 
     Args:
-        arm, memory: The scene's constants, and what samples change.
-        q, qd, torque, base_wrench, wrist_wrench: The sample.
-        steps: Time since the last value of base wrench, torque, wrist wrench, base wrench and torque
-            together, base wrench and wrist wrench together [s]; 0 starts anew, negative: no value this time.
-        dt: Time since the last sample [s]; 0 for the first.
+        arm, memory: The scene's constants, and what samples change; after `contactsense.stream.arrive`. The
+            external parts are left in it.
         bandwidth: Cut-off frequency [Hz].
-        matched: Whether torque and wrist wrench can be held against the base wrench.
     """
-    motion = memory.motion
+    motion, stream = memory.motion, memory.stream
     model, drive, reading = memory.model, memory.drive, memory.reading
-    move(model, q, qd, arm.gravity, motion)
+    qd, torque, wrist_wrench, steps = stream.qd, stream.torque, stream.wrist_wrench, stream.steps
+    move(model, stream.q, qd, arm.gravity, motion)
     _place_wrist(arm, memory)
     for i in range(6):
-        reading[i] = base_wrench[i] - memory.follower.bias[i]
-    if steps[0] >= 0.0:
-        observe_in_bodies(motion, reading, steps[0], bandwidth, memory.base)
-    if steps[1] >= 0.0:
+        reading[i] = stream.base_wrench[i] - memory.follower.bias[i]
+    if steps[BASE] >= 0.0:
+        observe_in_bodies(motion, reading, steps[BASE], bandwidth, memory.base)
+    if steps[TORQUE] >= 0.0:
         observe_joints(
-            model, drive, motion, qd, torque, steps[1], bandwidth, memory.joints, memory.unexplained
+            model, drive, motion, qd, torque, steps[TORQUE], bandwidth, memory.joints, memory.unexplained
         )
-    if steps[2] >= 0.0:
-        observe_wrench(memory.carried[0], memory.carried[1], wrist_wrench, steps[2], bandwidth, memory.wrist)
-    if steps[3] >= 0.0:
-        observe_match(model, drive, motion, qd, torque, reading, steps[3], bandwidth, memory.match)
-    if steps[4] >= 0.0:
+    if steps[WRIST] >= 0.0:
+        observe_wrench(
+            memory.carried[0], memory.carried[1], wrist_wrench, steps[WRIST], bandwidth, memory.wrist
+        )
+    if steps[MATCH] >= 0.0:
+        observe_match(model, drive, motion, qd, torque, reading, steps[MATCH], bandwidth, memory.match)
+    if steps[WRIST_MATCH] >= 0.0:
         observe_wrist_match(
-            motion, memory.carried, wrist_wrench, reading, steps[4], bandwidth, memory.wrist_match
+            motion, memory.carried, wrist_wrench, reading, steps[WRIST_MATCH], bandwidth, memory.wrist_match
         )
     watch(
         memory.follower,
@@ -99,7 +90,7 @@ def follow(
         arm.sensors.base_covariance,
         arm.sensors.torque_variance,
         arm.bias_rate,
-        dt,
+        stream.clock[STEP],
         bandwidth,
     )
     present(
@@ -109,11 +100,10 @@ def follow(
         memory.joints.residual,
         memory.wrist_match.residual,
         memory.wrist.residual,
-        matched,
     )
 
 
-@kernel
+@inlined_kernel
 def present(
     memory: Memory,
     base: np.ndarray,
@@ -121,28 +111,42 @@ def present(
     joints: np.ndarray,
     wrist_match: np.ndarray,
     wrist: np.ndarray,
-    matched: tuple[bool, bool],
 ) -> None:
     """Leave residuals, those of the observers or their means, in `memory` as the external parts to explain.
 
     Args:
         memory: With the poses of this sample; its external parts are filled.
         base, match, joints, wrist_match, wrist: Residuals in the order of `Memory`'s observers.
-        matched: Whether torque and wrist wrench can be held against the base wrench.
     """
+    matched = memory.stream.usable[MATCH] > 0.0
+    wrist_matched = memory.stream.usable[WRIST_MATCH] > 0.0
     from_bodies(memory.motion, base, memory.body_wrench)
     memory.base_wrench[:] = memory.body_wrench[0]
     memory.torque[:] = joints
     memory.wrist_wrench[:] = wrist
     for j in range(joints.shape[0]):
         memory.seen_torque[j] = (
-            dot6(memory.motion.screw[j], memory.base_wrench) + match[j] if matched[0] else joints[j]
+            dot6(memory.motion.screw[j], memory.base_wrench) + match[j] if matched else joints[j]
         )
     for i in range(6):
-        memory.seen_wrist[i] = memory.base_wrench[i] + wrist_match[i] if matched[1] else wrist[i]
+        memory.seen_wrist[i] = memory.base_wrench[i] + wrist_match[i] if wrist_matched else wrist[i]
 
 
-@kernel
+@inlined_kernel
+def residual_gain(memory: Memory, present: tuple[bool, bool, bool]) -> float:
+    """Variance of the observers' residuals over that of one sample's noise. A sensor that has missed a sample
+    passes a little more of it: of those that are `present` the noisiest counts."""
+    scale = 0.0
+    if present[0]:
+        scale = max(scale, memory.base.clock[GAIN])
+    if present[1]:
+        scale = max(scale, memory.joints.clock[GAIN])
+    if present[2]:
+        scale = max(scale, memory.wrist.clock[GAIN])
+    return scale
+
+
+@inlined_kernel
 def energy_of_nothing(
     arm: Arm, memory: Memory, has_base: bool, has_torque: bool, has_wrist: bool, scale: float
 ) -> float:
@@ -175,7 +179,7 @@ def energy_of_nothing(
     return energy
 
 
-@kernel
+@inlined_kernel
 def tell(arm: Arm, memory: Memory, scale: float) -> None:
     """Fill in the covariances of the external parts: noise times `scale`, and what is not known of the
     arm."""
@@ -189,7 +193,7 @@ def tell(arm: Arm, memory: Memory, scale: float) -> None:
     invert(memory.base_covariance, memory.base_information)
 
 
-@kernel
+@inlined_kernel
 def follow_unknown(
     arm: Arm, memory: Memory, has_base: bool, has_torque: bool, scale: float, bandwidth: float
 ) -> None:
@@ -232,7 +236,7 @@ def follow_unknown(
     )
 
 
-@kernel
+@inlined_kernel
 def rest(
     arm: Arm,
     memory: Memory,
@@ -264,7 +268,7 @@ def rest(
     memory.seen_wrist[:] = memory.wrist_wrench
 
 
-@kernel
+@inlined_kernel
 def explain(
     arm: Arm,
     memory: Memory,

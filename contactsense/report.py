@@ -4,7 +4,7 @@ import numpy as np
 
 from contactsense.arm import Arm
 from contactsense.memory import Memory
-from robots.compiled import kernel
+from robots.compiled import inlined_kernel, kernel
 from robots.grid import Grids, slide
 
 LINK, PRIMITIVE, PROBABILITY, TORSION = 0, 1, 2, 3
@@ -23,7 +23,7 @@ LEAST_PROBABILITY = 0.01
 """Explanations less probable than this are not listed."""
 
 
-@kernel
+@inlined_kernel
 def report(arm: Arm, memory: Memory, skin: Grids, count: int, rows: np.ndarray) -> int:
     """Write the first `count` explanations in `memory` that are probable enough; returns how many.
 

@@ -16,13 +16,16 @@ from contactsense.cells import Cells
 from contactsense.drive import Drive
 from contactsense.energy import Prior, Work
 from contactsense.follower import Follower
+from contactsense.health import Health
 from contactsense.isolation import Hypotheses, Sensors
+from contactsense.levels import SLOWEST
 from contactsense.memory import Memory
 from contactsense.observer import Observer
 from contactsense.places import Places
+from contactsense.stream import Stream
 from contactsense.tracker import WINDOWS, Track
 from kinematics.model import Model, Motion
-from robots.compiled import kernel
+from robots.compiled import inlined_kernel
 from robots.surface import Surfaces
 from robots.uncounted import block
 
@@ -67,22 +70,22 @@ def _collect(value: Any, floats: list[np.ndarray], integers: list[np.ndarray]) -
         (floats if value.dtype == np.float64 else integers).append(value)
 
 
-@kernel
+@inlined_kernel
 def _take1(buffer, at, a):  # type: ignore[no-untyped-def]
     return block(buffer, at, (a,)), at + a
 
 
-@kernel
+@inlined_kernel
 def _take2(buffer, at, a, b):  # type: ignore[no-untyped-def]
     return block(buffer, at, (a, b)), at + a * b
 
 
-@kernel
+@inlined_kernel
 def _take3(buffer, at, a, b, c):  # type: ignore[no-untyped-def]
     return block(buffer, at, (a, b, c)), at + a * b * c
 
 
-@kernel
+@inlined_kernel
 def _model(f, a, n, links):  # type: ignore[no-untyped-def]
     rotation, a = _take3(f, a, n, 3, 3)
     translation, a = _take2(f, a, n, 3)
@@ -94,7 +97,7 @@ def _model(f, a, n, links):  # type: ignore[no-untyped-def]
     return Model(rotation, translation, axis, mass, com, inertia, rotor_inertia), a
 
 
-@kernel
+@inlined_kernel
 def _surfaces(f, i, a, b, links, p):  # type: ignore[no-untyped-def]
     kind, b = _take1(i, b, p)
     link, b = _take1(i, b, p)
@@ -106,7 +109,7 @@ def _surfaces(f, i, a, b, links, p):  # type: ignore[no-untyped-def]
     return Surfaces(kind, link, rotation, origin, size, radius, start), a, b
 
 
-@kernel
+@inlined_kernel
 def _places(f, i, a, b, p, s):  # type: ignore[no-untyped-def]
     point, a = _take2(f, a, s, 3)
     normal, a = _take2(f, a, s, 3)
@@ -116,7 +119,7 @@ def _places(f, i, a, b, p, s):  # type: ignore[no-untyped-def]
     return Places(point, normal, spread, log_share, start), a, b
 
 
-@kernel
+@inlined_kernel
 def _cells(f, a, s, links):  # type: ignore[no-untyped-def]
     score, a = _take1(f, a, s)
     point, a = _take2(f, a, s, 3)
@@ -128,7 +131,7 @@ def _cells(f, a, s, links):  # type: ignore[no-untyped-def]
     return Cells(score, point, force, variance, wrench, information, rest), a
 
 
-@kernel
+@inlined_kernel
 def _sensors(f, i, a, b, n, links):  # type: ignore[no-untyped-def]
     depth, b = _take1(i, b, links)
     beyond_wrist, b = _take1(i, b, links)
@@ -143,7 +146,7 @@ def _sensors(f, i, a, b, n, links):  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
+@inlined_kernel
 def _drive(f, a, n):  # type: ignore[no-untyped-def]
     gravity, inertia = f[a], f[a + 1]
     bias, a = _take1(f, a + 2, n)
@@ -162,7 +165,7 @@ def _drive(f, a, n):  # type: ignore[no-untyped-def]
     return drive, a + 3
 
 
-@kernel
+@inlined_kernel
 def _arm(f, i, n, links, p, s):  # type: ignore[no-untyped-def]
     model, a = _model(f, 0, n, links)
     surfaces, a, b = _surfaces(f, i, a, 0, links, p)
@@ -177,14 +180,16 @@ def _arm(f, i, n, links, p, s):  # type: ignore[no-untyped-def]
     wrist_rotation, a = _take2(f, a, 3, 3)
     wrist_origin, a = _take1(f, a, 3)
     drive, a = _drive(f, a, n)
+    bias_rate = f[a]
+    levels, a = _take3(f, a + 1, 8, SLOWEST, 2)
     arm = Arm(
         model, surfaces, places, sensors, prior, touchable, gravity, tool_mass, tool_com, tool_inertia,
-        wrist_rotation, wrist_origin, drive, f[a],
+        wrist_rotation, wrist_origin, drive, bias_rate, levels,
     )  # fmt: skip
-    return arm, a + 1, b
+    return arm, a, b
 
 
-@kernel
+@inlined_kernel
 def _motion(f, a, n):  # type: ignore[no-untyped-def]
     rotation, a = _take3(f, a, n + 1, 3, 3)
     origin, a = _take2(f, a, n + 1, 3)
@@ -196,7 +201,7 @@ def _motion(f, a, n):  # type: ignore[no-untyped-def]
     return Motion(rotation, origin, screw, screw_rate, momentum, gravity, twist), a
 
 
-@kernel
+@inlined_kernel
 def _hypotheses(f, a, links):  # type: ignore[no-untyped-def]
     wrench, a = _take2(f, a, links, 6)
     covariance, a = _take3(f, a, links, 6, 6)
@@ -206,7 +211,7 @@ def _hypotheses(f, a, links):  # type: ignore[no-untyped-def]
     return Hypotheses(wrench, covariance, information, energy, log_evidence), a
 
 
-@kernel
+@inlined_kernel
 def _candidates(f, i, a, b, p):  # type: ignore[no-untyped-def]
     rows = max(p, MOST)
     order, b = _take1(i, b, rows)
@@ -240,7 +245,7 @@ def _candidates(f, i, a, b, p):  # type: ignore[no-untyped-def]
     return found, a, b
 
 
-@kernel
+@inlined_kernel
 def _work(f, a):  # type: ignore[no-untyped-def]
     local, a = _take2(f, a, 6, 6)
     normal_equations, a = _take2(f, a, 6, 6)
@@ -251,7 +256,7 @@ def _work(f, a):  # type: ignore[no-untyped-def]
     return Work(local, normal_equations, gradient, frame, columns, lever), a
 
 
-@kernel
+@inlined_kernel
 def _observer(f, a, size):  # type: ignore[no-untyped-def]
     momentum, a = _take1(f, a, size)
     past, a = _take2(f, a, 3, size)
@@ -260,7 +265,7 @@ def _observer(f, a, size):  # type: ignore[no-untyped-def]
     return Observer(momentum, past, residual, clock), a
 
 
-@kernel
+@inlined_kernel
 def _track(f, a, n):  # type: ignore[no-untyped-def]
     mean, a = _take2(f, a, WINDOWS, 6 * (n + 1) + 2 * n + 12)
     gain, a = _take1(f, a, WINDOWS)
@@ -274,7 +279,31 @@ def _track(f, a, n):  # type: ignore[no-untyped-def]
     return Track(mean, gain, shared, samples, age, place, apart, spread, life), a
 
 
-@kernel
+@inlined_kernel
+def _stream(f, a, n):  # type: ignore[no-untyped-def]
+    q, a = _take1(f, a, n)
+    qd, a = _take1(f, a, n)
+    torque, a = _take1(f, a, n)
+    base_wrench, a = _take1(f, a, 6)
+    wrist_wrench, a = _take1(f, a, 6)
+    feeds, a = _take2(f, a, 5, 3)
+    steps, a = _take1(f, a, 5)
+    usable, a = _take1(f, a, 5)
+    clock, a = _take1(f, a, 4)
+    return Stream(q, qd, torque, base_wrench, wrist_wrench, feeds, steps, usable, clock), a
+
+
+@inlined_kernel
+def _health(f, a):  # type: ignore[no-untyped-def]
+    level, a = _take1(f, a, 3)
+    large, a = _take1(f, a, 2)
+    left_out, a = _take1(f, a, 2)
+    doubt, a = _take1(f, a, 2)
+    clock, a = _take1(f, a, 3)
+    return Health(level, large, left_out, doubt, clock), a
+
+
+@inlined_kernel
 def _follower(f, a, n):  # type: ignore[no-untyped-def]
     size = 6 + 2 * n
     covariance, a = _take2(f, a, size, size)
@@ -290,7 +319,7 @@ def _follower(f, a, n):  # type: ignore[no-untyped-def]
     return Follower(covariance, bias, weights, base, torque, row, image, change, wrench, clock), a
 
 
-@kernel
+@inlined_kernel
 def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     """`Arm` and `Memory` as views of a workspace's buffers.
 
@@ -315,6 +344,8 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     wrist, a = _observer(f, a, 6)
     wrist_match, a = _observer(f, a, 6)
     track, a = _track(f, a, n)
+    stream, a = _stream(f, a, n)
+    health, a = _health(f, a)
     carried, a = _take2(f, a, 2, 6)
     wrist_place, a = _take1(f, a, 3)
     reading, a = _take1(f, a, 6)
@@ -334,8 +365,9 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     choice, b = _take1(i, b, links)
     memory = Memory(
         model, drive, follower, motion, hypotheses, found, work, cells, link_probability, joints, base, match,
-        wrist, wrist_match, track, carried, wrist_place, reading, base_covariance, base_information,
-        base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist, change, unexplained,
+        wrist, wrist_match, track, stream, health, carried, wrist_place, reading, base_covariance,
+        base_information, base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist, change,
+        unexplained,
         torque_variance, fit, rest, choice,
     )  # fmt: skip
     return arm, memory

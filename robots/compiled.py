@@ -16,6 +16,7 @@ from numba import njit
 from numba.core.caching import IndexDataCacheFile
 
 _FUSED = frozenset({"contract", "reassoc", "nsz", "arcp"})
+_INLINED = "inlined"
 _SOURCES: dict[Any, tuple[Callable[..., Any], frozenset[str]]] = {}
 """Compiled function -> its source and the liberties it was compiled with."""
 
@@ -30,6 +31,16 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compile(function, frozenset())
 
 
+def inlined_kernel(function: Callable[..., Any]) -> Any:
+    """Like `kernel`, but its code becomes a part of each kernel that calls it.
+
+    For functions that take a whole `Arm` and `Memory`: a call hands over each array as seven numbers or more,
+    and with a hundred arrays that takes longer than most functions' work. Where the code is a part of its
+    caller only what it uses is touched.
+    """
+    return _compile(function, frozenset({_INLINED}))
+
+
 def fused_kernel(function: Callable[..., Any]) -> Any:
     """Like `kernel`, but sums may be reordered and multiplications fused into them.
 
@@ -40,11 +51,15 @@ def fused_kernel(function: Callable[..., Any]) -> Any:
 
 
 def _compile(function: Callable[..., Any], liberties: frozenset[str]) -> Any:
-    fastmath = set(liberties) if liberties else False
+    options: dict[str, Any] = {
+        "error_model": "numpy",
+        "fastmath": set(liberties & _FUSED) or False,
+        "forceinline": _INLINED in liberties,
+    }
     try:
-        compiled: Any = njit(cache=True, error_model="numpy", fastmath=fastmath)(function)
+        compiled: Any = njit(cache=True, **options)(function)
     except RuntimeError:
-        return njit(error_model="numpy", fastmath=fastmath)(function)
+        return njit(**options)(function)
     if compiled is function:
         return compiled
     _SOURCES[compiled] = function, liberties

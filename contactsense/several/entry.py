@@ -5,9 +5,7 @@ import math
 import numpy as np
 
 from contactsense.locate import place_primitives
-from contactsense.memory import Memory
-from contactsense.observer import GAIN
-from contactsense.pipeline import tell
+from contactsense.pipeline import residual_gain, tell
 from contactsense.report import LEAST_PROBABILITY, write_row
 from contactsense.several.explain import explain_more
 from contactsense.several.memory import MOST, Bodies, Several
@@ -16,19 +14,6 @@ from contactsense.several.scan import likely_force, place_places
 from contactsense.workspace import unfold
 from robots.compiled import kernel
 from robots.grid import Grids
-
-
-@kernel
-def residual_gain(memory: Memory, present: tuple[bool, bool, bool]) -> float:
-    """Variance of the observers' residuals over that of one sample's noise; the noisiest counts."""
-    scale = 0.0
-    if present[0]:
-        scale = max(scale, memory.base.clock[GAIN])
-    if present[1]:
-        scale = max(scale, memory.joints.clock[GAIN])
-    if present[2]:
-        scale = max(scale, memory.wrist.clock[GAIN])
-    return scale
 
 
 @kernel

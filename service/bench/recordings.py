@@ -21,7 +21,7 @@ from contactsense.calibration.linearize import settled
 from contactsense.calibration.parameters import Group
 from contactsense.calibration.plant import Plant
 from contactsense.calibration.residuals import residuals
-from contactsense.fit import TORQUE
+from contactsense.health import TORQUE
 from service.sensors.mapping import torque_constants
 
 IDENTIFICATION = (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
-from contactsense.health import Health
+from contactsense.health import attend, complaints, empty_health, restart, trust
 from kinematics.core import inverse_dynamics
 from kinematics.model import build_model, empty_motion
 from tests.plain_arm import plain_ur5e
@@ -112,7 +112,12 @@ def test_a_new_stream_starts_without_doubts(localizer: Localizer) -> None:
 
 @pytest.mark.parametrize("single", [True, False])
 def test_where_several_contacts_are_expected_disagreement_is_no_fault(single: bool) -> None:
-    health = Health(20.0, single)
-    for _ in range(1000):
-        health.step(0.01, np.array([1.0, 1.0, 30.0, 0.0]), touched=True, ready=(True, True, False))
-    assert health.trusted((True, True, False)) == (True, not single, False)
+    health, fit = empty_health(), np.array([1.0, 1.0, 30.0, 0.0])
+    restart(health, 20.0, single)
+    wrong = [attend(health, fit, True, True, True, 0.01) for _ in range(1000)]
+    usable = np.array([1.0, 1.0, 0.0, 1.0, 0.0])
+    trust(health, usable)
+    np.testing.assert_array_equal(usable, (1.0, 0.0 if single else 1.0, 0.0, 1.0, 0.0))
+    assert wrong[0] is False
+    assert wrong[-1] is single
+    assert len(complaints(health)) == int(single)

@@ -385,3 +385,25 @@ class TestNoneOfThese:
     def test_a_clear_push_leaves_no_doubt(self, precise: Localizer) -> None:
         answer = precise.locate(TRUTH.q[0], base_wrench=TRUTH.base_wrench[0], joint_torque=TRUTH.torque[0])
         assert answer.other < 0.01
+
+
+def test_samples_may_be_lists_read_only_or_views(precise: Localizer) -> None:
+    """What a field holds counts, not how it is kept; and what a caller does with it afterwards is his."""
+    torque, weight = _weight(TestStream.q, PRECISE)
+    plain = [Sample(0.002 * i, TestStream.q, np.zeros(6), torque, weight) for i in range(60)]
+    fixed = weight.copy()
+    fixed.setflags(write=False)
+    zeros = np.zeros((6, 2))[:, 1]
+    listed = TestStream.q.tolist()
+    others = [Sample(s.t, listed, zeros, torque.astype(object), fixed) for s in plain]
+    expected = [estimate.status for estimate in precise.run(plain)]
+    assert [estimate.status for estimate in precise.run(others)] == expected
+    assert expected[-1] == "none"
+
+
+def test_estimates_of_nothing_cannot_be_changed(precise: Localizer) -> None:
+    """They share their arrays: a change in one would be a change in all."""
+    quiet = precise.locate(np.zeros(6), base_wrench=np.zeros(6), joint_torque=np.zeros(6))
+    for array in (quiet.link_probability, quiet.wrench, quiet.covariance):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
