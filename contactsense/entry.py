@@ -7,7 +7,7 @@ from contactsense.arm import Arm
 from contactsense.equations import difference
 from contactsense.fit import judge
 from contactsense.follower import QUIET
-from contactsense.health import attend, trust
+from contactsense.health import NOTHING, attend, trust
 from contactsense.memory import Memory
 from contactsense.pipeline import (
     energy_of_nothing,
@@ -17,9 +17,11 @@ from contactsense.pipeline import (
     present,
     residual_gain,
     rest,
+    watch_rest,
 )
 from contactsense.report import report
 from contactsense.slide import lead
+from contactsense.stiction import forget_levels
 from contactsense.stream import (
     BASE,
     DOUBT,
@@ -78,12 +80,17 @@ def listen(
     has_base, has_torque, has_wrist = sensors_of(stream)
     if not (has_base or has_torque):
         forget(track)
+        forget_levels(memory.stiction)
         return said | SETTLES
     scale = residual_gain(memory, (has_base, has_torque, has_wrist))
     stream.clock[SCALE] = scale
-    nothing = energy_of_nothing(arm, memory, has_base, has_torque, has_wrist, scale)
-    judge(arm, memory, scale)
     levels = arm.levels[1 * has_base + 2 * has_torque + 4 * has_wrist, pace(stream)]
+    nothing = energy_of_nothing(arm, memory, has_base, has_torque, has_wrist, scale)
+    # A base sensor needs no help from joints that rub.
+    if not has_base:
+        nothing = max(nothing, watch_rest(arm, memory, scale, (levels[0], levels[1]), bandwidth))
+    judge(arm, memory, scale)
+    memory.fit[NOTHING] = nothing
     touched = not nothing <= levels[0 if track.life[PHASE] == NONE else 1]
     if attend(health, memory.fit, touched, base_there, torque_there, stream.clock[STEP]):
         said |= DOUBT

@@ -13,8 +13,8 @@ import numpy as np
 
 from robots.compiled import kernel
 
-BASE, TORQUE, AGREEMENT, FORCE = 0, 1, 2, 3
-"""Places in `Memory.fit`."""
+BASE, TORQUE, AGREEMENT, FORCE, NOTHING = 0, 1, 2, 3, 4
+"""Places in `Memory.fit`; the last holds the energy of "nothing touches" that decides about a contact."""
 PACE = 0.02
 """Residuals are looked at so often: they are low-passed anyway [s]."""
 LATELY = 2.0

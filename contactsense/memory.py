@@ -14,6 +14,7 @@ from contactsense.follower import Follower, empty_follower
 from contactsense.health import Health, empty_health
 from contactsense.isolation import Hypotheses, empty_hypotheses
 from contactsense.observer import Observer, empty_observer
+from contactsense.stiction import Stiction, empty_stiction
 from contactsense.stream import Stream, empty_stream
 from contactsense.tracker import Track, empty_track
 from kinematics.model import Model, Motion, empty_motion
@@ -28,6 +29,8 @@ class Memory(NamedTuple):
     """The arm's, with biases as `follower` has them."""
     follower: Follower
     """What is not known of sensors and masses."""
+    stiction: Stiction
+    """What is known of the torques that resting joints take."""
     motion: Motion
     hypotheses: Hypotheses
     found: Candidates
@@ -81,7 +84,7 @@ class Memory(NamedTuple):
     torque_variance: np.ndarray
     """Variance of `torque`, noise and model, shape (n,) [Nm^2]."""
     fit: np.ndarray
-    """How well residuals fit what is known, see `contactsense.fit.judge`, shape (4,)."""
+    """How well residuals fit what is known, see `contactsense.fit`, shape (5,)."""
     rest: np.ndarray
     """Zero joint velocities, shape (n,)."""
     open: np.ndarray
@@ -96,6 +99,7 @@ def empty_memory(arm: Arm) -> Memory:
         model=Model(*(array.copy() for array in arm.model)),
         drive=arm.drive._replace(bias=arm.drive.bias.copy()),
         follower=empty_follower(joints),
+        stiction=empty_stiction(joints),
         motion=empty_motion(joints),
         hypotheses=empty_hypotheses(links),
         found=empty_candidates(len(arm.surfaces.kind)),
@@ -124,7 +128,7 @@ def empty_memory(arm: Arm) -> Memory:
         change=np.zeros(6),
         unexplained=np.zeros(joints),
         torque_variance=np.zeros(joints),
-        fit=np.zeros(4),
+        fit=np.zeros(5),
         rest=np.zeros(joints),
         open=np.zeros(links, dtype=np.int64),
     )

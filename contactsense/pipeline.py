@@ -21,7 +21,9 @@ from contactsense.ldl import invert
 from contactsense.locate import locate
 from contactsense.memory import Memory
 from contactsense.observer import GAIN
+from contactsense.stiction import energy_beyond_rest
 from contactsense.stream import BASE, MATCH, STEP, TORQUE, WRIST, WRIST_MATCH
+from contactsense.tracker import NONE, PHASE
 from kinematics.core import carry, dot6, move
 from robots.compiled import inlined_kernel
 
@@ -194,6 +196,33 @@ def tell(arm: Arm, memory: Memory, scale: float) -> None:
 
 
 @inlined_kernel
+def watch_rest(
+    arm: Arm, memory: Memory, scale: float, limits: tuple[float, float], bandwidth: float
+) -> float:
+    """Energy of "nothing touches" by what has changed since the arm rests (`contactsense.stiction`), of
+    torques alone.
+
+    Args:
+        arm, memory: After `follow` for this sample.
+        scale, limits, bandwidth: As for `energy_beyond_rest`.
+    """
+    energy: float = energy_beyond_rest(
+        memory.stiction,
+        memory.drive,
+        memory.stream.q,
+        memory.torque,
+        arm.sensors.torque_variance,
+        scale,
+        memory.follower.torque,
+        memory.stream.steps[TORQUE],
+        memory.track.life[PHASE] != NONE,
+        limits,
+        bandwidth,
+    )
+    return energy
+
+
+@inlined_kernel
 def follow_unknown(
     arm: Arm, memory: Memory, has_base: bool, has_torque: bool, scale: float, bandwidth: float
 ) -> None:
@@ -234,6 +263,9 @@ def follow_unknown(
         memory.joints,
         memory.wrist_match,
     )
+    for j in range(n):
+        for k in range(memory.stiction.level.shape[0]):
+            memory.stiction.level[k, j] += memory.joints.residual[j] - memory.torque[j]
 
 
 @inlined_kernel

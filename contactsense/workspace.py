@@ -22,6 +22,7 @@ from contactsense.levels import SLOWEST
 from contactsense.memory import Memory
 from contactsense.observer import Observer
 from contactsense.places import Places
+from contactsense.stiction import SLICES, Stiction
 from contactsense.stream import Stream
 from contactsense.tracker import WINDOWS, Track
 from kinematics.model import Model, Motion
@@ -320,6 +321,15 @@ def _follower(f, a, n):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
+def _stiction(f, a, n):  # type: ignore[no-untyped-def]
+    level, a = _take2(f, a, SLICES + 1, n)
+    slices, a = _take2(f, a, SLICES + 1, 3)
+    anchor, a = _take1(f, a, n)
+    clock, a = _take1(f, a, 8)
+    return Stiction(level, slices, anchor, clock), a
+
+
+@inlined_kernel
 def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     """`Arm` and `Memory` as views of a workspace's buffers.
 
@@ -332,6 +342,7 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     model, a = _model(f, a, n, links)
     drive, a = _drive(f, a, n)
     follower, a = _follower(f, a, n)
+    stiction, a = _stiction(f, a, n)
     motion, a = _motion(f, a, n)
     hypotheses, a = _hypotheses(f, a, links)
     found, a, b = _candidates(f, i, a, b, p)
@@ -360,14 +371,13 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     change, a = _take1(f, a, 6)
     unexplained, a = _take1(f, a, n)
     torque_variance, a = _take1(f, a, n)
-    fit, a = _take1(f, a, 4)
+    fit, a = _take1(f, a, 5)
     rest, a = _take1(f, a, n)
     choice, b = _take1(i, b, links)
     memory = Memory(
-        model, drive, follower, motion, hypotheses, found, work, cells, link_probability, joints, base, match,
-        wrist, wrist_match, track, stream, health, carried, wrist_place, reading, base_covariance,
-        base_information, base_wrench, body_wrench, torque, seen_torque, wrist_wrench, seen_wrist, change,
-        unexplained,
-        torque_variance, fit, rest, choice,
+        model, drive, follower, stiction, motion, hypotheses, found, work, cells, link_probability, joints,
+        base, match, wrist, wrist_match, track, stream, health, carried, wrist_place, reading,
+        base_covariance, base_information, base_wrench, body_wrench, torque, seen_torque, wrist_wrench,
+        seen_wrist, change, unexplained, torque_variance, fit, rest, choice,
     )  # fmt: skip
     return arm, memory

@@ -21,7 +21,7 @@ from contactsense.calibration.linearize import settled
 from contactsense.calibration.parameters import Group
 from contactsense.calibration.plant import Plant
 from contactsense.calibration.residuals import residuals
-from contactsense.health import TORQUE
+from contactsense.health import NOTHING
 from service.sensors.mapping import torque_constants
 
 IDENTIFICATION = (
@@ -73,11 +73,23 @@ def measure(folder: Path) -> dict[str, Any]:
         stretch, _ = file(name)
         energy, onsets = _follow(found.scene, stretch)
         t = stretch.t - stretch.t[0]
-        touched[name] = {
-            "touches": _touches(t, energy, threshold),
-            "onsets": [float(x - stretch.t[0]) for x in onsets],
-        }
-    return {"free": free, "threshold": threshold, "touched": touched, "warnings": list(found.warnings)}
+        touched[name] = {"touches": _touches(t, energy, threshold), "onsets": _since(stretch, onsets)}
+    used = {}
+    for name in IDENTIFICATION:
+        stretch, _ = file(name)
+        used[name] = _since(stretch, _follow(found.scene, stretch)[1])
+    return {
+        "free": free,
+        "threshold": threshold,
+        "touched": touched,
+        "identification": used,
+        "warnings": list(found.warnings),
+    }
+
+
+def _since(stretch: Stretch, times: list[float]) -> list[float]:
+    """Times from the start of a recording on [s]."""
+    return [float(t - stretch.t[0]) for t in times]
 
 
 def _level(values: np.ndarray) -> dict[str, Any]:
@@ -88,15 +100,13 @@ def _level(values: np.ndarray) -> dict[str, Any]:
 
 
 def _follow(scene: Scene, stretch: Stretch) -> tuple[np.ndarray, list[float]]:
-    """A live stream over a recording: at every sample the energy of "nothing touches", half the squared
-    residuals in units of their variance, and the times at which a contact began at the scene's rate of false
-    alarms [s]."""
+    """A live stream over a recording: at every sample the energy of "nothing touches" that decides about a
+    contact, and the times at which one began at the scene's rate of false alarms [s]."""
     assert stretch.torque is not None
     localizer, energy, onsets = Localizer(scene), np.zeros(len(stretch.t)), []
-    joints = stretch.q.shape[1]
     for i, t in enumerate(stretch.t):
         estimate = localizer.step(Sample(float(t), stretch.q[i], stretch.qd[i], stretch.torque[i]))
-        energy[i] = 0.5 * joints * localizer._work.memory.fit[TORQUE]
+        energy[i] = localizer._work.memory.fit[NOTHING]
         onsets += [event.t for event in estimate.events if event.kind == "onset"]
     return energy, onsets
 
@@ -141,3 +151,6 @@ def recordings(folder: Path, as_json: bool) -> None:
         console.print(f"  the stream itself says {len(onsets)}: {', '.join(f'{t:.2f}' for t in onsets)} s")
         for touch in touches:
             console.print(f"  {touch['start']:6.2f} to {touch['stop']:6.2f} s, energy {touch['energy']:.0f}")
+    for name, onsets in result["identification"].items():
+        told = ", ".join(f"{t:.2f}" for t in onsets) or "none"
+        console.print(f"{name}, which calibration has seen: onsets at {told} s")

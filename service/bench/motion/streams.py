@@ -16,9 +16,12 @@ _COMMON = ("t", "q", "qd", "tau", "base_wrench", "noise_tau", "noise_wrench", "r
 _OWN = {
     "motion": ("active", "link", "c_base", "f", "xi", "n_base", "run_kind", "run_multi", "ev_run",
                "ev_slot", "ev_start", "ev_stop", "ev_type"),
-    "probe": ("active", "link", "c_base", "f", "m_c", "fn_link", "run_moving"),
+    "probe": ("active", "link", "c_base", "f", "m_c", "fn_link", "run_moving", "qdd"),
 }  # fmt: skip
 EVENT_TYPES = ("hold", "slide", "impact")
+_HALF_STEP = 0.25e-3
+"""`probe` was integrated by semi-implicit Euler in steps of 0.5 ms: the velocity that is logged belongs to
+the middle of the step before its torques and wrenches. Half a step later the two agree [s]."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,9 @@ def read(folder: Path, robot: str, suite: str) -> list[Stream]:
 
 def _runs(data: dict[str, np.ndarray], robot: str, suite: str) -> Iterator[Stream]:
     touched, link, point, wrench = _contacts(data, suite)
+    qd = data["qd"].astype(float)
+    if suite == "probe":
+        qd += _HALF_STEP * data["qdd"]
     for run in range(int(data["run"].max()) + 1):
         rows = np.flatnonzero(data["run"] == run)
         first, last = int(rows[0]), int(rows[-1]) + 1
@@ -111,7 +117,7 @@ def _runs(data: dict[str, np.ndarray], robot: str, suite: str) -> Iterator[Strea
             multi=multi,
             t=data["t"][here],
             q=data["q"][here],
-            qd=data["qd"][here].astype(float),
+            qd=qd[here],
             torque=data["tau"][here],
             base_wrench=data["base_wrench"][here],
             noise_torque=data["noise_tau"][here].astype(float),

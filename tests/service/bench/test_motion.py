@@ -5,7 +5,10 @@ import pytest
 
 import robots
 from contactsense import Contact, Estimate
-from service.bench.motion.command import measure
+from contactsense.calibration import Stretch
+from contactsense.calibration.plant import Plant
+from contactsense.calibration.residuals import residuals
+from service.bench.motion.command import measure, scene_for
 from service.bench.motion.score import Score
 from service.bench.motion.streams import KINDS, Event, Stream, read
 from service.bench.motion.wrong_model import MASS_ERROR, friction, heavier
@@ -68,6 +71,21 @@ def test_false_alarms_are_counted_once_and_mask_what_begins_in_them() -> None:
     assert score.masked == 1
     assert score.missed == {"hold": 1}
     assert not any(score.link_right)
+
+
+@pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
+def test_probe_obeys_the_equations_of_motion_where_nothing_touches(robot: str) -> None:
+    """Else the estimator sees in an arm that sets out what is the simulation's error."""
+    streams = read(shared("truth"), robot, "probe")
+    scene = scene_for(streams[0], COLUMNS[0], wrong=False)
+    plant, free = Plant.of(scene), 0
+    for stream in streams:
+        stretch = Stretch(stream.t, stream.q, stream.qd, stream.torque, stream.base_wrench)
+        before = slice(0, stream.events[0].start)
+        left = residuals(plant, stretch, scene.bandwidth)[before]
+        assert np.abs(left).max() < 1e-3  # N and Nm, a quarter of the least noise that is told
+        free += len(left)
+    assert free > 1000
 
 
 def test_model_errors_are_what_they_say() -> None:

@@ -17,7 +17,7 @@ def test_free_motion_is_quiet_and_every_touch_is_found() -> None:
         assert (np.array(ours[level]) < np.array(theirs[level])).all()
     assert [free[name]["alarms"] for name in FREE] == [0] * len(FREE)
     assert 10.0 < free["collision_free"]["energy"] < 22.0
-    for name, count in (("collision_forearm", 11), ("push_pose_1", 3)):
+    for name, count in (("collision_forearm", 11), ("push_pose_1", 4)):
         found = result["touched"][name]
         assert len(found["touches"]) == count
         for touch in found["touches"]:
