@@ -55,5 +55,6 @@ def silent(feed: np.ndarray, t: float) -> bool:
 @kernel
 def settled(feed: np.ndarray, t: float, settle: float) -> bool:
     """Whether the residual at time t can be used: the sensor is neither silent nor just started; `settle`:
-    time from a start until then [s]."""
-    return not silent(feed, t) and t - feed[SINCE] >= settle
+    time from a start until then [s]. What counts is up to when it has spoken: after one word its residual is
+    zero, and says nothing, however long ago that was."""
+    return not silent(feed, t) and feed[LAST] - feed[SINCE] >= settle

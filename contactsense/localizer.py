@@ -177,7 +177,9 @@ class Localizer:
         of it."""
         if said & UNUSABLE:
             return self._composer.quiet(
-                t, "degraded", "time, positions or velocities are not finite: sample unused"
+                t,
+                "degraded",
+                "time, positions or velocities are not finite, or too large to be true: sample unused",
             )
         if said & REPEATED:
             return self._composer.quiet(t, "degraded", "same time as the sample before: sample unused")
@@ -213,7 +215,7 @@ class Localizer:
             if said & MISSING << i:
                 found.append(f"{name} is missing")
             elif said & SPOILT << i:
-                found.append(f"{name} is not finite")
+                found.append(f"{name} is not finite, or too large to be true")
         if said & DOUBT:
             found += complaints(self._work.memory.health)
         if said & SETTLES and not found:

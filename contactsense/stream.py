@@ -19,10 +19,15 @@ T, STEP, USUAL_STEP, SCALE = 0, 1, 2, 3
 """Places in `Stream.clock`."""
 _LATELY = 0.05
 """Share of the newest step in the stream's usual one."""
+_ABSURD = 1e6
+"""No joint, force or torque is as large; squares of what is nonsense need not be finite [rad, rad/s, N,
+Nm]."""
+_LONGEST = 86400.0
+"""No step counts for more: what has drifted over a day can be anywhere [s]."""
 
 MISSING, SPOILT, DOUBT, SETTLES, TOUCHED, RESTARTED, REPEATED, UNUSABLE = 1, 8, 64, 128, 256, 512, 1024, 2048
 """What is to be said of a sample, bits of one number; 0: all is well and nothing touches. `MISSING` and
-`SPOILT` (a value is not finite) have three each, the sensors' in their order. `DOUBT`: see
+`SPOILT` (a value is not finite or absurd) have three each, the sensors' in their order. `DOUBT`: see
 `contactsense.health`. `SETTLES`: no sensor can be used yet. `TOUCHED`: something acts on the arm.
 `RESTARTED`: time has jumped back, a new stream begins. `REPEATED` and `UNUSABLE`: the sample was not used."""
 
@@ -71,9 +76,9 @@ def restart(stream: Stream) -> None:
 
 
 @kernel
-def _finite(vector: np.ndarray) -> bool:
+def _sound(vector: np.ndarray) -> bool:
     for value in vector:  # noqa: SIM110 (a generator cannot be compiled)
-        if not math.isfinite(value):
+        if not abs(value) < _ABSURD:
             return False
     return True
 
@@ -92,7 +97,7 @@ def arrive(stream: Stream, t: float, given: int, bandwidth: float) -> int:
         What is to be said of it so far.
     """
     clock, feeds, steps, usable = stream.clock, stream.feeds, stream.steps, stream.usable
-    if not (math.isfinite(t) and _finite(stream.q) and _finite(stream.qd)):
+    if not (math.isfinite(t) and _sound(stream.q) and _sound(stream.qd)):
         return UNUSABLE
     if t == clock[T]:
         return REPEATED
@@ -100,13 +105,13 @@ def arrive(stream: Stream, t: float, given: int, bandwidth: float) -> int:
     if t < clock[T]:
         restart(stream)
         said = RESTARTED
-    clock[STEP] = t - clock[T] if clock[T] > -math.inf else 0.0
+    clock[STEP] = min(t - clock[T], _LONGEST) if clock[T] > -math.inf else 0.0
     clock[USUAL_STEP] += (_LATELY if clock[USUAL_STEP] > 0.0 else 1.0) * (clock[STEP] - clock[USUAL_STEP])
     clock[T] = t
     values = (stream.base_wrench, stream.torque, stream.wrist_wrench)
     for i in range(3):
         here = given >> i & 1 == 1
-        sound = here and _finite(values[i])
+        sound = here and _sound(values[i])
         steps[i] = proceed(feeds[i], t, sound)
         if silent(feeds[i], t):
             said |= MISSING << i

@@ -8,9 +8,10 @@ what a joint beyond it has at all, is noise with mean zero at every instant. So 
 explains itself by a contact just as one sample does, with a variance that is smaller by the window's length:
 place and link probability sharpen as long as the contact holds still.
 
-Which window can be trusted is Lepski's rule: the longest one whose place agrees with those of all shorter
-windows to within their noise. A long window that plainly disagrees starts again from the longest that can
-be trusted: the contact has moved.
+Which windows can be trusted is Lepski's rule: up to the longest one whose place agrees with those of all
+shorter windows to within their noise. A long window that plainly disagrees starts again from that: the
+contact has moved. Of those that can be trusted the one with the least noise for its force is explained: while
+a force rises, a mean over all of it has more noise and less force than the newest residual.
 """
 
 import math
@@ -224,8 +225,20 @@ def choose(
             track.apart[i] = track.apart[chosen]
         elif worst <= agree and chosen == i - 1:
             chosen = i
-    track.life[WINDOW] = chosen
+    track.life[WINDOW] = _clearest(track, chosen) if has_base else chosen
     return moved
+
+
+@kernel
+def _clearest(track: Track, longest: int) -> int:
+    """Of the windows up to `longest`, which all agree, that whose mean tells the place best."""
+    best = 0
+    if track.apart[0, 2] < 0.0:
+        for i in range(1, longest + 1):
+            push, most = track.apart[i, 2], track.apart[best, 2]
+            if push < 0.0 and track.gain[i] * most * most <= track.gain[best] * push * push:
+                best = i
+    return best
 
 
 @kernel
@@ -302,11 +315,12 @@ def _row(
 
 @kernel
 def _places_apart(track: Track, i: int, j: int) -> float:
-    """How far the places of two windows are apart, as for `AGREE`; the shorter window j bounds the noise."""
+    """How far the places of two windows are apart, as for `AGREE`; the one with more noise for its force
+    bounds the noise."""
     push = track.apart[j, 2]
     if not push < 0.0 or not track.apart[i, 2] < 0.0:
         return 0.5 * (AGREE + PART)  # no push into the surface: the place means nothing
-    share = track.gain[j] / (push * push)
+    share = max(track.gain[j] / (push * push), track.gain[i] / (track.apart[i, 2] * track.apart[i, 2]))
     xx = share * track.spread[0] + SLACK * SLACK
     xy = share * track.spread[1]
     yy = share * track.spread[2] + SLACK * SLACK

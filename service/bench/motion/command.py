@@ -17,7 +17,7 @@ from contactsense.observer import noise_gain
 from contactsense.sensing import Friction
 from service.bench.motion.score import Score
 from service.bench.motion.static import static_error
-from service.bench.motion.streams import KINDS, SUITES, Stream, read
+from service.bench.motion.streams import KINDS, SUITES, Stream, read, redrawn
 from service.bench.motion.wrong_model import MASS_ERROR, assumed_friction, friction, heavier
 from service.bench.static_cases import ASSUMED, COLUMNS, Noise
 
@@ -51,6 +51,13 @@ MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
     show_default=True,
     help="Masses and friction exact, or 2 % and 5 % wrong.",
 )
+@click.option(
+    "--draws",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="How often each run is stepped through, each time with other noise; all samples are put together.",
+)
 @click.option("--bandwidth", type=float, help="Cut-off of the observer [Hz]; default: the scene's.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def motion(
@@ -59,6 +66,7 @@ def motion(
     suites: tuple[str, ...],
     levels: tuple[int, ...],
     model: str,
+    draws: int,
     bandwidth: float | None,
     as_json: bool,
 ) -> None:
@@ -80,9 +88,9 @@ def motion(
     for name, suite, noise, wrong in track(
         rounds, description="stepping", console=Console(stderr=True), transient=True
     ):
-        results += measure(streams[name, suite], noise, wrong, bandwidth)
+        results += measure(streams[name, suite], noise, wrong, bandwidth, draws)
     if as_json:
-        click.echo(json.dumps({"bandwidth": bandwidth, "results": results}, indent=1))
+        click.echo(json.dumps({"bandwidth": bandwidth, "draws": draws, "results": results}, indent=1))
         return
     for wrong in MODELS[model]:
         _print_table([r for r in results if r["wrong_model"] == wrong], wrong)
@@ -116,9 +124,9 @@ def samples(stream: Stream, noise: Noise, wrong: bool) -> Iterator[Sample]:
 
 
 def measure(
-    streams: Sequence[Stream], noise: Noise, wrong: bool, bandwidth: float | None = None
+    streams: Sequence[Stream], noise: Noise, wrong: bool, bandwidth: float | None = None, draws: int = 1
 ) -> list[dict[str, Any]]:
-    """Step through the streams of one arm and suite.
+    """Step through the streams of one arm and suite, `draws` times with noise of its own (once without).
 
     Returns:
         One row per kind of motion, plain numbers for a table or JSON; errors in mm, None where there are
@@ -146,8 +154,10 @@ def measure(
     for kind in KINDS:
         score = Score()
         for stream in streams:
-            if stream.kind == kind:
-                score.add(stream, _estimates(localizer, stream, noise, wrong))
+            for draw in range(draws if any(noise) else 1):
+                if stream.kind == kind:
+                    drawn = redrawn(stream, draw)
+                    score.add(drawn, _estimates(localizer, drawn, noise, wrong))
         if score.events:
             results.append(
                 {

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -84,6 +84,18 @@ def read(folder: Path, robot: str, suite: str) -> list[Stream]:
         raise click.ClickException(f"{path}: cannot read ground truth: {error}") from None
     assert json.loads(str(data["meta"]))["robot"] == robot
     return list(_runs(data, robot, suite))
+
+
+def redrawn(stream: Stream, draw: int) -> Stream:
+    """The same run with other noise; draw 0 is the noise that is stored with it."""
+    if draw == 0:
+        return stream
+    chance = np.random.default_rng((draw, stream.run, SUITES.index(stream.suite)))
+    return replace(
+        stream,
+        noise_torque=chance.standard_normal(stream.noise_torque.shape),
+        noise_wrench=chance.standard_normal(stream.noise_wrench.shape),
+    )
 
 
 def _runs(data: dict[str, np.ndarray], robot: str, suite: str) -> Iterator[Stream]:
