@@ -15,7 +15,7 @@ from contactsense.energy import lean_in
 from contactsense.entry import once
 from contactsense.memory import empty_memory
 from contactsense.report import WIDTH
-from contactsense.several.explain import take_known, weigh_set
+from contactsense.several.explain import take_known, weigh_known, weigh_set
 from contactsense.several.locator import SetLocator
 from contactsense.several.memory import Bodies, Several
 from contactsense.several.stack import put
@@ -124,6 +124,9 @@ def _from(
     surfaces, stack, scan = arm.surfaces, several.stack, several.scan
     bodies = Bodies(memory.found.rotation, memory.found.origin)
     count = primitive.shape[0]
+    for i in range(known):
+        take_known(surfaces, bodies, several.known, stack, scan.normals[i], 1.0, i)
+    whole = weigh_known(surfaces, arm.prior, bodies, several.rows, known, stack)
     for i in range(count):
         c, f, T = point[i], force[i], stack.frame[i]
         if i < known:
@@ -134,10 +137,11 @@ def _from(
             stack.prior_stiffness[i] = 0.0
         fx, fy, fz = lean_in(f[0], f[1], f[2], T[0, 0], T[1, 0], T[2, 0])
         stack.force[i, 0], stack.force[i, 1], stack.force[i, 2] = fx, fy, fz
-    best = -math.inf
+    best: float = -math.inf
     for _ in range(LONG):
         _, score = weigh_set(surfaces, arm.prior, bodies, several.rows, m, known, count, math.inf, stack)
         if score <= best + ENOUGH:
             break
         best = score
-    return best
+    gained: float = best - whole
+    return gained

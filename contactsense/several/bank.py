@@ -9,7 +9,7 @@ import numpy as np
 
 from contactsense.detection import single_level
 from contactsense.scene import Scene
-from contactsense.several.kept import Kept, given, keep, log_known
+from contactsense.several.kept import Kept, given, keep
 from contactsense.several.locator import SetLocator
 from contactsense.workspace import Workspace
 
@@ -77,7 +77,7 @@ class Bank:
             listed, rank = self._locator.fit(present, len(known), known, self._scene.bandwidth)
             if listed > 0:
                 row = int(found.order[0])
-                after = self._rival(one, row, DRIFT, 0.0, 0.0)
+                after = self._rival(one, row, 0.0)
                 wrench, covariance = found.wrench[row].copy(), found.wrench_covariance[row].copy()
                 fits.append(Fit(after, self._locator.rows(0), wrench, covariance, rank))
         return sorted(fits, key=lambda fit: -fit.rival.weight)
@@ -107,7 +107,7 @@ class Bank:
             known = given(self._memory.motion, one.contacts, drift, slide)
             listed, _ = self._locator.fit(present, most, known, self._scene.bandwidth)
             after += [
-                self._rival(one, int(row), drift, slide, odds)
+                self._rival(one, int(row), odds)
                 for row in found.order[:listed]
                 if found.contacts[row] == most
             ]
@@ -131,13 +131,12 @@ class Bank:
                 contacts = tuple(c._replace(covariance=c.covariance + creep) for c in one.contacts)
                 self.rivals.append(Rival(contacts, one.weight - best))
 
-    def _rival(self, before: Rival, row: int, drift: float, slide: float, odds: float) -> Rival:
+    def _rival(self, before: Rival, row: int, odds: float) -> Rival:
         """The explanation in a row of what was found, on one scale with all others."""
         found = self._locator.found
-        known = log_known(self._arm.prior, before.contacts, drift, slide)
         return Rival(
             keep(self._arm, self._memory.motion, found, row),
-            before.weight + odds + known + float(found.score[row]),
+            before.weight + odds + float(found.score[row]),
             float(found.energy[row]),
         )
 

@@ -8,7 +8,7 @@ only where one does not explain the measurement.
 import math
 
 from contactsense.cover import clearance, exposed, stands_on
-from contactsense.energy import Prior, lean_in
+from contactsense.energy import TAIL, Prior, lean_in
 from contactsense.refine import CUT
 from contactsense.several.cholesky import invert
 from contactsense.several.memory import UNKNOWNS, Bodies, Several
@@ -60,6 +60,7 @@ def explain_more(
     for i in range(known):
         take_known(surfaces, bodies, given, stack, scan.normals[i], force, i)
     lay_ground(surfaces.link, prior.lean, given, known, force, rows, m, scan)
+    whole = weigh_known(surfaces, prior, bodies, rows, known, stack)
     stored = 0
     best = math.inf
     for extra in range(0 if known > 0 else 1, most - known + 1):
@@ -79,12 +80,32 @@ def explain_more(
             count = known + extra
             energy, score = weigh_set(surfaces, prior, bodies, rows, m, known, count, level + HOPELESS, stack)
             if score > -math.inf:
-                _store(stack, prior.offset, count, energy, score, sets, stored)
+                _store(stack, prior.offset, count, energy, score - whole, sets, stored)
                 stored += 1
                 level = min(level, energy)
         best = min(best, level)
     kept: int = _rank_sets(surfaces.link, sets, stored, 2.0 * prior.offset)
     return kept
+
+
+@fused_kernel
+def weigh_known(surfaces, prior, bodies, rows, known, stack):  # type: ignore[no-untyped-def]
+    """Log evidence of the known contacts in `stack` before any measurement.
+
+    The search takes every place as one of all the surface and every force as one of all that are usual; what
+    is known comes on top, as a factor exp(-d^2 / 2). So that explanations by different known contacts compete
+    on one scale, the product of both is brought back to one whole: this is what it adds up to.
+    """
+    if known == 0:
+        return 0.0
+    _, score = settle(surfaces, bodies, rows, 0, prior, known, math.inf, stack)
+    if score == -math.inf:
+        return 0.0
+    for i in range(known):
+        if stack.prior_stiffness[i] == 0.0:
+            # Nothing but the prior says how the force leans, and its peak is sharper than all of it is.
+            score += math.log(1.0 + 2.0 / TAIL)
+    return score
 
 
 @fused_kernel

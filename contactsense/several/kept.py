@@ -1,19 +1,14 @@
-"""What a live stream keeps of its contacts from sample to sample, and how probable that was beforehand."""
+"""What a live stream keeps of its contacts from sample to sample."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from contactsense.arm import Arm
-from contactsense.energy import TAIL, Prior
 from contactsense.several.locator import Given
 from contactsense.several.memory import Explanations
 from kinematics.model import Motion
-
-_LEAST_FORCE = 0.1
-"""Normal force that a force before counts as having at least [N]."""
 
 
 class Kept(NamedTuple):
@@ -88,25 +83,3 @@ def given(motion: Motion, contacts: Sequence[Kept], drift: float, slide: float) 
             )
         )
     return known
-
-
-def log_known(prior: Prior, contacts: Sequence[Kept], drift: float, slide: float) -> float:
-    """What knowing the contacts beforehand adds to the log evidence of an explanation by them.
-
-    The search takes every place as one of all the surface, and every force as one of all that are usual; what
-    is known comes on top as a factor exp(-d^2 / 2). So that explanations with and without known contacts
-    compete on one scale, the product of both is brought back to one whole.
-    """
-    total = 0.0
-    for contact in contacts:
-        n = contact.normal
-        across = np.eye(3) - np.outer(n, n)
-        flat = across @ contact.covariance @ across + slide * slide * across + np.outer(n, n)
-        total += math.log(prior.area / (2.0 * math.pi)) - 0.5 * float(np.linalg.slogdet(flat)[1])
-        if drift < math.inf:
-            push = max(-float(contact.force @ n), _LEAST_FORCE)
-            lean = max(float(contact.force @ contact.force) - push * push, 0.0) / (prior.lean * push) ** 2
-            cost = math.log(push / prior.force) ** 2 + (TAIL + 2.0) * math.log1p(lean / TAIL)
-            width = 3.0 * math.log(drift) - math.log(push**3 * prior.lean**2)
-            total -= min(width - 0.5 * cost, 0.0)
-    return total

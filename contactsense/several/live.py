@@ -38,6 +38,8 @@ PUSHED = math.log(0.2)
 """Log odds of forces that have changed by more than `DRIFT`."""
 GONE = math.log(0.02)
 """Log odds of a contact that has gone at once."""
+FADED = math.log(0.5)
+"""The same of one that pushes no more than `WEAK`."""
 MARGIN = 2.0
 """Log odds by which a change must win."""
 LIKELY = 0.1
@@ -171,7 +173,7 @@ class SetTracker:
             if not changed and t - self._renewed > RENEW * self._tau:
                 stays = [fit.rival for fit in fits]
                 weak = [i for i, c in enumerate(stays[0].contacts) if _push(c) < WEAK]
-                changed = self._drop(t, present, weak, stays, DRIFT)
+                changed = self._drop(t, present, weak, stays, DRIFT, FADED)
                 if not changed:
                     self._renew(t, stays)
         elif t >= self._next:
@@ -215,7 +217,7 @@ class SetTracker:
             return True
         if t - self._calm > PATIENCE * self._tau:
             same += bank.explain(present, bank.rivals, count, math.inf, SLIDE)
-            if self._drop(t, present, range(count), same, math.inf):
+            if self._drop(t, present, range(count), same, math.inf, GONE):
                 return True
         if not same or not _wins(same, stays):
             return False
@@ -229,11 +231,12 @@ class SetTracker:
         which: Sequence[int],
         stays: Sequence[Rival],
         drift: float,
+        odds: float,
     ) -> bool:
-        """Whether one of these contacts has gone: it is released."""
+        """Whether one of these contacts has gone, which has these log odds: it is released."""
         for i in which:
             left = without(self._bank.rivals, i)
-            fewer = self._bank.explain(present, left, len(self._members) - 1, drift, odds=GONE)
+            fewer = self._bank.explain(present, left, len(self._members) - 1, drift, odds=odds)
             if _wins(fewer, stays):
                 self._release(t, i)
                 self._renew(t, fewer)

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from contactsense import Estimate, JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.arm import build_arm
-from contactsense.several.kept import Kept, log_known
 from service.bench.several.measure import match
 from tests.contactsense.several.streams import Push, stream
 from tests.plain_arm import plain_ur5e
@@ -120,33 +118,3 @@ def test_a_new_stream_knows_nothing_of_the_last(localizer: Localizer) -> None:
     estimates, _ = _run(localizer, [FOREARM], 0.7, seed=8)
     assert {contact.id for e in estimates for contact in e.contacts} == {1}
     assert all(estimate.status != "multiple" for estimate in estimates)
-
-
-def test_knowing_a_place_is_worth_its_share_of_the_area() -> None:
-    """A place known to lie within a part of the surface was as much more probable as that part is smaller."""
-    prior = build_arm(SCENE).prior
-    sigma = 0.003
-    normal = np.array([0.0, 0.6, 0.8])
-    contact = Kept(0, 0, np.zeros(3), normal, sigma**2 * np.eye(3), -20.0 * normal)
-    share = 2.0 * np.pi * sigma**2 / prior.area
-    assert log_known(prior, (contact,), np.inf, 0.0) == pytest.approx(-np.log(share), abs=1e-9)
-    wider = log_known(prior, (contact,), np.inf, 0.004)
-    assert wider == pytest.approx(-np.log(share * 25.0 / 9.0), abs=1e-9)
-
-
-def test_knowing_a_force_is_worth_its_share_of_those_that_are_usual() -> None:
-    """Against a sum over forces of the prior's density times what is known."""
-    prior = build_arm(SCENE).prior
-    normal = np.array([0.0, 0.0, 1.0])
-    contact = Kept(0, 0, np.zeros(3), normal, 1e-6 * np.eye(3), np.array([2.0, -1.0, -25.0]))
-    drift = 0.5
-    place = log_known(prior, (contact,), np.inf, 0.0)
-    known = log_known(prior, (contact,), drift, 0.0) - place
-    chance = np.random.default_rng(0)
-    force = contact.force + drift * chance.standard_normal((200_000, 3))
-    push = -force[:, 2]
-    lean = (force[:, 0] ** 2 + force[:, 1] ** 2) / (prior.lean * push) ** 2
-    log_density = -0.5 * np.log(push / prior.force) ** 2 - 3.0 * np.log1p(lean / 4.0)
-    log_density -= np.log(push**3 * prior.lean**2)
-    expected = np.log(np.mean(np.exp(log_density))) + 3.0 * np.log(drift)
-    assert known == pytest.approx(-expected, abs=0.05)
