@@ -79,7 +79,7 @@ def _table(rows: list[dict[str, Any]], title: str) -> Table:
 @click.command()
 @click.option("--robot", "robots", multiple=True, default=ROBOTS, help="Arm; may be repeated.")
 @click.option(
-    "--samples", default=250, show_default=True, help="How many contacts of each arm's ground truth."
+    "--samples", default=1500, show_default=True, help="How many contacts of each arm's ground truth."
 )
 @click.option(
     "--skip", default=500, show_default=True, help="How many to leave out before: peers were tuned on these."

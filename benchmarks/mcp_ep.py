@@ -35,6 +35,8 @@ CONTACTS = 3
 HELD = 0.5
 """How much the forces that were there before may have changed when the next one comes, each component,
 standard deviation [N]. In this setting they do not change; the paper's filter knows nothing of that."""
+LOOSE = 2.0
+"""The same as a live stream reckons with (`contactsense.several.bank.DRIFT`) [N]."""
 
 
 class Judged(NamedTuple):
@@ -128,12 +130,12 @@ class Row(NamedTuple):
 
 
 def compare(robot: str, noise: Noise, runs: int, seed: int) -> Iterator[Row]:
-    """Ours with forces that are held, ours with forces that are free, and the exploring particle filter."""
+    """Ours with forces that are held, held loosely, and free; and the exploring particle filter."""
     scene = scene_of(robot, noise)
     touches = Toucher(scene, seed=seed).draw(runs, CONTACTS, even=True)
     measured = sequence(touches, noise, seed + 1)
     one = touches.q[:1], *(part[:1] for part in measured)
-    for drift in (HELD, None):
+    for drift in (HELD, LOOSE, None):
         ours = OneByOne(scene, CONTACTS, drift)
         ours.follow(*one)
         found, seconds = ours.follow(touches.q, *measured)
