@@ -34,6 +34,7 @@ def _split(value: Any) -> Any:
 
 Port = Annotated[int, Field(ge=0, le=65535)]
 Counts = Annotated[tuple[PositiveFloat, PositiveFloat], BeforeValidator(_split)]
+Names = Annotated[tuple[str, ...], BeforeValidator(_split)]
 Fields = Annotated[tuple[str, ...], BeforeValidator(_split), Field(min_length=6, max_length=6)]
 
 
@@ -68,6 +69,9 @@ class Settings(BaseModel):
     """Its counts per N and per Nm, instead of asking the configuration page."""
     ft_fields: Fields | None = None
     """Six RTDE fields that carry the base sensor's reading [N, Nm], instead of `ft_host`."""
+    wrist_fields: Names = ("ft_raw_wrench",)
+    """RTDE fields that carry the wrist sensor's reading [N, Nm], where the scene has such a sensor: one of
+    six numbers, or six of one."""
     queue: PositiveInt = 500
     """Estimates kept for a slow reader of the stream before it loses the oldest."""
 
@@ -136,6 +140,7 @@ class Settings(BaseModel):
             wrench_http_port=self.ft_http_port,
             wrench_counts=self.ft_counts,
             wrench_fields=self.ft_fields or (),
+            wrist_fields=self.wrist_fields,
         )
         try:
             # A trial without the base sensor, whose client would begin to work at once.

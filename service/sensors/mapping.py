@@ -7,6 +7,9 @@ from typing import Literal
 import numpy as np
 
 from contactsense.scene import Scene, WrenchSensor
+from kinematics.core import place
+from kinematics.model import build_model, empty_motion
+from robots import Robot
 from service.sensors.streams import SensorError
 
 _CURRENTS = ("actual_current", "actual_current_minus_target")
@@ -125,3 +128,23 @@ class WrenchMap:
     def of(cls, sensor: WrenchSensor) -> "WrenchMap":
         """The map of a scene's sensor under the base."""
         return cls.make(sensor.rotation, np.asarray(sensor.translation), sensor.sign, sensor.bias)
+
+
+class WristMap:
+    """From a wrist sensor's own frame, which travels with the flange, to the wrench of all beyond the sensor
+    on it, base origin and axes."""
+
+    def __init__(self, sensor: WrenchSensor, robot: Robot) -> None:
+        """Of a scene's wrist sensor, whose place is given in the flange's frame."""
+        self._model = build_model(robot)
+        self._motion = empty_motion(len(robot.joints))
+        self._rotation = robot.flange_rotation @ sensor.rotation
+        self._origin = robot.flange_rotation @ np.array(sensor.translation) + robot.flange_translation
+        self._sign, self._bias = sensor.sign, sensor.bias
+
+    def wrench(self, q: np.ndarray, reading: np.ndarray) -> np.ndarray:
+        """From a reading at joint positions q, shape (n,) [rad]; both wrenches of shape (6,) [N, Nm]."""
+        place(self._model, q, self._motion)
+        R, o = self._motion.rotation[-1], self._motion.origin[-1]
+        there = WrenchMap.make(R @ self._rotation, o + R @ self._origin, self._sign, self._bias)
+        return there.wrench(reading)

@@ -12,11 +12,12 @@ from contactsense.scene import Scene
 from contactsense.types import Sample
 from service.sensors import netft, rtde
 from service.sensors.align import Aligned, Aligner
-from service.sensors.mapping import TorqueMap, WrenchMap
+from service.sensors.mapping import TorqueMap, WrenchMap, WristMap
 from service.sensors.netft import NetFtStream, WrenchHealth, WrenchRecord
 from service.sensors.rtde import RtdeStream
 from service.sensors.streams import NS, RobotRecord, RobotStream, SensorError, StreamHealth
 from service.sensors.ur_rtde_source import UrRtdeStream
+from service.wire.rtde_fields import OUTPUTS, WIDTHS
 
 _ALIVE = 0.05
 """A force/torque sensor silent for longer than this is not waited for [s]."""
@@ -41,6 +42,8 @@ class SourceSettings:
     wrench_fields: tuple[str, ...] = ()
     """Six RTDE fields that carry the base sensor's reading [N, Nm], such as output registers, instead of
     `wrench_host`."""
+    wrist_fields: tuple[str, ...] = ("ft_raw_wrench",)
+    """RTDE fields that carry the wrist sensor's six numbers [N, Nm], where the scene has one."""
     wrench_rate: float | None = None
     """How many readings a second the sensor numbers [Hz]; None: learn it from their arrivals, which takes a
     moment, the longer the busier the host."""
@@ -98,6 +101,11 @@ class LiveSource:
         if scene.base_wrench is not None:
             self._wrench_map = WrenchMap.of(scene.base_wrench)
             fields += _wrench_fields(settings)
+        self._wrist: WristMap | None = None
+        self._wrist_fields = settings.wrist_fields
+        if scene.wrist_wrench is not None:
+            self._wrist = WristMap(scene.wrist_wrench, scene.robot)
+            fields += _wrist_fields(settings)
         self._robot: RobotStream = _robot_stream(settings, fields)
         self._sensor: NetFtStream | None = None
         if self._wrench_map is not None and settings.wrench_host is not None:
@@ -186,7 +194,11 @@ class LiveSource:
             self._age = reading.age
             wrench = None if reading.wrench is None else _finite(self._wrench_map.wrench(reading.wrench))
             self._without_wrench += wrench is None
-        return Sample(record.timestamp, q, qd, torque, wrench)
+        wrist = None
+        if self._wrist is not None:
+            read = np.concatenate([values[slices[name]] for name in self._wrist_fields])
+            wrist = _finite(self._wrist.wrench(q, read))
+        return Sample(record.timestamp, q, qd, torque, wrench, wrist)
 
     def _reading(self, record: RobotRecord) -> Aligned:
         if self._sensor is None:
@@ -216,6 +228,17 @@ def _wrench_fields(settings: SourceSettings) -> tuple[str, ...]:
     if settings.wrench_fields and len(settings.wrench_fields) != 6:
         raise SensorError(f"wrench_fields: expected 6 RTDE fields, got {len(settings.wrench_fields)}")
     return settings.wrench_fields
+
+
+def _wrist_fields(settings: SourceSettings) -> tuple[str, ...]:
+    names = settings.wrist_fields
+    # A name that nobody knows is the robot's to complain about.
+    numbers = sum(WIDTHS[OUTPUTS[name]] for name in names if name in OUTPUTS)
+    if numbers != 6 and all(name in OUTPUTS for name in names):
+        raise SensorError(
+            f"wrist_fields: expected RTDE fields with 6 numbers, got {', '.join(names)} with {numbers}"
+        )
+    return names
 
 
 def _robot_stream(settings: SourceSettings, fields: list[str]) -> RobotStream:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from robots.tool import Tool
 from service.mock.controller import TORQUE_CONSTANTS
+from service.mock.dynamics import link_poses
 from service.mock.faults import Fault
 from service.mock.servers import MockServers, MockSettings
 from service.sensors.mapping import WrenchMap
@@ -135,6 +137,34 @@ def test_force_torque_values_out_of_registers():
             for sample in collect(source, 50):
                 assert sample.base_wrench == pytest.approx(WRENCH[round(sample.t * 500)])
             assert source.health.wrench_age == 0.0
+
+
+@pytest.mark.parametrize("registers", [False, True])
+def test_a_wrist_sensor_comes_with_the_robot_and_turns_with_its_flange(registers):
+    names = tuple(f"output_double_register_{24 + i}" for i in range(6)) if registers else ("ft_raw_wrench",)
+    columns = {name: WRENCH[:, i] for i, name in enumerate(names)} if registers else {names[0]: WRENCH}
+    place = WrenchSensor(
+        rpy=(0.0, 0.0, 0.5), translation=(0.0, 0.0, 0.02), bias=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    )
+    scene = Scene(robot="ur5e", base_wrench=None, wrist_wrench=place, tool=Tool(mass=1.0))
+    with MockServers(FEED, MOCK, fields=columns) as servers:
+        wrist = {"wrist_fields": names} if registers else {}
+        with LiveSource(scene, SourceSettings(servers.rtde.host, servers.rtde.port, **wrist)) as source:
+            samples = collect(source, 50)
+    for sample in samples:
+        felt = WRENCH[round(sample.t * 500)] - place.bias
+        rotations, origins = link_poses(scene.robot, sample.q[None])
+        turn = rotations[-1, 0] @ scene.robot.flange_rotation
+        origin = origins[-1, 0] + rotations[-1, 0] @ scene.robot.flange_translation + 0.02 * turn[:, 2]
+        turn = turn @ place.rotation
+        force, moment = turn @ felt[:3], turn @ felt[3:]
+        assert sample.wrist_wrench == pytest.approx(np.append(force, moment + np.cross(origin, force)))
+
+
+def test_wrist_fields_must_have_six_numbers():
+    scene = Scene(robot="ur5e", base_wrench=None, wrist_wrench=WrenchSensor(), tool=Tool(mass=1.0))
+    with pytest.raises(SensorError, match=r"wrist_fields.*6 numbers, got timestamp with 1"):
+        LiveSource(scene, SourceSettings("127.0.0.1", wrist_fields=("timestamp",)))
 
 
 def test_a_mute_force_torque_sensor_leaves_samples_without_it():
