@@ -3,20 +3,12 @@
 import numpy as np
 
 from contactsense.memory import Memory
-from contactsense.report import (
-    COVARIANCE,
-    FORCE,
-    LINK,
-    NORMAL,
-    POINT,
-    POINT_BASE,
-    PRIMITIVE,
-    PROBABILITY,
-    TORSION,
-)
+from contactsense.quick import unlocked
+from contactsense.report import NUMBERS, VECTORS
 from contactsense.scene import Scene
 from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Status
 
+_open_estimate, _open_contact = unlocked(Estimate), unlocked(Contact)
 UNEXPLAINED = "something acts on the arm, but no single push on a touchable link explains it well"
 
 
@@ -36,7 +28,9 @@ class Composer:
 
     def nothing(self, t: float) -> Estimate:
         """Nothing touches; such estimates share their arrays, which cannot be written."""
-        return Estimate(t, "none", (), *self._zeros)
+        estimate = _open_estimate(t, "none", (), *self._zeros)
+        estimate.__class__ = Estimate
+        return estimate
 
     def quiet(self, t: float, status: Status, reason: str = "", events: tuple[Event, ...] = ()) -> Estimate:
         """No contact, or no answer."""
@@ -54,44 +48,53 @@ class Composer:
     ) -> Estimate:
         """The explanations in `rows`, as `contactsense.report` writes them; with a `reason` the estimate is
         `degraded`. `number`, `phase` and `kinds` of events are those of the stream's contact."""
-        rows = rows.copy()
-        listed = tuple([self.contact(row, number, phase) for row in rows])
+        listed = tuple([self.contact(row, number, phase) for row in rows.copy()])
         other = max(1.0 - sum([contact.probability for contact in listed]), 0.0)
-        best = listed[0].probability if listed else 0.0
+        if listed:
+            best, link, name = listed[0].probability, listed[0].link_index, listed[0].link
+        else:
+            best, link, name = 0.0, int(np.argmin(memory.hypotheses.energy)), ""
         status: Status = "contact" if best >= self._clear else "ambiguous"
-        link = listed[0].link_index if listed else int(np.argmin(memory.hypotheses.energy))
-        name = listed[0].link if listed else ""
-        doubt = UNEXPLAINED if other > best else ""
-        return Estimate(
+        if reason:
+            status = "degraded"
+        if other > best:
+            reason = f"{reason}; {UNEXPLAINED}" if reason else UNEXPLAINED
+        estimate = _open_estimate(
             t,
-            "degraded" if reason else status,
+            status,
             listed,
             memory.link_probability.copy(),
             memory.hypotheses.wrench[link].copy(),
             memory.hypotheses.covariance[link].copy(),
             other,
-            "; ".join(part for part in (reason, doubt) if part),
-            tuple([Event(kind, number, t, name) for kind in kinds]),
+            reason,
+            tuple([Event(kind, number, t, name) for kind in kinds]) if kinds else (),
         )
+        estimate.__class__ = Estimate
+        return estimate
 
     def contact(self, row: np.ndarray, number: int = 0, phase: Phase = "") -> Contact:
         """One contact from a row, see `contactsense.report`; keeps views of it."""
-        link, primitive = int(row[LINK]), int(row[PRIMITIVE])
-        point = row[POINT]
+        link, primitive, probability, torsion = row[NUMBERS].tolist()
+        link = int(link)
+        vectors = row[VECTORS].reshape(7, 3)
+        point = vectors[0]
         if link > self._joints:
             # A tool's own frame is the flange's, not that of the body that carries it.
             point = (point - self._flange[1]) @ self._flange[0]
-        return Contact(
+        contact = _open_contact(
             self._names[link],
             link,
-            primitive - self._first[link],
-            float(row[PROBABILITY]),
+            int(primitive) - self._first[link],
+            probability,
             point,
-            row[POINT_BASE],
-            row[NORMAL],
-            row[FORCE],
-            float(row[TORSION]),
-            row[COVARIANCE].reshape(3, 3),
+            vectors[1],
+            vectors[2],
+            vectors[3],
+            torsion,
+            vectors[4:],
             number,
             phase,
         )
+        contact.__class__ = Contact
+        return contact

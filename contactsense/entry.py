@@ -25,6 +25,7 @@ from contactsense.stiction import forget_levels
 from contactsense.stream import (
     BASE,
     DOUBT,
+    MISFIT,
     REPEATED,
     RESTARTED,
     SCALE,
@@ -35,6 +36,7 @@ from contactsense.stream import (
     UNUSABLE,
     arrive,
     pace,
+    put,
     sensor_number,
     sensors_of,
 )
@@ -53,8 +55,13 @@ def listen(
     bandwidth: float,
     t: float,
     given: int,
+    q: np.ndarray,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
 ) -> int:
-    """One sample of a live stream, which has been put into `Memory.stream`: does anything touch?
+    """One sample of a live stream: does anything touch?
 
     Where nothing does, what is not known of sensors and masses is learned from.
 
@@ -63,12 +70,23 @@ def listen(
         bandwidth: Cut-off frequency of the observers [Hz].
         t: Time of the sample [s].
         given: Which sensors have a value in it, see `contactsense.stream.arrive`.
+        q, qd, torque, base_wrench, wrist_wrench: The rest of it, see `contactsense.types.Sample`; anything
+            for a sensor without a value.
 
     Returns:
         What is to be said of the sample, see `contactsense.stream`.
     """
     arm, memory = unfold(floats, integers, sizes)
     track, stream, health = memory.track, memory.stream, memory.health
+    if not put(
+        stream,
+        uncounted(q),
+        uncounted(qd),
+        uncounted(torque),
+        uncounted(base_wrench),
+        uncounted(wrist_wrench),
+    ):
+        return MISFIT
     said: int = arrive(stream, t, given, bandwidth)
     if said & (REPEATED | UNUSABLE):
         return said

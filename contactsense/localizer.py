@@ -12,8 +12,8 @@ from contactsense.check import checked_rows, checked_vector
 from contactsense.entry import batch, listen, once, pursue
 from contactsense.feed import silence
 from contactsense.follower import restart as restart_follower
-from contactsense.health import complaints
 from contactsense.health import restart as restart_health
+from contactsense.intake import SENSORS, Intake, troubles
 from contactsense.levels import SingleLevels
 from contactsense.memory import empty_memory
 from contactsense.payload import PickUp
@@ -34,27 +34,24 @@ from contactsense.several.live import SetTracker
 from contactsense.several.locator import SetLocator
 from contactsense.skin import skin_of
 from contactsense.stream import (
-    DOUBT,
-    MISSING,
+    MISFIT,
     REPEATED,
     RESTARTED,
     SCALE,
-    SETTLES,
-    SPOILT,
     TOUCHED,
+    TROUBLES,
     UNUSABLE,
-    sensors_of,
 )
 from contactsense.stream import restart as restart_stream
 from contactsense.tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, forget
 from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Sample
 from contactsense.workspace import Workspace
+from robots.compiled import no_more
 
 Method = Literal["joint", "torques_first"]
 """How link and place are decided: `joint`: together; `torques_first`: the link from the evidence of base
 wrench and torques alone, then the place on it, which is what a gate in front of a locator does and is kept
 for comparison."""
-_SENSORS = ("base_wrench", "joint_torque", "wrist_wrench")
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
 _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 
@@ -113,8 +110,8 @@ class Localizer:
             scene.joint_torque is not None,
             scene.wrist_wrench is not None,
         )
-        self._heeded = ~sum((MISSING | SPOILT) << i for i, fitted in enumerate(self._fitted) if not fitted)
         self._sizes = (6, self._joints, 6)
+        self._intake = Intake(self._fitted, self._joints)
         self._blank = tuple(np.zeros(size) for size in self._sizes)
         self._levels = SingleLevels(scene, self._sizes)
         self._pick_up = PickUp(scene, self._work) if scene.picks_up else None
@@ -148,29 +145,17 @@ class Localizer:
         Raises:
             ValueError: a field has the wrong shape; the message names it.
         """
-        t = sample.t
-        given = self._take(sample)
-        said = listen(*self._workspace, self._bandwidth, t, given) & self._heeded
+        try:
+            said = listen(*self._workspace, self._bandwidth, *self._intake.fields(sample))
+        except TypeError:
+            said = MISFIT
+        if said == MISFIT:
+            sample = self._intake.shaped(sample)
+            said = listen(*self._workspace, self._bandwidth, *self._intake.fields(sample))
+        said &= self._intake.heeded
         if said == 0 and self._phase == NONE:
-            return self._composer.nothing(t)
-        return self._tell(t, said)
-
-    def _take(self, sample: Sample) -> int:
-        """Put a sample into the workspace; returns which sensors have a value in it, a bit each."""
-        stream = self._stream
-        _put(stream.q, "q", sample.q)
-        _put(stream.qd, "qd", sample.qd)
-        given = 0
-        if sample.base_wrench is not None and self._fitted[0]:
-            _put(stream.base_wrench, "base_wrench", sample.base_wrench)
-            given = 1
-        if sample.joint_torque is not None and self._fitted[1]:
-            _put(stream.torque, "joint_torque", sample.joint_torque)
-            given += 2
-        if sample.wrist_wrench is not None and self._fitted[2]:
-            _put(stream.wrist_wrench, "wrist_wrench", sample.wrist_wrench)
-            given += 4
-        return given
+            return self._composer.nothing(sample.t)
+        return self._tell(sample.t, said)
 
     def _tell(self, t: float, said: int) -> Estimate:
         """The estimate for the sample that `listen` took in: something touches it, or something is to be said
@@ -189,17 +174,18 @@ class Localizer:
         if said & TOUCHED:
             listed = pursue(*self._buffers, self._bandwidth, self._gate, self._rows)
         kinds, ended = self._news(t)
-        ready = sensors_of(self._stream)
-        if self._phase == HOLD and self._pick_up is not None and ready[0] and ready[1]:
+        if self._phase == HOLD and self._pick_up is not None and self._usable()[:2] == (True, True):
             mass = self._pick_up.step()
             if mass is not None:
                 return self._weight(t, mass)
-        reason = self._troubles(said)
+        reason = troubles(said, self._work.memory.health) if said & TROUBLES else ""
         if self._together is not None:
             if listed < 0:
                 ended += self._together.end(t, self._number)
             else:
-                several, self._number = self._together.step(t, ready, self._number, listed > 0, reason)
+                several, self._number = self._together.step(
+                    t, self._usable(), self._number, listed > 0, reason
+                )
                 if several is not None:
                     return several
         if listed < 0:
@@ -208,19 +194,10 @@ class Localizer:
             t, self._work.memory, self._rows[:listed], reason, self._number, _PHASES[self._phase], kinds
         )
 
-    def _troubles(self, said: int) -> str:
-        """What is wrong, in words; see `contactsense.stream`."""
-        found = []
-        for i, name in enumerate(_SENSORS):
-            if said & MISSING << i:
-                found.append(f"{name} is missing")
-            elif said & SPOILT << i:
-                found.append(f"{name} is not finite, or too large to be true")
-        if said & DOUBT:
-            found += complaints(self._work.memory.health)
-        if said & SETTLES and not found:
-            found.append("observer settles after its start")
-        return "; ".join(found)
+    def _usable(self) -> tuple[bool, bool, bool]:
+        """Which of base wrench, joint torques and wrist wrench can be used in the newest sample."""
+        base, torque, wrist = self._stream.usable[:3].tolist()
+        return base > 0.0, torque > 0.0, wrist > 0.0
 
     def _weight(self, t: float, mass: float) -> Estimate:
         """The contact was a weight, which is in the model now: the observers start anew."""
@@ -283,7 +260,7 @@ class Localizer:
         given = (base_wrench, joint_torque, wrist_wrench)
         present = self._present(given)
         values = [
-            self._blank[i] if value is None else checked_vector(_SENSORS[i], value, self._sizes[i], "N, Nm")
+            self._blank[i] if value is None else checked_vector(SENSORS[i], value, self._sizes[i], "N, Nm")
             for i, value in enumerate(given)
         ]
         several = contacts != 1 or len(known) > 0
@@ -325,7 +302,7 @@ class Localizer:
         values = [
             np.zeros((n, self._sizes[i]))
             if value is None
-            else checked_rows(_SENSORS[i], value, n, self._sizes[i], "N, Nm")
+            else checked_rows(SENSORS[i], value, n, self._sizes[i], "N, Nm")
             for i, value in enumerate(given)
         ]
         nothing, link_probability, best = np.empty(n), np.empty((n, self._links)), np.empty((n, WIDTH))
@@ -353,7 +330,7 @@ class Localizer:
             yield self.step(sample)
 
     def _present(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
-        for name, value, fitted in zip(_SENSORS, given, self._fitted, strict=True):
+        for name, value, fitted in zip(SENSORS, given, self._fitted, strict=True):
             if value is not None and not fitted:
                 raise ValueError(f"{name}: the scene has no such sensor, yet a value came")
         if given[0] is None and given[1] is None:
@@ -366,7 +343,8 @@ class Localizer:
         base, torque, wrist = (
             blank if there else None for blank, there in zip(self._blank, self._fitted, strict=True)
         )
-        self.step(Sample(0.0, zero, zero, torque, base, wrist))
+        self.step(self._intake.first())
+        no_more(listen)
         self._stream.usable[:] = (*self._fitted, False, False)
         self._stream.clock[SCALE] = 1.0
         pursue(*self._buffers, self._bandwidth, self._gate, self._rows)
@@ -377,12 +355,3 @@ class Localizer:
             detect=False,
         )  # fmt: skip
         self.reset()
-
-
-def _put(place: np.ndarray, name: str, value: object) -> None:
-    """Copy a field of a sample to its place in the workspace."""
-    if type(value) is not np.ndarray or value.shape != place.shape:
-        value = np.asarray(value, dtype=np.float64)
-        if value.shape != place.shape:
-            raise ValueError(f"{name}: expected shape {place.shape}, got shape {value.shape}")
-    place[:] = value

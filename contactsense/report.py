@@ -10,10 +10,11 @@ from robots.grid import Grids, slide
 LINK, PRIMITIVE, PROBABILITY, TORSION = 0, 1, 2, 3
 POINT, POINT_BASE, NORMAL, FORCE = slice(4, 7), slice(7, 10), slice(10, 13), slice(13, 16)
 COVARIANCE = slice(16, 25)
+NUMBERS, VECTORS = slice(0, 4), slice(4, 25)
 WIDTH = 25
 """Columns of a row: number of the link; number of the primitive among all; probability; torsion [Nm]; point
 in the frame of the body that carries the link, point in the base frame [m]; normal; force [N]; covariance of
-the point [m^2]."""
+the point [m^2]. `NUMBERS` are the first four, `VECTORS` the seven rows of three that follow."""
 
 SLIDE_STEPS = 5
 """Newton steps to the skin along the line of a force."""

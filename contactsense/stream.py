@@ -25,11 +25,15 @@ Nm]."""
 _LONGEST = 86400.0
 """No step counts for more: what has drifted over a day can be anywhere [s]."""
 
-MISSING, SPOILT, DOUBT, SETTLES, TOUCHED, RESTARTED, REPEATED, UNUSABLE = 1, 8, 64, 128, 256, 512, 1024, 2048
+MISSING, SPOILT, DOUBT, SETTLES, TOUCHED, RESTARTED = 1, 8, 64, 128, 256, 512
+REPEATED, UNUSABLE, MISFIT = 1024, 2048, 4096
 """What is to be said of a sample, bits of one number; 0: all is well and nothing touches. `MISSING` and
 `SPOILT` (a value is not finite or absurd) have three each, the sensors' in their order. `DOUBT`: see
 `contactsense.health`. `SETTLES`: no sensor can be used yet. `TOUCHED`: something acts on the arm.
-`RESTARTED`: time has jumped back, a new stream begins. `REPEATED` and `UNUSABLE`: the sample was not used."""
+`RESTARTED`: time has jumped back, a new stream begins. `REPEATED`, `UNUSABLE` and `MISFIT` (a field
+has the wrong size): the sample was not used."""
+TROUBLES = 7 * MISSING | 7 * SPOILT | DOUBT | SETTLES
+"""All of these for which an estimate is `degraded`, of samples that were used."""
 
 
 class Stream(NamedTuple):
@@ -73,6 +77,27 @@ def restart(stream: Stream) -> None:
     silence(stream.feeds)
     stream.clock[:] = 0.0
     stream.clock[T] = -math.inf
+
+
+@kernel
+def put(
+    stream: Stream,
+    q: np.ndarray,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
+) -> bool:
+    """Keep a sample's values; False: they are too many or too few."""
+    values = (q, qd, torque, base_wrench, wrist_wrench)
+    places = (stream.q, stream.qd, stream.torque, stream.base_wrench, stream.wrist_wrench)
+    for i in range(5):
+        if len(values[i]) != len(places[i]):
+            return False
+    for i in range(5):
+        for k in range(len(places[i])):
+            places[i][k] = values[i][k]
+    return True
 
 
 @kernel

@@ -50,6 +50,13 @@ def fused_kernel(function: Callable[..., Any]) -> Any:
     return _compile(function, _FUSED)
 
 
+def no_more(compiled: Any) -> None:
+    """Compile no more versions of a kernel: from now on calls with arguments of other types raise a
+    TypeError, instead of holding up a stream for a minute."""
+    if hasattr(compiled, "disable_compile"):
+        compiled.disable_compile()
+
+
 def _compile(function: Callable[..., Any], liberties: frozenset[str]) -> Any:
     options: dict[str, Any] = {
         "error_model": "numpy",
