@@ -8,7 +8,7 @@ from contactsense.drive import Drive, make_drive
 from contactsense.energy import Prior
 from contactsense.isolation import Sensors
 from contactsense.levels import stream_levels
-from contactsense.places import Places, find_places
+from contactsense.places import Parts, Places, find_places
 from contactsense.scene import Scene
 from contactsense.sensing import JointTorqueSensor, WrenchSensor, per_joint
 from kinematics.model import Model, build_model
@@ -26,6 +26,8 @@ class Arm(NamedTuple):
     """Touchable surface; a tool's primitives are given in the frame of the last link."""
     places: Places
     """Places that stand for that surface, frames likewise."""
+    parts: Parts
+    """The parts of their cells."""
     sensors: Sensors
     """What sees which link, and the noise."""
     prior: Prior
@@ -59,11 +61,12 @@ def build_arm(scene: Scene) -> Arm:
     torque = scene.joint_torque or JointTorqueSensor()
     wrist = scene.wrist_wrench or WrenchSensor()
     surfaces = _surfaces(scene)
-    places, area = find_places(surfaces)
+    places, parts, area = find_places(surfaces)
     return Arm(
         model=carried_model(scene),
         surfaces=surfaces,
         places=places,
+        parts=parts,
         sensors=_sensors(scene),
         prior=Prior(
             lean=scene.friction / 2.0,

@@ -6,32 +6,45 @@ import numpy as np
 
 
 class Cells(NamedTuple):
-    """What the search over S places keeps."""
+    """What the search over places and parts of their cells keeps, in as many rows as were not given up."""
 
     score: np.ndarray
-    """Log evidence of each cell, shape (S,)."""
+    """Log evidence, shape (R,); -infinity: not to be looked at any more."""
     point: np.ndarray
-    """Most probable place in each cell, link frame, shape (S, 3) [m]."""
+    """Most probable place in the cell, link frame, shape (R, 3) [m]."""
+    normal: np.ndarray
+    """The cell's outward unit normal, link frame, shape (R, 3)."""
     force: np.ndarray
-    """Most probable force there, link frame, shape (S, 3) [N]."""
+    """Most probable force there, link frame, shape (R, 3) [N]."""
     variance: np.ndarray
-    """Variance of the place within the cell, mean over both tangents, shape (S,) [m^2]."""
+    """Variance of the place within the cell, mean over both tangents, shape (R,) [m^2]."""
+    spread: np.ndarray
+    """Standard deviation of the cell along each tangent, shape (R,) [m]."""
     wrench: np.ndarray
     """Fused wrench in a link's frame, shape (6,) [N, Nm]."""
     information: np.ndarray
     """Its information matrix, shape (6, 6)."""
     rest: np.ndarray
     """Log evidence on each link that no explanation stands for, shape (links,)."""
+    primitive: np.ndarray
+    """Primitive of each row, shape (R,), int64."""
+    place: np.ndarray
+    """Number of the place, of those rows that are no parts, shape (R,), int64."""
 
 
-def empty_cells(places: int, links: int) -> Cells:
-    """Arrays for that many places."""
+def empty_cells(places: int, parts: int, links: int) -> Cells:
+    """Arrays for that many places and parts."""
+    rows = places + parts
     return Cells(
-        score=np.zeros(places),
-        point=np.zeros((places, 3)),
-        force=np.zeros((places, 3)),
-        variance=np.zeros(places),
+        score=np.zeros(rows),
+        point=np.zeros((rows, 3)),
+        normal=np.zeros((rows, 3)),
+        force=np.zeros((rows, 3)),
+        variance=np.zeros(rows),
+        spread=np.zeros(rows),
         wrench=np.zeros(6),
         information=np.zeros((6, 6)),
         rest=np.zeros(links),
+        primitive=np.zeros(rows, dtype=np.int64),
+        place=np.zeros(rows, dtype=np.int64),
     )

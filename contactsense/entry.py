@@ -51,7 +51,7 @@ from robots.uncounted import uncounted
 def listen(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int],
+    sizes: tuple[int, int, int, int, int],
     bandwidth: float,
     t: float,
     given: int,
@@ -123,7 +123,7 @@ def listen(
 def pursue(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int],
+    sizes: tuple[int, int, int, int, int],
     skin: Grids,
     bandwidth: float,
     gate: bool,
@@ -229,7 +229,7 @@ def _bring_up_to_date(arm: Arm, memory: Memory, window: int, rows: np.ndarray) -
 def once(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int],
+    sizes: tuple[int, int, int, int, int],
     skin: Grids,
     q: np.ndarray,
     torque: np.ndarray,
@@ -255,7 +255,7 @@ def once(
 def batch(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int],
+    sizes: tuple[int, int, int, int, int],
     skin: Grids,
     q: np.ndarray,
     torque: np.ndarray,

@@ -97,7 +97,7 @@ class Localizer:
         self._workspace = (self._work.floats, self._work.integers, self._work.sizes)
         self._buffers = (*self._workspace, skin_of(scene))
         self._stream, self._bandwidth = self._work.memory.stream, scene.bandwidth
-        self._joints, self._links, primitives, _ = self._work.sizes
+        self._joints, self._links, primitives, _, _ = self._work.sizes
         self._rows = np.zeros((max(primitives, MOST), WIDTH))
         self._composer = Composer(scene, arm.surfaces.start)
         self._sets: SetLocator | None = None

@@ -19,7 +19,7 @@ from contactsense.cover import cover_place, stands_on
 from contactsense.energy import Prior, Work
 from contactsense.isolation import Hypotheses
 from contactsense.ldl import solve
-from contactsense.places import Places
+from contactsense.places import Parts, Places
 from contactsense.refine import CUT
 from contactsense.wide import search_over
 from kinematics.model import Motion
@@ -42,6 +42,7 @@ OTHER_LEVER = 0.5
 def locate(
     surfaces: Surfaces,
     places: Places,
+    parts: Parts,
     touchable: np.ndarray,
     depth: np.ndarray,
     motion: Motion,
@@ -57,7 +58,7 @@ def locate(
 
     Args:
         surfaces: Primitives in the frames of the bodies that carry them.
-        places: Places that stand for their surface.
+        places, parts: Places that stand for their surface, and the parts of their cells.
         touchable: 1 for links that can be touched, else 0, shape (links,), int64.
         depth: Number of joints between the base and each link, shape (links,), int64.
         motion: Poses, see `kinematics.core.place`.
@@ -85,6 +86,7 @@ def locate(
         count = search_over(
             surfaces,
             places,
+            parts,
             touchable,
             depth,
             motion,

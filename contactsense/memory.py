@@ -104,7 +104,7 @@ def empty_memory(arm: Arm) -> Memory:
         hypotheses=empty_hypotheses(links),
         found=empty_candidates(len(arm.surfaces.kind)),
         work=empty_work(),
-        cells=empty_cells(len(arm.places.spread), links),
+        cells=empty_cells(len(arm.places.spread), len(arm.parts.spread), links),
         link_probability=np.zeros(links),
         joints=empty_observer(joints),
         base=empty_observer(6 * (joints + 1)),

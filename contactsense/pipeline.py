@@ -376,6 +376,7 @@ def explain(
     count = locate(
         arm.surfaces,
         arm.places,
+        arm.parts,
         memory.open,
         arm.sensors.depth,
         memory.motion,

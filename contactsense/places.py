@@ -1,9 +1,11 @@
 """Places on the touchable surface: a few hundred that stand for all of it where a measurement says little.
 
 Each stands for a cell of the surface, so that a sum over places is an integral over the surface. The surface
-is that of the union of a link's primitives: what lies inside another primitive is no place.
+is that of the union of a link's primitives: what lies inside another primitive is no place. Every cell is
+made up of a few parts, to be looked at where the answer lies in few cells.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +14,10 @@ from robots.surface import Surfaces
 from robots.union import distances
 
 COUNT = 480
-"""Places on an arm, about: cells of some 35 mm on a UR5e. Twice as many would make the answers a little
-better where the noise is large, and take half as long again there."""
-GRID = 0.01
+"""Places on an arm, about: cells of some 35 mm on a UR5e."""
+PARTS = 4
+"""Most parts of a cell: some 17 mm on a UR5e."""
+GRID = 0.006
 """Widest spacing of the grid on which the surface's area is measured [m]."""
 FINEST = 0.05
 """Spacing of the grid on a small link, as a part of its radius."""
@@ -37,36 +40,81 @@ class Places(NamedTuple):
     """First place of each primitive, and their number at the end, shape (P + 1,), int64."""
 
 
-def find_places(surfaces: Surfaces) -> tuple[Places, float]:
-    """Places on all primitives, and the area of the touchable surface [m^2].
+class Parts(NamedTuple):
+    """T parts of the cells of S places, sorted by cell; link frames."""
+
+    point: np.ndarray
+    """On the surface, shape (T, 3) [m]."""
+    normal: np.ndarray
+    """Outward unit normal, shape (T, 3)."""
+    spread: np.ndarray
+    """Standard deviation of the part along each tangent, shape (T,) [m]."""
+    log_share: np.ndarray
+    """Logarithm of the part's share of the touchable area, shape (T,)."""
+    primitive: np.ndarray
+    """Primitive on which it lies, which need not be that of the cell's place, shape (T,), int64."""
+    start: np.ndarray
+    """First part of each cell, and their number at the end, shape (S + 1,), int64."""
+
+
+class Patches(NamedTuple):
+    """Pieces of one link's surface and what stands for them."""
+
+    point: np.ndarray
+    normal: np.ndarray
+    primitive: np.ndarray
+    spread: np.ndarray
+    area: np.ndarray
+
+
+def find_places(surfaces: Surfaces) -> tuple[Places, Parts, float]:
+    """Places on all primitives, the parts of their cells, and the area of the touchable surface [m^2].
 
     The area is the volume of a shell about the surface over its thickness, each point of a grid in it being
     weighed by a smooth window, so that curvature cancels; a grid point stands for the surface point nearest
     to it.
     """
     links = len(surfaces.start) - 1
-    found = [_shell(surfaces, link) for link in range(links)]
-    area = sum(float(weight.sum()) for _, _, _, weight in found)
-    cells = [_gather(*shell, area / COUNT) for shell in found if len(shell[0])]
+    shells = [_shell(surfaces, link) for link in range(links)]
+    area = sum(float(shell.area.sum()) for shell in shells)
+    edge = math.sqrt(area / COUNT)
+    cells: list[Patches] = []
+    parts: list[Patches] = []
+    for shell in shells:
+        if not len(shell.area):
+            continue
+        count = max(round(float(shell.area.sum()) / edge**2), 1)
+        owner = _split(shell, edge, count)
+        cells.append(_stand_in(shell, owner))
+        for i in range(len(cells[-1].area)):
+            member = Patches(*(values[owner == i] for values in shell))
+            parts.append(_stand_in(member, _split(member, edge / math.sqrt(PARTS), PARTS)))
     if not cells:
-        return _none(len(surfaces.kind)), 1.0
-    point, normal, primitive, spread, weight = (np.concatenate(parts) for parts in zip(*cells, strict=True))
-    order = np.argsort(primitive, kind="stable")
-    start = np.searchsorted(primitive[order], np.arange(len(surfaces.kind) + 1)).astype(np.int64)
-    share = np.log(weight[order] / area)
-    return Places(point[order], normal[order], spread[order], share, start), area
+        return *_none(len(surfaces.kind)), 1.0
+    cell = Patches(*(np.concatenate(values) for values in zip(*cells, strict=True)))
+    order = np.argsort(cell.primitive, kind="stable")
+    start = np.searchsorted(cell.primitive[order], np.arange(len(surfaces.kind) + 1)).astype(np.int64)
+    point, normal, _, spread, weight = (values[order] for values in cell)
+    places = Places(point, normal, spread, np.log(weight / area), start)
+    parts = [parts[i] for i in order]
+    first = np.cumsum([0] + [len(part.area) for part in parts]).astype(np.int64)
+    point, normal, primitive, spread, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return places, Parts(point, normal, spread, np.log(weight / area), primitive, first), area
 
 
-def _none(primitives: int) -> Places:
-    start = np.zeros(primitives + 1, dtype=np.int64)
-    return Places(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), start)
+def _none(primitives: int) -> tuple[Places, Parts]:
+    blank, line = np.zeros((0, 3)), np.zeros(0)
+    places = Places(blank, blank, line, line, np.zeros(primitives + 1, dtype=np.int64))
+    return places, Parts(blank, blank, line, line, np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64))
 
 
-def _shell(surfaces: Surfaces, link: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Surface points of a link, their normals, primitives and areas."""
+def _shell(surfaces: Surfaces, link: int) -> Patches:
+    """Surface points of a link, with their areas; their spread is not known."""
     first, last = surfaces.start[link], surfaces.start[link + 1]
     if first == last:
-        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0)
+        return Patches(
+            np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
+        )
     spacing = min(GRID, FINEST * float(surfaces.radius[first:last].max()))
     # Half thickness of the shell.
     shell = 1.5 * spacing
@@ -83,38 +131,43 @@ def _shell(surfaces: Surfaces, link: int) -> tuple[np.ndarray, np.ndarray, np.nd
     outside = distances(surfaces, point, link)[0] > -spacing / 4
     if link == 0:
         outside &= (point[:, 2] > MOUNTED) | (normal[:, 2] > -0.5)
-    return point[outside], normal[outside], which[outside], weight[outside]
+    kept = Patches(point, normal, which.astype(np.int64), np.zeros(len(point)), weight)
+    return Patches(*(values[outside] for values in kept))
 
 
-def _gather(
-    point: np.ndarray, normal: np.ndarray, primitive: np.ndarray, weight: np.ndarray, cell: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Cells of about the area `cell`: points far from each other in place and normal, each with its
-    neighbours."""
-    count = min(max(round(float(weight.sum()) / cell), 1), len(point))
-    # A quarter turn of the normal counts as far as one cell's edge.
-    feature = np.hstack((point, normal * np.sqrt(cell / 2.0)))
-    chosen = np.zeros(count, dtype=np.int64)
-    nearest = np.full(len(point), np.inf)
-    owner = np.zeros(len(point), dtype=np.int64)
-    chosen[0] = int(np.argmax(np.linalg.norm(point - point.mean(axis=0), axis=1)))
+def _split(patches: Patches, edge: float, count: int) -> np.ndarray:
+    """For each patch the number of the one that it is nearest to, of `count` that are far from each other in
+    place and normal: a quarter turn of the normal counts as far as `edge` [m], one cell's."""
+    feature = _feature(patches, edge)
+    nearest = np.full(len(feature), np.inf)
+    owner = np.zeros(len(feature), dtype=np.int64)
+    chosen = int(np.argmax(np.linalg.norm(patches.point - patches.point.mean(axis=0), axis=1)))
     for i in range(count):
-        if i > 0:
-            chosen[i] = int(np.argmax(nearest))
-            if nearest[chosen[i]] == 0.0:
-                # Fewer different points than cells.
-                chosen = chosen[:i]
-                break
-        distance = ((feature - feature[chosen[i]]) ** 2).sum(axis=1)
+        distance = ((feature - feature[chosen]) ** 2).sum(axis=1)
         closer = distance < nearest
         nearest[closer], owner[closer] = distance[closer], i
-    total = np.bincount(owner, weight)
-    centre = np.stack([np.bincount(owner, weight * feature[:, i]) / total for i in range(6)], axis=1)
-    # The member that is nearest to its cell's centre stands for the cell.
+        chosen = int(np.argmax(nearest))
+        if nearest[chosen] == 0.0:
+            # Fewer different points than cells.
+            break
+    return owner
+
+
+def _feature(patches: Patches, edge: float) -> np.ndarray:
+    return np.hstack((patches.point, patches.normal * (edge / math.sqrt(2.0))))
+
+
+def _stand_in(patches: Patches, owner: np.ndarray) -> Patches:
+    """Each cell as one patch: the member that is nearest to its centre, and how far the others are spread."""
+    area = np.bincount(owner, patches.area)
+    edge = math.sqrt(float(area.mean()))
+    feature = _feature(patches, edge)
+    centre = np.stack([np.bincount(owner, patches.area * column) / area for column in feature.T], axis=1)
     off = ((feature - centre[owner]) ** 2).sum(axis=1)
     best = np.lexsort((off, owner))
-    best = best[np.searchsorted(owner[best], np.arange(len(chosen)))]
-    away = point - point[best][owner]
-    flat = (away**2).sum(axis=1) - (away * normal[best][owner]).sum(axis=1) ** 2
-    spread = np.sqrt(np.bincount(owner, weight * flat) / total / 2.0)
-    return point[best], normal[best], primitive[best], np.maximum(spread, np.sqrt(total / 12.0) / 2.0), total
+    best = best[np.searchsorted(owner[best], np.arange(len(area)))]
+    away = patches.point - patches.point[best][owner]
+    flat = (away**2).sum(axis=1) - (away * patches.normal[best][owner]).sum(axis=1) ** 2
+    spread = np.sqrt(np.bincount(owner, patches.area * flat) / area / 2.0)
+    spread = np.maximum(spread, np.sqrt(area / 12.0) / 2.0)
+    return Patches(patches.point[best], patches.normal[best], patches.primitive[best], spread, area)

@@ -1,5 +1,5 @@
-"""The search where the measurement leaves the place open: all places are weighed, explanations are gathered
-from them (see `contactsense.survey`)."""
+"""The search where the measurement leaves the place open: all places are weighed, then the parts of the best
+cells, and explanations are gathered from them (see `contactsense.survey`)."""
 
 import math
 
@@ -24,47 +24,55 @@ CREASE = 8
 """Most projections onto a link's surface until a place is on it."""
 BURIED = 1e-7
 """Places inside the surface by less than this are on it [m]."""
+SPLIT = 3.0
+"""Cells whose log evidence is worse than the best by less than this are looked at in parts, ..."""
+FEW = 32
+"""... unless there are more of them than this: an answer that is spread over so many does not depend on how
+fine they are."""
 LEAST = 1e-3
 """Cells that hold less than this part of the best explanation's weight get no explanation of their own."""
 
 
 @fused_kernel
 def search_over(  # type: ignore[no-untyped-def]
-    surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found, rest
+    surfaces, places, parts, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found, rest
 ):
     """Fill rows of `found` with explanations; `order` lists them.
 
     Args:
-        surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, found: As in
+        surfaces, places, parts, touchable, depth, motion, hypotheses, aimed, prior, work, found: As in
             `contactsense.locate.locate`, the primitives placed already.
-        cells: Scratch, filled: see `contactsense.memory.Cells`.
+        cells: Scratch, filled: see `contactsense.cells.Cells`.
         rest: Filled: log evidence on each link that no explanation stands for, shape (links,).
 
     Returns:
         How many explanations.
     """
-    best = _weigh_all(
+    rest[:] = -math.inf
+    rows, least = _weigh_places(
         surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found
     )
-    rest[:] = -math.inf
+    best = _best_score(cells, rows)
     if best == -math.inf:
         return 0
-    _cover_cells(surfaces, places, depth, motion, prior, cells, found, best)
+    if _count_above(cells, rows, best - SPLIT) <= FEW:
+        rows = _weigh_parts(surfaces, parts, depth, motion, hypotheses, prior, work, cells, rows, best, least)
+        best = _best_score(cells, rows)
+    _cover_cells(surfaces, depth, motion, prior, cells, found, rows, best)
     count = 0
     top = -math.inf
     for _ in range(MOST):
-        s, p = _best_cell(surfaces, places, cells)
+        s = _best_cell(cells, rows)
         if s < 0 or cells.score[s] < max(best - CUT, top + math.log(LEAST)):
             break
-        _explain(surfaces, places, depth, motion, hypotheses, prior, work, cells, found, s, p, count)
+        _explain(surfaces, depth, motion, hypotheses, prior, work, cells, rows, found, s, count)
         found.order[count] = count
         top = max(top, found.score[count])
         count += 1
-    for p in range(surfaces.kind.shape[0]):
-        link = surfaces.link[p]
-        for s in range(places.start[p], places.start[p + 1]):
-            if cells.score[s] > best - CUT:
-                rest[link] = _log_add(rest[link], cells.score[s])
+    for s in range(rows):
+        if cells.score[s] > best - CUT:
+            link = surfaces.link[cells.primitive[s]]
+            rest[link] = _log_add(rest[link], cells.score[s])
     return count
 
 
@@ -75,71 +83,139 @@ def _log_add(a, b):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _weigh_all(  # type: ignore[no-untyped-def]
+def _weigh_places(  # type: ignore[no-untyped-def]
     surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found
 ):
-    """Score of every cell; the best."""
-    best = -math.inf
+    """A row of `cells` for each place that is not beyond hope; how many, and the least energy."""
+    rows = 0
     least = math.inf
-    cells.score[:] = -math.inf
     links = touchable.shape[0]
     first = np.argmin(hypotheses.energy)
     for k in range(links):
         # The best link first, so that places on the others can be given up early.
         link = (first + k) % links
-        own = hypotheses.energy[link]
-        if not touchable[link] or own > least + CUT:
+        if not touchable[link] or hypotheses.energy[link] > least + CUT:
             continue
-        R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
-        P = hypotheses.covariance[link]
-        w, L = cells.wrench, cells.information
-        view(hypotheses.wrench[link], hypotheses.information[link], R, o, w, L, work)
-        ff = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-        loose = P[0, 0] + P[1, 1] + P[2, 2]
-        known = loose < ff
-        # Variance of the moment per squared lever, for as great a force as may be.
-        room = (math.sqrt(ff) + SIGMAS * math.sqrt(loose)) ** 2
+        ff, loose = _look_at(link, depth, motion, hypotheses, cells, work)
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
             if aimed and _far(surfaces, hypotheses, prior, found, link, p, ff):
                 continue
             for s in range(places.start[p], places.start[p + 1]):
-                c, n = places.point[s], places.normal[s]
-                if known and misses(
-                    hypotheses.wrench[link],
-                    P,
-                    o[0] + R[0, 0] * c[0] + R[0, 1] * c[1] + R[0, 2] * c[2],
-                    o[1] + R[1, 0] * c[0] + R[1, 1] * c[1] + R[1, 2] * c[2],
-                    o[2] + R[2, 0] * c[0] + R[2, 1] * c[1] + R[2, 2] * c[2],
-                    room * (places.spread[s] ** 2 + prior.lever**2),
-                    least + CUT - own,
-                ):
-                    continue
-                if known and n[0] * w[0] + n[1] * w[1] + n[2] * w[2] > 0.5 * math.sqrt(ff):
-                    # A pull, as far as the force is known.
-                    continue
-                energy, log_z, px, py, pz, variance, fx, fy, fz = weigh(
-                    w,
-                    L,
-                    prior,
-                    c[0],
-                    c[1],
-                    c[2],
-                    n[0],
-                    n[1],
-                    n[2],
-                    places.spread[s],
-                    known,
-                    least + CUT - own,
-                    work,
+                energy = _weigh_one(
+                    places, s, p, link, depth, motion, hypotheses, prior, ff, loose, least, cells, rows, work
                 )
-                if log_z == -math.inf:
-                    continue
-                cells.score[s] = log_z - own + places.log_share[s]
-                cells.point[s, 0], cells.point[s, 1], cells.point[s, 2] = px, py, pz
-                cells.force[s, 0], cells.force[s, 1], cells.force[s, 2] = fx, fy, fz
-                cells.variance[s] = variance
-                best = max(best, cells.score[s])
-                least = min(least, own + energy)
+                if energy < math.inf:
+                    cells.place[rows] = s
+                    least = min(least, energy)
+                    rows += 1
+    return rows, least
+
+
+@fused_kernel
+def _weigh_parts(  # type: ignore[no-untyped-def]
+    surfaces, parts, depth, motion, hypotheses, prior, work, cells, rows, best, least
+):
+    """Put parts in the place of the best cells; how many rows there are then."""
+    last = -1
+    ff, loose = 0.0, 0.0
+    cell_rows = rows
+    for row in range(cell_rows):
+        if cells.score[row] < best - SPLIT:
+            continue
+        link = surfaces.link[cells.primitive[row]]
+        if link != last:
+            last = link
+            ff, loose = _look_at(link, depth, motion, hypotheses, cells, work)
+        cells.score[row] = -math.inf
+        for s in range(parts.start[cells.place[row]], parts.start[cells.place[row] + 1]):
+            p = parts.primitive[s]
+            energy = _weigh_one(
+                parts, s, p, link, depth, motion, hypotheses, prior, ff, loose, least, cells, rows, work
+            )
+            if energy < math.inf:
+                least = min(least, energy)
+                rows += 1
+    return rows
+
+
+@fused_kernel
+def _look_at(link, depth, motion, hypotheses, cells, work):  # type: ignore[no-untyped-def]
+    """Put the wrench of a link's hypothesis into the link's frame; its squared force and the variance of
+    that."""
+    R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+    w, P = cells.wrench, hypotheses.covariance[link]
+    view(hypotheses.wrench[link], hypotheses.information[link], R, o, w, cells.information, work)
+    return w[0] * w[0] + w[1] * w[1] + w[2] * w[2], P[0, 0] + P[1, 1] + P[2, 2]
+
+
+@fused_kernel
+def _weigh_one(  # type: ignore[no-untyped-def]
+    pieces, s, p, link, depth, motion, hypotheses, prior, ff, loose, least, cells, row, work
+):
+    """Weigh piece s of the surface, on primitive p, and keep it in a row; its energy, infinite where it is
+    beyond hope."""
+    R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+    c, n, w = pieces.point[s], pieces.normal[s], cells.wrench
+    limit = least + CUT - hypotheses.energy[link]
+    known = loose < ff
+    # Variance of the moment per squared lever, for as great a force as may be.
+    room = (math.sqrt(ff) + SIGMAS * math.sqrt(loose)) ** 2
+    if known and misses(
+        hypotheses.wrench[link],
+        hypotheses.covariance[link],
+        o[0] + R[0, 0] * c[0] + R[0, 1] * c[1] + R[0, 2] * c[2],
+        o[1] + R[1, 0] * c[0] + R[1, 1] * c[1] + R[1, 2] * c[2],
+        o[2] + R[2, 0] * c[0] + R[2, 1] * c[1] + R[2, 2] * c[2],
+        room * (pieces.spread[s] ** 2 + prior.lever**2),
+        limit,
+    ):
+        return math.inf
+    if known and n[0] * w[0] + n[1] * w[1] + n[2] * w[2] > 0.5 * math.sqrt(ff):
+        # A pull, as far as the force is known.
+        return math.inf
+    energy, log_z, px, py, pz, variance, fx, fy, fz = weigh(
+        w,
+        cells.information,
+        prior,
+        c[0],
+        c[1],
+        c[2],
+        n[0],
+        n[1],
+        n[2],
+        pieces.spread[s],
+        known,
+        limit,
+        work,
+    )
+    if log_z == -math.inf:
+        return math.inf
+    cells.primitive[row] = p
+    cells.score[row] = log_z - hypotheses.energy[link] + pieces.log_share[s]
+    cells.point[row, 0], cells.point[row, 1], cells.point[row, 2] = px, py, pz
+    cells.normal[row, 0], cells.normal[row, 1], cells.normal[row, 2] = n[0], n[1], n[2]
+    cells.force[row, 0], cells.force[row, 1], cells.force[row, 2] = fx, fy, fz
+    cells.variance[row] = variance
+    cells.spread[row] = pieces.spread[s]
+    return hypotheses.energy[link] + energy
+
+
+@fused_kernel
+def _count_above(cells, rows, least):  # type: ignore[no-untyped-def]
+    """How many rows have a greater score."""
+    count = 0
+    for s in range(rows):
+        if cells.score[s] > least:
+            count += 1
+    return count
+
+
+@fused_kernel
+def _best_score(cells, rows):  # type: ignore[no-untyped-def]
+    """Greatest score of all rows, -infinity without any."""
+    best = -math.inf
+    for s in range(rows):
+        best = max(best, cells.score[s])
     return best
 
 
@@ -187,47 +263,46 @@ def _far(surfaces, hypotheses, prior, found, link, p, ff):  # type: ignore[no-un
 
 
 @fused_kernel
-def _cover_cells(surfaces, places, depth, motion, prior, cells, found, best):  # type: ignore[no-untyped-def]
+def _cover_cells(surfaces, depth, motion, prior, cells, found, rows, best):  # type: ignore[no-untyped-def]
     """Lower the score of cells that neighbours cover."""
-    for p in range(surfaces.kind.shape[0]):
+    for s in range(rows):
+        if cells.score[s] < best - CUT:
+            continue
+        p = cells.primitive[s]
         body = depth[surfaces.link[p]]
         R, o = motion.rotation[body], motion.origin[body]
-        for s in range(places.start[p], places.start[p + 1]):
-            if cells.score[s] < best - CUT:
-                continue
-            n, room = places.normal[s], prior.room
-            x = places.point[s, 0] + room * n[0]
-            y = places.point[s, 1] + room * n[1]
-            z = places.point[s, 2] + room * n[2]
-            free = clearance(
-                surfaces,
-                found,
-                p,
-                o[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
-                o[1] + R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
-                o[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
-                0.0,
-            )
-            cells.score[s] += math.log(exposed(free, prior))
+        n, room = cells.normal[s], prior.room
+        x = cells.point[s, 0] + room * n[0]
+        y = cells.point[s, 1] + room * n[1]
+        z = cells.point[s, 2] + room * n[2]
+        free = clearance(
+            surfaces,
+            found,
+            p,
+            o[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+            o[1] + R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+            o[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+            0.0,
+        )
+        cells.score[s] += math.log(exposed(free, prior))
 
 
 @fused_kernel
-def _best_cell(surfaces, places, cells):  # type: ignore[no-untyped-def]
-    """Number of the best cell that is left, and its primitive; -1 if none is."""
-    best, which, primitive = -math.inf, -1, -1
-    for p in range(surfaces.kind.shape[0]):
-        for s in range(places.start[p], places.start[p + 1]):
-            if cells.score[s] > best:
-                best, which, primitive = cells.score[s], s, p
-    return which, primitive
+def _best_cell(cells, rows):  # type: ignore[no-untyped-def]
+    """Row of the best cell that is left; -1 if none is."""
+    best, which = -math.inf, -1
+    for s in range(rows):
+        if cells.score[s] > best:
+            best, which = cells.score[s], s
+    return which
 
 
 @fused_kernel
 def _explain(  # type: ignore[no-untyped-def]
-    surfaces, places, depth, motion, hypotheses, prior, work, cells, found, s, p, row
+    surfaces, depth, motion, hypotheses, prior, work, cells, rows, found, s, row
 ):
-    """One explanation, found from cell s on primitive p, with the cells that belong to it, which are used
-    up."""
+    """One explanation, found from cell s, with the cells that belong to it, which are used up."""
+    p = cells.primitive[s]
     link = surfaces.link[p]
     w, L = found.wrench[p], found.information[p]
     view(
@@ -275,10 +350,10 @@ def _explain(  # type: ignore[no-untyped-def]
     kz = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
     exact = result[1] > -math.inf
     reach = max(REACH, SIGMAS * math.sqrt(sharp)) if exact else REACH
-    total, mean, C = _gather(surfaces, places, cells, link, s, kx, ky, kz, reach)
+    total, mean, C = _gather(surfaces, cells, rows, s, kx, ky, kz, reach)
     found.score[row] = total
     # Narrower than a cell, the search's place is better than the mean over the cells' tangent planes.
-    part = 0.0 if exact and C[0] + C[3] + C[5] < 2.0 * places.spread[s] ** 2 else 1.0
+    part = 0.0 if exact and C[0] + C[3] + C[5] < 2.0 * cells.spread[s] ** 2 else 1.0
     told = _tell(
         surfaces, found, row, link, R, o, kx + part * mean[0], ky + part * mean[1], kz + part * mean[2]
     )
@@ -325,30 +400,32 @@ def _tell(surfaces, found, row, link, R, o, x, y, z):  # type: ignore[no-untyped
 
 
 @fused_kernel
-def _gather(surfaces, places, cells, link, s, x, y, z, reach):  # type: ignore[no-untyped-def]
-    """Use up cell s and those of the link that lie within `reach` of a place; their total score, their mean
+def _gather(surfaces, cells, rows, s, x, y, z, reach):  # type: ignore[no-untyped-def]
+    """Use up cell s and those of its link that lie within `reach` of a place; their total score, their mean
     place from it (x, y, z) [m], and second moments about it (xx, xy, xz, yy, yz, zz) [m^2], link frame."""
+    link = surfaces.link[cells.primitive[s]]
     top = cells.score[s]
     mx, my, mz = 0.0, 0.0, 0.0
     total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for q in range(surfaces.start[link], surfaces.start[link + 1]):
-        for i in range(places.start[q], places.start[q + 1]):
-            dx, dy, dz = cells.point[i, 0] - x, cells.point[i, 1] - y, cells.point[i, 2] - z
-            if cells.score[i] == -math.inf or (i != s and dx * dx + dy * dy + dz * dz > reach * reach):
-                continue
-            weight = math.exp(cells.score[i] - top)
-            cells.score[i] = -math.inf
-            n, v = places.normal[i], cells.variance[i]
-            total += weight
-            mx += weight * dx
-            my += weight * dy
-            mz += weight * dz
-            xx += weight * (dx * dx + v * (1.0 - n[0] * n[0]))
-            xy += weight * (dx * dy - v * n[0] * n[1])
-            xz += weight * (dx * dz - v * n[0] * n[2])
-            yy += weight * (dy * dy + v * (1.0 - n[1] * n[1]))
-            yz += weight * (dy * dz - v * n[1] * n[2])
-            zz += weight * (dz * dz + v * (1.0 - n[2] * n[2]))
+    for i in range(rows):
+        if cells.score[i] == -math.inf or surfaces.link[cells.primitive[i]] != link:
+            continue
+        dx, dy, dz = cells.point[i, 0] - x, cells.point[i, 1] - y, cells.point[i, 2] - z
+        if i != s and dx * dx + dy * dy + dz * dz > reach * reach:
+            continue
+        weight = math.exp(cells.score[i] - top)
+        cells.score[i] = -math.inf
+        n, v = cells.normal[i], cells.variance[i]
+        total += weight
+        mx += weight * dx
+        my += weight * dy
+        mz += weight * dz
+        xx += weight * (dx * dx + v * (1.0 - n[0] * n[0]))
+        xy += weight * (dx * dy - v * n[0] * n[1])
+        xz += weight * (dx * dz - v * n[0] * n[2])
+        yy += weight * (dy * dy + v * (1.0 - n[1] * n[1]))
+        yz += weight * (dy * dz - v * n[1] * n[2])
+        zz += weight * (dz * dz + v * (1.0 - n[2] * n[2]))
     moments = (xx / total, xy / total, xz / total, yy / total, yz / total, zz / total)
     return top + math.log(total), (mx / total, my / total, mz / total), moments
 

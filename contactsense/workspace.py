@@ -21,7 +21,7 @@ from contactsense.isolation import Hypotheses, Sensors
 from contactsense.levels import SLOWEST
 from contactsense.memory import Memory
 from contactsense.observer import Observer
-from contactsense.places import Places
+from contactsense.places import Parts, Places
 from contactsense.stiction import SLICES, Stiction
 from contactsense.stream import Stream
 from contactsense.tracker import WINDOWS, Track
@@ -41,8 +41,9 @@ class Workspace:
         _collect((arm, memory), floats, integers)
         self.floats = np.concatenate([array.ravel() for array in floats])
         self.integers = np.concatenate([array.ravel() for array in integers])
-        self.sizes = (arm.model.joints, len(arm.touchable), len(arm.surfaces.kind), len(arm.places.spread))
-        """Numbers of joints, links, primitives and places."""
+        surface = (len(arm.surfaces.kind), len(arm.places.spread), len(arm.parts.spread))
+        self.sizes = (arm.model.joints, len(arm.touchable), *surface)
+        """Numbers of joints, links, primitives, places and parts of their cells."""
         self._float, self._integer = 0, 0
         self.arm: Arm = self._view(arm)
         self.memory: Memory = self._view(memory)
@@ -121,15 +122,34 @@ def _places(f, i, a, b, p, s):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def _cells(f, a, s, links):  # type: ignore[no-untyped-def]
-    score, a = _take1(f, a, s)
-    point, a = _take2(f, a, s, 3)
-    force, a = _take2(f, a, s, 3)
-    variance, a = _take1(f, a, s)
+def _parts(f, i, a, b, s, t):  # type: ignore[no-untyped-def]
+    point, a = _take2(f, a, t, 3)
+    normal, a = _take2(f, a, t, 3)
+    spread, a = _take1(f, a, t)
+    log_share, a = _take1(f, a, t)
+    primitive, b = _take1(i, b, t)
+    start, b = _take1(i, b, s + 1)
+    return Parts(point, normal, spread, log_share, primitive, start), a, b
+
+
+@inlined_kernel
+def _cells(f, i, a, b, r, links):  # type: ignore[no-untyped-def]
+    score, a = _take1(f, a, r)
+    point, a = _take2(f, a, r, 3)
+    normal, a = _take2(f, a, r, 3)
+    force, a = _take2(f, a, r, 3)
+    variance, a = _take1(f, a, r)
+    spread, a = _take1(f, a, r)
     wrench, a = _take1(f, a, 6)
     information, a = _take2(f, a, 6, 6)
     rest, a = _take1(f, a, links)
-    return Cells(score, point, force, variance, wrench, information, rest), a
+    primitive, b = _take1(i, b, r)
+    place, b = _take1(i, b, r)
+    return (
+        Cells(score, point, normal, force, variance, spread, wrench, information, rest, primitive, place),
+        a,
+        b,
+    )
 
 
 @inlined_kernel
@@ -167,10 +187,11 @@ def _drive(f, a, n):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def _arm(f, i, n, links, p, s):  # type: ignore[no-untyped-def]
+def _arm(f, i, n, links, p, s, t):  # type: ignore[no-untyped-def]
     model, a = _model(f, 0, n, links)
     surfaces, a, b = _surfaces(f, i, a, 0, links, p)
     places, a, b = _places(f, i, a, b, p, s)
+    parts, a, b = _parts(f, i, a, b, s, t)
     sensors, a, b = _sensors(f, i, a, b, n, links)
     prior = Prior(f[a], f[a + 1], f[a + 2], f[a + 3], f[a + 4], f[a + 5])
     touchable, b = _take1(i, b, links)
@@ -184,7 +205,7 @@ def _arm(f, i, n, links, p, s):  # type: ignore[no-untyped-def]
     bias_rate = f[a]
     levels, a = _take3(f, a + 1, 8, SLOWEST, 2)
     arm = Arm(
-        model, surfaces, places, sensors, prior, touchable, gravity, tool_mass, tool_com, tool_inertia,
+        model, surfaces, places, parts, sensors, prior, touchable, gravity, tool_mass, tool_com, tool_inertia,
         wrist_rotation, wrist_origin, drive, bias_rate, levels,
     )  # fmt: skip
     return arm, a, b
@@ -335,10 +356,10 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
 
     Args:
         f, i: Its `floats` and `integers`.
-        sizes: Its `sizes`: numbers of joints, links, primitives and places.
+        sizes: Its `sizes`: numbers of joints, links, primitives, places and parts.
     """
-    n, links, p, s = sizes
-    arm, a, b = _arm(f, i, n, links, p, s)
+    n, links, p, s, t = sizes
+    arm, a, b = _arm(f, i, n, links, p, s, t)
     model, a = _model(f, a, n, links)
     drive, a = _drive(f, a, n)
     follower, a = _follower(f, a, n)
@@ -347,7 +368,7 @@ def unfold(f, i, sizes):  # type: ignore[no-untyped-def]
     hypotheses, a = _hypotheses(f, a, links)
     found, a, b = _candidates(f, i, a, b, p)
     work, a = _work(f, a)
-    cells, a = _cells(f, a, s, links)
+    cells, a, b = _cells(f, i, a, b, s + t, links)
     link_probability, a = _take1(f, a, links)
     joints, a = _observer(f, a, n)
     base, a = _observer(f, a, 6 * (n + 1))

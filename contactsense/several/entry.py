@@ -20,7 +20,7 @@ from robots.grid import Grids
 def explain_sets(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int],
+    sizes: tuple[int, int, int, int, int],
     skin: Grids,
     several: Several,
     present: tuple[bool, bool, bool],

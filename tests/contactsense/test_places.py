@@ -31,16 +31,17 @@ def _link(*shapes: Primitive) -> Link:
 @pytest.mark.parametrize("name", BODIES)
 def test_cells_add_up_to_the_area(name: str) -> None:
     body, area = BODIES[name]
-    places, found = find_places(pack([_link(body)]))
+    places, parts, found = find_places(pack([_link(body)]))
     assert found == pytest.approx(area, rel=0.03)
     assert np.exp(places.log_share).sum() == pytest.approx(1.0)
+    assert np.exp(parts.log_share).sum() == pytest.approx(1.0)
 
 
 def test_of_two_bodies_only_the_common_surface_counts() -> None:
     one = Sphere(center=(0, 0, 1), radius=0.1)
     other = Sphere(center=(0, 0, 1.1), radius=0.1)
     surfaces = pack([_link(one, other)])
-    places, area = find_places(surfaces)
+    places, _, area = find_places(surfaces)
     # Two spheres without the caps that face each other: each keeps 3/4 of its height.
     assert area == pytest.approx(2 * 0.75 * 4 * np.pi * 0.01, rel=0.03)
     assert distances(surfaces, places.point)[0].min() > -0.004
@@ -48,7 +49,7 @@ def test_of_two_bodies_only_the_common_surface_counts() -> None:
 
 def test_places_of_an_arm_are_spread_evenly_and_sorted() -> None:
     surfaces = pack(load("ur5e").links)
-    places, area = find_places(surfaces)
+    places, _, area = find_places(surfaces)
     assert 0.4 < area < 0.8
     assert places.start[0] == 0
     assert places.start[-1] == len(places.spread)
@@ -63,6 +64,27 @@ def test_places_of_an_arm_are_spread_evenly_and_sorted() -> None:
     assert not ((base[:, 2] < 0.002) & (facing < -0.5)).any()
 
 
+def test_parts_make_up_their_cells() -> None:
+    surfaces = pack(load("ur5e").links)
+    places, parts, _ = find_places(surfaces)
+    assert parts.start[0] == 0
+    assert parts.start[-1] == len(parts.spread)
+    cell = np.repeat(np.arange(len(places.spread)), np.diff(parts.start))
+    assert np.bincount(cell, np.exp(parts.log_share)) == pytest.approx(np.exp(places.log_share))
+    primitive = np.repeat(np.arange(len(surfaces.kind)), np.diff(places.start))
+    assert (surfaces.link[parts.primitive] == surfaces.link[primitive[cell]]).all()
+    # A cell is as far spread as its parts and their middles are.
+    away = ((parts.point - places.point[cell]) ** 2).sum(axis=1)
+    assert (away < (6.0 * places.spread[cell]) ** 2).all()
+    assert np.median(parts.spread) < 0.6 * np.median(places.spread)
+    for part in range(0, len(cell), 17):
+        link = surfaces.link[parts.primitive[part]]
+        distance, which, normal = distances(surfaces, parts.point[part][None], link)
+        assert abs(distance[0]) < 1e-3
+        if which[0] == parts.primitive[part]:
+            assert normal[0] @ parts.normal[part] > 0.9
+
+
 def test_no_surface_is_no_place() -> None:
-    places, _ = find_places(pack([_link()]))
-    assert len(places.spread) == 0
+    places, parts, _ = find_places(pack([_link()]))
+    assert len(places.spread) == len(parts.spread) == 0
