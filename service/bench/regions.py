@@ -1,9 +1,9 @@
 """Where a list of explanations says that the contact is: a mixture of Gaussians on the links' surfaces.
 
 Every explanation is taken as a Gaussian in its tangent plane, with its probability as weight. A region of
-highest density that holds 90 % of that mixture should hold the true place in 90 % of the cases. The part of a
-covariance along the normal says how far the primitives are off the real surface; the place on the surface,
-which is what is asked for, has two coordinates only.
+highest density that holds 90 % of that mixture should hold the true place in 90 % of the cases. The place on
+the surface has two coordinates only; the part of a covariance along the normal says how far the surface
+leaves the tangent plane: by what the primitives are off, or, in a wide answer, by going around the link.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,10 @@ from contactsense import Contact
 
 BESIDE = 0.01
 """A place off a tangent plane by less than this is on the same side of the link [m]; or by less than its
-distance along the plane, as places up to a right angle around a round link are."""
+distance along the plane, as places up to a right angle around a round link are; or by `DEEP` standard
+deviations along the normal, as places all around it are."""
+DEEP = 2.0
+"""See `BESIDE`."""
 _LEAST = 1e-5
 """Least standard deviation, so that every density is finite [m]."""
 _POINTS = 256
@@ -34,6 +37,8 @@ class Mixture(NamedTuple):
     """Its place, shape (K, 3) [m]."""
     normal: np.ndarray
     """Outward normal, shape (K, 3)."""
+    depth: np.ndarray
+    """Its standard deviation along the normal, shape (K,) [m]."""
     root: np.ndarray
     """Columns: main tangent directions times their standard deviations, shape (K, 3, 2) [m]."""
 
@@ -51,6 +56,7 @@ def mixture(contacts: Sequence[Contact]) -> Mixture:
         link=np.array([c.link_index for c in contacts], dtype=np.int64),
         mean=np.array([c.point_base for c in contacts]).reshape(-1, 3),
         normal=normal,
+        depth=np.sqrt(np.einsum("ki,kij,kj->k", normal, covariance, normal)),
         root=vectors[:, :, 1:] * spread[:, None, :],
     )
 
@@ -71,7 +77,9 @@ def distance(of: Mixture, link: int, points: np.ndarray) -> np.ndarray:
     scaled = (offset @ of.root) / variance[:, None, :]
     off = np.abs((offset * of.normal[:, None, :]).sum(axis=2))
     along = np.sqrt(np.maximum((offset**2).sum(axis=2) - off**2, 0.0))
-    same = (of.link[:, None] == link) & (off <= np.maximum(BESIDE, along))
+    same = (of.link[:, None] == link) & (
+        off <= np.maximum(np.maximum(BESIDE, DEEP * of.depth)[:, None], along)
+    )
     return np.asarray(np.where(same, np.sqrt((scaled**2).sum(axis=2)), np.inf))
 
 

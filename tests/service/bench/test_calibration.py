@@ -96,6 +96,17 @@ def test_distances_are_in_standard_deviations_along_the_surface() -> None:
     assert np.isinf(distance(told, 2, points)).all()
 
 
+def test_an_answer_that_goes_around_a_link_reaches_its_far_side() -> None:
+    """A cylinder of 60 mm across, any place around it alike: the far side is as near as the covariance along
+    the normal says."""
+    around = contact(1.0, (0, 0, 0.03), (0.03 / np.sqrt(2.0), 0.05))
+    around.covariance[2, 2] = 0.045**2
+    told = mixture([around])
+    far = np.array([[0.0, 0.0, -0.03]])
+    assert distance(told, 1, far)[0] == pytest.approx([0.0])
+    assert np.isinf(distance(told, 1, far - [0.0, 0.0, 0.05])).all()
+
+
 def test_probability_near_a_place_is_the_mixtures() -> None:
     told = mixture([contact(0.7, (0, 0, 0)), contact(0.1, (0.3, 0, 0)), contact(0.2, (0, 0, 0), link=2)])
     inside = 1.0 - np.exp(-0.5 * (NEAR / 0.01) ** 2)
