@@ -24,8 +24,13 @@ ITERATIONS = 20
 """Most Gauss-Newton steps."""
 TRIALS = 5
 """Most lengths that are tried for one step before the search ends."""
-ENOUGH = 5e-3
-"""A step that lowers the energy by less than this ends the search: a tenth of a standard deviation."""
+SHORT = 0.25
+"""A step that had to be shortened to less than this part tells that its direction is no good."""
+SOFTEST, STIFFEST = 0.1, 10.0
+"""Range of damping: by this part the diagonal of the equations is made larger."""
+ENOUGH = 1e-3
+"""A step that promises or brings less gain than this ends the search. In bent valleys what is left may be
+fifty times as much: a twentieth, which is nothing beside noise."""
 LONGEST = 1.5
 """Longest step in the logarithm of a force."""
 PATCH = 0.6
@@ -56,34 +61,44 @@ def settle(surfaces, bodies, rows, m, prior, count, limit, stack):  # type: igno
     H, g = stack.matrix, stack.step
     energy = _energy(surfaces.link, rows, m, prior, count, stack)
     log_det = math.inf
+    damping = 0.0
     for iteration in range(ITERATIONS + 1):
         _linearize(surfaces, bodies, rows, m, prior, count, stack)
+        for i in range(size):
+            H[i, i] *= 1.0 + damping
         log_det, hope = solve_in_place(H, g, size)
         _keep(count, stack, True)
         if log_det == math.inf or iteration == ITERATIONS:
             break
-        if hope < ENOUGH or energy - HASTE * hope > limit:
+        if damping == 0.0 and (hope < ENOUGH or energy - HASTE * hope > limit):
             break
-        scale = 1.0
+        whole = 1.0
         for i in range(count):
-            scale = min(scale, LONGEST / max(abs(g[i * UNKNOWNS]), 1e-9))
-        accepted = False
-        tried = math.inf
+            whole = min(whole, LONGEST / max(abs(g[i * UNKNOWNS]), 1e-9))
+        scale = whole
+        gained = 0.0
         for _ in range(TRIALS):
             _step(surfaces, bodies, prior, count, scale, stack)
             tried = _energy(surfaces.link, rows, m, prior, count, stack)
             if tried < energy:
-                accepted = True
+                gained = energy - tried
+                energy = tried
                 break
             # Least place of the parabola through both energies and the slope between them.
             scale *= min(max(hope * scale / (tried - energy + 2.0 * hope * scale), 0.1), 0.5)
-        if not accepted:
+        if gained == 0.0:
             _keep(count, stack, False)
+        if gained >= ENOUGH:
+            damping = 0.0
+        elif (damping == 0.0 and gained > 0.0 and scale > SHORT * whole) or damping >= STIFFEST:
             break
-        gained = energy - tried
-        energy = tried
-        if gained < ENOUGH:
-            break
+        else:
+            # The step goes where the energy is not what its derivatives say, across a kink in the curvature:
+            # the next one is shorter where they say least.
+            damping = max(10.0 * damping, SOFTEST)
+    if damping > 0.0:
+        _linearize(surfaces, bodies, rows, m, prior, count, stack)
+        log_det, _ = solve_in_place(H, g, size)
     if log_det == math.inf or energy > limit:
         return math.inf, -math.inf
     return energy, count * math.log(2.0 * math.pi / prior.area) - energy - 0.5 * log_det
