@@ -72,7 +72,7 @@ class Oracle:
         )
         if contacts > 1:
             return self._sets.explain(present, contacts, known, drift)
-        return self._composer.contacts(0.0, self._work.memory, self._rows[:listed])
+        return self._composer.contacts(0.0, self._work.memory, self._rows, listed)
 
     def from_truth(self, links: np.ndarray, points: np.ndarray, forces: np.ndarray, known: int) -> Ended:
         """Search from the true contacts, after `locate` of the same sample.

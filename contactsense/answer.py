@@ -41,14 +41,16 @@ class Composer:
         t: float,
         memory: Memory,
         rows: np.ndarray,
+        count: int,
         reason: str = "",
         number: int = 0,
         phase: Phase = "",
         kinds: tuple[EventKind, ...] = (),
     ) -> Estimate:
-        """The explanations in `rows`, as `contactsense.report` writes them; with a `reason` the estimate is
-        `degraded`. `number`, `phase` and `kinds` of events are those of the stream's contact."""
-        listed = tuple([self.contact(row, number, phase) for row in rows.copy()])
+        """The explanations in the first `count` of `rows`, as `contactsense.report` writes them; with a
+        `reason` the estimate is `degraded`. `number`, `phase` and `kinds` of events are those of the stream's
+        contact."""
+        listed = tuple([self.contact(rows[k].copy(), number, phase) for k in range(count)])
         other = max(1.0 - sum([contact.probability for contact in listed]), 0.0)
         if listed:
             best, link, name = listed[0].probability, listed[0].link_index, listed[0].link

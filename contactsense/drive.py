@@ -71,12 +71,14 @@ def make_drive(sensor: JointTorqueSensor, joints: int) -> Drive:
 def friction_torque(drive: Drive, j: int, qd: float, gravity_torque: float) -> float:
     """Torque that friction takes from joint j's actuator at velocity qd [rad/s], under that gravity torque
     [Nm]."""
-    dry = drive.coulomb[j] + drive.load[j] * abs(gravity_torque)
-    return float(
-        dry * math.tanh(qd / drive.velocity)
-        + drive.lubricant[j] * math.tanh(qd / drive.lubricant_velocity)
-        + drive.viscous[j] * qd
-    )
+    dry, wet = drive.coulomb[j] + drive.load[j] * abs(gravity_torque), drive.lubricant[j]
+    friction = drive.viscous[j] * qd
+    # A drive without friction is not to pay for it.
+    if dry != 0.0:
+        friction += dry * math.tanh(qd / drive.velocity)
+    if wet != 0.0:
+        friction += wet * math.tanh(qd / drive.lubricant_velocity)
+    return float(friction)
 
 
 @kernel

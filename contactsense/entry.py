@@ -1,6 +1,8 @@
 """The compiled functions that Python calls, once per sample or once per batch; each opens a `Workspace`
 first."""
 
+import math
+
 import numpy as np
 
 from contactsense.arm import Arm
@@ -173,6 +175,17 @@ def pursue(
     return listed
 
 
+@kernel
+def fits(vector: np.ndarray, size: int) -> bool:
+    """Whether a vector has that many numbers, all finite; NumPy takes ten times as long over six of them."""
+    if len(vector) != size:
+        return False
+    for value in vector:  # noqa: SIM110 (a generator cannot be compiled)
+        if not math.isfinite(value):
+            return False
+    return True
+
+
 @inlined_kernel
 def _present_mean(memory: Memory, window: int) -> None:
     """Put a window's mean in the place of the observers' residuals."""
@@ -244,8 +257,13 @@ def once(
     rows: np.ndarray,
 ) -> tuple[int, float]:
     """One sample of an arm at rest: `rest` and `explain`. Returns the number of explanations in `rows`, and
-    the energy of "nothing touches"."""
+    the energy of "nothing touches"; -1 and 0 where a vector has the wrong size or is not finite."""
     arm, memory = unfold(floats, integers, sizes)
+    q, torque, rows = uncounted(q), uncounted(torque), uncounted(rows)
+    base_wrench, wrist_wrench = uncounted(base_wrench), uncounted(wrist_wrench)
+    n = sizes[0]
+    if not (fits(q, n) and fits(torque, n) and fits(base_wrench, 6) and fits(wrist_wrench, 6)):
+        return -1, 0.0
     rest(arm, memory, q, torque, base_wrench, wrist_wrench, external)
     count, nothing = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate, threshold)
     return report(arm, memory, skin, count, rows), nothing

@@ -45,6 +45,8 @@ class Follower(NamedTuple):
     """Covariance of the base wrench from what is not known, shape (6, 6)."""
     torque: np.ndarray
     """Variance of each torque from that, shape (n,)."""
+    weighed: np.ndarray
+    """Scratch: covariance of each equation's residual with the masses, shape (n + 6, n)."""
     row: np.ndarray
     """Scratch: one equation's slopes, shape (N,)."""
     image: np.ndarray
@@ -66,6 +68,7 @@ def empty_follower(joints: int) -> Follower:
         weights=empty_observer((joints + 6) * joints),
         base=np.zeros((6, 6)),
         torque=np.zeros(joints),
+        weighed=np.zeros((joints + 6, joints)),
         row=np.zeros(size),
         image=np.zeros(size),
         change=np.zeros(size),
@@ -127,29 +130,23 @@ def watch(
         H, G = motion.momentum, motion.gravity
         for k in range(n):
             last = k + 2 > n
-            for j in range(n):
-                h, known = 0.0, 0.0
-                if j <= k:
-                    s, v = motion.screw[j], motion.screw_rate[j]
-                    h, known = dot6(s, H[k + 1]), dot6(v, H[k + 1])
-                    weight = dot6(s, G[k + 1])
-                    if not last:
-                        h -= dot6(s, H[k + 2])
-                        known -= dot6(v, H[k + 2])
-                        weight -= dot6(s, G[k + 2])
-                    h *= drive.inertia
-                    known = drive.inertia * known + drive.gravity * weight
+            # A joint feels the links beyond it only.
+            for j in range(k + 1):
+                s, v = motion.screw[j], motion.screw_rate[j]
+                h, known = dot6(s, H[k + 1]), dot6(v, H[k + 1])
+                weight = dot6(s, G[k + 1])
+                if not last:
+                    h -= dot6(s, H[k + 2])
+                    known -= dot6(v, H[k + 2])
+                    weight -= dot6(s, G[k + 2])
+                h *= drive.inertia
+                known = drive.inertia * known + drive.gravity * weight
                 advance(follower.weights, (n + 6) * k + j, h, known, step)
             for i in range(6):
                 h = H[k + 1, i] - (0.0 if last else H[k + 2, i])
                 g = G[k + 1, i] - (0.0 if last else G[k + 2, i])
                 advance(follower.weights, (n + 6) * k + n + i, h, g, step)
-    for a in range(6):
-        for b in range(a + 1):
-            follower.base[a, b] = _covariance(follower, n, n + a, n + b)
-            follower.base[b, a] = follower.base[a, b]
-    for j in range(n):
-        follower.torque[j] = _covariance(follower, n, j, j)
+    _widen(follower, n)
 
 
 @kernel
@@ -165,19 +162,39 @@ def _own(n: int, equation: int) -> int:
 
 
 @kernel
-def _covariance(follower: Follower, n: int, a: int, b: int) -> float:
-    """Of the residuals of equations a and b, from what is not known."""
-    P = follower.covariance
-    i, j = _own(n, a), _own(n, b)
-    total = P[i, j] * _sign(n, a) * _sign(n, b)
-    if follower.clock[WEIGHS] > 0.0:
-        r = follower.weights.residual
-        m = n + 6
+def _widen(follower: Follower, n: int) -> None:
+    """Covariance of the residuals from what is not known: `base`, `torque`.
+
+    With B the covariance of biases, C that of biases with masses, M that of masses, S the signs and R the
+    columns of the masses: S B S + S C R + (S C R)^T + R^T M R = S B S + U R + R^T V with U = S C, V = U^T + M
+    R.
+    """
+    P, base, torque, weighed = follower.covariance, follower.base, follower.torque, follower.weighed
+    for a in range(6):
+        for b in range(6):
+            base[a, b] = P[a, b]
+    for j in range(n):
+        torque[j] = P[6 + j, 6 + j]
+    if follower.clock[WEIGHS] == 0.0:
+        return
+    r, m = follower.weights.residual, n + 6
+    for equation in range(m):
+        own, sign = _own(n, equation), _sign(n, equation)
         for k in range(n):
-            total += _sign(n, a) * P[i, m + k] * r[m * k + b] + _sign(n, b) * P[j, m + k] * r[m * k + a]
-            for q in range(n):
-                total += r[m * k + a] * P[m + k, m + q] * r[m * q + b]
-    return float(total)
+            total = sign * P[own, m + k]
+            for i in range(n):
+                total += P[m + k, m + i] * r[m * i + equation]
+            weighed[equation, k] = total
+    for j in range(n):
+        for k in range(n):
+            torque[j] += r[m * k + j] * (P[6 + j, m + k] + weighed[j, k])
+    for a in range(6):
+        for b in range(a + 1):
+            total = 0.0
+            for k in range(n):
+                total += r[m * k + n + a] * weighed[n + b, k] - P[a, m + k] * r[m * k + n + b]
+            base[a, b] += total
+            base[b, a] = base[a, b]
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from contactsense.check import checked_vector
 from contactsense.health import Health, complaints
 from contactsense.stream import DOUBT, MISSING, SETTLES, SPOILT
 from contactsense.types import Sample
@@ -38,6 +39,36 @@ class Intake:
         """A sample to compile the kernels for: all arrays of floats can be handed to them then."""
         torque, wrench = self._no_torque, self._no_wrench
         return Sample(0.0, torque, torque, torque, wrench, wrench)
+
+    def values(
+        self,
+        q: np.ndarray,
+        torque: np.ndarray | None = None,
+        base: np.ndarray | None = None,
+        wrist: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Positions and a value for each sensor, in the order of the kernels; zeros for what is not given."""
+        return (
+            q,
+            self._no_torque if torque is None else torque,
+            self._no_wrench if base is None else base,
+            self._no_wrench if wrist is None else wrist,
+        )
+
+    def checked(
+        self, q: np.ndarray, torque: np.ndarray, base: np.ndarray, wrist: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The same as arrays of finite floats that can be handed on.
+
+        Raises:
+            ValueError: one has the wrong shape or is not finite; the message names it.
+        """
+        return (
+            checked_vector("q", q, self._joints, "rad"),
+            checked_vector("joint_torque", torque, self._joints, "N, Nm"),
+            checked_vector("base_wrench", base, 6, "N, Nm"),
+            checked_vector("wrist_wrench", wrist, 6, "N, Nm"),
+        )
 
     def shaped(self, sample: Sample) -> Sample:
         """The same sample as arrays of floats that can be handed on.

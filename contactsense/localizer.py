@@ -8,7 +8,7 @@ import numpy as np
 from contactsense.answer import Composer
 from contactsense.arm import build_arm
 from contactsense.candidates import MOST
-from contactsense.check import checked_rows, checked_vector
+from contactsense.check import checked_rows
 from contactsense.entry import batch, listen, once, pursue
 from contactsense.feed import silence
 from contactsense.follower import restart as restart_follower
@@ -191,7 +191,7 @@ class Localizer:
         if listed < 0:
             return self._composer.quiet(t, "degraded" if reason else "none", reason, ended)
         return self._composer.contacts(
-            t, self._work.memory, self._rows[:listed], reason, self._number, _PHASES[self._phase], kinds
+            t, self._work.memory, self._rows, listed, reason, self._number, _PHASES[self._phase], kinds
         )
 
     def _usable(self) -> tuple[bool, bool, bool]:
@@ -256,30 +256,44 @@ class Localizer:
         Raises:
             ValueError: an argument has the wrong shape or is not finite, or the scene has no such sensor.
         """
-        q = checked_vector("q", q, self._joints, "rad")
-        given = (base_wrench, joint_torque, wrist_wrench)
-        present = self._present(given)
-        values = [
-            self._blank[i] if value is None else checked_vector(SENSORS[i], value, self._sizes[i], "N, Nm")
-            for i, value in enumerate(given)
-        ]
+        present = self._present((base_wrench, joint_torque, wrist_wrench))
         several = contacts != 1 or len(known) > 0
         if several:
             self._sets = self._sets or SetLocator(self.scene, self._work, self._buffers, self._composer)
             self._sets.check(contacts, known, drift)
         threshold = self._levels.level(present) if detect else -1.0
-        listed, nothing = once(
-            *self._buffers, q, values[1], values[0], values[2], external, *present, self._gate, threshold,
-            self._rows,
-        )  # fmt: skip
+        listed, nothing = self._once(
+            self._intake.values(q, joint_torque, base_wrench, wrist_wrench), external, present, threshold
+        )
         if nothing <= threshold:
             return self._composer.quiet(0.0, "none")
-        estimate = self._composer.contacts(0.0, self._work.memory, self._rows[:listed])
+        estimate = self._composer.contacts(0.0, self._work.memory, self._rows, listed)
         if several and self._sets is not None:
             sets = self._sets.explain(present, contacts, known, drift)
             if known or len(sets.contacts) > 1:
                 return sets
         return estimate
+
+    def _once(
+        self,
+        values: tuple[np.ndarray, ...],
+        external: bool,
+        present: tuple[bool, bool, bool],
+        threshold: float,
+    ) -> tuple[int, float]:
+        """`contactsense.entry.once` of values as they came, or as they can be made to fit.
+
+        Raises:
+            ValueError: they cannot; the message names the argument.
+        """
+        told = (external, *present, self._gate, threshold, self._rows)
+        try:
+            listed, nothing = once(*self._buffers, *values, *told)
+        except TypeError:
+            listed = -1
+        if listed < 0:
+            listed, nothing = once(*self._buffers, *self._intake.checked(*values), *told)
+        return listed, nothing
 
     def locate_batch(
         self,
@@ -350,6 +364,8 @@ class Localizer:
         pursue(*self._buffers, self._bandwidth, self._gate, self._rows)
         rows = [None if value is None else value[None] for value in (base, torque, wrist)]
         self.locate_batch(zero[None], base_wrench=rows[0], joint_torque=rows[1], wrist_wrench=rows[2])
+        self._once(self._intake.values(self._intake.first().q), False, self._fitted, -1.0)
+        no_more(once)
         self.locate(
             zero, base_wrench=base, joint_torque=torque, wrist_wrench=wrist, contacts=self.scene.contacts,
             detect=False,

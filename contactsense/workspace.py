@@ -333,12 +333,13 @@ def _follower(f, a, n):  # type: ignore[no-untyped-def]
     weights, a = _observer(f, a, (n + 6) * n)
     base, a = _take2(f, a, 6, 6)
     torque, a = _take1(f, a, n)
+    weighed, a = _take2(f, a, n + 6, n)
     row, a = _take1(f, a, size)
     image, a = _take1(f, a, size)
     change, a = _take1(f, a, size)
     wrench, a = _take2(f, a, 2, 6)
     clock, a = _take1(f, a, 3)
-    return Follower(covariance, bias, weights, base, torque, row, image, change, wrench, clock), a
+    return Follower(covariance, bias, weights, base, torque, weighed, row, image, change, wrench, clock), a
 
 
 @inlined_kernel
