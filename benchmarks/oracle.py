@@ -51,7 +51,9 @@ class Oracle:
         """Of a scene with base sensor and joint torques."""
         arm = build_arm(scene)
         self._work = Workspace(arm, empty_memory(arm))
-        self._buffers = (self._work.floats, self._work.integers, self._work.sizes, skin_of(scene))
+        skin = skin_of(scene)
+        self._buffers = (self._work.floats, self._work.integers, self._work.sizes, skin)
+        self._parts = (*self._buffers[:3], *skin)
         self._composer = Composer(scene, arm.surfaces.start)
         self._sets = SetLocator(scene, self._work, self._buffers, self._composer)
         self._rows = np.zeros((max(len(arm.surfaces.kind), MOST), WIDTH))
@@ -68,7 +70,16 @@ class Oracle:
         """The estimate of `Localizer.locate`; arguments as there."""
         present = (True, True, False)
         listed, _ = once(
-            *self._buffers, q, joint_torque, base_wrench, np.zeros(6), True, *present, False, -1.0, self._rows
+            *self._parts,
+            q,
+            joint_torque,
+            base_wrench,
+            np.zeros(6),
+            True,
+            *present,
+            False,
+            -1.0,
+            self._rows,
         )
         if contacts > 1:
             return self._sets.explain(present, contacts, known, drift)

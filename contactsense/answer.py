@@ -51,7 +51,9 @@ class Composer:
         `reason` the estimate is `degraded`. `number`, `phase` and `kinds` of events are those of the stream's
         contact."""
         listed = tuple([self.contact(rows[k].copy(), number, phase) for k in range(count)])
-        other = max(1.0 - sum([contact.probability for contact in listed]), 0.0)
+        other = 1.0
+        for contact in listed:
+            other -= contact.probability
         if listed:
             best, link, name = listed[0].probability, listed[0].link_index, listed[0].link
         else:
@@ -68,7 +70,7 @@ class Composer:
             memory.link_probability.copy(),
             memory.hypotheses.wrench[link].copy(),
             memory.hypotheses.covariance[link].copy(),
-            other,
+            max(other, 0.0),
             reason,
             tuple([Event(kind, number, t, name) for kind in kinds]) if kinds else (),
         )

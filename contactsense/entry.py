@@ -126,7 +126,11 @@ def pursue(
     floats: np.ndarray,
     integers: np.ndarray,
     sizes: tuple[int, int, int, int, int],
-    skin: Grids,
+    skin_values: np.ndarray,
+    skin_start: np.ndarray,
+    skin_shape: np.ndarray,
+    skin_low: np.ndarray,
+    skin_cell: float,
     bandwidth: float,
     gate: bool,
     rows: np.ndarray,
@@ -134,7 +138,10 @@ def pursue(
     """After `listen` has found that something touches: average the residuals and `explain` them.
 
     Args:
-        floats, integers, sizes, skin, bandwidth: The workspace, the skin, the observers' cut-off [Hz].
+        floats, integers, sizes: The workspace.
+        skin_values, skin_start, skin_shape, skin_low, skin_cell: The skin, see `robots.grid.Grids`; a named
+            tuple would take longer to hand over.
+        bandwidth: Cut-off frequency of the observers [Hz].
         gate: As for `explain`.
         rows: Filled with the explanations.
 
@@ -142,6 +149,7 @@ def pursue(
         Number of explanations in `rows`.
     """
     arm, memory = unfold(floats, integers, sizes)
+    skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
     rows = uncounted(rows)
     track, stream = memory.track, memory.stream
     dt = stream.clock[STEP]
@@ -243,7 +251,11 @@ def once(
     floats: np.ndarray,
     integers: np.ndarray,
     sizes: tuple[int, int, int, int, int],
-    skin: Grids,
+    skin_values: np.ndarray,
+    skin_start: np.ndarray,
+    skin_shape: np.ndarray,
+    skin_low: np.ndarray,
+    skin_cell: float,
     q: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
@@ -259,6 +271,7 @@ def once(
     """One sample of an arm at rest: `rest` and `explain`. Returns the number of explanations in `rows`, and
     the energy of "nothing touches"; -1 and 0 where a vector has the wrong size or is not finite."""
     arm, memory = unfold(floats, integers, sizes)
+    skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
     q, torque, rows = uncounted(q), uncounted(torque), uncounted(rows)
     base_wrench, wrist_wrench = uncounted(base_wrench), uncounted(wrist_wrench)
     n = sizes[0]

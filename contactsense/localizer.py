@@ -95,7 +95,8 @@ class Localizer:
         arm = build_arm(scene)
         self._work = Workspace(arm, empty_memory(arm))
         self._workspace = (self._work.floats, self._work.integers, self._work.sizes)
-        self._buffers = (*self._workspace, skin_of(scene))
+        skin = skin_of(scene)
+        self._buffers, self._parts = (*self._workspace, skin), (*self._workspace, *skin)
         self._stream, self._bandwidth = self._work.memory.stream, scene.bandwidth
         self._joints, self._links, primitives, _, _ = self._work.sizes
         self._rows = np.zeros((max(primitives, MOST), WIDTH))
@@ -172,7 +173,7 @@ class Localizer:
             self._together.forget()
         listed = -1
         if said & TOUCHED:
-            listed = pursue(*self._buffers, self._bandwidth, self._gate, self._rows)
+            listed = pursue(*self._parts, self._bandwidth, self._gate, self._rows)
         kinds, ended = self._news(t)
         if self._phase == HOLD and self._pick_up is not None and self._usable()[:2] == (True, True):
             mass = self._pick_up.step()
@@ -288,11 +289,11 @@ class Localizer:
         """
         told = (external, *present, self._gate, threshold, self._rows)
         try:
-            listed, nothing = once(*self._buffers, *values, *told)
+            listed, nothing = once(*self._parts, *values, *told)
         except TypeError:
             listed = -1
         if listed < 0:
-            listed, nothing = once(*self._buffers, *self._intake.checked(*values), *told)
+            listed, nothing = once(*self._parts, *self._intake.checked(*values), *told)
         return listed, nothing
 
     def locate_batch(
@@ -361,7 +362,7 @@ class Localizer:
         no_more(listen)
         self._stream.usable[:] = (*self._fitted, False, False)
         self._stream.clock[SCALE] = 1.0
-        pursue(*self._buffers, self._bandwidth, self._gate, self._rows)
+        pursue(*self._parts, self._bandwidth, self._gate, self._rows)
         rows = [None if value is None else value[None] for value in (base, torque, wrist)]
         self.locate_batch(zero[None], base_wrench=rows[0], joint_torque=rows[1], wrist_wrench=rows[2])
         self._once(self._intake.values(self._intake.first().q), False, self._fitted, -1.0)
