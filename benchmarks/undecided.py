@@ -48,6 +48,9 @@ class Row(NamedTuple):
     perfect: float
     """Share in which an explanation as good as the answer's or better has all contacts within `NEAR`: no
     search finds more."""
+    lined: float
+    """Share in which they are not, and an answer lies within `NEAR` of the line of the force that is farthest
+    from its answer: the line meets the arm more than once."""
     stated: float
     """Mean probability that the answer states."""
 
@@ -59,6 +62,8 @@ class Outcome(NamedTuple):
     holds: bool
     """Whether the search that starts at the truth stays within `NEAR`."""
     gain: float
+    lined: bool
+    """Whether the answer lies within `NEAR` of the line of the force that is farthest from it."""
     stated: float
 
 
@@ -98,14 +103,20 @@ def _answer(
     estimate = oracle.locate(touches.q[i], wrench, torque, step + 1, known, drift)
     contacts = estimate.contacts if estimate.explanations else estimate.contacts[:1]
     truth = touches.point_base[i, : step + 1]
-    found = bool((match(contacts, list(truth)) <= NEAR).all())
+    away = match(contacts, list(truth))
+    found = bool((away <= NEAR).all())
     if step == 0 or not contacts:
-        return contacts, Outcome(found, True, np.inf, 0.0)
+        return contacts, Outcome(found, True, np.inf, False, 0.0)
     ended = oracle.from_truth(
         touches.link[i, : step + 1], truth, touches.force_base[i, : step + 1], len(known)
     )
     holds = bool((np.linalg.norm(ended.point_base - truth, axis=1) <= NEAR).all())
-    return contacts, Outcome(found, holds, ended.gain, estimate.explanations[0].probability)
+    worst = int(np.argmax(away))
+    force = touches.force_base[i, worst] / np.linalg.norm(touches.force_base[i, worst])
+    offsets = np.array([contact.point_base for contact in contacts]) - truth[worst]
+    beside = np.linalg.norm(offsets - np.outer(offsets @ force, force), axis=1)
+    lined = len(contacts) == len(truth) and bool(beside.min() <= NEAR)
+    return contacts, Outcome(found, holds, ended.gain, lined, estimate.explanations[0].probability)
 
 
 def _row(contacts: int, arriving: str, outcomes: list[Outcome]) -> Row:
@@ -121,6 +132,7 @@ def _row(contacts: int, arriving: str, outcomes: list[Outcome]) -> Row:
         alike=float((missed & (abs(gain) <= ALIKE)).mean()),
         worse=float((missed & (gain < -ALIKE)).mean()),
         perfect=float((found | (holds & (gain >= 0.0))).mean()),
+        lined=float((missed & [o.lined for o in outcomes]).mean()),
         stated=float(np.mean([o.stated for o in outcomes])),
     )
 
@@ -151,17 +163,18 @@ def _table(rows: list[tuple[str, Noise, Row]]) -> Table:
     table = Table(
         title=f"several contacts of 20 N: is it the search or the measurement? within {1e3 * NEAR:g} mm",
         caption=(
-            "runs: in which all contacts before the last were found; missed: the truth's explanation being "
-            "clearly better, about as good (log evidence within 1) or worse than the answer's; perfect: no "
-            "search finds more; stated: mean probability of the answer"
+            "runs: in which all contacts before the last were found. Missed: the truth's explanation being "
+            "clearly better, about as good (log evidence within 1) or worse than the answer's; on line: with "
+            "an answer on the line of the force that was missed. Perfect: no search finds more; stated: mean "
+            "probability of the answer"
         ),
     )
     for name in ("arm", "noise N / Nm / Nm", "contacts", "arriving"):
         table.add_column(name, no_wrap=name != "contacts")
-    for name in ("runs", "found", "missed: better", "alike", "worse", "perfect", "stated"):
+    for name in ("runs", "found", "better", "alike", "worse", "on line", "perfect", "stated"):
         table.add_column(name, justify="right")
     for name, noise, row in rows:
-        shares = (row.found, row.better, row.alike, row.worse, row.perfect, row.stated)
+        shares = (row.found, row.better, row.alike, row.worse, row.lined, row.perfect, row.stated)
         table.add_row(
             name, str(noise), str(row.contacts), row.arriving, str(row.runs),
             *(f"{100 * share:.1f} %" for share in shares),
