@@ -10,8 +10,14 @@ from robots.surface import project
 RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
 """Radii, in standard deviations, and weights of the points that stand for a normal distribution on a plane:
 six on each of three rings (Gauss-Laguerre in half the squared radius)."""
-WIDEST = 3.0
-"""Standard deviations within which a place must be clear for no look around it to be needed."""
+HEXAGON = tuple((math.cos(math.pi / 3.0 * k), math.sin(math.pi / 3.0 * k)) for k in range(6))
+"""Where on a ring the points are."""
+WIDEST = 3.9
+"""Standard deviations within which a place must be clear for no look around it to be needed: `BENT` times the
+widest ring."""
+BENT = 1.1
+"""How much farther away than a ring is wide other primitives must be for it to be clear, as surfaces are
+bent."""
 SHARPNESS = 4.0
 """How much smaller than the surface's offset a lack of room may be to be forgiven."""
 WHOLE = 0.98
@@ -60,10 +66,9 @@ def exposed(depth, prior):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def cover_place(surfaces, found, row, prior):  # type: ignore[no-untyped-def]
-    """Take into account which part of an explanation's neighbourhood can be touched: its score is lowered by
-    the log of that share, its place and covariance become those of the share."""
-    p = found.primitive[row]
+def room_above(surfaces, found, row, prior):  # type: ignore[no-untyped-def]
+    """Clearance above an explanation's place, negative where that is covered, told up to `WIDEST` times the
+    longest standard deviation; that; and the covariance along `tangents` (three numbers)."""
     c, n = found.point[row], found.normal[row]
     C = found.covariance[row]
     t1x, t1y, t1z, t2x, t2y, t2z = tangents(n[0], n[1], n[2])
@@ -77,11 +82,28 @@ def cover_place(surfaces, found, row, prior):  # type: ignore[no-untyped-def]
         + t2y * (C[1, 0] * t2x + C[1, 1] * t2y + C[1, 2] * t2z)
         + t2z * (C[2, 0] * t2x + C[2, 1] * t2y + C[2, 2] * t2z)
     )
+    longest = math.sqrt(max(0.5 * (v11 + v22) + math.sqrt(0.25 * (v11 - v22) ** 2 + v12 * v12), 0.0))
     room = prior.room
-    wide = WIDEST * math.sqrt(max(v11 + v22, 0.0))
     x, y, z = c[0] + room * n[0], c[1] + room * n[1], c[2] + room * n[2]
-    if clearance(surfaces, found, p, x, y, z, wide) >= wide:
+    near = clearance(surfaces, found, found.primitive[row], x, y, z, WIDEST * longest)
+    return near, longest, v11, v12, v22
+
+
+@fused_kernel
+def cover_place(surfaces, found, row, prior, least):  # type: ignore[no-untyped-def]
+    """Take into account which part of an explanation's neighbourhood can be touched: its score is lowered by
+    the log of that share, its place and covariance become those of the share. Where nothing above the score
+    `least` can come of it, the score becomes -infinity at once."""
+    near, longest, v11, v12, v22 = room_above(surfaces, found, row, prior)
+    if near >= WIDEST * longest:
         return
+    if found.score[row] + math.log(exposed(near + WIDEST * longest, prior)) < least:
+        found.score[row] = -math.inf
+        return
+    p, room = found.primitive[row], prior.room
+    c, n = found.point[row], found.normal[row]
+    C = found.covariance[row]
+    t1x, t1y, t1z, t2x, t2y, t2z = tangents(n[0], n[1], n[2])
     # Root of the covariance in the tangent plane: v = (a u1, b u1 + d u2).
     a = math.sqrt(max(v11, 1e-18))
     b = v12 / a
@@ -91,12 +113,23 @@ def cover_place(surfaces, found, row, prior):  # type: ignore[no-untyped-def]
     R, o = found.rotation[p], found.origin[p]
     for radius, weight in RINGS:
         for k in range(6):
-            angle = math.pi / 3.0 * k
-            u1, u2 = radius * math.cos(angle), radius * math.sin(angle)
+            u1, u2 = radius * HEXAGON[k][0], radius * HEXAGON[k][1]
             v1, v2 = a * u1, b * u1 + d * u2
-            dx = c[0] + v1 * t1x + v2 * t2x - o[0]
-            dy = c[1] + v1 * t1y + v2 * t2y - o[1]
-            dz = c[2] + v1 * t1z + v2 * t2z - o[2]
+            ex, ey, ez = v1 * t1x + v2 * t2x, v1 * t1y + v2 * t2y, v1 * t1z + v2 * t2z
+            if near > BENT * radius * longest:
+                # No nearer to another primitive than the ring is wide.
+                share += weight
+                mx += weight * ex
+                my += weight * ey
+                mz += weight * ez
+                xx += weight * ex * ex
+                xy += weight * ex * ey
+                xz += weight * ex * ez
+                yy += weight * ey * ey
+                yz += weight * ey * ez
+                zz += weight * ez * ez
+                continue
+            dx, dy, dz = c[0] + ex - o[0], c[1] + ey - o[1], c[2] + ez - o[2]
             _, lx, ly, lz, kx, ky, kz = project(
                 surfaces.kind[p],
                 surfaces.size[p],
