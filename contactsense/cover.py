@@ -4,7 +4,7 @@ base."""
 import math
 
 from contactsense.energy import TAIL, tangents
-from robots.compiled import fused_kernel
+from robots.compiled import fused_kernel, inlined_fused_kernel
 from robots.surface import project
 
 RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
@@ -24,7 +24,7 @@ WHOLE = 0.98
 """Exposed share above which a place is left as it is."""
 
 
-@fused_kernel
+@inlined_fused_kernel
 def clearance(surfaces, found, own, x, y, z, enough):  # type: ignore[no-untyped-def]
     """Distance of a point from the nearest other primitive of the same link or a neighbour [m], negative
     inside.

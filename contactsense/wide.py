@@ -12,7 +12,7 @@ from contactsense.energy import lean_in
 from contactsense.refine import CUT, refine
 from contactsense.survey import weigh
 from contactsense.view import view
-from robots.compiled import fused_kernel
+from robots.compiled import fused_kernel, inlined_fused_kernel
 from robots.surface import project
 from robots.union import nearest
 
@@ -148,7 +148,7 @@ def _look_at(link, depth, motion, hypotheses, cells, work):  # type: ignore[no-u
     return w[0] * w[0] + w[1] * w[1] + w[2] * w[2], P[0, 0] + P[1, 1] + P[2, 2]
 
 
-@fused_kernel
+@inlined_fused_kernel
 def _weigh_one(  # type: ignore[no-untyped-def]
     pieces, s, p, link, depth, motion, hypotheses, prior, ff, loose, least, cells, row, work
 ):

@@ -57,6 +57,11 @@ def no_more(compiled: Any) -> None:
         compiled.disable_compile()
 
 
+def inlined_fused_kernel(function: Callable[..., Any]) -> Any:
+    """What `fused_kernel` and `inlined_kernel` are, in one."""
+    return _compile(function, _FUSED | {_INLINED})
+
+
 def _compile(function: Callable[..., Any], liberties: frozenset[str]) -> Any:
     options: dict[str, Any] = {
         "error_model": "numpy",
