@@ -8,9 +8,10 @@ level from below at the rate
     K p(R) (R - (d - 1) / R)
 
 (the flux of its Fokker-Planck equation towards an absorbing level). A sampled process slips over the level
-between two samples: as if the level were higher by 0.5826 times the standard deviation of one step, sqrt(2 K
-dt) (Siegmund's correction). `level` inverts that. The number of hours is the user's; that it comes true is a
-test with simulated noise.
+between two samples: as if the level were higher by 0.5826 times the standard deviation of one step, sqrt(2 -
+2 exp(-K dt)) (Siegmund's correction). A contact begins in the second of two samples in a row that are above it, as
+sensors have outliers; the lesser of two neighbours is lower still by 1 / sqrt(pi) times that step. `level`
+inverts that. The number of hours is the user's; that it comes true is a test with simulated noise.
 """
 
 import math
@@ -22,8 +23,10 @@ from scipy.stats import chi2
 HOUR = 3600.0
 RELEASE = 0.01
 """A contact is over when noise alone exceeds what is left with this probability."""
-_SLIP = 0.5826
-"""Siegmund's constant, -zeta(1/2) / sqrt(2 pi)."""
+_SLIP = 0.5826 + 0.5642
+"""Siegmund's constant, -zeta(1/2) / sqrt(2 pi), and 1 / sqrt(pi): by how much the highest of a random walk's
+lesser neighbours stays below the highest of the path between, in standard deviations of a step; the second
+found by simulation."""
 
 
 def alarms_per_hour(energy: float, freedom: int, bandwidth: float, dt: float) -> float:
@@ -36,7 +39,7 @@ def alarms_per_hour(energy: float, freedom: int, bandwidth: float, dt: float) ->
         dt: Sample time [s].
     """
     K = 2.0 * math.pi * bandwidth
-    radius = math.sqrt(2.0 * energy) + _SLIP * math.sqrt(2.0 * K * dt)
+    radius = math.sqrt(2.0 * energy) + _SLIP * math.sqrt(-2.0 * math.expm1(-K * dt))
     log_density = (
         (freedom - 1) * math.log(radius)
         - 0.5 * radius * radius
@@ -53,7 +56,7 @@ def level(per_hour: float, freedom: int, bandwidth: float, dt: float) -> float:
     if alarms_per_hour(low, freedom, bandwidth, dt) <= per_hour:
         return low
     return float(
-        brentq(lambda e: math.log(alarms_per_hour(e, freedom, bandwidth, dt) / per_hour), low, 700.0)
+        brentq(lambda e: math.log(alarms_per_hour(e, freedom, bandwidth, dt) / per_hour), low, 500.0)
     )
 
 

@@ -42,7 +42,7 @@ from contactsense.stream import (
     sensor_number,
     sensors_of,
 )
-from contactsense.tracker import NONE, PHASE, WINDOW, average, choose, forget, live
+from contactsense.tracker import ABOVE, NONE, PHASE, WINDOW, average, choose, forget, live
 from contactsense.workspace import unfold
 from robots.compiled import inlined_kernel, kernel
 from robots.grid import Grids
@@ -111,13 +111,18 @@ def listen(
         nothing = max(nothing, watch_rest(arm, memory, scale, (levels[0], levels[1]), bandwidth))
     judge(arm, memory, scale)
     memory.fit[NOTHING] = nothing
-    touched = not nothing <= levels[0 if track.life[PHASE] == NONE else 1]
+    # What stands out in one sample only is a sensor's outlier.
+    above, begins = not nothing <= levels[0], track.life[PHASE] == NONE
+    touched = above and track.life[ABOVE] > 0.0 if begins else not nothing <= levels[1]
     if attend(health, memory.fit, touched, base_there, torque_there, stream.clock[STEP]):
         said |= DOUBT
     if touched:
         return said | TOUCHED
     forget(track)
-    follow_unknown(arm, memory, has_base, has_torque, scale, bandwidth)
+    if above and begins:
+        track.life[ABOVE] = 1.0
+    else:
+        follow_unknown(arm, memory, has_base, has_torque, scale, bandwidth)
     return said
 
 

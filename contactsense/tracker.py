@@ -70,10 +70,11 @@ class Track(NamedTuple):
     (3,)."""
     life: np.ndarray
     """Phase, its number among all contacts, age [s], time since it last moved [s], the window in use, the
-    sensors whose residuals are in the windows, shape (6,)."""
+    sensors whose residuals are in the windows, whether the last sample was above the level at which
+    contacts begin, shape (7,)."""
 
 
-PHASE, NUMBER, AGE, CALM_FOR, WINDOW, SENSORS = 0, 1, 2, 3, 4, 5
+PHASE, NUMBER, AGE, CALM_FOR, WINDOW, SENSORS, ABOVE = 0, 1, 2, 3, 4, 5, 6
 """Places in `Track.life`."""
 
 
@@ -88,7 +89,7 @@ def empty_track(joints: int) -> Track:
         place=np.full(7, -1.0),
         apart=np.zeros((WINDOWS, 3)),
         spread=np.zeros(3),
-        life=np.zeros(6),
+        life=np.zeros(7),
     )
 
 
@@ -99,6 +100,7 @@ def forget(track: Track) -> None:
     track.life[AGE] = 0.0
     track.life[CALM_FOR] = 0.0
     track.life[WINDOW] = 0.0
+    track.life[ABOVE] = 0.0
     track.place[0] = -1.0
 
 

@@ -297,7 +297,7 @@ def _track(f, a, n):  # type: ignore[no-untyped-def]
     place, a = _take1(f, a, 7)
     apart, a = _take2(f, a, WINDOWS, 3)
     spread, a = _take1(f, a, 3)
-    life, a = _take1(f, a, 6)
+    life, a = _take1(f, a, 7)
     return Track(mean, gain, shared, samples, age, place, apart, spread, life), a
 
 

@@ -12,8 +12,9 @@ from robots.compiled import kernel
 def _alarms(  # type: ignore[no-untyped-def]
     state: Observer, noise, dt: float, bandwidth: float, onset: float, release: float, on: bool
 ):
-    """Contacts that begin in noise of shape (samples, freedom), as `contactsense.entry.step` decides."""
+    """Contacts that begin in noise of shape (samples, freedom), as `contactsense.entry.listen` decides."""
     count = 0
+    above = False
     for i in range(noise.shape[0]):
         step = begin(state, dt, bandwidth)
         energy = 0.0
@@ -23,9 +24,10 @@ def _alarms(  # type: ignore[no-untyped-def]
         energy /= state.clock[GAIN]
         if on:
             on = energy > release
-        elif energy > onset:
+        elif energy > onset and above:
             on = True
             count += 1
+        above = energy > onset
     return count, on
 
 
