@@ -9,9 +9,9 @@ level from below at the rate
 
 (the flux of its Fokker-Planck equation towards an absorbing level). A sampled process slips over the level
 between two samples: as if the level were higher by 0.5826 times the standard deviation of one step, sqrt(2 -
-2 exp(-K dt)) (Siegmund's correction). A contact begins in the second of two samples in a row that are above it, as
-sensors have outliers; the lesser of two neighbours is lower still by 1 / sqrt(pi) times that step. `level`
-inverts that. The number of hours is the user's; that it comes true is a test with simulated noise.
+2 exp(-K dt)) (Siegmund's correction). A contact begins in the second of two samples in a row that are above
+it, as sensors have outliers; the lesser of two neighbours is lower still by 1 / sqrt(pi) times that step.
+`level` inverts that. The number of hours is the user's; that it comes true is a test with simulated noise.
 """
 
 import math

@@ -152,5 +152,5 @@ def recordings(folder: Path, as_json: bool) -> None:
         for touch in touches:
             console.print(f"  {touch['start']:6.2f} to {touch['stop']:6.2f} s, energy {touch['energy']:.0f}")
     for name, onsets in result["identification"].items():
-        times = ", ".join(f"{t:.2f}" for t in onsets) or "none"
-        console.print(f"{name}, which calibration has seen: onsets at {times} s")
+        times = ", ".join(f"{t:.2f} s" for t in onsets) or "none"
+        console.print(f"{name}, which calibration has seen: onsets: {times}")

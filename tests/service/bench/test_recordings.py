@@ -19,6 +19,9 @@ def test_free_motion_is_quiet_and_every_touch_is_found() -> None:
     assert 10.0 < free["collision_free"]["energy"] < 22.0
     for name, count in (("collision_forearm", 11), ("push_pose_1", 4)):
         found = result["touched"][name]
-        assert len(found["touches"]) == count
+        assert len(found["touches"]) == len(found["onsets"]) == count
         for touch in found["touches"]:
             assert any(touch["start"] - 0.05 < t < touch["stop"] + 0.05 for t in found["onsets"])
+    # Two of these files end in a stop that is harder than their rows can tell.
+    seen = result["identification"].values()
+    assert sum(len(onsets) for onsets in seen) <= 2
