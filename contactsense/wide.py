@@ -29,6 +29,9 @@ SPLIT = 3.0
 FEW = 32
 """... unless there are more of them than this: an answer that is spread over so many does not depend on how
 fine they are."""
+NARROW = 2.0
+"""Answers narrower than this many cells, standard deviations, are told by the search alone: the mean over so
+few cells depends on where they happen to lie."""
 LEAST = 1e-3
 """Cells that hold less than this part of the best explanation's weight get no explanation of their own."""
 
@@ -352,8 +355,8 @@ def _explain(  # type: ignore[no-untyped-def]
     reach = max(REACH, SIGMAS * math.sqrt(sharp)) if exact else REACH
     total, mean, C = _gather(surfaces, cells, rows, s, kx, ky, kz, reach)
     found.score[row] = total
-    # Narrower than a cell, the search's place is better than the mean over the cells' tangent planes.
-    part = 0.0 if exact and C[0] + C[3] + C[5] < 2.0 * cells.spread[s] ** 2 else 1.0
+    # Not much wider than a cell, the search's place is better than the mean over the cells' tangent planes.
+    part = 0.0 if exact and C[0] + C[3] + C[5] < 2.0 * (NARROW * cells.spread[s]) ** 2 else 1.0
     told = _tell(
         surfaces, found, row, link, R, o, kx + part * mean[0], ky + part * mean[1], kz + part * mean[2]
     )
