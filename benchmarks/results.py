@@ -49,7 +49,7 @@ then the place on it. The difference is what geometry adds.""",
     (
         "Beside the dense posterior",
         "How near that is to the best possible answers: see [the yardstick](yardstick.md).",
-        "python -m benchmarks.posterior --contacts 100",
+        "python -m benchmarks.posterior --contacts 200",
     ),
     (
         "Calibration",
