@@ -78,6 +78,13 @@ def play() -> Iterator[Play]:
         with serving(create_app(settings)) as place:
             found = Play(motion, servers, place)
             found.until(lambda health: health.status == "ok")
+            # Whoever answers single requests loads its kernels once the stream runs; as the mock lives in the
+            # same process here, its sensor is held up meanwhile.
+            body = {
+                "q": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0],
+                "base_wrench": [5.9, 2.4, -19.0, -1.1, -2.3, -0.6],
+            }
+            httpx.post(f"http://{place}/v1/locate", json=body, timeout=280.0).raise_for_status()
             yield found
 
 
