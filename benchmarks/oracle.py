@@ -20,7 +20,8 @@ from contactsense.several.locator import SetLocator
 from contactsense.several.memory import Bodies, Several
 from contactsense.several.stack import put
 from contactsense.skin import skin_of
-from contactsense.workspace import Workspace, unfold
+from contactsense.unfold import unfold
+from contactsense.workspace import Workspace
 from robots.compiled import kernel
 from robots.surface import project
 

@@ -43,7 +43,7 @@ from contactsense.stream import (
     sensors_of,
 )
 from contactsense.tracker import ABOVE, NONE, PHASE, WINDOW, average, choose, forget, live
-from contactsense.workspace import unfold
+from contactsense.unfold import unfold
 from robots.compiled import inlined_kernel, kernel
 from robots.grid import Grids
 from robots.uncounted import uncounted

@@ -58,13 +58,18 @@ class Parts(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """Pieces of one link's surface and what stands for them."""
+    """N pieces of one link's surface and what stands for them; link frame."""
 
     point: np.ndarray
+    """On the surface, shape (N, 3) [m]."""
     normal: np.ndarray
+    """Outward unit normal, shape (N, 3)."""
     primitive: np.ndarray
+    """Primitive on which each lies, shape (N,), int64."""
     spread: np.ndarray
+    """Standard deviation along each tangent, shape (N,) [m]."""
     area: np.ndarray
+    """Shape (N,) [m^2]."""
 
 
 def find_places(surfaces: Surfaces) -> tuple[Places, Parts, float]:

@@ -11,7 +11,7 @@ from contactsense.several.explain import explain_more
 from contactsense.several.memory import MOST, Bodies, Several
 from contactsense.several.rows import fill_rows, rank_of
 from contactsense.several.scan import likely_force, place_places
-from contactsense.workspace import unfold
+from contactsense.unfold import unfold
 from robots.compiled import kernel
 from robots.grid import Grids
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.wide import misses
+from contactsense.sift import misses
 from robots.surface import pack
 from robots.union import distances
 from tests.plain_arm import contacts, plain_ur5e

@@ -7,7 +7,8 @@ import numpy as np
 from contactsense import Scene
 from contactsense.arm import build_arm
 from contactsense.memory import empty_memory
-from contactsense.workspace import Workspace, unfold
+from contactsense.unfold import unfold
+from contactsense.workspace import Workspace
 from robots.primitives import Sphere
 from robots.tool import Tool
 from tests.plain_arm import plain_ur5e
