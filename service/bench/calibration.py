@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from scipy.stats import chi2
+from scipy.stats import binomtest, chi2
 
 from contactsense import Contact, Localizer
 from service.bench.regions import distance, level, mixture, within
@@ -172,6 +172,27 @@ def verdict(
     )
 
 
+class Share(NamedTuple):
+    """How often something was so, and what it may be in the long run."""
+
+    found: float
+    """NaN where there was nothing to count."""
+    low: float
+    high: float
+    """Wilson's 95 % interval."""
+
+    @classmethod
+    def of(cls, right: int, samples: int) -> "Share":
+        """`right` of `samples`."""
+        if samples == 0:
+            return cls(*(float("nan"),) * 3)
+        interval = binomtest(right, samples).proportion_ci(method="wilson")
+        return cls(right / samples, float(interval.low), float(interval.high))
+
+    def __str__(self) -> str:
+        return f"{100 * self.found:.1f} ({100 * self.low:.1f}-{100 * self.high:.1f}) %"
+
+
 class Summary(NamedTuple):
     """All verdicts of one case."""
 
@@ -181,9 +202,10 @@ class Summary(NamedTuple):
     samples: int
     no_answer: float
     statements: dict[str, Reliability]
-    region: float
-    """Share of all samples whose region holds the truth; no answer holds nothing."""
-    ellipse: float
+    region: Share
+    """Of all samples, those whose region holds the truth; no answer holds nothing."""
+    ellipse: Share
+    """Of the samples whose best explanation is the true one, those whose ellipse holds the truth."""
     listed: float
     """Mean of the listed probability."""
 
@@ -203,8 +225,8 @@ def summarize(robot: str, sensors: str, noise: Noise, verdicts: Sequence[Verdict
         samples=len(verdicts),
         no_answer=1.0 - len(given) / len(verdicts),
         statements=statements,
-        region=sum(v.in_region for v in given) / len(verdicts),
-        ellipse=float(np.mean(ellipses)) if ellipses else float("nan"),
+        region=Share.of(sum(v.in_region for v in given), len(verdicts)),
+        ellipse=Share.of(sum(ellipses), len(ellipses)),
         listed=float(np.mean([v.listed for v in given])) if given else float("nan"),
     )
 
@@ -213,6 +235,10 @@ def _plain(summary: Summary) -> dict[str, Any]:
     plain = summary._asdict()
     plain["noise"] = summary.noise._asdict()
     plain["statements"] = {name: value.as_json() for name, value in summary.statements.items()}
+    for name in ("region", "ellipse"):
+        plain |= {
+            f"{name}{part}": value for part, value in zip(("", "_low", "_high"), plain[name], strict=True)
+        }
     return {
         key: None if isinstance(value, float) and np.isnan(value) else value for key, value in plain.items()
     }
@@ -222,8 +248,9 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
     table = Table(
         title=f"calibration, static contacts, {what}",
         caption=(
-            "calibration error of the stated probabilities, in brackets what chance alone would make of it; "
-            "share of the truths in 90 % regions and ellipses; listed: sum of the listed probabilities"
+            "calibration error of the stated probabilities, in brackets what chance alone makes of it where "
+            "they are true, on average and at most in 19 of 20 cases; region, ellipse: share of the truths in "
+            "those of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
         ),
     )
     for name in ("arm", "sensors", "noise N / Nm / Nm"):
@@ -235,8 +262,13 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
             r.robot,
             r.sensors,
             str(r.noise),
-            *(f"{100 * s.error:.1f} ({100 * s.by_chance:.1f}) %" for s in r.statements.values()),
-            *(f"{100 * share:.1f} %" for share in (r.region, r.ellipse, r.listed, r.no_answer)),
+            *(
+                f"{100 * s.error:.1f} ({100 * s.by_chance:.1f}, {100 * s.by_chance_95:.1f}) %"
+                for s in r.statements.values()
+            ),
+            str(r.region),
+            str(r.ellipse),
+            *(f"{100 * share:.1f} %" for share in (r.listed, r.no_answer)),
         )
     _console().print(table)
 
@@ -260,4 +292,4 @@ def _print_reliability(statement: str, results: Sequence[Summary]) -> None:
 
 
 def _console() -> Console:
-    return Console(width=132)
+    return Console(width=168)

@@ -6,7 +6,8 @@ import numpy as np
 
 BINS = 10
 """Bins of equal width that probabilities are sorted into."""
-_TRIALS = 200
+_TRIALS = 1000
+"""Draws of right and wrong that the range of chance is taken from."""
 
 
 class Bin(NamedTuple):
@@ -27,7 +28,10 @@ class Reliability(NamedTuple):
     error: float
     """Expected calibration error: mean of |stated - right| over bins, weighted by their counts."""
     by_chance: float
-    """The same for as many statements whose probabilities are true: what chance alone makes of it."""
+    """The same, on average, for these very probabilities if they are true: what chance alone makes of it. It
+    is above zero, as gaps of either sign count alike."""
+    by_chance_95: float
+    """What chance alone exceeds in one case of twenty: a larger error is not chance."""
     bins: tuple[Bin, ...]
     """Those that hold anything."""
 
@@ -36,6 +40,7 @@ class Reliability(NamedTuple):
         return {
             "error": self.error,
             "by_chance": self.by_chance,
+            "by_chance_95": self.by_chance_95,
             "bins": [entry._asdict() for entry in self.bins],
         }
 
@@ -56,7 +61,12 @@ def reliability(probability: np.ndarray, right: np.ndarray) -> Reliability:
             bins.append(Bin(k / BINS, (k + 1) / BINS, int(own.sum()), stated, share))
     rng = np.random.default_rng(0)
     chance = [_error(number, probability, rng.random(len(right)) < probability) for _ in range(_TRIALS)]
-    return Reliability(_error(number, probability, right), float(np.mean(chance)), tuple(bins))
+    return Reliability(
+        error=_error(number, probability, right),
+        by_chance=float(np.mean(chance)),
+        by_chance_95=float(np.quantile(chance, 0.95)),
+        bins=tuple(bins),
+    )
 
 
 def _error(number: np.ndarray, probability: np.ndarray, right: np.ndarray) -> float:

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense import Contact
-from service.bench.calibration import NEAR, calibration, judge, summarize, verdict
+from service.bench.calibration import NEAR, Share, calibration, judge, summarize, verdict
 from service.bench.regions import distance, level, mixture, within
 from service.bench.reliability import reliability
 from service.bench.static_cases import COLUMNS
@@ -45,6 +45,30 @@ def test_true_probabilities_have_no_error_but_chance() -> None:
     assert told.by_chance < 0.01
     assert told.error < 2.0 * told.by_chance
     assert sum(entry.samples for entry in told.bins) == 20000
+
+
+def test_chance_is_what_true_probabilities_show() -> None:
+    """Two hundred sure statements and a hundred of any probability, fifty times: their errors are about
+    chance's mean, few above its limit. Sure ones that are wrong in 15 % of the cases are above it."""
+    rng = np.random.default_rng(3)
+    stated = np.concatenate([np.full(200, 0.99), rng.uniform(0.0, 1.0, 100)])
+    drawn = [reliability(stated, rng.random(300) < stated) for _ in range(50)]
+    told = drawn[0]
+    assert np.mean([one.error for one in drawn]) == pytest.approx(told.by_chance, rel=0.15)
+    assert np.mean([one.error > told.by_chance_95 for one in drawn]) < 0.15
+    overstated = np.concatenate([np.full(200, 0.85), stated[200:]])
+    assert reliability(stated, rng.random(300) < overstated).error > told.by_chance_95
+
+
+def test_shares_have_the_interval_of_their_count() -> None:
+    """Wilson's closed form, at p = 0.9 of 2000 and where nothing was wrong."""
+    z = 1.959964
+    for right, samples in ((1800, 2000), (20, 20)):
+        p = right / samples
+        middle = (p + z**2 / (2 * samples)) / (1 + z**2 / samples)
+        half = z / (1 + z**2 / samples) * np.sqrt(p * (1 - p) / samples + z**2 / (4 * samples**2))
+        assert Share.of(right, samples) == pytest.approx((p, middle - half, middle + half))
+    assert np.isnan(Share.of(0, 0)).all()
 
 
 def test_overstated_probabilities_show_by_how_much() -> None:
@@ -142,7 +166,7 @@ def test_an_estimate_is_judged_by_link_place_and_region() -> None:
 def test_no_answer_is_in_no_region() -> None:
     given = verdict([contact(1.0, (0, 0, 0))], np.array([0.0, 1.0]), 1, np.zeros(3))
     found = summarize("ur5e", "all", COLUMNS[0], [given, None])
-    assert (found.no_answer, found.region, found.ellipse) == (0.5, 0.5, 1.0)
+    assert (found.no_answer, found.region.found, found.ellipse.found) == (0.5, 0.5, 1.0)
     assert found.statements["answer"].error == 0.0
 
 
