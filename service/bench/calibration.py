@@ -248,9 +248,9 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
     table = Table(
         title=f"calibration, static contacts, {what}",
         caption=(
-            "calibration error of the stated probabilities, in brackets what chance alone makes of it where "
-            "they are true, on average and at most in 19 of 20 cases; region, ellipse: share of the truths in "
-            "those of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
+            "calibration error of the stated probabilities, in brackets what chance alone makes of it if "
+            "they are true, on average and at most in 19 of 20 cases; region, ellipse: share of the truths "
+            "in those of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
         ),
     )
     for name in ("arm", "sensors", "noise N / Nm / Nm"):
