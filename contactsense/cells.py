@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.lanes import LANES, LENGTH
+
 
 class Cells(NamedTuple):
     """What the search over places and parts of their cells keeps, in as many rows as were not given up."""
@@ -26,6 +28,14 @@ class Cells(NamedTuple):
     """Its information matrix, shape (6, 6)."""
     rest: np.ndarray
     """Log evidence on each link that no explanation stands for, shape (links,)."""
+    looked: np.ndarray
+    """The block of cells that is looked at, see `contactsense.lanes`, shape (LENGTH,)."""
+    weighed: np.ndarray
+    """The block of cells that is weighed, shape (LENGTH,)."""
+    looked_number: np.ndarray
+    """Numbers of the cells, or parts, in the first block, shape (LANES,), int64."""
+    weighed_number: np.ndarray
+    """Numbers of those in the second, shape (LANES,), int64."""
     primitive: np.ndarray
     """Primitive of each row, shape (R,), int64."""
     place: np.ndarray
@@ -45,6 +55,10 @@ def empty_cells(places: int, parts: int, links: int) -> Cells:
         wrench=np.zeros(6),
         information=np.zeros((6, 6)),
         rest=np.zeros(links),
+        looked=np.zeros(LENGTH),
+        weighed=np.zeros(LENGTH),
+        looked_number=np.zeros(LANES, dtype=np.int64),
+        weighed_number=np.zeros(LANES, dtype=np.int64),
         primitive=np.zeros(rows, dtype=np.int64),
         place=np.zeros(rows, dtype=np.int64),
     )

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.view import about
-from robots.compiled import fused_kernel
+from robots.compiled import fused_kernel, inlined_fused_kernel
 
 TAIL = 4.0
 """Degrees of freedom of the distribution of a force's lean: few of them make great leans improbable, not
@@ -157,7 +157,7 @@ def lean_in(fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
     return fx - lift * nx, fy - lift * ny, fz - lift * nz
 
 
-@fused_kernel
+@inlined_fused_kernel
 def tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
     """Two unit tangents, continuous but for one direction (Duff et al. 2017, "Building an orthonormal basis,
     revisited")."""

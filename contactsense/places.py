@@ -36,6 +36,8 @@ class Places(NamedTuple):
     """Standard deviation of the cell along each tangent, shape (S,) [m]."""
     log_share: np.ndarray
     """Logarithm of the cell's share of the touchable area, shape (S,)."""
+    primitive: np.ndarray
+    """Primitive on which it lies, shape (S,), int64."""
     start: np.ndarray
     """First place of each primitive, and their number at the end, shape (P + 1,), int64."""
 
@@ -99,8 +101,8 @@ def find_places(surfaces: Surfaces) -> tuple[Places, Parts, float]:
     cell = Patches(*(np.concatenate(values) for values in zip(*cells, strict=True)))
     order = np.argsort(cell.primitive, kind="stable")
     start = np.searchsorted(cell.primitive[order], np.arange(len(surfaces.kind) + 1)).astype(np.int64)
-    point, normal, _, spread, weight = (values[order] for values in cell)
-    places = Places(point, normal, spread, np.log(weight / area), start)
+    point, normal, primitive, spread, weight = (values[order] for values in cell)
+    places = Places(point, normal, spread, np.log(weight / area), primitive, start)
     parts = [parts[i] for i in order]
     first = np.cumsum([0] + [len(part.area) for part in parts]).astype(np.int64)
     point, normal, primitive, spread, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
@@ -109,8 +111,8 @@ def find_places(surfaces: Surfaces) -> tuple[Places, Parts, float]:
 
 def _none(primitives: int) -> tuple[Places, Parts]:
     blank, line = np.zeros((0, 3)), np.zeros(0)
-    places = Places(blank, blank, line, line, np.zeros(primitives + 1, dtype=np.int64))
-    return places, Parts(blank, blank, line, line, np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64))
+    on, start = np.zeros(0, dtype=np.int64), np.zeros(primitives + 1, dtype=np.int64)
+    return Places(blank, blank, line, line, on, start), Parts(blank, blank, line, line, on, start[:1])
 
 
 def _shell(surfaces: Surfaces, link: int) -> Patches:

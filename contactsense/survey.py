@@ -3,24 +3,31 @@
 Where the place is open by more than a few centimetres, no line tells where to look and one optimum does not
 stand for the answer. Every place of `contactsense.places` is tried instead, and the sum over them is the
 integral over the surface. The unknowns at a place are the logarithm phi of the normal force F, the force's
-lean (alpha, beta)
-and the lever chi of the torsion, both in units of the normal force, and a shift (v1, v2) within the cell:
+lean (alpha, beta) and the lever chi of the torsion, both in units of the normal force, and a shift (v1, v2)
+within the cell:
 
     f = F (-n + alpha t1 + beta t2),    m = c x f + F chi n,    c = c0 + v1 t1 + v2 t2
 
 In these all priors are normal distributions (that of the lean Student's), so that a measurement which says
-nothing leaves just them. Laplace's integral over the six gives the evidence of the cell. All is
-done in the axes (n, t1, t2) with the origin c0, where the wrench and its derivatives are mostly zeros:
+nothing leaves just them. Laplace's integral over the six gives the evidence of the cell. All is done in the
+axes (n, t1, t2) with the origin c0, where the wrench and its derivatives are mostly zeros:
 
     f = F (-1, alpha, beta),    m = F (chi + beta v1 - alpha v2, -v2, v1)
+
+A block of cells goes through the search side by side, one in each lane (see `contactsense.lanes`).
 """
 
 import math
 
 from contactsense.energy import TAIL, tangents
-from contactsense.ldl import solve
-from contactsense.view import view
-from robots.compiled import fused_kernel
+
+from contactsense.lanes import (  # isort: skip
+    A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
+    ALPHA, BETA, CHI, DET, ENERGY, FORCE, GOING, LANES, LEAN, NX, NY, NZ, SIZE, SPREAD, T1X, T1Y, T1Z, T2X,
+    T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2, W3, W4, W5, X, Y, Z,
+)  # fmt: skip
+from contactsense.ldl import eliminate
+from robots.compiled import fused_kernel, inlined_fused_kernel
 
 STEPS = 6
 """Most Gauss-Newton steps at one place."""
@@ -35,124 +42,267 @@ LONGEST = 1.5
 
 
 @fused_kernel
-def weigh(w, L, prior, cx, cy, cz, nx, ny, nz, spread, known, limit, work):  # type: ignore[no-untyped-def]
-    """Evidence of a contact in one cell.
+def weigh(count, w, L, prior, known, limit, lanes):  # type: ignore[no-untyped-def]
+    """Find the most probable contact in each cell of a block.
 
     Args:
+        count: Cells in the block, at most `LANES`, all of one link.
         w, L: Fused wrench and its information matrix, link frame, shapes (6,) and (6, 6).
         prior: What is known of contacts beforehand.
-        cx, cy, cz, nx, ny, nz: Place [m] and outward unit normal, link frame.
-        spread: Standard deviation of the cell along each tangent [m].
         known: Whether the force was measured: the search starts with it.
-        limit: Energy above which the place is of no interest.
-        work: Scratch.
+        limit: Energy above which a place is of no interest.
+        lanes: The block, with the cells' places, normals and spreads; filled with what `evidence` reads.
+    """
+    _see(w, L, lanes)
+    _start(prior, known, lanes)
+    lean, lever = 1.0 / prior.lean**2, 1.0 / prior.lever**2
+    for j in range(LANES):
+        lanes[GOING + j] = 1.0 if j < count else 0.0
+        lanes[SIZE + j] = math.log(lanes[FORCE + j] / prior.force)
+    for step in range(STEPS + 1):
+        _step(lean, lever, limit, step < STEPS, lanes)
+        going = 0
+        for j in range(count):
+            if lanes[GOING + j] > 0.0:
+                lanes[FORCE + j] = prior.force * math.exp(lanes[SIZE + j])
+                going += 1
+        if going == 0:
+            break
+
+
+@fused_kernel
+def evidence(j, prior, limit, lanes):  # type: ignore[no-untyped-def]
+    """What `weigh` has found in one cell.
+
+    Args:
+        j: Number of the cell in the block.
+        prior, limit, lanes: As for `weigh`.
 
     Returns:
         Energy; log of the mean evidence over the cell (up to the noise's own constant; -infinity beyond the
-        limit), the most probable place in the cell (3) [m], its mean variance along the tangents [m^2], and
-        force (3) [N].
+        limit), the most probable place in the cell (3) [m], and force (3) [N], link frame.
     """
-    T, A, H, g = work.frame, work.columns, work.normal_equations, work.gradient
-    T[0, 0], T[1, 0], T[2, 0] = nx, ny, nz
-    T[0, 1], T[1, 1], T[2, 1], T[0, 2], T[1, 2], T[2, 2] = tangents(nx, ny, nz)
-    view(w, L, T, (cx, cy, cz), g, A, work)
-    w0, w1, w2, w3, w4, w5 = g[0], g[1], g[2], g[3], g[4], g[5]
-    # The search starts at the measured force, if there is one, else at a usual one.
-    least = max(STEEPEST * math.sqrt(w0 * w0 + w1 * w1 + w2 * w2), WEAKEST * prior.force)
-    F = max(-w0, least) if known else prior.force
-    phi, chi, v1, v2 = math.log(F / prior.force), 0.0, 0.0, 0.0
-    alpha, beta = (w1 / F, w2 / F) if known else (0.0, 0.0)
-    lean, lever, cell = 1.0 / prior.lean**2, 1.0 / prior.lever**2, 1.0 / spread**2
-    energy, log_det, v11, v22 = math.inf, math.inf, 0.0, 0.0
-    for step in range(STEPS + 1):
-        F = prior.force * math.exp(phi)
+    F, alpha, beta, v1, v2 = (
+        lanes[FORCE + j], lanes[ALPHA + j], lanes[BETA + j], lanes[V1 + j], lanes[V2 + j],
+    )  # fmt: skip
+    t1x, t1y, t1z = lanes[T1X + j], lanes[T1Y + j], lanes[T1Z + j]
+    t2x, t2y, t2z = lanes[T2X + j], lanes[T2Y + j], lanes[T2Z + j]
+    x, y, z = (
+        lanes[X + j] + v1 * t1x + v2 * t2x,
+        lanes[Y + j] + v1 * t1y + v2 * t2y,
+        lanes[Z + j] + v1 * t1z + v2 * t2z,
+    )
+    fx, fy, fz = (
+        F * (alpha * t1x + beta * t2x - lanes[NX + j]),
+        F * (alpha * t1y + beta * t2y - lanes[NY + j]),
+        F * (alpha * t1z + beta * t2z - lanes[NZ + j]),
+    )
+    energy = lanes[ENERGY + j] + 0.5 * (TAIL + 2.0) * math.log(1.0 + lanes[LEAN + j] / TAIL)
+    if not (lanes[DET + j] > 0.0 and energy <= limit):
+        return math.inf, -math.inf, x, y, z, fx, fy, fz
+    scale = prior.lean**2 * prior.lever * lanes[SPREAD + j] ** 2
+    log_z = -energy - 0.5 * math.log(lanes[DET + j]) - math.log(scale)
+    return energy, log_z, x, y, z, fx, fy, fz
+
+
+@fused_kernel
+def _see(w, L, lanes):  # type: ignore[no-untyped-def]
+    """Wrench and information about each cell's place c, in the axes T of its normal and tangents.
+
+    The information becomes T^T X^T L X T with X = [1 0; [c]x 1]; its blocks F (force), G (force and moment)
+    and M (moment) are M, G + [c]x^T M, and F + G [c]x + [c]x^T G^T + [c]x^T M [c]x before they are turned.
+    """
+    u0, u1, u2, u3, u4, u5 = w[0], w[1], w[2], w[3], w[4], w[5]
+    l00, l01, l02, l11, l12, l22 = L[0, 0], L[0, 1], L[0, 2], L[1, 1], L[1, 2], L[2, 2]
+    l03, l04, l05 = L[0, 3], L[0, 4], L[0, 5]
+    l13, l14, l15 = L[1, 3], L[1, 4], L[1, 5]
+    l23, l24, l25 = L[2, 3], L[2, 4], L[2, 5]
+    l33, l34, l35, l44, l45, l55 = L[3, 3], L[3, 4], L[3, 5], L[4, 4], L[4, 5], L[5, 5]
+    for j in range(LANES):
+        x, y, z = lanes[X + j], lanes[Y + j], lanes[Z + j]
+        n0, n1, n2 = lanes[NX + j], lanes[NY + j], lanes[NZ + j]
+        p0, p1, p2, q0, q1, q2 = tangents(n0, n1, n2)
+        lanes[T1X + j], lanes[T1Y + j], lanes[T1Z + j] = p0, p1, p2
+        lanes[T2X + j], lanes[T2Y + j], lanes[T2Z + j] = q0, q1, q2
+        m0, m1, m2 = u3 - y * u2 + z * u1, u4 - z * u0 + x * u2, u5 - x * u1 + y * u0
+        lanes[W0 + j] = n0 * u0 + n1 * u1 + n2 * u2
+        lanes[W1 + j] = p0 * u0 + p1 * u1 + p2 * u2
+        lanes[W2 + j] = q0 * u0 + q1 * u1 + q2 * u2
+        lanes[W3 + j] = n0 * m0 + n1 * m1 + n2 * m2
+        lanes[W4 + j] = p0 * m0 + p1 * m1 + p2 * m2
+        lanes[W5 + j] = q0 * m0 + q1 * m1 + q2 * m2
+        g00, g01, g02 = l03 + z * l34 - y * l35, l04 + z * l44 - y * l45, l05 + z * l45 - y * l55
+        g10, g11, g12 = l13 - z * l33 + x * l35, l14 - z * l34 + x * l45, l15 - z * l35 + x * l55
+        g20, g21, g22 = l23 + y * l33 - x * l34, l24 + y * l34 - x * l44, l25 + y * l35 - x * l45
+        f00 = l00 + z * (g01 + l04) - y * (g02 + l05)
+        f01 = l01 - z * (g00 - l14) + x * g02 - y * l15
+        f02 = l02 + y * (g00 - l25) - x * g01 + z * l24
+        f11 = l11 - z * (g10 + l13) + x * (g12 + l15)
+        f12 = l12 + y * g10 - x * (g11 - l25) - z * l23
+        f22 = l22 + y * (g20 + l23) - x * (g21 + l24)
+        (
+            lanes[A00 + j], lanes[A01 + j], lanes[A02 + j], _, lanes[A11 + j], lanes[A12 + j], _, _,
+            lanes[A22 + j],
+        ) = _turned(
+            f00, f01, f02, f01, f11, f12, f02, f12, f22, n0, n1, n2, p0, p1, p2, q0, q1, q2
+        )  # fmt: skip
+        (
+            lanes[A03 + j], lanes[A04 + j], lanes[A05 + j], lanes[A13 + j], lanes[A14 + j], lanes[A15 + j],
+            lanes[A23 + j], lanes[A24 + j], lanes[A25 + j],
+        ) = _turned(
+            g00, g01, g02, g10, g11, g12, g20, g21, g22, n0, n1, n2, p0, p1, p2, q0, q1, q2
+        )  # fmt: skip
+        (
+            lanes[A33 + j], lanes[A34 + j], lanes[A35 + j], _, lanes[A44 + j], lanes[A45 + j], _, _,
+            lanes[A55 + j],
+        ) = _turned(
+            l33, l34, l35, l34, l44, l45, l35, l45, l55, n0, n1, n2, p0, p1, p2, q0, q1, q2
+        )  # fmt: skip
+
+
+@inlined_fused_kernel
+def _turned(  # type: ignore[no-untyped-def]
+    b00, b01, b02, b10, b11, b12, b20, b21, b22, n0, n1, n2, p0, p1, p2, q0, q1, q2
+):
+    """T^T B T, row by row, where (n, p, q) are the columns of T."""
+    r0, r1, r2 = (
+        n0 * b00 + n1 * b10 + n2 * b20,
+        n0 * b01 + n1 * b11 + n2 * b21,
+        n0 * b02 + n1 * b12 + n2 * b22,
+    )
+    s0, s1, s2 = (
+        p0 * b00 + p1 * b10 + p2 * b20,
+        p0 * b01 + p1 * b11 + p2 * b21,
+        p0 * b02 + p1 * b12 + p2 * b22,
+    )
+    t0, t1, t2 = (
+        q0 * b00 + q1 * b10 + q2 * b20,
+        q0 * b01 + q1 * b11 + q2 * b21,
+        q0 * b02 + q1 * b12 + q2 * b22,
+    )
+    return (
+        r0 * n0 + r1 * n1 + r2 * n2,
+        r0 * p0 + r1 * p1 + r2 * p2,
+        r0 * q0 + r1 * q1 + r2 * q2,
+        s0 * n0 + s1 * n1 + s2 * n2,
+        s0 * p0 + s1 * p1 + s2 * p2,
+        s0 * q0 + s1 * q1 + s2 * q2,
+        t0 * n0 + t1 * n1 + t2 * n2,
+        t0 * p0 + t1 * p1 + t2 * p2,
+        t0 * q0 + t1 * q1 + t2 * q2,
+    )
+
+
+@fused_kernel
+def _start(prior, known, lanes):  # type: ignore[no-untyped-def]
+    """The search starts at the measured force, if there is one, else at a usual one."""
+    for j in range(LANES):
+        w0, w1, w2 = lanes[W0 + j], lanes[W1 + j], lanes[W2 + j]
+        least = max(STEEPEST * math.sqrt(w0 * w0 + w1 * w1 + w2 * w2), WEAKEST * prior.force)
+        F = max(-w0, least) if known else prior.force
+        lanes[FORCE + j] = F
+        lanes[ALPHA + j] = w1 / F if known else 0.0
+        lanes[BETA + j] = w2 / F if known else 0.0
+        lanes[CHI + j], lanes[V1 + j], lanes[V2 + j] = 0.0, 0.0, 0.0
+
+
+@fused_kernel
+def _step(lean, lever, limit, more, lanes):  # type: ignore[no-untyped-def]
+    """Energy, its curvature, and a Gauss-Newton step for all cells that are still going and gain by it.
+
+    Args:
+        lean, lever: Inverse variances of the lean and of the torsion's lever.
+        limit: Energy above which a place is of no interest.
+        more: Whether any steps may be made.
+        lanes: The block.
+    """
+    for j in range(LANES):
+        w0, w1, w2 = lanes[W0 + j], lanes[W1 + j], lanes[W2 + j]
+        w3, w4, w5 = lanes[W3 + j], lanes[W4 + j], lanes[W5 + j]
+        a00, a01, a02 = lanes[A00 + j], lanes[A01 + j], lanes[A02 + j]
+        a03, a04, a05 = lanes[A03 + j], lanes[A04 + j], lanes[A05 + j]
+        a11, a12, a13 = lanes[A11 + j], lanes[A12 + j], lanes[A13 + j]
+        a14, a15, a22 = lanes[A14 + j], lanes[A15 + j], lanes[A22 + j]
+        a23, a24, a25 = lanes[A23 + j], lanes[A24 + j], lanes[A25 + j]
+        a33, a34, a35 = lanes[A33 + j], lanes[A34 + j], lanes[A35 + j]
+        a44, a45, a55 = lanes[A44 + j], lanes[A45 + j], lanes[A55 + j]
+        phi, F, alpha, beta = lanes[SIZE + j], lanes[FORCE + j], lanes[ALPHA + j], lanes[BETA + j]
+        chi, v1, v2 = lanes[CHI + j], lanes[V1 + j], lanes[V2 + j]
+        cell = 1.0 / (lanes[SPREAD + j] * lanes[SPREAD + j])
         # The contact's wrench, and by how much it misses the measured one.
         f0, f1, f2 = -F, F * alpha, F * beta
         m0, m1, m2 = F * (chi + beta * v1 - alpha * v2), -F * v2, F * v1
         d0, d1, d2, d3, d4, d5 = f0 - w0, f1 - w1, f2 - w2, m0 - w3, m1 - w4, m2 - w5
-        y0, y1, y2, y3, y4, y5 = _times(A, d0, d1, d2, d3, d4, d5)
-        z0, z1, z2, z3, z4, z5 = _times(A, f0, f1, f2, m0, m1, m2)
+        # A times these.
+        y0 = a00 * d0 + a01 * d1 + a02 * d2 + a03 * d3 + a04 * d4 + a05 * d5
+        y1 = a01 * d0 + a11 * d1 + a12 * d2 + a13 * d3 + a14 * d4 + a15 * d5
+        y2 = a02 * d0 + a12 * d1 + a22 * d2 + a23 * d3 + a24 * d4 + a25 * d5
+        y3 = a03 * d0 + a13 * d1 + a23 * d2 + a33 * d3 + a34 * d4 + a35 * d5
+        y4 = a04 * d0 + a14 * d1 + a24 * d2 + a34 * d3 + a44 * d4 + a45 * d5
+        y5 = a05 * d0 + a15 * d1 + a25 * d2 + a35 * d3 + a45 * d4 + a55 * d5
+        z0 = a00 * f0 + a01 * f1 + a02 * f2 + a03 * m0 + a04 * m1 + a05 * m2
+        z1 = a01 * f0 + a11 * f1 + a12 * f2 + a13 * m0 + a14 * m1 + a15 * m2
+        z2 = a02 * f0 + a12 * f1 + a22 * f2 + a23 * m0 + a24 * m1 + a25 * m2
+        z3 = a03 * f0 + a13 * f1 + a23 * f2 + a33 * m0 + a34 * m1 + a35 * m2
+        z4 = a04 * f0 + a14 * f1 + a24 * f2 + a34 * m0 + a44 * m1 + a45 * m2
+        z5 = a05 * f0 + a15 * f1 + a25 * f2 + a35 * m0 + a45 * m1 + a55 * m2
         rho = (alpha * alpha + beta * beta) * lean
-        tail = (TAIL + 2.0) / (TAIL + rho)
+        tail = (TAIL + 2.0) / (TAIL + rho) * lean
+        # All but the lean's own part, which takes a logarithm.
         energy = 0.5 * (
             (d0 * y0 + d1 * y1 + d2 * y2 + d3 * y3 + d4 * y4 + d5 * y5)
             + phi * phi
-            + (TAIL + 2.0) * math.log(1.0 + rho / TAIL)
             + chi * chi * lever
             + (v1 * v1 + v2 * v2) * cell
         )
         # Derivatives of the wrench over F, rows (f0, f1, f2, m0, m1, m2): by alpha (0, 1, 0, -v2, 0, 0), by
         # beta (0, 0, 1, v1, 0, 0), by chi (0, 0, 0, 1, 0, 0), by v1 (0, 0, 0, beta, 0, 1), by v2 (0, 0, 0,
         # -alpha, -1, 0).
-        g[0] = f0 * y0 + f1 * y1 + f2 * y2 + m0 * y3 + m1 * y4 + m2 * y5 + phi
-        g[1] = F * (y1 - v2 * y3) + tail * alpha * lean
-        g[2] = F * (y2 + v1 * y3) + tail * beta * lean
-        g[3] = F * y3 + chi * lever
-        g[4] = F * (beta * y3 + y5) + v1 * cell
-        g[5] = -F * (alpha * y3 + y4) + v2 * cell
         FF = F * F
-        a3, a4, a5 = A[1, 3] - v2 * A[3, 3], A[1, 4] - v2 * A[3, 4], A[1, 5] - v2 * A[3, 5]
-        b3, b4, b5 = A[2, 3] + v1 * A[3, 3], A[2, 4] + v1 * A[3, 4], A[2, 5] + v1 * A[3, 5]
-        p3, p4, p5 = beta * A[3, 3] + A[3, 5], beta * A[3, 4] + A[4, 5], beta * A[3, 5] + A[5, 5]
-        q3, q4 = -alpha * A[3, 3] - A[3, 4], -alpha * A[3, 4] - A[4, 4]
-        H[0, 0] = f0 * z0 + f1 * z1 + f2 * z2 + m0 * z3 + m1 * z4 + m2 * z5 + 1.0
-        H[0, 1] = F * (z1 - v2 * z3)
-        H[0, 2] = F * (z2 + v1 * z3)
-        H[0, 3] = F * z3
-        H[0, 4] = F * (beta * z3 + z5)
-        H[0, 5] = -F * (alpha * z3 + z4)
-        H[1, 1] = FF * (A[1, 1] - v2 * (A[1, 3] + a3)) + tail * lean
-        H[1, 2] = FF * (A[1, 2] - v2 * A[2, 3] + v1 * a3)
-        H[1, 3] = FF * a3
-        H[1, 4] = FF * (beta * a3 + a5)
-        H[1, 5] = -FF * (alpha * a3 + a4)
-        H[2, 2] = FF * (A[2, 2] + v1 * (A[2, 3] + b3)) + tail * lean
-        H[2, 3] = FF * b3
-        H[2, 4] = FF * (beta * b3 + b5)
-        H[2, 5] = -FF * (alpha * b3 + b4)
-        H[3, 3] = FF * A[3, 3] + lever
-        H[3, 4] = FF * p3
-        H[3, 5] = FF * q3
-        H[4, 4] = FF * (beta * p3 + p5) + cell
-        H[4, 5] = -FF * (alpha * p3 + p4)
-        H[5, 5] = -FF * (alpha * q3 + q4) + cell
-        log_det, hope, v11, _, v22 = solve(H, g)
-        if log_det == math.inf or hope < ENOUGH or step == STEPS or energy - 2.0 * hope > limit:
-            break
+        b3, b4, b5 = a13 - v2 * a33, a14 - v2 * a34, a15 - v2 * a35
+        c3, c4, c5 = a23 + v1 * a33, a24 + v1 * a34, a25 + v1 * a35
+        p3, p4, p5 = beta * a33 + a35, beta * a34 + a45, beta * a35 + a55
+        q3, q4 = -alpha * a33 - a34, -alpha * a34 - a44
+        det, positive, hope, v11, _, v22, s0, s1, s2, s3, s4, s5 = eliminate(
+            f0 * z0 + f1 * z1 + f2 * z2 + m0 * z3 + m1 * z4 + m2 * z5 + 1.0,
+            F * (z1 - v2 * z3),
+            F * (z2 + v1 * z3),
+            F * z3,
+            F * (beta * z3 + z5),
+            -F * (alpha * z3 + z4),
+            FF * (a11 - v2 * (a13 + b3)) + tail,
+            FF * (a12 - v2 * a23 + v1 * b3),
+            FF * b3,
+            FF * (beta * b3 + b5),
+            -FF * (alpha * b3 + b4),
+            FF * (a22 + v1 * (a23 + c3)) + tail,
+            FF * c3,
+            FF * (beta * c3 + c5),
+            -FF * (alpha * c3 + c4),
+            FF * a33 + lever,
+            FF * p3,
+            FF * q3,
+            FF * (beta * p3 + p5) + cell,
+            -FF * (alpha * p3 + p4),
+            -FF * (alpha * q3 + q4) + cell,
+            f0 * y0 + f1 * y1 + f2 * y2 + m0 * y3 + m1 * y4 + m2 * y5 + phi,
+            F * (y1 - v2 * y3) + tail * alpha,
+            F * (y2 + v1 * y3) + tail * beta,
+            F * y3 + chi * lever,
+            F * (beta * y3 + y5) + v1 * cell,
+            -F * (alpha * y3 + y4) + v2 * cell,
+        )
+        lanes[ENERGY + j], lanes[LEAN + j] = energy, rho
+        lanes[DET + j] = det if positive else 0.0
+        lanes[VARIANCE + j] = 0.5 * (v11 + v22)
+        gains = positive & (hope >= ENOUGH) & (energy - 2.0 * hope <= limit) & more
+        going = lanes[GOING + j] if gains else 0.0
+        lanes[GOING + j] = going
         # The equations are bilinear in the force and the rest: a long step in the force is shortened.
-        scale = min(1.0, LONGEST / max(abs(g[0]), 1e-300))
-        phi -= scale * g[0]
-        alpha -= scale * g[1]
-        beta -= scale * g[2]
-        chi -= scale * g[3]
-        v1 -= scale * g[4]
-        v2 -= scale * g[5]
-    px, py, pz = _turned(T, 0.0, v1, v2)
-    fx, fy, fz = _turned(T, -F, F * alpha, F * beta)
-    if log_det == math.inf or energy > limit:
-        return math.inf, -math.inf, cx + px, cy + py, cz + pz, 0.0, fx, fy, fz
-    log_z = -energy - 0.5 * log_det - math.log(prior.lean**2 * prior.lever * spread**2)
-    return energy, log_z, cx + px, cy + py, cz + pz, 0.5 * (v11 + v22), fx, fy, fz
-
-
-@fused_kernel
-def _times(A, a, b, c, d, e, f):  # type: ignore[no-untyped-def]
-    """A times (a, b, c, d, e, f), A symmetric, its upper triangle used."""
-    return (
-        A[0, 0] * a + A[0, 1] * b + A[0, 2] * c + A[0, 3] * d + A[0, 4] * e + A[0, 5] * f,
-        A[0, 1] * a + A[1, 1] * b + A[1, 2] * c + A[1, 3] * d + A[1, 4] * e + A[1, 5] * f,
-        A[0, 2] * a + A[1, 2] * b + A[2, 2] * c + A[2, 3] * d + A[2, 4] * e + A[2, 5] * f,
-        A[0, 3] * a + A[1, 3] * b + A[2, 3] * c + A[3, 3] * d + A[3, 4] * e + A[3, 5] * f,
-        A[0, 4] * a + A[1, 4] * b + A[2, 4] * c + A[3, 4] * d + A[4, 4] * e + A[4, 5] * f,
-        A[0, 5] * a + A[1, 5] * b + A[2, 5] * c + A[3, 5] * d + A[4, 5] * e + A[5, 5] * f,
-    )
-
-
-@fused_kernel
-def _turned(T, a, b, c):  # type: ignore[no-untyped-def]
-    """T times (a, b, c)."""
-    return (
-        T[0, 0] * a + T[0, 1] * b + T[0, 2] * c,
-        T[1, 0] * a + T[1, 1] * b + T[1, 2] * c,
-        T[2, 0] * a + T[2, 1] * b + T[2, 2] * c,
-    )
+        scale = going * min(1.0, LONGEST / max(abs(s0), 1e-300))
+        lanes[SIZE + j] = phi - scale * s0
+        lanes[ALPHA + j] = alpha - scale * s1
+        lanes[BETA + j] = beta - scale * s2
+        lanes[CHI + j] = chi - scale * s3
+        lanes[V1 + j] = v1 - scale * s4
+        lanes[V2 + j] = v2 - scale * s5

@@ -12,6 +12,7 @@ from contactsense.energy import Prior, Work
 from contactsense.follower import Follower
 from contactsense.health import Health
 from contactsense.isolation import Hypotheses, Sensors
+from contactsense.lanes import LANES, LENGTH
 from contactsense.levels import SLOWEST
 from contactsense.memory import Memory
 from contactsense.observer import Observer
@@ -70,8 +71,9 @@ def _places(f, i, a, b, p, s):  # type: ignore[no-untyped-def]
     normal, a = _take2(f, a, s, 3)
     spread, a = _take1(f, a, s)
     log_share, a = _take1(f, a, s)
+    primitive, b = _take1(i, b, s)
     start, b = _take1(i, b, p + 1)
-    return Places(point, normal, spread, log_share, start), a, b
+    return Places(point, normal, spread, log_share, primitive, start), a, b
 
 
 @inlined_kernel
@@ -96,13 +98,17 @@ def _cells(f, i, a, b, r, links):  # type: ignore[no-untyped-def]
     wrench, a = _take1(f, a, 6)
     information, a = _take2(f, a, 6, 6)
     rest, a = _take1(f, a, links)
+    looked, a = _take1(f, a, LENGTH)
+    weighed, a = _take1(f, a, LENGTH)
+    looked_number, b = _take1(i, b, LANES)
+    weighed_number, b = _take1(i, b, LANES)
     primitive, b = _take1(i, b, r)
     place, b = _take1(i, b, r)
-    return (
-        Cells(score, point, normal, force, variance, spread, wrench, information, rest, primitive, place),
-        a,
-        b,
-    )
+    cells = Cells(
+        score, point, normal, force, variance, spread, wrench, information, rest, looked, weighed,
+        looked_number, weighed_number, primitive, place,
+    )  # fmt: skip
+    return cells, a, b
 
 
 @inlined_kernel

@@ -30,8 +30,7 @@ class Choice(NamedTuple):
 def choose_places(arm: Arm) -> Choice:
     """Choose each place as far as possible from those before it."""
     places = arm.places
-    primitive = np.repeat(np.arange(len(arm.surfaces.kind)), np.diff(places.start))
-    link = arm.surfaces.link[primitive]
+    link = arm.surfaces.link[places.primitive]
     feature = np.column_stack((places.point, TURN * places.normal, 10.0 * link))
     nearest = np.full(len(feature), np.inf)
     few: list[int] = []
@@ -40,5 +39,5 @@ def choose_places(arm: Arm) -> Choice:
         nearest = np.minimum(nearest, np.linalg.norm(feature - feature[few[-1]], axis=1))
     coarser = float(np.sqrt(len(feature) / len(few))) if few else 1.0
     return Choice(
-        primitive.astype(np.int64), link.copy(), places.spread.copy(), np.array(few, dtype=np.int64), coarser
+        places.primitive.copy(), link.copy(), places.spread.copy(), np.array(few, dtype=np.int64), coarser
     )

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.sift import misses
 from robots.surface import pack
 from robots.union import distances
 from tests.plain_arm import contacts, plain_ur5e
@@ -43,15 +42,3 @@ def test_a_base_sensor_that_feels_no_force_gives_an_answer_without_warnings() ->
     )
     assert estimate.status in ("none", "ambiguous")
     assert np.isfinite(estimate.link_probability).all()
-
-
-def test_a_place_is_given_up_where_no_force_brings_the_moment_about_it_near_enough() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        root = rng.normal(size=(6, 6))
-        covariance, wrench, (x, y, z) = root @ root.T, rng.normal(size=6), rng.normal(size=3)
-        about = np.hstack((-np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.eye(3)))
-        moment, spread = about @ wrench, rng.uniform(0.01, 1.0)
-        energy = 0.5 * moment @ np.linalg.solve(about @ covariance @ about.T + spread * np.eye(3), moment)
-        assert misses(wrench, covariance, x, y, z, spread, energy * (1.0 - 1e-6))
-        assert not misses(wrench, covariance, x, y, z, spread, energy * (1.0 + 1e-6))
