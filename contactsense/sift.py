@@ -68,7 +68,7 @@ def _weigh_places(  # type: ignore[no-untyped-def]
         ff, loose = _look_at(w, P, hypotheses.information[link], R, o, cells, work)
         looked, left = 0, 0
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
-            if aimed and _far(surfaces, hypotheses, prior, found, link, p, ff):
+            if aimed and _far(w, P, found.origin, surfaces.radius, p, prior, ff):
                 continue
             for s in range(places.start[p], places.start[p + 1]):
                 _put(places, s, cells.looked, cells.looked_number, looked)
@@ -146,9 +146,9 @@ def _look_at(w, P, L, R, o, cells, work):  # type: ignore[no-untyped-def]
 @fused_kernel
 def _put(pieces, s, lanes, number, j):  # type: ignore[no-untyped-def]
     """Put piece s of the surface into lane j of a block."""
-    c, n = pieces.point[s], pieces.normal[s]
-    lanes[X + j], lanes[Y + j], lanes[Z + j] = c[0], c[1], c[2]
-    lanes[NX + j], lanes[NY + j], lanes[NZ + j] = n[0], n[1], n[2]
+    c, n = pieces.point, pieces.normal
+    lanes[X + j], lanes[Y + j], lanes[Z + j] = c[s, 0], c[s, 1], c[s, 2]
+    lanes[NX + j], lanes[NY + j], lanes[NZ + j] = n[s, 0], n[s, 1], n[s, 2]
     lanes[SPREAD + j] = pieces.spread[s]
     number[j] = s
 
@@ -197,14 +197,15 @@ def _best_score(cells, rows):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _far(surfaces, hypotheses, prior, found, link, p, ff):  # type: ignore[no-untyped-def]
-    """Whether the wrench axis passes too far from a primitive."""
-    w = hypotheses.wrench[link]
-    ox, oy, oz = found.origin[p, 0], found.origin[p, 1], found.origin[p, 2]
+def _far(w, P, origin, radius, p, prior, ff):  # type: ignore[no-untyped-def]
+    """Whether the wrench axis passes too far from primitive p."""
+    ox, oy, oz = origin[p, 0], origin[p, 1], origin[p, 2]
     mx, my, mz = w[3] - oy * w[2] + oz * w[1], w[4] - oz * w[0] + ox * w[2], w[5] - ox * w[1] + oy * w[0]
     ax, ay, az = w[1] * mz - w[2] * my, w[2] * mx - w[0] * mz, w[0] * my - w[1] * mx
     if ff == 0.0:
         return False
-    gap = math.sqrt(ax * ax + ay * ay + az * az) / ff - surfaces.radius[p]
-    variance = moment_variance(hypotheses.covariance[link], ox, oy, oz) + prior.offset * prior.offset * ff
-    return gap > 0.0 and 0.5 * ff * gap * gap > 2.0 * CUT * variance
+    gap = math.sqrt(ax * ax + ay * ay + az * az) / ff - radius[p]
+    if gap <= 0.0:
+        return False
+    variance = moment_variance(P, ox, oy, oz) + prior.offset * prior.offset * ff
+    return 0.5 * ff * gap * gap > 2.0 * CUT * variance

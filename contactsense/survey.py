@@ -31,8 +31,8 @@ from robots.compiled import fused_kernel, inlined_fused_kernel
 
 STEPS = 6
 """Most Gauss-Newton steps at one place."""
-ENOUGH = 0.05
-"""A step that promises less gain than this ends the search at a place."""
+ENOUGH = 0.1
+"""A step that promises less gain than this is the last at a place."""
 STEEPEST = 0.3
 """Least normal force that a search starts with, as a part of the measured force."""
 WEAKEST = 1e-3
@@ -82,9 +82,8 @@ def evidence(j, prior, limit, lanes):  # type: ignore[no-untyped-def]
         Energy; log of the mean evidence over the cell (up to the noise's own constant; -infinity beyond the
         limit), the most probable place in the cell (3) [m], and force (3) [N], link frame.
     """
-    F, alpha, beta, v1, v2 = (
-        lanes[FORCE + j], lanes[ALPHA + j], lanes[BETA + j], lanes[V1 + j], lanes[V2 + j],
-    )  # fmt: skip
+    alpha, beta, v1, v2 = lanes[ALPHA + j], lanes[BETA + j], lanes[V1 + j], lanes[V2 + j]
+    F = prior.force * math.exp(lanes[SIZE + j])
     t1x, t1y, t1z = lanes[T1X + j], lanes[T1Y + j], lanes[T1Z + j]
     t2x, t2y, t2z = lanes[T2X + j], lanes[T2Y + j], lanes[T2Z + j]
     x, y, z = (
@@ -292,14 +291,16 @@ def _step(lean, lever, limit, more, lanes):  # type: ignore[no-untyped-def]
             F * (beta * y3 + y5) + v1 * cell,
             -F * (alpha * y3 + y4) + v2 * cell,
         )
-        lanes[ENERGY + j], lanes[LEAN + j] = energy, rho
-        lanes[DET + j] = det if positive else 0.0
-        lanes[VARIANCE + j] = 0.5 * (v11 + v22)
-        gains = positive & (hope >= ENOUGH) & (energy - 2.0 * hope <= limit) & more
-        going = lanes[GOING + j] if gains else 0.0
-        lanes[GOING + j] = going
+        going = lanes[GOING + j] > 0.0
+        # The last step is taken at its word: it leads to a place and an energy that are not looked at again.
+        lanes[ENERGY + j] = energy - min(hope, ENOUGH) if going else lanes[ENERGY + j]
+        lanes[LEAN + j] = rho if going else lanes[LEAN + j]
+        lanes[VARIANCE + j] = 0.5 * (v11 + v22) if going else lanes[VARIANCE + j]
+        lanes[DET + j] = (det if positive else 0.0) if going else lanes[DET + j]
         # The equations are bilinear in the force and the rest: a long step in the force is shortened.
-        scale = going * min(1.0, LONGEST / max(abs(s0), 1e-300))
+        scale = min(1.0, LONGEST / max(abs(s0), 1e-300)) if going else 0.0
+        again = going & positive & (hope >= ENOUGH) & (energy - 2.0 * hope <= limit) & more
+        lanes[GOING + j] = 1.0 if again else 0.0
         lanes[SIZE + j] = phi - scale * s0
         lanes[ALPHA + j] = alpha - scale * s1
         lanes[BETA + j] = beta - scale * s2
