@@ -44,9 +44,9 @@ from contactsense.stream import (
 )
 from contactsense.tracker import ABOVE, NONE, PHASE, WINDOW, average, choose, forget, live
 from contactsense.unfold import unfold
+from robots.arrays import copy
 from robots.compiled import inlined_kernel, kernel
 from robots.grid import Grids
-from robots.uncounted import uncounted
 
 
 @kernel
@@ -80,14 +80,7 @@ def listen(
     """
     arm, memory = unfold(floats, integers, sizes)
     track, stream, health = memory.track, memory.stream, memory.health
-    if not put(
-        stream,
-        uncounted(q),
-        uncounted(qd),
-        uncounted(torque),
-        uncounted(base_wrench),
-        uncounted(wrist_wrench),
-    ):
+    if not put(stream, q, qd, torque, base_wrench, wrist_wrench):
         return MISFIT
     said: int = arrive(stream, t, given, bandwidth)
     if said & (REPEATED | UNUSABLE):
@@ -155,7 +148,6 @@ def pursue(
     """
     arm, memory = unfold(floats, integers, sizes)
     skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
-    rows = uncounted(rows)
     track, stream = memory.track, memory.stream
     dt = stream.clock[STEP]
     memory.follower.clock[QUIET] = 0.0
@@ -277,8 +269,6 @@ def once(
     the energy of "nothing touches"; -1 and 0 where a vector has the wrong size or is not finite."""
     arm, memory = unfold(floats, integers, sizes)
     skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
-    q, torque, rows = uncounted(q), uncounted(torque), uncounted(rows)
-    base_wrench, wrist_wrench = uncounted(base_wrench), uncounted(wrist_wrench)
     n = sizes[0]
     if not (fits(q, n) and fits(torque, n) and fits(base_wrench, 6) and fits(wrist_wrench, 6)):
         return -1, 0.0
@@ -310,14 +300,12 @@ def batch(
     """`once` for N samples; the best explanation of each goes into a row of `best`, its first number -1 for
     none."""
     arm, memory = unfold(floats, integers, sizes)
-    q, torque, rows, best = uncounted(q), uncounted(torque), uncounted(rows), uncounted(best)
-    base_wrench, wrist_wrench = uncounted(base_wrench), uncounted(wrist_wrench)
     for i in range(q.shape[0]):
         rest(arm, memory, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
         count, nothing[i] = explain(arm, memory, has_base, has_torque, has_wrist, 1.0, gate, -1.0)
-        link_probability[i] = memory.link_probability
+        copy(memory.link_probability, link_probability[i])
         if report(arm, memory, skin, min(count, 1), rows) > 0:
-            best[i] = rows[0]
+            copy(rows[0], best[i])
         else:
             best[i] = 0.0
             best[i, 0] = -1.0

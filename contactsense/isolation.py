@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robots.arrays import copy
 from robots.compiled import fused_kernel
 
 BROAD = 1e3
@@ -212,9 +213,10 @@ def isolate(
         log_evidence += null_wrist[1]
     for link in range(links):
         if link > 0:
-            w[link] = w[link - 1]
-            P[link] = P[link - 1]
-            L[link] = L[link - 1]
+            copy(w[link - 1], w[link])
+            for i in range(6):
+                copy(P[link - 1, i], P[link, i])
+                copy(L[link - 1, i], L[link, i])
         while seen < sensors.depth[link]:
             if has_torque:
                 # Under this hypothesis the joint sees the contact: its null term gives way to an innovation.

@@ -25,6 +25,7 @@ from contactsense.stiction import energy_beyond_rest
 from contactsense.stream import BASE, MATCH, STEP, TORQUE, WRIST, WRIST_MATCH
 from contactsense.tracker import NONE, PHASE
 from kinematics.core import carry, dot6, move
+from robots.arrays import copy
 from robots.compiled import inlined_kernel
 
 
@@ -123,9 +124,9 @@ def present(
     matched = memory.stream.usable[MATCH] > 0.0
     wrist_matched = memory.stream.usable[WRIST_MATCH] > 0.0
     from_bodies(memory.motion, base, memory.body_wrench)
-    memory.base_wrench[:] = memory.body_wrench[0]
-    memory.torque[:] = joints
-    memory.wrist_wrench[:] = wrist
+    copy(memory.body_wrench[0], memory.base_wrench)
+    copy(joints, memory.torque)
+    copy(wrist, memory.wrist_wrench)
     for j in range(joints.shape[0]):
         memory.seen_torque[j] = (
             dot6(memory.motion.screw[j], memory.base_wrench) + match[j] if matched else joints[j]
@@ -295,9 +296,10 @@ def rest(
         memory.wrist_wrench[i] = wrist_wrench[i] - (0.0 if external else memory.carried[1, i])
     memory.follower.base[:] = 0.0
     memory.follower.torque[:] = 0.0
-    memory.body_wrench[:] = memory.base_wrench
-    memory.seen_torque[:] = memory.torque
-    memory.seen_wrist[:] = memory.wrist_wrench
+    for body in range(memory.body_wrench.shape[0]):
+        copy(memory.base_wrench, memory.body_wrench[body])
+    copy(memory.torque, memory.seen_torque)
+    copy(memory.wrist_wrench, memory.seen_wrist)
 
 
 @inlined_kernel

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.drive import Drive, unexplained
+from robots.arrays import copy
 from robots.compiled import kernel
 
 PRESLIDING = 5e-4
@@ -176,8 +177,8 @@ def _fill(state: Stiction, residual: np.ndarray, dt: float, bandwidth: float) ->
     k = 2.0 * math.pi * bandwidth * slices[0, 2]
     slices[0, 1] = 2.0 / k * (1.0 - (1.0 - math.exp(-k)) / k)
     for i in range(SLICES, 0, -1):
-        level[i] = level[i - 1]
-        slices[i] = slices[i - 1]
+        copy(level[i - 1], level[i])
+        copy(slices[i - 1], slices[i])
     _empty(state, 0)
 
 
@@ -192,6 +193,6 @@ def _restart(state: Stiction, q: np.ndarray) -> None:
     """Nothing is known but what friction may hold."""
     state.clock[:] = 0.0
     state.clock[_STARTED] = 1.0
-    state.anchor[:] = q
+    copy(q, state.anchor)
     for k in range(SLICES + 1):
         _empty(state, k)

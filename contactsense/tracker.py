@@ -22,6 +22,7 @@ import numpy as np
 from contactsense.isolation import Sensors
 from contactsense.observer import Observer
 from kinematics.model import Motion
+from robots.arrays import copy
 from robots.compiled import kernel
 
 WINDOWS = 6
@@ -108,7 +109,7 @@ def forget(track: Track) -> None:
 def restart(track: Track) -> None:
     """Start all windows again from the observer's residual: what they have averaged was another contact."""
     for i in range(1, WINDOWS):
-        track.mean[i] = track.mean[0]
+        copy(track.mean[0], track.mean[i])
         track.gain[i] = track.gain[0]
         track.shared[i] = track.shared[0]
         track.samples[i] = 1.0
@@ -162,7 +163,7 @@ def average(
     length = GROWTH / K
     for i in range(1, WINDOWS):
         if afresh:
-            track.mean[i] = fast
+            copy(fast, track.mean[i])
             track.gain[i] = gain
             track.shared[i] = gain
             track.samples[i] = 1.0
@@ -219,12 +220,12 @@ def choose(
             if i < FORGETFUL:
                 continue
             reach = GROWTH**chosen / (2.0 * math.pi * bandwidth * max(dt, 1e-9))
-            track.mean[i] = track.mean[chosen]
+            copy(track.mean[chosen], track.mean[i])
             track.gain[i] = track.gain[chosen]
             track.shared[i] = track.shared[chosen]
             track.age[i] = track.age[chosen]
             track.samples[i] = min(max(track.samples[chosen], 1.0), reach) if chosen > 0 else 1.0
-            track.apart[i] = track.apart[chosen]
+            copy(track.apart[chosen], track.apart[i])
         elif worst <= agree and chosen == i - 1:
             chosen = i
     track.life[WINDOW] = _clearest(track, chosen) if has_base else chosen

@@ -21,9 +21,9 @@ from contactsense.stiction import SLICES, Stiction
 from contactsense.stream import Stream
 from contactsense.tracker import WINDOWS, Track
 from kinematics.model import Model, Motion
+from robots.arrays import block
 from robots.compiled import inlined_kernel
 from robots.surface import Surfaces
-from robots.uncounted import block
 
 
 @inlined_kernel

@@ -22,7 +22,7 @@ from contactsense.solvers.wrench_axis import (
     wrench_axis_revolved,
 )
 from kinematics.core import place
-from robots.compiled import kernel
+from robots.compiled import allocating_kernel, kernel
 from robots.surface import ELLIPSOID, REVOLVED
 from robots.union import nearest
 
@@ -50,7 +50,7 @@ class ExactContact:
         return answers
 
 
-@kernel
+@allocating_kernel
 def _run(stage, closed_form, q, base_wrench, joint_torque, link, point_base, force_base):  # type: ignore[no-untyped-def]
     motion, surfaces, noise = stage.motion, stage.surfaces, stage.noise
     n = q.shape[1]
@@ -71,7 +71,7 @@ def _run(stage, closed_form, q, base_wrench, joint_torque, link, point_base, for
             cost[k] = np.inf
 
 
-@kernel
+@allocating_kernel
 def _fuse(noise, motion, b, L, h, wrench, cost):  # type: ignore[no-untyped-def]
     """Least-squares wrench under each link's hypothesis, and -2 log evidence up to a constant.
 

@@ -21,7 +21,7 @@ from benchmarks.peers.stage import build_stage, measure, to_base
 from benchmarks.peers.walk import walk
 from contactsense import Scene
 from kinematics.core import place
-from robots.compiled import kernel
+from robots.compiled import allocating_kernel, kernel
 
 PARTICLES = 50
 """Particles in a set."""
@@ -139,7 +139,7 @@ class Sets(NamedTuple):
     """Shape (sets, 3)."""
 
 
-@kernel
+@allocating_kernel
 def _run(  # type: ignore[no-untyped-def]
     stage, friction, points, normals, links, first, q, base_wrench, joint_torque,
     rng, particles, explorers, rounds, short, long, excess, found_link, found_point, found_force,
@@ -187,14 +187,14 @@ def _run(  # type: ignore[no-untyped-def]
                 force_of(problem.directions[c], problem.x, EDGES * c, found_force[i, t, c])
 
 
-@kernel
+@allocating_kernel
 def _anywhere(rng, first):  # type: ignore[no-untyped-def]
     """Number of a random place: a link that can be touched, all alike, then a place on it."""
     link = rng.integers(0, first.shape[0] - 1)
     return rng.integers(first[link], first[link + 1])
 
 
-@kernel
+@allocating_kernel
 def _throw(rng, sets, c, points, normals, links, first):  # type: ignore[no-untyped-def]
     """Start set `c` at random places."""
     for k in range(sets.on.shape[1]):
@@ -212,7 +212,7 @@ def _taken(sets, c, count, link):  # type: ignore[no-untyped-def]
     return taken
 
 
-@kernel
+@allocating_kernel
 def _turn(  # type: ignore[no-untyped-def]
     rng, stage, friction, points, normals, links, first, problem, square, sets, count,
     short, long, sharpness, on, at, out, cost, chosen,

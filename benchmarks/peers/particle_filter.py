@@ -15,7 +15,7 @@ from benchmarks.peers.stage import build_stage, given, measure, to_base
 from benchmarks.peers.walk import walk
 from contactsense import Scene
 from kinematics.core import place
-from robots.compiled import kernel
+from robots.compiled import allocating_kernel
 
 PARTICLES = 50
 ROUNDS = 50
@@ -55,7 +55,7 @@ class ParticleFilter:
         return answers
 
 
-@kernel
+@allocating_kernel
 def _run(  # type: ignore[no-untyped-def]
     stage, friction, points, normals, links, q, base_wrench, joint_torque,
     rng, particles, rounds, step, link, point_base, force_base,

@@ -4,7 +4,7 @@ from math import exp
 
 from benchmarks.peers.friction import EDGES, columns, edges, gram
 from benchmarks.peers.stage import load, to_base, turned_to_base
-from robots.compiled import kernel
+from robots.compiled import allocating_kernel, kernel
 
 
 @kernel
@@ -42,7 +42,7 @@ def force_of(directions, weights, first, out):  # type: ignore[no-untyped-def]
         out[i] = total
 
 
-@kernel
+@allocating_kernel
 def resample(rng, cost, chosen):  # type: ignore[no-untyped-def]
     """Systematic resampling: fills `chosen` (K,) with particle numbers, each as often as its weight asks for.
 

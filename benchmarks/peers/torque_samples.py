@@ -17,7 +17,7 @@ from benchmarks.peers.skin_table import spread
 from benchmarks.peers.stage import build_stage, given, measure, to_base
 from contactsense import Scene
 from kinematics.core import place
-from robots.compiled import kernel
+from robots.compiled import allocating_kernel
 
 SPACING = 0.008
 """Distance of neighbouring samples [m]."""
@@ -80,7 +80,7 @@ class TorqueSamples:
         return Candidates(link[kept], point[kept], np.sqrt(cost[kept]))
 
 
-@kernel
+@allocating_kernel
 def _search(stage, friction, points, normals, links, q, joint_torque, cost):  # type: ignore[no-untyped-def]
     """Squared residual at each sample, into `cost` (M,); the best one's link, place and force, base axes."""
     place(stage.model, q, stage.motion)

@@ -7,7 +7,7 @@ goes back to the nearest place of the arm, which may lie on the link before or a
 import numpy as np
 
 from benchmarks.peers.stage import to_base, to_link
-from robots.compiled import kernel
+from robots.compiled import allocating_kernel, kernel
 from robots.union import nearest
 
 _BURIED = 1e-4
@@ -30,7 +30,7 @@ def _place(stage, link, x, y, z, within):  # type: ignore[no-untyped-def]
     return d, sx, sy, sz, nx, ny, nz
 
 
-@kernel
+@allocating_kernel
 def walk(rng, stage, step, link, place, normal, new_place, new_normal):  # type: ignore[no-untyped-def]
     """Move a particle at random; it stays where the step ends at no place that can be touched.
 

@@ -25,7 +25,7 @@ from contactsense.arm import Arm, build_arm
 from contactsense.isolation import Hypotheses, empty_hypotheses, isolate
 from kinematics.core import place
 from kinematics.model import Motion, empty_motion
-from robots.compiled import fused_kernel
+from robots.compiled import allocating_fused_kernel
 
 LEAST_FORCE, GREATEST_FORCE = 1.0, 300.0
 """Range of the normal force [N], its logarithm uniform."""
@@ -183,7 +183,7 @@ class Dense:
         return answer
 
 
-@fused_kernel
+@allocating_fused_kernel
 def _answer(
     arm: Arm,
     samples: Samples,

@@ -9,7 +9,7 @@ from benchmarks.posterior.samples import Samples
 from contactsense.isolation import Hypotheses
 from contactsense.ldl import solve
 from kinematics.model import Motion
-from robots.compiled import fused_kernel
+from robots.compiled import allocating_fused_kernel, fused_kernel
 
 PATCH = 0.02
 """Radius about a place within which probability is gathered for an answer [m]."""
@@ -48,7 +48,7 @@ def turn(w, L, R, o, T, local_w, local_L):  # type: ignore[no-untyped-def]
             local_L[k, i] = total
 
 
-@fused_kernel
+@allocating_fused_kernel
 def weigh(
     samples: Samples,
     touchable: np.ndarray,
@@ -177,7 +177,7 @@ def gathered(samples, weight, first, last, at):  # type: ignore[no-untyped-def]
     return total
 
 
-@fused_kernel
+@allocating_fused_kernel
 def most_gathered(samples, density, weight, first, last):  # type: ignore[no-untyped-def]
     """Of the densest places that lie apart, the one with the most probability around it; -1 if none."""
     picks = np.full(_PICKS, -1)
@@ -206,7 +206,7 @@ def most_gathered(samples, density, weight, first, last):  # type: ignore[no-unt
     return found
 
 
-@fused_kernel
+@allocating_fused_kernel
 def displaced(samples, s, F, aimed, prior, local_w, local_L, M, H, g, out):  # type: ignore[no-untyped-def]
     """Expected place on a patch, link frame: its middle and the mean of the displacements along it."""
     n, c = samples.normal[s], samples.point[s]
@@ -234,7 +234,7 @@ def displaced(samples, s, F, aimed, prior, local_w, local_L, M, H, g, out):  # t
         out[i] = c[i] + a * t[i] + b * t[i + 3]
 
 
-@fused_kernel
+@allocating_fused_kernel
 def mean_about(samples, weight, force, first, last, at, aimed, prior, local_w, local_L, M, H, g, out):  # type: ignore[no-untyped-def]
     """Mean place of the probability within `PATCH` of one patch, link frame."""
     total = 0.0

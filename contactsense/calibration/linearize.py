@@ -18,6 +18,7 @@ from contactsense.observer import Observer, advance, begin, empty_observer
 from kinematics.core import move
 from kinematics.model import Model, Motion, empty_motion
 from kinematics.regressor import PARAMETERS, arm_regressor
+from robots.arrays import copy
 from robots.compiled import kernel
 
 _SMALL: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "payload": 1e-3}
@@ -172,7 +173,7 @@ def _observe_links(
                     advance(state, e, momentum[r, k, c], drift[r, k, c], step)
                     e += 1
         if i >= start and (i - start) % every == 0:
-            out[row] = state.residual
+            copy(state.residual, out[row])
             row += 1
 
 

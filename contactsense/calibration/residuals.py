@@ -9,6 +9,7 @@ from contactsense.equations import observe_joints, observe_wrench
 from contactsense.observer import Observer, empty_observer
 from kinematics.core import dot6, move
 from kinematics.model import Model, Motion, empty_motion
+from robots.arrays import copy
 from robots.compiled import kernel
 
 GAP = 0.05
@@ -41,10 +42,10 @@ def _observe(
         move(model, q[i], qd[i], gravity, motion)
         if torque.shape[0] > 0:
             observe_joints(model, drive, motion, qd[i], torque[i], dt, bandwidth, joints, spread)
-            of_joints[i] = joints.residual
+            copy(joints.residual, of_joints[i])
         if wrench.shape[0] > 0:
             observe_wrench(motion.momentum[0], motion.gravity[0], wrench[i], dt, bandwidth, base)
-            of_base[i] = base.residual
+            copy(base.residual, of_base[i])
 
 
 def residuals(plant: Plant, stretch: Stretch, bandwidth: float) -> np.ndarray:

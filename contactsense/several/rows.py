@@ -14,6 +14,7 @@ import numpy as np
 from contactsense.isolation import Sensors
 from contactsense.several.memory import Rows
 from kinematics.model import Motion
+from robots.arrays import copy
 from robots.compiled import fused_kernel
 
 
@@ -34,7 +35,7 @@ def _cross(a, twist, still, out):  # type: ignore[no-untyped-def]
 def _see(row, twist, still, lag, scratch, out):  # type: ignore[no-untyped-def]
     """The row of a link that moves with `twist` where the sensor moves with `still`: row (1 + lag V x*)^-1,
     to the second order of the lag."""
-    out[:] = row
+    copy(row, out)
     for _ in range(2):
         _cross(out, twist, still, scratch)
         for i in range(6):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.compiled import kernel
+from robots.compiled import allocating_kernel, kernel
 from robots.surface import bounding_radius, keep_valid, project
 from robots.union import nearest
 
@@ -64,7 +64,7 @@ def _residual(d, value, mode):  # type: ignore[no-untyped-def]
     return e
 
 
-@kernel
+@allocating_kernel
 def _radii(kind, size):  # type: ignore[no-untyped-def]
     radius = np.empty(kind.shape[0])
     for i in range(kind.shape[0]):
@@ -87,7 +87,7 @@ def cost(kind, rotation, origin, size, points, value, mode, weight, scale, reach
     return total
 
 
-@kernel
+@allocating_kernel
 def _normal_equations(kind, rotation, origin, size, points, value, mode, weight, scale, reach, H, g):  # type: ignore[no-untyped-def]
     H[:] = 0.0
     g[:] = 0.0
@@ -128,7 +128,7 @@ def _normal_equations(kind, rotation, origin, size, points, value, mode, weight,
     return total
 
 
-@kernel
+@allocating_kernel
 def _step(kind, rotation, origin, size, H, g, damping, least, new_rotation, new_origin, new_size):  # type: ignore[no-untyped-def]
     A = np.empty((_PARAMETERS, _PARAMETERS))
     for k in range(kind.shape[0]):
@@ -162,7 +162,7 @@ def _step(kind, rotation, origin, size, H, g, damping, least, new_rotation, new_
         keep_valid(kind[k], new_size[k], least)
 
 
-@kernel
+@allocating_kernel
 def fit(kind, rotation, origin, size, points, value, mode, weight, scale, reach, least, steps):  # type: ignore[no-untyped-def]
     """Improve `rotation`, `origin` and `size` in place; returns the cost reached.
 

@@ -3,9 +3,16 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numba.core.errors import NumbaError
 
 import robots
+from robots.compiled import allocating_kernel, kernel
 
 OUTER = (
     "from robots.compiled import kernel\n"
@@ -86,3 +93,24 @@ def test_a_class_of_arguments_that_is_gone_leaves_no_trace(tmp_path: Path) -> No
             "outer.stats = outer_inner.stats\n"
         )
         assert _run(tmp_path) == 3.0
+
+
+def _half(x):  # type: ignore[no-untyped-def]
+    y = np.empty(x.shape[0])
+    for i in range(x.shape[0]):
+        y[i] = 0.5 * x[i]
+    return y[0]
+
+
+def _move_down(x):  # type: ignore[no-untyped-def]
+    x[1:] = x[:-1]
+
+
+@pytest.mark.parametrize("function", [_half, _move_down])
+def test_a_kernel_that_would_allocate_is_refused(function: Callable[..., Any]) -> None:
+    with pytest.raises(NumbaError, match=r"NRT required|returning of array"):
+        kernel(function)(np.ones(3))
+
+
+def test_an_allocating_kernel_may() -> None:
+    assert allocating_kernel(_half)(np.ones(3)) == 0.5
