@@ -28,7 +28,7 @@ def block(buffer: np.ndarray, at: int, shape: tuple[int, ...]) -> np.ndarray:
 
 
 # Numba takes any function that returns an array for one that allocates.
-@overload(block, jit_options={"_nrt": True})
+@overload(block, jit_options={"_nrt": True})  # type: ignore[typeddict-unknown-key]
 def _block(buffer, at, shape):  # type: ignore[no-untyped-def]
     return lambda buffer, at, shape: _view(buffer, at, shape)  # type: ignore[call-arg]
 
