@@ -73,17 +73,15 @@ def _aim_all(surfaces, touchable, hypotheses, prior, found, work):  # type: igno
             ox, oy, oz = found.origin[p, 0], found.origin[p, 1], found.origin[p, 2]
             mx, my, mz = w[3] - oy * fz + oz * fy, w[4] - oz * fx + ox * fz, w[5] - ox * fy + oy * fx
             ax, ay, az = fy * mz - fz * my, fz * mx - fx * mz, fx * my - fy * mx
-            gap = math.sqrt(ax * ax + ay * ay + az * az) / ff - surfaces.radius[p]
-            # Energy of bringing the axis nearer by one metre, about: the moment about o must change by |f|.
-            per_gap = 0.5 * ff / (moment_variance(P, ox, oy, oz) + prior.offset * prior.offset * ff)
+            kind, size, radius = surfaces.kind[p], surfaces.size[p], surfaces.radius[p]
             limit = ceiling + CUT - own
-            if gap > 0.0 and per_gap * gap * gap > limit:
+            away = math.sqrt(ax * ax + ay * ay + az * az) / ff - radius
+            if away > 0.0 and _shift_energy(away, P, ox, oy, oz, ff, prior) > limit:
                 continue
             v, B = found.wrench[p], found.information[p]
-            view(w, L, found.rotation[p], found.origin[p], v, B, work)
-            kind, size, radius = surfaces.kind[p], surfaces.size[p], surfaces.radius[p]
+            view(w, L, found.rotation[p], found.origin[p], v, B)
             gap, cx, cy, cz, nx, ny, nz = enter(kind, size, radius, v[0], v[1], v[2], v[3], v[4], v[5])
-            if per_gap * gap * gap > limit:
+            if gap > 0.0 and _shift_energy(gap, P, ox, oy, oz, ff, prior) > limit:
                 continue
             hx, hy, hz = lean_in(v[0], v[1], v[2], nx, ny, nz)
             loose = loosen(B, prior, nx, ny, nz, hx, hy, hz)
@@ -95,6 +93,13 @@ def _aim_all(surfaces, touchable, hypotheses, prior, found, work):  # type: igno
             found.order[count] = p
             count += 1
     return count
+
+
+@fused_kernel
+def _shift_energy(gap, P, ox, oy, oz, ff, prior):  # type: ignore[no-untyped-def]
+    """Energy of bringing the wrench axis nearer to the point o by `gap` [m], about: the moment about o must
+    change by |f| gap. P: covariance of the wrench; ff: square of its force."""
+    return 0.5 * ff * gap * gap / (moment_variance(P, ox, oy, oz) + prior.offset * prior.offset * ff)
 
 
 @fused_kernel

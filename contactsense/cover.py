@@ -5,7 +5,7 @@ import math
 
 from contactsense.energy import TAIL, tangents
 from robots.compiled import fused_kernel, inlined_fused_kernel
-from robots.surface import project
+from robots.surface import out_of_reach, project
 
 RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
 """Radii, in standard deviations, and weights of the points that stand for a normal distribution on a plane:
@@ -46,14 +46,12 @@ def clearance(surfaces, found, own, x, y, z, enough):  # type: ignore[no-untyped
         if p == own or reach <= 0.0 or dx * dx + dy * dy + dz * dz > reach * reach:
             continue
         R = found.rotation[p]
-        d = project(
-            surfaces.kind[p],
-            surfaces.size[p],
-            R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
-            R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
-            R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
-        )[0]
-        least = min(least, d)
+        kind, size = surfaces.kind[p], surfaces.size[p]
+        ax = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
+        ay = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
+        az = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
+        if not out_of_reach(kind, size, ax, ay, az, least):
+            least = min(least, project(kind, size, ax, ay, az)[0])
     return least
 
 
@@ -61,7 +59,9 @@ def clearance(surfaces, found, own, x, y, z, enough):  # type: ignore[no-untyped
 def exposed(depth, prior):  # type: ignore[no-untyped-def]
     """How far a place counts as one that can be touched: 1 with room above it; as the surfaces may be off, a
     little too little room still counts. `depth`: clearance above it, negative without room [m]."""
-    lack = SHARPNESS * min(depth, 0.0) / prior.offset
+    if depth >= 0.0:
+        return 1.0
+    lack = SHARPNESS * depth / prior.offset
     return (1.0 + lack * lack / TAIL) ** (-0.5 * (TAIL + 1.0))
 
 
@@ -93,13 +93,17 @@ def room_above(surfaces, found, row, prior):  # type: ignore[no-untyped-def]
 def cover_place(surfaces, found, row, prior, least):  # type: ignore[no-untyped-def]
     """Take into account which part of an explanation's neighbourhood can be touched: its score is lowered by
     the log of that share, its place and covariance become those of the share. Where nothing above the score
-    `least` can come of it, the score becomes -infinity at once."""
+    `least` can come of it, the score becomes -infinity at once.
+
+    Returns:
+        Whether all of it is clear, which leaves the explanation as it is.
+    """
     near, longest, v11, v12, v22 = room_above(surfaces, found, row, prior)
     if near >= WIDEST * longest:
-        return
+        return True
     if found.score[row] + math.log(exposed(near + WIDEST * longest, prior)) < least:
         found.score[row] = -math.inf
-        return
+        return False
     p, room = found.primitive[row], prior.room
     c, n = found.point[row], found.normal[row]
     C = found.covariance[row]
@@ -163,7 +167,7 @@ def cover_place(surfaces, found, row, prior, least):  # type: ignore[no-untyped-
             zz += part * ez * ez
     found.score[row] += math.log(share)
     if share > WHOLE:
-        return
+        return False
     mx, my, mz = mx / share, my / share, mz / share
     s = prior.offset * prior.offset
     C[0, 0] = xx / share - mx * mx + s * n[0] * n[0]
@@ -184,6 +188,7 @@ def cover_place(surfaces, found, row, prior, least):  # type: ignore[no-untyped-
     for i in range(3):
         c[i] = o[i] + R[i, 0] * lx + R[i, 1] * ly + R[i, 2] * lz
         n[i] = R[i, 0] * kx + R[i, 1] * ky + R[i, 2] * kz
+    return False
 
 
 @fused_kernel

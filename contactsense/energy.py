@@ -23,7 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.view import about
+from contactsense.square import add_slope, add_square
+from contactsense.view import about, dot, times
 from robots.compiled import fused_kernel, inlined_fused_kernel
 
 TAIL = 4.0
@@ -54,29 +55,20 @@ class Prior(NamedTuple):
 class Work(NamedTuple):
     """Scratch arrays of `refine`, and its matrix results."""
 
-    local: np.ndarray
-    """Information matrix about the contact point, shape (6, 6)."""
     normal_equations: np.ndarray
     """Upper triangle: Gauss-Newton matrix of (f, xi, v1, v2), shape (6, 6)."""
     gradient: np.ndarray
     """Gradient of the energy, then the step, shape (6,)."""
     frame: np.ndarray
     """Columns: outward normal and two tangents, body axes, shape (3, 3)."""
-    columns: np.ndarray
-    """Rows: change of the wrench by each unknown at a fixed place, shape (6, 6)."""
-    lever: np.ndarray
-    """Columns: change of the moment about c by xi, v1, v2, body axes, shape (3, 3)."""
 
 
 def empty_work() -> Work:
     """Scratch for one thread."""
     return Work(
-        local=np.zeros((6, 6)),
         normal_equations=np.zeros((6, 6)),
         gradient=np.zeros(6),
         frame=np.zeros((3, 3)),
-        columns=np.zeros((6, 6)),
-        lever=np.zeros((3, 3)),
     )
 
 
@@ -171,7 +163,7 @@ def tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
 def set_up(w, L, prior, loose, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):  # type: ignore[no-untyped-def]
     """Fill gradient and Gauss-Newton matrix at one point of the search. W: shape operator, six floats."""
     t1x, t1y, t1z, t2x, t2y, t2z = tangents(nx, ny, nz)
-    frame, B, A, H, g = work.frame, work.lever, work.local, work.normal_equations, work.gradient
+    frame, H, g = work.frame, work.normal_equations, work.gradient
     frame[0, 0], frame[1, 0], frame[2, 0] = nx, ny, nz
     frame[0, 1], frame[1, 1], frame[2, 1] = t1x, t1y, t1z
     frame[0, 2], frame[1, 2], frame[2, 2] = t2x, t2y, t2z
@@ -185,108 +177,102 @@ def set_up(w, L, prior, loose, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):
     k11 = t1x * w1x + t1y * w1y + t1z * w1z
     k12 = t1x * w2x + t1y * w2y + t1z * w2z
     k22 = t2x * w2x + t2y * w2y + t2z * w2z
-    B[0, 0], B[1, 0], B[2, 0] = nx, ny, nz
-    B[0, 1] = t1y * fz - t1z * fy + xi * w1x
-    B[1, 1] = t1z * fx - t1x * fz + xi * w1y
-    B[2, 1] = t1x * fy - t1y * fx + xi * w1z
-    B[0, 2] = t2y * fz - t2z * fy + xi * w2x
-    B[1, 2] = t2z * fx - t2x * fz + xi * w2y
-    B[2, 2] = t2x * fy - t2y * fx + xi * w2z
-    about(L, cx, cy, cz, A)
-    # The surface's offset loosens it. u is a pure moment, so that v = L u becomes X^T v about c.
-    v, s, _ = loose
-    v = (
-        v[0] + v[4] * cz - v[5] * cy,
-        v[1] + v[5] * cx - v[3] * cz,
-        v[2] + v[3] * cy - v[4] * cx,
-        v[3],
-        v[4],
-        v[5],
-    )
-    for i in range(6):
-        for k in range(6):
-            A[i, k] -= s * v[i] * v[k]
-    # Residual wrench about c.
-    dx, dy, dz = fx - w[0], fy - w[1], fz - w[2]
-    d = (
-        dx,
-        dy,
-        dz,
+    # Change of the moment about c by xi, v1, v2.
+    b0 = (nx, ny, nz)
+    b1 = (t1y * fz - t1z * fy + xi * w1x, t1z * fx - t1x * fz + xi * w1y, t1x * fy - t1y * fx + xi * w1z)
+    b2 = (t2y * fz - t2z * fy + xi * w2x, t2z * fx - t2x * fz + xi * w2y, t2x * fy - t2y * fx + xi * w2z)
+    # H = G^T A G and g = G^T A d with A the information about c, G = diag(1, (b0 b1 b2)) and d the residual
+    # wrench about c.
+    F, D, M = about(L, cx, cy, cz)
+    p0, p1, p2 = times(M, b0), times(M, b1), times(M, b2)
+    c0, c1, c2 = _transposed_times(D, b0), _transposed_times(D, b1), _transposed_times(D, b2)
+    df = (fx - w[0], fy - w[1], fz - w[2])
+    dm = (
         xi * nx - w[3] + cy * w[2] - cz * w[1],
         xi * ny - w[4] + cz * w[0] - cx * w[2],
         xi * nz - w[5] + cx * w[1] - cy * w[0],
     )
-    # H = G^T A G and g = G^T A d with G = diag(1, B).
-    for i in range(6):
-        p = (
-            A[i, 0] * d[0]
-            + A[i, 1] * d[1]
-            + A[i, 2] * d[2]
-            + A[i, 3] * d[3]
-            + A[i, 4] * d[4]
-            + A[i, 5] * d[5]
-        )
-        if i < 3:
-            g[i] = p
-            for k in range(3):
-                H[i, k] = A[i, k]
-                H[i, k + 3] = A[i, 3] * B[0, k] + A[i, 4] * B[1, k] + A[i, 5] * B[2, k]
-        else:
-            for k in range(3):
-                # Row i of (moment block) B; kept where H's lower right block goes, and multiplied from the
-                # left below.
-                H[i, k] = A[i, 3] * B[0, k] + A[i, 4] * B[1, k] + A[i, 5] * B[2, k]
-            g[i] = p
-    g3, g4, g5 = g[3], g[4], g[5]
-    for k in range(3):
-        g[k + 3] = B[0, k] * g3 + B[1, k] * g4 + B[2, k] * g5
-        for i in range(3):
-            H[i + 3, k + 3] = B[0, i] * H[3, k] + B[1, i] * H[4, k] + B[2, i] * H[5, k]
+    af, am = times(F, df), times(D, df)
+    bf, bm = _transposed_times(D, dm), times(M, dm)
+    m = (am[0] + bm[0], am[1] + bm[1], am[2] + bm[2])
+    # The surface's offset loosens it. u is a pure moment, so that v = L u becomes X^T v about c.
+    v, s, _ = loose
+    vf = (v[0] + v[4] * cz - v[5] * cy, v[1] + v[5] * cx - v[3] * cz, v[2] + v[3] * cy - v[4] * cx)
+    vm = (v[3], v[4], v[5])
+    free = (dot(b0, vm), dot(b1, vm), dot(b2, vm))
+    a, b, c = s * vf[0], s * vf[1], s * vf[2]
+    H[0, 0], H[0, 1], H[0, 2] = F[0][0] - a * vf[0], F[0][1] - a * vf[1], F[0][2] - a * vf[2]
+    H[0, 3], H[0, 4], H[0, 5] = c0[0] - a * free[0], c1[0] - a * free[1], c2[0] - a * free[2]
+    H[1, 1], H[1, 2] = F[1][1] - b * vf[1], F[1][2] - b * vf[2]
+    H[1, 3], H[1, 4], H[1, 5] = c0[1] - b * free[0], c1[1] - b * free[1], c2[1] - b * free[2]
+    H[2, 2] = F[2][2] - c * vf[2]
+    H[2, 3], H[2, 4], H[2, 5] = c0[2] - c * free[0], c1[2] - c * free[1], c2[2] - c * free[2]
+    a, b, c = s * free[0], s * free[1], s * free[2]
+    H[3, 3], H[3, 4], H[3, 5] = (
+        dot(b0, p0) - a * free[0],
+        dot(b0, p1) - a * free[1],
+        dot(b0, p2) - a * free[2],
+    )
+    H[4, 4], H[4, 5] = dot(b1, p1) - b * free[1], dot(b1, p2) - b * free[2]
+    H[5, 5] = dot(b2, p2) - c * free[2]
+    r = s * (dot(vf, df) + dot(vm, dm))
+    g[0], g[1], g[2] = af[0] + bf[0] - r * vf[0], af[1] + bf[1] - r * vf[1], af[2] + bf[2] - r * vf[2]
+    g[3], g[4], g[5] = dot(b0, m) - r * free[0], dot(b1, m) - r * free[1], dot(b2, m) - r * free[2]
     # Priors. Torsion ratio xi / (lever F) and lean (t . f) / (lean F), F = -n . f the normal force; their
     # derivatives
     # by (f, xi, v), where dF = -n . df - sum_a f_a k_ai dv_i and the tangents turn by k_ai F dv_i.
-    F = -(fx * nx + fy * ny + fz * nz)
+    push = -(fx * nx + fy * ny + fz * nz)
     f1 = t1x * fx + t1y * fy + t1z * fz
     f2 = t2x * fx + t2y * fy + t2z * fz
     F1 = -(f1 * k11 + f2 * k12)
     F2 = -(f1 * k12 + f2 * k22)
-    i = 1.0 / (prior.lever * F)
-    r = xi * i
-    q = r / F
-    _add_prior(H, g, r, (q * nx, q * ny, q * nz, i, -q * F1, -q * F2))
-    i = 1.0 / F
-    _add_prior(H, g, math.log(F / prior.force), (-i * nx, -i * ny, -i * nz, 0.0, i * F1, i * F2))
+    inverse = 1.0 / push
+    unit = inverse / prior.lever
+    r1 = xi * unit
+    q = r1 * inverse
+    twist = (q * nx, q * ny, q * nz, unit, -q * F1, -q * F2)
+    r2 = math.log(push / prior.force)
+    size = (-inverse * nx, -inverse * ny, -inverse * nz, 0.0, inverse * F1, inverse * F2)
     # The heavy tail's weight: what a quadratic would have to be multiplied by to have the same slope here.
-    weight = math.sqrt((TAIL + 2.0) / (TAIL + (f1 * f1 + f2 * f2) / (prior.lean * F) ** 2))
-    i = weight / (prior.lean * F)
-    r = f1 * i
-    q = r / F
-    row = (
-        t1x * i + q * nx,
-        t1y * i + q * ny,
-        t1z * i + q * nz,
+    unit = inverse / prior.lean
+    unit *= math.sqrt((TAIL + 2.0) / (TAIL + (f1 * f1 + f2 * f2) * unit * unit))
+    r3, r4 = f1 * unit, f2 * unit
+    q = r3 * inverse
+    lean1 = (
+        t1x * unit + q * nx,
+        t1y * unit + q * ny,
+        t1z * unit + q * nz,
         0.0,
-        k11 * F * i - q * F1,
-        k12 * F * i - q * F2,
+        k11 * push * unit - q * F1,
+        k12 * push * unit - q * F2,
     )
-    _add_prior(H, g, r, row)
-    r = f2 * i
-    q = r / F
-    row = (
-        t2x * i + q * nx,
-        t2y * i + q * ny,
-        t2z * i + q * nz,
+    q = r4 * inverse
+    lean2 = (
+        t2x * unit + q * nx,
+        t2y * unit + q * ny,
+        t2z * unit + q * nz,
         0.0,
-        k12 * F * i - q * F1,
-        k22 * F * i - q * F2,
+        k12 * push * unit - q * F1,
+        k22 * push * unit - q * F2,
     )
-    _add_prior(H, g, r, row)
+    _add_prior(H, g, r1, twist)
+    _add_prior(H, g, r2, size)
+    _add_prior(H, g, r3, lean1)
+    _add_prior(H, g, r4, lean2)
+
+
+@fused_kernel
+def _transposed_times(B, a):  # type: ignore[no-untyped-def]
+    """B^T a, with B a block, a tuple of rows."""
+    return (
+        B[0][0] * a[0] + B[1][0] * a[1] + B[2][0] * a[2],
+        B[0][1] * a[0] + B[1][1] * a[1] + B[2][1] * a[2],
+        B[0][2] * a[0] + B[1][2] * a[1] + B[2][2] * a[2],
+    )
 
 
 @fused_kernel
 def _add_prior(H, g, r, row):  # type: ignore[no-untyped-def]
     """Add a squared residual r with the given derivatives to the upper triangle of H and to g."""
-    for i in range(6):
-        g[i] += r * row[i]
-        for k in range(i, 6):
-            H[i, k] += row[i] * row[k]
+    add_slope(g, r, row)
+    add_square(H, 1.0, row)

@@ -16,6 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.square import add_slope, add_square, mirror
+from kinematics.core import dot6
 from robots.arrays import copy
 from robots.compiled import fused_kernel
 
@@ -71,47 +73,27 @@ def empty_hypotheses(links: int) -> Hypotheses:
 
 
 @fused_kernel
-def _null(value, variance):  # type: ignore[no-untyped-def]
-    """Energy and log likelihood of a measurement that is noise only."""
-    energy = 0.5 * value * value / variance
-    return energy, -energy - 0.5 * (math.log(variance) + _LOG_2PI)
-
-
-@fused_kernel
 def _observe(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
-    """Kalman step for value = a . w + noise, in place; energy and log likelihood of the innovation."""
-    g = (
-        P[0, 0] * a[0] + P[0, 1] * a[1] + P[0, 2] * a[2] + P[0, 3] * a[3] + P[0, 4] * a[4] + P[0, 5] * a[5],
-        P[1, 0] * a[0] + P[1, 1] * a[1] + P[1, 2] * a[2] + P[1, 3] * a[3] + P[1, 4] * a[4] + P[1, 5] * a[5],
-        P[2, 0] * a[0] + P[2, 1] * a[1] + P[2, 2] * a[2] + P[2, 3] * a[3] + P[2, 4] * a[4] + P[2, 5] * a[5],
-        P[3, 0] * a[0] + P[3, 1] * a[1] + P[3, 2] * a[2] + P[3, 3] * a[3] + P[3, 4] * a[4] + P[3, 5] * a[5],
-        P[4, 0] * a[0] + P[4, 1] * a[1] + P[4, 2] * a[2] + P[4, 3] * a[3] + P[4, 4] * a[4] + P[4, 5] * a[5],
-        P[5, 0] * a[0] + P[5, 1] * a[1] + P[5, 2] * a[2] + P[5, 3] * a[3] + P[5, 4] * a[4] + P[5, 5] * a[5],
-    )
-    s = variance
-    innovation = value
-    for i in range(6):
-        s += a[i] * g[i]
-        innovation -= a[i] * w[i]
-    sharpness = 1.0 / s
-    weight = 1.0 / variance
-    for i in range(6):
-        gain = g[i] * sharpness
-        w[i] += gain * innovation
-        for k in range(i + 1):
-            P[i, k] -= gain * g[k]
-            P[k, i] = P[i, k]
-            L[i, k] += a[i] * a[k] * weight
-            L[k, i] = L[i, k]
-    return _null(innovation, s)
+    """Kalman step for value = a . w + noise, in place; energy and variance of the innovation."""
+    row = (a[0], a[1], a[2], a[3], a[4], a[5])
+    g = (dot6(P[0], row), dot6(P[1], row), dot6(P[2], row), dot6(P[3], row), dot6(P[4], row), dot6(P[5], row))
+    spread = variance + dot6(row, g)
+    innovation = value - dot6(row, w)
+    sharpness = 1.0 / spread
+    add_slope(w, sharpness * innovation, g)
+    add_square(P, -sharpness, g)
+    mirror(P)
+    add_square(L, 1.0 / variance, row)
+    mirror(L)
+    return 0.5 * innovation * innovation * sharpness, spread
 
 
 @fused_kernel
 def _observe_wrist(variance_f, variance_m, y, origin, w, P, L):  # type: ignore[no-untyped-def]
     """Six steps for a wrist sensor at `origin`: its force, and its moment about its own origin, where noise
-    is isotropic."""
+    is isotropic. Energy of the innovations, and the product of their variances in units of the noise's."""
     energy = 0.0
-    log_likelihood = 0.0
+    volume = 1.0
     ox, oy, oz = origin[0], origin[1], origin[2]
     mx, my, mz = y[3] - oy * y[2] + oz * y[1], y[4] - oz * y[0] + ox * y[2], y[5] - ox * y[1] + oy * y[0]
     rows = (
@@ -123,27 +105,19 @@ def _observe_wrist(variance_f, variance_m, y, origin, w, P, L):  # type: ignore[
         ((oy, -ox, 0.0, 0.0, 0.0, 1.0), mz, variance_m),
     )
     for row, value, variance in rows:
-        cost, fit = _observe(row, value, variance, w, P, L)
+        cost, spread = _observe(row, value, variance, w, P, L)
         energy += cost
-        log_likelihood += fit
-    return energy, log_likelihood
+        volume *= spread / variance
+    return energy, volume
 
 
 @fused_kernel
 def _null_wrist(variance_f, variance_m, y, origin):  # type: ignore[no-untyped-def]
-    """Energy and log likelihood of a wrist reading if nothing touches beyond the wrist."""
+    """Energy of a wrist reading if nothing touches beyond the wrist."""
     ox, oy, oz = origin[0], origin[1], origin[2]
-    energy = 0.0
-    log_likelihood = 0.0
-    moment = (y[3] - oy * y[2] + oz * y[1], y[4] - oz * y[0] + ox * y[2], y[5] - ox * y[1] + oy * y[0])
-    for i in range(3):
-        cost, fit = _null(y[i], variance_f)
-        energy += cost
-        log_likelihood += fit
-        cost, fit = _null(moment[i], variance_m)
-        energy += cost
-        log_likelihood += fit
-    return energy, log_likelihood
+    mx, my, mz = y[3] - oy * y[2] + oz * y[1], y[4] - oz * y[0] + ox * y[2], y[5] - ox * y[1] + oy * y[0]
+    force = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
+    return 0.5 * (force / variance_f + (mx * mx + my * my + mz * mz) / variance_m)
 
 
 @fused_kernel
@@ -197,20 +171,22 @@ def isolate(
                 L[0, i, k] = 1.0 / (BROAD * BROAD) if i == k else 0.0
     seen = 0
     energy = 0.0
-    log_evidence = 0.0
+    # Product of the variances of all measurements but the base wrench, and their number.
+    volume, count = 1.0, 0
     if has_torque:
+        count += joints
         for j in range(joints):
-            cost, fit = _null(torque[j], torque_variance[j])
-            energy += cost
-            log_evidence += fit
+            energy += 0.5 * torque[j] * torque[j] / torque_variance[j]
+            volume *= torque_variance[j]
     wrist_seen = False
-    null_wrist = (0.0, 0.0)
+    null_wrist = 0.0
     force_variance = sensors.wrist_variance[0] * scale
     moment_variance = sensors.wrist_variance[1] * scale
     if has_wrist:
+        count += 6
         null_wrist = _null_wrist(force_variance, moment_variance, wrist_wrench, wrist_origin)
-        energy += null_wrist[0]
-        log_evidence += null_wrist[1]
+        energy += null_wrist
+        volume *= (force_variance * moment_variance) ** 3
     for link in range(links):
         if link > 0:
             copy(w[link - 1], w[link])
@@ -219,24 +195,19 @@ def isolate(
                 copy(L[link - 1, i], L[link, i])
         while seen < sensors.depth[link]:
             if has_torque:
-                # Under this hypothesis the joint sees the contact: its null term gives way to an innovation.
-                cost, fit = _null(torque[seen], torque_variance[seen])
-                energy -= cost
-                log_evidence -= fit
-                cost, fit = _observe(
-                    screw[seen], seen_torque[seen], torque_variance[seen], w[link], P[link], L[link]
-                )
-                energy += cost
-                log_evidence += fit
+                # Under this hypothesis the joint sees the contact: an innovation takes the place of what is
+                # noise alone.
+                variance = torque_variance[seen]
+                cost, spread = _observe(screw[seen], seen_torque[seen], variance, w[link], P[link], L[link])
+                energy += cost - 0.5 * torque[seen] * torque[seen] / variance
+                volume *= spread / variance
             seen += 1
         if has_wrist and sensors.beyond_wrist[link] and not wrist_seen:
             wrist_seen = True
-            energy -= null_wrist[0]
-            log_evidence -= null_wrist[1]
-            cost, fit = _observe_wrist(
+            cost, wider = _observe_wrist(
                 force_variance, moment_variance, seen_wrist, wrist_origin, w[link], P[link], L[link]
             )
-            energy += cost
-            log_evidence += fit
+            energy += cost - null_wrist
+            volume *= wider
         out.energy[link] = energy
-        out.log_evidence[link] = log_evidence
+        out.log_evidence[link] = -energy - 0.5 * (math.log(volume) + count * _LOG_2PI)

@@ -15,7 +15,7 @@ import numpy as np
 from contactsense.aim import moment_variance, search_along
 from contactsense.candidates import Candidates
 from contactsense.cells import Cells
-from contactsense.cover import WIDEST, cover_place, room_above, stands_on
+from contactsense.cover import cover_place, stands_on
 from contactsense.energy import Prior, Work
 from contactsense.isolation import Hypotheses
 from contactsense.ldl import solve
@@ -160,7 +160,7 @@ def _cover(surfaces, found, count, prior):  # type: ignore[no-untyped-def]
     best = -math.inf
     for i in range(count):
         best = max(best, found.score[found.order[i]])
-    # The best of those with nothing near them: what is worse than that by enough needs no closer look.
+    # The best so far of those with nothing near them: what is worse than that by enough needs no closer look.
     free = -math.inf
     for i in range(count):
         p = found.order[i]
@@ -168,14 +168,8 @@ def _cover(surfaces, found, count, prior):  # type: ignore[no-untyped-def]
             continue
         if stands_on(surfaces.link[p], found.point[p, 2], found.normal[p, 2], prior.offset):
             found.score[p] = -math.inf
-        elif found.score[p] > free:
-            near, longest, _, _, _ = room_above(surfaces, found, p, prior)
-            if near >= WIDEST * longest:
-                free = found.score[p]
-    for i in range(count):
-        p = found.order[i]
-        if found.score[p] >= best - CUT:
-            cover_place(surfaces, found, p, prior, free - CUT)
+        elif cover_place(surfaces, found, p, prior, free - CUT):
+            free = max(free, found.score[p])
 
 
 @fused_kernel

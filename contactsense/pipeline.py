@@ -190,10 +190,17 @@ def tell(arm: Arm, memory: Memory, scale: float) -> None:
     for j in range(memory.torque.shape[0]):
         known = sensors.torque_variance[j] * scale + memory.unexplained[j] ** 2
         memory.torque_variance[j] = known + follower.torque[j]
+    unknown = 0.0
     for i in range(6):
+        unknown += follower.base[i, i]
         for k in range(6):
             memory.base_covariance[i, k] = sensors.base_covariance[i, k] + follower.base[i, k] / scale
-    invert(memory.base_covariance, memory.base_information)
+    # A covariance without a trace is none.
+    if unknown > 0.0:
+        invert(memory.base_covariance, memory.base_information)
+    else:
+        for i in range(6):
+            copy(sensors.base_information[i], memory.base_information[i])
 
 
 @inlined_kernel

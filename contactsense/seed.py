@@ -11,7 +11,7 @@ from robots.compiled import fused_kernel
 from robots.surface import REVOLVED, project
 
 _STEPS = 30
-NEAR = 1e-6
+NEAR = 1e-4
 """Distance from the surface, in parts of the bounding radius, at which the axis counts as having entered."""
 
 
@@ -29,7 +29,6 @@ def _approach(kind, size, radius, ax, ay, az, ux, uy, uz):  # type: ignore[no-un
                 s = max(s, middle - math.sqrt(chord))
         if abs(uz) > 1e-9:
             s = max(s, -(size[0] + size[3]) / abs(uz) - az / uz)
-        s -= 1e-3 * radius
     return s
 
 

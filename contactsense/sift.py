@@ -26,12 +26,12 @@ fine they are."""
 
 @fused_kernel
 def sift(  # type: ignore[no-untyped-def]
-    surfaces, places, parts, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found
+    surfaces, places, parts, touchable, depth, motion, hypotheses, aimed, prior, cells, found
 ):
     """Fill a row of `cells` for each cell, or part of one, that is not beyond hope.
 
     Args:
-        surfaces, places, parts, touchable, depth, motion, hypotheses, aimed, prior, work, found: As in
+        surfaces, places, parts, touchable, depth, motion, hypotheses, aimed, prior, found: As in
             `contactsense.locate.locate`, the primitives placed already.
         cells: Filled: see `contactsense.cells.Cells`.
 
@@ -39,18 +39,18 @@ def sift(  # type: ignore[no-untyped-def]
         How many rows, and the best log evidence, -infinity without any.
     """
     rows, least = _weigh_places(
-        surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found
+        surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, cells, found
     )
     best = _best_score(cells, rows)
     if best > -math.inf and _count_above(cells, rows, best - SPLIT) <= FEW:
-        rows = _weigh_parts(surfaces, parts, depth, motion, hypotheses, prior, work, cells, rows, best, least)
+        rows = _weigh_parts(surfaces, parts, depth, motion, hypotheses, prior, cells, rows, best, least)
         best = _best_score(cells, rows)
     return rows, best
 
 
 @fused_kernel
 def _weigh_places(  # type: ignore[no-untyped-def]
-    surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found
+    surfaces, places, touchable, depth, motion, hypotheses, aimed, prior, cells, found
 ):
     """A row of `cells` for each place that is not beyond hope; how many, and the least energy."""
     rows = 0
@@ -65,7 +65,7 @@ def _weigh_places(  # type: ignore[no-untyped-def]
             continue
         R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
         w, P = hypotheses.wrench[link], hypotheses.covariance[link]
-        ff, loose = _look_at(w, P, hypotheses.information[link], R, o, cells, work)
+        ff, loose = _look_at(w, P, hypotheses.information[link], R, o, cells)
         looked, left = 0, 0
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
             if aimed and _far(w, P, found.origin, surfaces.radius, p, prior, ff):
@@ -104,7 +104,7 @@ def _pass_on(places, looked, left, known, prior, own, rows, least, cells):  # ty
 
 @fused_kernel
 def _weigh_parts(  # type: ignore[no-untyped-def]
-    surfaces, parts, depth, motion, hypotheses, prior, work, cells, rows, best, least
+    surfaces, parts, depth, motion, hypotheses, prior, cells, rows, best, least
 ):
     """Put parts in the place of the best cells; how many rows there are then."""
     last, left = -1, 0
@@ -120,7 +120,7 @@ def _weigh_parts(  # type: ignore[no-untyped-def]
             last, own = link, hypotheses.energy[link]
             R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
             w, P = hypotheses.wrench[link], hypotheses.covariance[link]
-            ff, loose = _look_at(w, P, hypotheses.information[link], R, o, cells, work)
+            ff, loose = _look_at(w, P, hypotheses.information[link], R, o, cells)
             known = loose < ff
         cells.score[row] = -math.inf
         for s in range(parts.start[cells.place[row]], parts.start[cells.place[row] + 1]):
@@ -135,11 +135,11 @@ def _weigh_parts(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _look_at(w, P, L, R, o, cells, work):  # type: ignore[no-untyped-def]
+def _look_at(w, P, L, R, o, cells):  # type: ignore[no-untyped-def]
     """Put the wrench of a link's hypothesis and its information into the link's frame; its squared force and
     the variance of that."""
     u = cells.wrench
-    view(w, L, R, o, u, cells.information, work)
+    view(w, L, R, o, u, cells.information)
     return u[0] * u[0] + u[1] * u[1] + u[2] * u[2], P[0, 0] + P[1, 1] + P[2, 2]
 
 

@@ -228,13 +228,10 @@ def _candidates(f, i, a, b, p):  # type: ignore[no-untyped-def]
 
 @inlined_kernel
 def _work(f, a):  # type: ignore[no-untyped-def]
-    local, a = _take2(f, a, 6, 6)
     normal_equations, a = _take2(f, a, 6, 6)
     gradient, a = _take1(f, a, 6)
     frame, a = _take2(f, a, 3, 3)
-    columns, a = _take2(f, a, 6, 6)
-    lever, a = _take2(f, a, 3, 3)
-    return Work(local, normal_equations, gradient, frame, columns, lever), a
+    return Work(normal_equations, gradient, frame), a
 
 
 @inlined_kernel

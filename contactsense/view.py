@@ -1,53 +1,95 @@
-"""A wrench and its information matrix seen from another frame."""
+"""A wrench and its information matrix seen from another point, and from another frame.
+
+The matrix is taken apart into blocks of 3x3, L = [F D^T; D M] with F of the force, M of the moment. Blocks
+are tuples of rows, so that the compiler keeps them in registers: arrays that one function reads and writes
+might overlap for all it knows.
+"""
 
 from robots.compiled import fused_kernel
 
 
 @fused_kernel
-def view(w, L, R, o, local_w, local_L, work):  # type: ignore[no-untyped-def]
+def view(w, L, R, o, local_w, local_L):  # type: ignore[no-untyped-def]
     """Bring a fused wrench and its information matrix into a body frame.
 
     Args:
         w, L: Wrench about the base origin and its information matrix, base axes, shapes (6,) and (6, 6).
         R, o: Axes (columns) and origin [m] of the body frame in the base frame, shapes (3, 3) and (3,).
         local_w, local_L: Filled: wrench about the origin of the body frame and its information, body axes.
-        work: Its `local` is used.
     """
-    A, out = work.local, local_L
     x, y, z = o[0], o[1], o[2]
     mx, my, mz = w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0]
+    # Body axes as rows.
+    axes = (
+        (R[0, 0], R[1, 0], R[2, 0]),
+        (R[0, 1], R[1, 1], R[2, 1]),
+        (R[0, 2], R[1, 2], R[2, 2]),
+    )
+    F, D, M = about(L, x, y, z)
+    force, across, moment = _turned(axes, F), _turned(axes, D), _turned(axes, M)
     for i in range(3):
-        local_w[i] = R[0, i] * w[0] + R[1, i] * w[1] + R[2, i] * w[2]
-        local_w[i + 3] = R[0, i] * mx + R[1, i] * my + R[2, i] * mz
-    about(L, x, y, z, A)
-    # Blocks of the upper triangle, turned: out = R^T A R.
-    for block in range(3):
-        r, c = (0, 0) if block == 0 else ((0, 3) if block == 1 else (3, 3))
-        for i in range(3):
-            h0 = R[0, i] * A[r, c] + R[1, i] * A[r + 1, c] + R[2, i] * A[r + 2, c]
-            h1 = R[0, i] * A[r, c + 1] + R[1, i] * A[r + 1, c + 1] + R[2, i] * A[r + 2, c + 1]
-            h2 = R[0, i] * A[r, c + 2] + R[1, i] * A[r + 1, c + 2] + R[2, i] * A[r + 2, c + 2]
-            for k in range(3):
-                out[r + i, c + k] = h0 * R[0, k] + h1 * R[1, k] + h2 * R[2, k]
-    for i in range(3):
+        a = axes[i]
+        local_w[i] = a[0] * w[0] + a[1] * w[1] + a[2] * w[2]
+        local_w[i + 3] = a[0] * mx + a[1] * my + a[2] * mz
         for k in range(3):
-            out[i + 3, k] = out[k, i + 3]
+            local_L[i, k] = force[i][k]
+            local_L[i + 3, k] = across[i][k]
+            local_L[k, i + 3] = across[i][k]
+            local_L[i + 3, k + 3] = moment[i][k]
 
 
 @fused_kernel
-def about(L, x, y, z, A):  # type: ignore[no-untyped-def]
-    """Information about another point: A = X^T L X with X = [1 0; [c]x 1], c = (x, y, z); first L X, then X^T
-    that."""
-    for i in range(6):
-        a, b, c = L[i, 3], L[i, 4], L[i, 5]
-        A[i, 0] = L[i, 0] + b * z - c * y
-        A[i, 1] = L[i, 1] + c * x - a * z
-        A[i, 2] = L[i, 2] + a * y - b * x
-        A[i, 3] = a
-        A[i, 4] = b
-        A[i, 5] = c
-    for k in range(6):
-        a, b, c = A[3, k], A[4, k], A[5, k]
-        A[0, k] += b * z - c * y
-        A[1, k] += c * x - a * z
-        A[2, k] += a * y - b * x
+def about(L, x, y, z):  # type: ignore[no-untyped-def]
+    """Information about another point c = (x, y, z): X^T L X with X = [1 0; [c]x 1].
+
+    Returns:
+        The blocks F, D and M of it, each a tuple of rows.
+    """
+    M = ((L[3, 3], L[3, 4], L[3, 5]), (L[4, 3], L[4, 4], L[4, 5]), (L[5, 3], L[5, 4], L[5, 5]))
+    # A row times [c]x is the row's cross product with c.
+    D = (
+        _plus_cross((L[3, 0], L[3, 1], L[3, 2]), M[0], x, y, z),
+        _plus_cross((L[4, 0], L[4, 1], L[4, 2]), M[1], x, y, z),
+        _plus_cross((L[5, 0], L[5, 1], L[5, 2]), M[2], x, y, z),
+    )
+    half = (
+        _plus_cross((L[0, 0], L[0, 1], L[0, 2]), (L[0, 3], L[0, 4], L[0, 5]), x, y, z),
+        _plus_cross((L[1, 0], L[1, 1], L[1, 2]), (L[1, 3], L[1, 4], L[1, 5]), x, y, z),
+        _plus_cross((L[2, 0], L[2, 1], L[2, 2]), (L[2, 3], L[2, 4], L[2, 5]), x, y, z),
+    )
+    # The same for its columns; F is symmetric, so that its columns are its rows.
+    F = (
+        _plus_cross((half[0][0], half[1][0], half[2][0]), (D[0][0], D[1][0], D[2][0]), x, y, z),
+        _plus_cross((half[0][1], half[1][1], half[2][1]), (D[0][1], D[1][1], D[2][1]), x, y, z),
+        _plus_cross((half[0][2], half[1][2], half[2][2]), (D[0][2], D[1][2], D[2][2]), x, y, z),
+    )
+    return F, D, M
+
+
+@fused_kernel
+def _plus_cross(a, b, x, y, z):  # type: ignore[no-untyped-def]
+    """a + b x (x, y, z)."""
+    return a[0] + b[1] * z - b[2] * y, a[1] + b[2] * x - b[0] * z, a[2] + b[0] * y - b[1] * x
+
+
+@fused_kernel
+def _turned(axes, B):  # type: ignore[no-untyped-def]
+    """A block in the frame with these axes: a_i . B a_k."""
+    p, q, r = times(B, axes[0]), times(B, axes[1]), times(B, axes[2])
+    return (
+        (dot(axes[0], p), dot(axes[0], q), dot(axes[0], r)),
+        (dot(axes[1], p), dot(axes[1], q), dot(axes[1], r)),
+        (dot(axes[2], p), dot(axes[2], q), dot(axes[2], r)),
+    )
+
+
+@fused_kernel
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """a . b of three numbers each."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@fused_kernel
+def times(B, a):  # type: ignore[no-untyped-def]
+    """B a, with B a block, a tuple of rows."""
+    return dot(B[0], a), dot(B[1], a), dot(B[2], a)

@@ -45,7 +45,7 @@ def search_over(  # type: ignore[no-untyped-def]
     """
     rest[:] = -math.inf
     rows, best = sift(
-        surfaces, places, parts, touchable, depth, motion, hypotheses, aimed, prior, work, cells, found
+        surfaces, places, parts, touchable, depth, motion, hypotheses, aimed, prior, cells, found
     )
     if best == -math.inf:
         return 0
@@ -116,9 +116,7 @@ def _explain(  # type: ignore[no-untyped-def]
     p = cells.primitive[s]
     link = surfaces.link[p]
     w, L = found.wrench[p], found.information[p]
-    view(
-        hypotheses.wrench[link], hypotheses.information[link], found.rotation[p], found.origin[p], w, L, work
-    )
+    view(hypotheses.wrench[link], hypotheses.information[link], found.rotation[p], found.origin[p], w, L)
     S, t = surfaces.rotation[p], surfaces.origin[p]
     dx, dy, dz = cells.point[s, 0] - t[0], cells.point[s, 1] - t[1], cells.point[s, 2] - t[2]
     _, cx, cy, cz, nx, ny, nz = project(

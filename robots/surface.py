@@ -32,7 +32,7 @@ BOX = 2
 _SAME = 1e-8
 """Sine of the angle below which two normals count as one, to tell a face from the rim beside it."""
 
-_TOUCHING = 1e-10
+_TOUCHING = 1e-9
 """Distance from a core [m] below which the direction away from it is only rounding."""
 
 
@@ -158,6 +158,22 @@ def project(kind, size, x, y, z):  # type: ignore[no-untyped-def]
     if kind == ELLIPSOID:
         return nearest_on_ellipsoid(size, x, y, z)
     return _project_box(size, x, y, z)
+
+
+@kernel
+def out_of_reach(kind, size, x, y, z, reach):  # type: ignore[no-untyped-def]
+    """Whether a point is more than `reach` [m] away from a primitive for sure (or less deep inside, where it
+    is negative): by the can about a body of revolution, in a fraction of the time of `project`.
+
+    Args:
+        kind, size: The primitive, as for `project`.
+        x, y, z: The point, body frame [m].
+        reach: Distance [m].
+    """
+    if kind != REVOLVED:
+        return False
+    along, across = size[0] + size[3] + reach, max(size[1], size[2]) + size[3] + reach
+    return across <= 0.0 or fabs(z) > along or x * x + y * y > across * across
 
 
 @kernel

@@ -44,7 +44,7 @@ def _search(shape: Primitive, wrench: np.ndarray, information: np.ndarray, prior
     kind, size = surfaces.kind[0], surfaces.size[0]
     R, o = surfaces.rotation[0], surfaces.origin[0]
     w, L = np.empty(6), np.empty((6, 6))
-    view(wrench, information, R, o, w, L, work)
+    view(wrench, information, R, o, w, L)
     seed = enter(kind, size, surfaces.radius[0], *w)[1:]
     force = lean_in(*w[:3], *seed[3:])
     return refine(kind, size, w, L, prior, FAR, *seed, *force, 0.0, work), work, kind, size
@@ -81,7 +81,7 @@ def test_no_better_place_is_near(shape: Primitive) -> None:
         result, _, kind, size = _search(shape, wrench, information, PRIOR)
         R, o = surfaces.rotation[0], surfaces.origin[0]
         w, L = np.empty(6), np.empty((6, 6))
-        view(wrench, information, R, o, w, L, empty_work())
+        view(wrench, information, R, o, w, L)
         start = np.concatenate((result[2:5], result[8:11], [result[11]]))
         step = np.array([0.003] * 3 + [0.3] * 3 + [0.02])
 
@@ -128,7 +128,7 @@ def test_a_view_is_the_same_wrench_from_another_frame() -> None:
     rotation = np.linalg.qr(chance.standard_normal((3, 3)))[0]
     origin, wrench = chance.standard_normal(3), chance.standard_normal(6)
     w, L = np.empty(6), np.empty((6, 6))
-    view(wrench, information, rotation, origin, w, L, empty_work())
+    view(wrench, information, rotation, origin, w, L)
     x, y, z = origin
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     to_base = np.block([[rotation, np.zeros((3, 3))], [cross @ rotation, rotation]])

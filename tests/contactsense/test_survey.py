@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from contactsense.energy import TAIL, Prior, empty_work
+from contactsense.energy import TAIL, Prior
 from contactsense.lanes import A00, A55, LANES, LENGTH, NX, SPREAD, T1X, T2X, VARIANCE, W0, W5, X
 from contactsense.survey import evidence, weigh
 from contactsense.view import view
@@ -125,7 +125,7 @@ def test_the_wrench_is_seen_from_each_cell() -> None:
         )
         np.testing.assert_allclose(T @ T.T, np.eye(3), atol=1e-12)
         seen, information = np.empty(6), np.empty((6, 6))
-        view(w, L, T.T.copy(), _read(lanes, X, NX - 1, j).copy(), seen, information, empty_work())
+        view(w, L, T.T.copy(), _read(lanes, X, NX - 1, j).copy(), seen, information)
         np.testing.assert_allclose(_read(lanes, W0, W5, j), seen, atol=1e-12)
         upper = information[np.triu_indices(6)]
         np.testing.assert_allclose(_read(lanes, A00, A55, j), upper, rtol=1e-9, atol=1e-12)
