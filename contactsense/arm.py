@@ -71,7 +71,7 @@ def build_arm(scene: Scene) -> Arm:
         prior=Prior(
             lean=scene.friction / 2.0,
             lever=scene.torsion,
-            offset=scene.surface_error,
+            offset=scene.surface_deviation,
             force=scene.force,
             room=scene.room,
             area=area,

@@ -100,7 +100,7 @@ class Dense:
         self.name = f"dense posterior, {geometry}"
         self.scene = scene
         self.samples = samples
-        self.prior = prior or prior_of(scene, scene.surface_error if geometry == "primitives" else 0.0)
+        self.prior = prior or prior_of(scene, scene.surface_deviation if geometry == "primitives" else 0.0)
         self._rule = _RULES.index(rule)
         self._arm = build_arm(scene)
         joints, links = self._arm.model.joints, len(self._arm.touchable)

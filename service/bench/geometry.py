@@ -100,13 +100,14 @@ def _row(found: Any) -> dict[str, Any]:
         values = np.abs(values) * 1e3
         percentiles = np.percentile(values, (50.0, 95.0, 100.0))
         named = dict(zip(COLUMNS, (round(float(value), 3) for value in percentiles), strict=True))
-        return {"mean": round(float(values.mean()), 3)} | named
+        most = round(float(np.percentile(values, 90.0)), 3)
+        return {"mean": round(float(values.mean()), 3), "p90": most} | named
 
-    angle = np.degrees(np.percentile(found.angle, (50.0, 95.0)))
+    angle = np.degrees(np.percentile(found.angle, (50.0, 90.0, 95.0)))
     return {
         "skin_to_model_mm": lengths(found.skin),
         "model_to_skin_mm": lengths(found.primitive),
-        "normal_deg": {"p50": round(float(angle[0]), 2), "p95": round(float(angle[1]), 2)},
+        "normal_deg": dict(zip(("p50", "p90", "p95"), np.round(angle, 2).tolist(), strict=True)),
     }
 
 

@@ -16,6 +16,12 @@ def test_a_name_is_enough() -> None:
     np.testing.assert_allclose(scene.gravity_base, [0.0, 0.0, -9.81])
 
 
+def test_the_surface_is_off_as_measured_unless_said() -> None:
+    assert Scene(robot="ur5e").surface_deviation == 0.0005
+    assert Scene(robot="ur5e", detail="coarse").surface_deviation == 0.004
+    assert Scene(robot="ur5e", surface_error=0.001).surface_deviation == 0.001
+
+
 def test_a_file_says_the_same(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(

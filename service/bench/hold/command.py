@@ -72,7 +72,7 @@ def summary(squares: np.ndarray) -> dict[str, list[float]]:
         squares: Of all streams, see `held`, shape (runs, len(TIMES), 2) [m^2].
     """
     # What is stated across the surface is how well the primitives fit, and here they are exact.
-    across = scene_of(CASES[0]).surface_error ** 2
+    across = scene_of(CASES[0]).surface_deviation ** 2
     rms = np.sqrt(np.mean(squares[..., 0], axis=0))
     stated = np.sqrt(np.maximum(np.mean(squares[..., 1], axis=0) - across, 0.0))
     return {"error_mm": (1e3 * rms).tolist(), "stated_mm": (1e3 * stated).tolist()}
