@@ -104,6 +104,25 @@ def test_projection_is_consistent(name: str, x: float, y: float, z: float) -> No
 
 
 @pytest.mark.parametrize("name", NAMES)
+@settings(derandomize=True, deadline=None, max_examples=150)
+@given(x=coordinate, y=coordinate, z=coordinate, reach=st.floats(-0.05, 0.3))
+def test_nothing_within_reach_is_out_of_it(name: str, x: float, y: float, z: float, reach: float) -> None:
+    kind, size = kind_and_size(name)
+    if surface.out_of_reach(kind, size, x, y, z, reach):
+        assert surface.project(kind, size, x, y, z)[0] >= reach - 1e-12
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_far_beside_or_beyond_a_body_of_revolution_is_out_of_reach(name: str) -> None:
+    kind, size = kind_and_size(name)
+    if kind == surface.REVOLVED:
+        across, along = max(size[1], size[2]) + size[3], size[0] + size[3]
+        for reach in (0.0, 0.1):
+            assert surface.out_of_reach(kind, size, across + reach + 1e-6, 0.0, 0.0, reach)
+            assert surface.out_of_reach(kind, size, 0.0, 0.0, -(along + reach + 1e-6), reach)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_signs(name: str) -> None:
     kind, size = kind_and_size(name)
     assert surface.project(kind, size, 0.0, 0.0, 0.0)[0] < 0.0
