@@ -25,6 +25,14 @@ from service.bench.static_points import HALVES, read, select
     default=tuple(SENSORS),
     help="What is measured; may be repeated.  [default: all of these]",
 )
+@click.option(
+    "--noise",
+    "levels",
+    type=click.Choice([f"{column.force:g}" for column in COLUMNS]),
+    multiple=True,
+    default=tuple(f"{column.force:g}" for column in COLUMNS),
+    help="Columns of noise, by that of the base force; may be repeated.  [default: all of these]",
+)
 @click.option("--contacts", default=500, show_default=True, help="Contacts of each arm.")
 @click.option(
     "--half",
@@ -57,6 +65,7 @@ from service.bench.static_points import HALVES, read, select
 def main(
     robots: tuple[str, ...],
     kinds: tuple[str, ...],
+    levels: tuple[str, ...],
     contacts: int,
     half: str,
     geometries: tuple[Geometry, ...],
@@ -67,19 +76,20 @@ def main(
 ) -> None:
     """Compare our answers to the static contacts with the dense posterior's."""
     found: list[Row] = []
+    columns = [column for column in COLUMNS if f"{column.force:g}" in levels]
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("comparing", total=len(robots) * len(kinds) * len(COLUMNS))
+        task = progress.add_task("comparing", total=len(robots) * len(kinds) * len(columns))
         for robot in robots:
             points = select(select(read(truth, robot), HALVES[half]), slice(contacts))
             skins = Skins.of(robot, detail, meshes, geometries)
-            for row in rows(points, kinds, detail, meshes, skins):
+            for row in rows(points, kinds, detail, meshes, skins, columns):
                 found.append(row)
                 progress.advance(task)
     if as_json:
         click.echo(json.dumps({"detail": detail, "half": half, "results": [row.as_json() for row in found]}))
         return
     for geometry in geometries:
-        Console(width=168).print(table(found, geometry, detail))
+        Console(width=192).print(table(found, geometry, detail))
 
 
 if __name__ == "__main__":

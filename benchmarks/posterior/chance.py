@@ -1,0 +1,39 @@
+"""How far chance moves a ratio of two methods' errors on the same contacts."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+_DRAWS = 2000
+
+
+class Ratio(NamedTuple):
+    """Quantile of one method's errors over that of another's."""
+
+    found: float
+    low: float
+    high: float
+    """95 % interval: the contacts drawn anew, again and again, the same ones for both methods."""
+
+    def __str__(self) -> str:
+        return f"{self.found:.2f} [{self.low:.2f}-{self.high:.2f}]"
+
+
+def ratio(ours: np.ndarray, best: np.ndarray, quantile: float) -> Ratio:
+    """Compare two methods on the same contacts.
+
+    Args:
+        ours, best: Errors on each contact, infinite without an answer, shape (N,) [m].
+        quantile: Of the errors, between 0 and 1.
+    """
+    rng = np.random.default_rng(0)
+    rows = rng.integers(len(ours), size=(_DRAWS, len(ours)))
+    with np.errstate(invalid="ignore"):
+        found = _quantile(ours, quantile) / _quantile(best, quantile)
+        drawn = _quantile(ours[rows], quantile) / _quantile(best[rows], quantile)
+    low, high = np.quantile(drawn, (0.025, 0.975), method="nearest")
+    return Ratio(float(found), float(low), float(high))
+
+
+def _quantile(errors: np.ndarray, quantile: float) -> np.ndarray:
+    return np.asarray(np.quantile(errors, quantile, axis=-1, method="higher"))
