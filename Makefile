@@ -9,7 +9,7 @@ demo: $(VENV)/run.stamp  ## a simulated arm is touched, the service says where
 	$(BIN)/contactsense demo
 
 test: $(VENV)/test.stamp  ## the default tests
-	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile
+	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile --no-loadscope-reorder
 
 check: $(VENV)/test.stamp  ## style, types, import contract
 	$(BIN)/ruff format --check .

@@ -35,10 +35,13 @@ def test_the_torques_alone_decide_as_often_as_the_theory_says() -> None:
     assert alone["link_right"] == pytest.approx(0.44, abs=0.03)
 
 
-def test_json_is_the_table_for_programs() -> None:
-    done = CliRunner().invoke(
-        truth, [str(shared("truth")), "--robot", "ur5e", "--json"], catch_exceptions=False
-    )
+def test_json_is_the_table_for_programs(tmp_path: Path) -> None:
+    with np.load(shared("truth/static_points_ur5e.npz")) as data:
+        rows = {
+            key: value[:50] if value.ndim and len(value) == 2000 else value for key, value in data.items()
+        }
+    np.savez(tmp_path / "static_points_ur5e.npz", **rows)
+    done = CliRunner().invoke(truth, [str(tmp_path), "--robot", "ur5e", "--json"], catch_exceptions=False)
     assert done.exit_code == 0
     results = json.loads(done.stdout)["results"]
     assert [r["noise"]["torque"] for r in results] == [0.0, 0.3, 1.0, 3.0]
