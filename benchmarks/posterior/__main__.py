@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from benchmarks.cases import MESHES, ROBOTS, TRUTH
-from benchmarks.posterior.dense import Geometry
+from benchmarks.posterior.dense import Geometry, Rule
 from benchmarks.posterior.table import GEOMETRIES, Row, Skins, rows, table
 from service.bench.static_cases import COLUMNS, SENSORS, Detail
 from service.bench.static_points import HALVES, read, select
@@ -32,6 +32,13 @@ from service.bench.static_points import HALVES, read, select
     multiple=True,
     default=tuple(f"{column.force:g}" for column in COLUMNS),
     help="Columns of noise, by that of the base force; may be repeated.  [default: all of these]",
+)
+@click.option(
+    "--rule",
+    type=click.Choice(get_args(Rule)),
+    default="middle",
+    show_default=True,
+    help="What the dense posterior answers.",
 )
 @click.option("--contacts", default=500, show_default=True, help="Contacts of each arm.")
 @click.option(
@@ -66,6 +73,7 @@ def main(
     robots: tuple[str, ...],
     kinds: tuple[str, ...],
     levels: tuple[str, ...],
+    rule: Rule,
     contacts: int,
     half: str,
     geometries: tuple[Geometry, ...],
@@ -82,7 +90,7 @@ def main(
         for robot in robots:
             points = select(select(read(truth, robot), HALVES[half]), slice(contacts))
             skins = Skins.of(robot, detail, meshes, geometries)
-            for row in rows(points, kinds, detail, meshes, skins, columns):
+            for row in rows(points, kinds, detail, meshes, skins, columns, rule):
                 found.append(row)
                 progress.advance(task)
     if as_json:

@@ -11,7 +11,7 @@ from rich.table import Table
 from benchmarks.cases import Case, Score, answer, cases, errors, score
 from benchmarks.method import Located
 from benchmarks.posterior.chance import Ratio, ratio
-from benchmarks.posterior.dense import Dense, Geometry
+from benchmarks.posterior.dense import Dense, Geometry, Rule
 from benchmarks.posterior.samples import Samples, of_meshes, of_primitives
 from contactsense import Scene
 from service.bench.static_cases import COLUMNS, Detail, Noise
@@ -76,13 +76,14 @@ def rows(
     meshes: Path,
     skins: Skins,
     columns: Sequence[Noise] = COLUMNS,
+    rule: Rule = "middle",
 ) -> Iterator[Row]:
-    """Compare on all cases of some contacts."""
+    """Compare on all cases of some contacts; `rule` is what the dense posterior answers."""
     for case in cases(points, columns, sensors, detail, meshes):
-        yield compare(case, skins)
+        yield compare(case, skins, rule)
 
 
-def compare(case: Case, skins: Skins) -> Row:
+def compare(case: Case, skins: Skins, rule: Rule = "middle") -> Row:
     """Both on one case."""
     found, seconds = answer(Located(case.scene), case)
     dense: dict[Geometry, Score] = {}
@@ -91,7 +92,7 @@ def compare(case: Case, skins: Skins) -> Row:
     p95: dict[Geometry, Ratio] = {}
     ours = errors(found, case.points)
     for geometry, samples in skins.samples.items():
-        answers, time = answer(Dense(case.scene, geometry, samples=samples), case)
+        answers, time = answer(Dense(case.scene, geometry, rule=rule, samples=samples), case)
         dense[geometry] = score(answers, case.points, time)
         best = errors(answers, case.points)
         median[geometry], p95[geometry] = ratio(ours, best, 0.5), ratio(ours, best, 0.95)
