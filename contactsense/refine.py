@@ -20,8 +20,8 @@ ENOUGH = 5e-3
 SLACK = 0.05
 """How much more that may be per unit of energy by which a candidate is worse than the best so far."""
 PATIENCE = 1.5
-"""How many times the gain that a step promises is hoped for before a candidate above the limit is given
-up."""
+"""How many times the gain that a step promises is hoped for before a candidate above the limit is given up;
+once, where the whole step leads nowhere."""
 
 
 @fused_kernel
@@ -81,6 +81,9 @@ def refine(  # type: ignore[no-untyped-def]
             tried = energy_at(w, L, prior, loose, ax, ay, az, mx, my, mz, hx, hy, hz, ti)
             if tried < energy:
                 accepted = True
+                break
+            if energy - hope > limit:
+                # The step promised too little, and did not even keep that.
                 break
             # Least place of the parabola through both energies and the slope between them.
             scale *= min(max(hope * scale / (tried - energy + 2.0 * hope * scale), 0.1), 0.5)
