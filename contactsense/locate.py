@@ -29,6 +29,10 @@ from robots.surface import Surfaces
 WIDE = 0.008
 """Where the wrench axis is known less well than this, standard deviation, it does not tell where to look
 [m]."""
+FAR = 4.0
+"""How many times its usual offset the real surface may be off in few places: at ribs, steps, screw heads."""
+RARE = 0.1
+"""Share of such places."""
 UNEXPLAINED = 0.01
 """Probability, before any measurement, that what acts on the arm is no single push on a touchable link: a
 pull, a couple, several contacts."""
@@ -78,29 +82,52 @@ def locate(
         link_probability[:] = 0.0
         return 0
     place_primitives(surfaces, depth, motion, found)
-    if aimed and _is_sharp(hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]):
-        count = search_along(surfaces, touchable, hypotheses, prior, work, found)
-        _cover(surfaces, found, count, prior)
-        cells.rest[:] = -math.inf
-    else:
-        count = search_over(
-            surfaces,
-            places,
-            parts,
-            touchable,
-            depth,
-            motion,
-            hypotheses,
-            aimed,
-            prior,
-            work,
-            cells,
-            found,
-            cells.rest,
-        )
+    sharp = aimed and _is_sharp(
+        hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]
+    )
     other = _unexplained(hypotheses, link, prior, work)
+    offset, share = prior.offset, 0.0
+    for _ in range(2):
+        assumed = Prior(prior.lean, prior.lever, offset, prior.force, prior.room, prior.area)
+        if sharp:
+            count = search_along(surfaces, touchable, hypotheses, assumed, work, found)
+            _cover(surfaces, found, count, assumed)
+            cells.rest[:] = -math.inf
+        else:
+            count = search_over(
+                surfaces,
+                places,
+                parts,
+                touchable,
+                depth,
+                motion,
+                hypotheses,
+                aimed,
+                assumed,
+                work,
+                cells,
+                found,
+                cells.rest,
+            )
+        if _lower(found, count, cells.rest, share) >= other:
+            break
+        # Nothing explains it where the surface is as near as it mostly is.
+        offset, share = FAR * prior.offset, math.log(RARE)
     kept: int = _rank(surfaces, found, count, 2.0 * prior.offset, cells.rest, other, link_probability)
     return kept
+
+
+@fused_kernel
+def _lower(found, count, rest, share):  # type: ignore[no-untyped-def]
+    """Add the logarithm of a share to all log evidence; the best explanation's then."""
+    best = -math.inf
+    for i in range(count):
+        row = found.order[i]
+        found.score[row] += share
+        best = max(best, found.score[row])
+    for link in range(rest.shape[0]):
+        rest[link] += share
+    return best
 
 
 @fused_kernel
