@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.square import add_slope, add_square
-from contactsense.view import about, dot, times
+from contactsense.view import about, blocks, dot, times
 from robots.compiled import fused_kernel, inlined_fused_kernel
 
 TAIL = 4.0
@@ -183,7 +183,8 @@ def set_up(w, L, prior, loose, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, work):
     b2 = (t2y * fz - t2z * fy + xi * w2x, t2z * fx - t2x * fz + xi * w2y, t2x * fy - t2y * fx + xi * w2z)
     # H = G^T A G and g = G^T A d with A the information about c, G = diag(1, (b0 b1 b2)) and d the residual
     # wrench about c.
-    F, D, M = about(L, cx, cy, cz)
+    F, D, M = blocks(L)
+    F, D, M = about(F, D, M, cx, cy, cz)
     p0, p1, p2 = times(M, b0), times(M, b1), times(M, b2)
     c0, c1, c2 = _transposed_times(D, b0), _transposed_times(D, b1), _transposed_times(D, b2)
     df = (fx - w[0], fy - w[1], fz - w[2])

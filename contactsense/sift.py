@@ -66,6 +66,7 @@ def _weigh_places(  # type: ignore[no-untyped-def]
         R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
         w, P = hypotheses.wrench[link], hypotheses.covariance[link]
         ff, loose = _look_at(w, P, hypotheses.information[link], R, o, cells)
+        known = loose < ff
         looked, left = 0, 0
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
             if aimed and _far(w, P, found.origin, surfaces.radius, p, prior, ff):
@@ -73,16 +74,16 @@ def _weigh_places(  # type: ignore[no-untyped-def]
             for s in range(places.start[p], places.start[p + 1]):
                 _put(places, s, cells.looked, cells.looked_number, looked)
                 looked += 1
-                if looked < LANES:
-                    continue
-                glance(w, P, R, o, ff, loose, prior.lever, least + CUT - own, cells.looked)
-                rows, left, least = _pass_on(places, looked, left, loose < ff, prior, own, rows, least, cells)
-                looked = 0
-        if looked > 0:
+                if looked == LANES:
+                    if known:
+                        glance(w, P, R, o, ff, loose, prior.lever, least + CUT - own, cells.looked)
+                    rows, left, least = _pass_on(places, looked, left, known, prior, own, rows, least, cells)
+                    looked = 0
+        if known:
             glance(w, P, R, o, ff, loose, prior.lever, least + CUT - own, cells.looked)
-            rows, left, least = _pass_on(places, looked, left, loose < ff, prior, own, rows, least, cells)
+        rows, left, least = _pass_on(places, looked, left, known, prior, own, rows, least, cells)
         if left > 0:
-            rows, least = _weigh_block(places, left, loose < ff, prior, own, rows, least, cells)
+            rows, least = _weigh_block(places, left, known, prior, own, rows, least, cells)
     return rows, least
 
 

@@ -27,7 +27,8 @@ from contactsense.lanes import (  # isort: skip
     T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2, W3, W4, W5, X, Y, Z,
 )  # fmt: skip
 from contactsense.ldl import eliminate
-from robots.compiled import fused_kernel, inlined_fused_kernel
+from contactsense.view import about, blocks, times, turned
+from robots.compiled import fused_kernel
 
 STEPS = 6
 """Most Gauss-Newton steps at one place."""
@@ -106,90 +107,29 @@ def evidence(j, prior, limit, lanes):  # type: ignore[no-untyped-def]
 
 @fused_kernel
 def _see(w, L, lanes):  # type: ignore[no-untyped-def]
-    """Wrench and information about each cell's place c, in the axes T of its normal and tangents.
-
-    The information becomes T^T X^T L X T with X = [1 0; [c]x 1]; its blocks F (force), G (force and moment)
-    and M (moment) are M, G + [c]x^T M, and F + G [c]x + [c]x^T G^T + [c]x^T M [c]x before they are turned.
-    """
-    u0, u1, u2, u3, u4, u5 = w[0], w[1], w[2], w[3], w[4], w[5]
-    l00, l01, l02, l11, l12, l22 = L[0, 0], L[0, 1], L[0, 2], L[1, 1], L[1, 2], L[2, 2]
-    l03, l04, l05 = L[0, 3], L[0, 4], L[0, 5]
-    l13, l14, l15 = L[1, 3], L[1, 4], L[1, 5]
-    l23, l24, l25 = L[2, 3], L[2, 4], L[2, 5]
-    l33, l34, l35, l44, l45, l55 = L[3, 3], L[3, 4], L[3, 5], L[4, 4], L[4, 5], L[5, 5]
+    """Wrench and information about each cell's place, in the axes of its normal and tangents: what
+    `contactsense.view.view` does for one."""
+    f, m = (w[0], w[1], w[2]), (w[3], w[4], w[5])
+    force, across, moment = blocks(L)
     for j in range(LANES):
         x, y, z = lanes[X + j], lanes[Y + j], lanes[Z + j]
-        n0, n1, n2 = lanes[NX + j], lanes[NY + j], lanes[NZ + j]
-        p0, p1, p2, q0, q1, q2 = tangents(n0, n1, n2)
-        lanes[T1X + j], lanes[T1Y + j], lanes[T1Z + j] = p0, p1, p2
-        lanes[T2X + j], lanes[T2Y + j], lanes[T2Z + j] = q0, q1, q2
-        m0, m1, m2 = u3 - y * u2 + z * u1, u4 - z * u0 + x * u2, u5 - x * u1 + y * u0
-        lanes[W0 + j] = n0 * u0 + n1 * u1 + n2 * u2
-        lanes[W1 + j] = p0 * u0 + p1 * u1 + p2 * u2
-        lanes[W2 + j] = q0 * u0 + q1 * u1 + q2 * u2
-        lanes[W3 + j] = n0 * m0 + n1 * m1 + n2 * m2
-        lanes[W4 + j] = p0 * m0 + p1 * m1 + p2 * m2
-        lanes[W5 + j] = q0 * m0 + q1 * m1 + q2 * m2
-        g00, g01, g02 = l03 + z * l34 - y * l35, l04 + z * l44 - y * l45, l05 + z * l45 - y * l55
-        g10, g11, g12 = l13 - z * l33 + x * l35, l14 - z * l34 + x * l45, l15 - z * l35 + x * l55
-        g20, g21, g22 = l23 + y * l33 - x * l34, l24 + y * l34 - x * l44, l25 + y * l35 - x * l45
-        f00 = l00 + z * (g01 + l04) - y * (g02 + l05)
-        f01 = l01 - z * (g00 - l14) + x * g02 - y * l15
-        f02 = l02 + y * (g00 - l25) - x * g01 + z * l24
-        f11 = l11 - z * (g10 + l13) + x * (g12 + l15)
-        f12 = l12 + y * g10 - x * (g11 - l25) - z * l23
-        f22 = l22 + y * (g20 + l23) - x * (g21 + l24)
-        (
-            lanes[A00 + j], lanes[A01 + j], lanes[A02 + j], _, lanes[A11 + j], lanes[A12 + j], _, _,
-            lanes[A22 + j],
-        ) = _turned(
-            f00, f01, f02, f01, f11, f12, f02, f12, f22, n0, n1, n2, p0, p1, p2, q0, q1, q2
-        )  # fmt: skip
-        (
-            lanes[A03 + j], lanes[A04 + j], lanes[A05 + j], lanes[A13 + j], lanes[A14 + j], lanes[A15 + j],
-            lanes[A23 + j], lanes[A24 + j], lanes[A25 + j],
-        ) = _turned(
-            g00, g01, g02, g10, g11, g12, g20, g21, g22, n0, n1, n2, p0, p1, p2, q0, q1, q2
-        )  # fmt: skip
-        (
-            lanes[A33 + j], lanes[A34 + j], lanes[A35 + j], _, lanes[A44 + j], lanes[A45 + j], _, _,
-            lanes[A55 + j],
-        ) = _turned(
-            l33, l34, l35, l34, l44, l45, l35, l45, l55, n0, n1, n2, p0, p1, p2, q0, q1, q2
-        )  # fmt: skip
-
-
-@inlined_fused_kernel
-def _turned(  # type: ignore[no-untyped-def]
-    b00, b01, b02, b10, b11, b12, b20, b21, b22, n0, n1, n2, p0, p1, p2, q0, q1, q2
-):
-    """T^T B T, row by row, where (n, p, q) are the columns of T."""
-    r0, r1, r2 = (
-        n0 * b00 + n1 * b10 + n2 * b20,
-        n0 * b01 + n1 * b11 + n2 * b21,
-        n0 * b02 + n1 * b12 + n2 * b22,
-    )
-    s0, s1, s2 = (
-        p0 * b00 + p1 * b10 + p2 * b20,
-        p0 * b01 + p1 * b11 + p2 * b21,
-        p0 * b02 + p1 * b12 + p2 * b22,
-    )
-    t0, t1, t2 = (
-        q0 * b00 + q1 * b10 + q2 * b20,
-        q0 * b01 + q1 * b11 + q2 * b21,
-        q0 * b02 + q1 * b12 + q2 * b22,
-    )
-    return (
-        r0 * n0 + r1 * n1 + r2 * n2,
-        r0 * p0 + r1 * p1 + r2 * p2,
-        r0 * q0 + r1 * q1 + r2 * q2,
-        s0 * n0 + s1 * n1 + s2 * n2,
-        s0 * p0 + s1 * p1 + s2 * p2,
-        s0 * q0 + s1 * q1 + s2 * q2,
-        t0 * n0 + t1 * n1 + t2 * n2,
-        t0 * p0 + t1 * p1 + t2 * p2,
-        t0 * q0 + t1 * q1 + t2 * q2,
-    )
+        n = (lanes[NX + j], lanes[NY + j], lanes[NZ + j])
+        t1x, t1y, t1z, t2x, t2y, t2z = tangents(n[0], n[1], n[2])
+        lanes[T1X + j], lanes[T1Y + j], lanes[T1Z + j] = t1x, t1y, t1z
+        lanes[T2X + j], lanes[T2Y + j], lanes[T2Z + j] = t2x, t2y, t2z
+        axes = (n, (t1x, t1y, t1z), (t2x, t2y, t2z))
+        moved = (m[0] - y * f[2] + z * f[1], m[1] - z * f[0] + x * f[2], m[2] - x * f[1] + y * f[0])
+        lanes[W0 + j], lanes[W1 + j], lanes[W2 + j] = times(axes, f)
+        lanes[W3 + j], lanes[W4 + j], lanes[W5 + j] = times(axes, moved)
+        F, D, M = about(force, across, moment, x, y, z)
+        F, D, M = turned(axes, F), turned(axes, D), turned(axes, M)
+        lanes[A00 + j], lanes[A01 + j], lanes[A02 + j] = F[0]
+        lanes[A11 + j], lanes[A12 + j], lanes[A22 + j] = F[1][1], F[1][2], F[2][2]
+        lanes[A03 + j], lanes[A13 + j], lanes[A23 + j] = D[0]
+        lanes[A04 + j], lanes[A14 + j], lanes[A24 + j] = D[1]
+        lanes[A05 + j], lanes[A15 + j], lanes[A25 + j] = D[2]
+        lanes[A33 + j], lanes[A34 + j], lanes[A35 + j] = M[0]
+        lanes[A44 + j], lanes[A45 + j], lanes[A55 + j] = M[1][1], M[1][2], M[2][2]
 
 
 @fused_kernel

@@ -5,7 +5,7 @@ are tuples of rows, so that the compiler keeps them in registers: arrays that on
 might overlap for all it knows.
 """
 
-from robots.compiled import fused_kernel
+from robots.compiled import fused_kernel, inlined_fused_kernel
 
 
 @fused_kernel
@@ -25,8 +25,9 @@ def view(w, L, R, o, local_w, local_L):  # type: ignore[no-untyped-def]
         (R[0, 1], R[1, 1], R[2, 1]),
         (R[0, 2], R[1, 2], R[2, 2]),
     )
-    F, D, M = about(L, x, y, z)
-    force, across, moment = _turned(axes, F), _turned(axes, D), _turned(axes, M)
+    F, D, M = blocks(L)
+    F, D, M = about(F, D, M, x, y, z)
+    force, across, moment = turned(axes, F), turned(axes, D), turned(axes, M)
     for i in range(3):
         a = axes[i]
         local_w[i] = a[0] * w[0] + a[1] * w[1] + a[2] * w[2]
@@ -38,25 +39,30 @@ def view(w, L, R, o, local_w, local_L):  # type: ignore[no-untyped-def]
             local_L[i + 3, k + 3] = moment[i][k]
 
 
-@fused_kernel
-def about(L, x, y, z):  # type: ignore[no-untyped-def]
+@inlined_fused_kernel
+def blocks(L):  # type: ignore[no-untyped-def]
+    """The blocks F, D and M of an information matrix, each a tuple of rows."""
+    return (
+        ((L[0, 0], L[0, 1], L[0, 2]), (L[1, 0], L[1, 1], L[1, 2]), (L[2, 0], L[2, 1], L[2, 2])),
+        ((L[3, 0], L[3, 1], L[3, 2]), (L[4, 0], L[4, 1], L[4, 2]), (L[5, 0], L[5, 1], L[5, 2])),
+        ((L[3, 3], L[3, 4], L[3, 5]), (L[4, 3], L[4, 4], L[4, 5]), (L[5, 3], L[5, 4], L[5, 5])),
+    )
+
+
+@inlined_fused_kernel
+def about(F, D, M, x, y, z):  # type: ignore[no-untyped-def]
     """Information about another point c = (x, y, z): X^T L X with X = [1 0; [c]x 1].
 
     Returns:
-        The blocks F, D and M of it, each a tuple of rows.
+        The blocks F, D and M of it.
     """
-    M = ((L[3, 3], L[3, 4], L[3, 5]), (L[4, 3], L[4, 4], L[4, 5]), (L[5, 3], L[5, 4], L[5, 5]))
     # A row times [c]x is the row's cross product with c.
-    D = (
-        _plus_cross((L[3, 0], L[3, 1], L[3, 2]), M[0], x, y, z),
-        _plus_cross((L[4, 0], L[4, 1], L[4, 2]), M[1], x, y, z),
-        _plus_cross((L[5, 0], L[5, 1], L[5, 2]), M[2], x, y, z),
-    )
     half = (
-        _plus_cross((L[0, 0], L[0, 1], L[0, 2]), (L[0, 3], L[0, 4], L[0, 5]), x, y, z),
-        _plus_cross((L[1, 0], L[1, 1], L[1, 2]), (L[1, 3], L[1, 4], L[1, 5]), x, y, z),
-        _plus_cross((L[2, 0], L[2, 1], L[2, 2]), (L[2, 3], L[2, 4], L[2, 5]), x, y, z),
+        _plus_cross(F[0], (D[0][0], D[1][0], D[2][0]), x, y, z),
+        _plus_cross(F[1], (D[0][1], D[1][1], D[2][1]), x, y, z),
+        _plus_cross(F[2], (D[0][2], D[1][2], D[2][2]), x, y, z),
     )
+    D = (_plus_cross(D[0], M[0], x, y, z), _plus_cross(D[1], M[1], x, y, z), _plus_cross(D[2], M[2], x, y, z))
     # The same for its columns; F is symmetric, so that its columns are its rows.
     F = (
         _plus_cross((half[0][0], half[1][0], half[2][0]), (D[0][0], D[1][0], D[2][0]), x, y, z),
@@ -66,14 +72,14 @@ def about(L, x, y, z):  # type: ignore[no-untyped-def]
     return F, D, M
 
 
-@fused_kernel
+@inlined_fused_kernel
 def _plus_cross(a, b, x, y, z):  # type: ignore[no-untyped-def]
     """a + b x (x, y, z)."""
     return a[0] + b[1] * z - b[2] * y, a[1] + b[2] * x - b[0] * z, a[2] + b[0] * y - b[1] * x
 
 
-@fused_kernel
-def _turned(axes, B):  # type: ignore[no-untyped-def]
+@inlined_fused_kernel
+def turned(axes, B):  # type: ignore[no-untyped-def]
     """A block in the frame with these axes: a_i . B a_k."""
     p, q, r = times(B, axes[0]), times(B, axes[1]), times(B, axes[2])
     return (
@@ -83,13 +89,13 @@ def _turned(axes, B):  # type: ignore[no-untyped-def]
     )
 
 
-@fused_kernel
+@inlined_fused_kernel
 def dot(a, b):  # type: ignore[no-untyped-def]
     """a . b of three numbers each."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@fused_kernel
+@inlined_fused_kernel
 def times(B, a):  # type: ignore[no-untyped-def]
     """B a, with B a block, a tuple of rows."""
     return dot(B[0], a), dot(B[1], a), dot(B[2], a)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from kinematics.core import inverse_dynamics, place
@@ -51,31 +50,6 @@ def test_precise_sensors_find_link_point_force_and_torsion(precise: Localizer) -
     np.testing.assert_allclose(found.torsion[good], TRUTH.torsion[good], atol=0.02)
     assert np.median(np.sum(found.normal_base[good] * TRUTH.normal[good], axis=1)) > 0.9999
     assert found.detected.all()
-
-
-def test_regions_hold_the_truth_where_the_surface_is_off_as_stated() -> None:
-    """Contacts on a surface that is raised and tilted by as much as the scene takes it to be, no noise: 90 %
-    ellipses hold about so many of them; without the tilt's part of the covariance it would be a third."""
-    scene = Scene(robot=ARM, base_wrench=PRECISE.base_wrench)
-    rng = np.random.default_rng(5)
-    count = len(TRUTH.q)
-    normal, force = TRUTH.normal, TRUTH.force
-    point = TRUTH.point + rng.normal(0.0, scene.surface_deviation, (count, 1)) * normal
-    # 8 degrees each way; the part along the normal does not turn it.
-    tilted = normal + rng.normal(0.0, np.radians(8.0), (count, 3))
-    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
-    wrench = np.hstack((force, np.cross(point, force) + TRUTH.torsion[:, None] * tilted))
-    found = Localizer(scene).locate_batch(TRUTH.q, base_wrench=wrench)
-    held = []
-    for i in np.flatnonzero(found.link == TRUTH.link):
-        n = found.normal_base[i]
-        off = point[i] - found.point_base[i]
-        if np.linalg.norm(off) < 0.01:
-            along = np.linalg.svd(np.eye(3) - np.outer(n, n))[0][:, :2]
-            covariance = along.T @ found.covariance[i] @ along
-            held.append(along.T @ off @ np.linalg.solve(covariance, along.T @ off) < chi2.ppf(0.9, 2))
-    assert len(held) > 0.9 * count
-    assert 0.87 < np.mean(held) < 0.96
 
 
 def test_one_sample_and_a_batch_give_the_same_answer(ordinary: Localizer) -> None:
@@ -384,33 +358,6 @@ def test_batches_must_be_of_one_length(ordinary: Localizer) -> None:
         ValueError, match=r"base_wrench: expected shape \(4, 6\) in N, Nm, got shape \(3, 6\)"
     ):
         ordinary.locate_batch(np.zeros((4, 6)), base_wrench=np.zeros((3, 6)))
-
-
-class TestNoneOfThese:
-    """What no single push explains is said to be that."""
-
-    q = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5])
-
-    def test_a_force_far_beside_the_arm_is_no_contact(self, precise: Localizer) -> None:
-        motion = empty_motion(6)
-        place(build_model(ARM), self.q, motion)
-        R, o = motion.rotation[2], motion.origin[2]
-        point = R @ np.array([-0.2, 0.0, 0.5]) + o
-        force = R @ np.array([0.0, 20.0, 0.0])
-        wrench = np.concatenate((force, np.cross(point, force)))
-        torque = np.where(np.arange(6) < 2, -motion.screw @ wrench, 0.0)
-        answer = precise.locate(self.q, base_wrench=wrench, joint_torque=torque)
-        assert answer.other > 0.9
-        assert "no single push" in answer.reason
-        assert answer.status == "ambiguous"
-
-    def test_a_couple_is_no_contact(self, precise: Localizer) -> None:
-        answer = precise.locate(self.q, base_wrench=np.array([0.0, 0.0, 0.0, 5.0, -3.0, 4.0]))
-        assert answer.other > 0.9
-
-    def test_a_clear_push_leaves_no_doubt(self, precise: Localizer) -> None:
-        answer = precise.locate(TRUTH.q[0], base_wrench=TRUTH.base_wrench[0], joint_torque=TRUTH.torque[0])
-        assert answer.other < 0.01
 
 
 def test_samples_may_be_lists_read_only_or_views(precise: Localizer) -> None:
