@@ -28,8 +28,8 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt
 	touch $@
 
 $(VENV)/test.stamp: $(VENV)/run.stamp
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[geometry,test,check]"
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[geometry,mcap,notebook,fleet,test,check]"
 	touch $@
 
 results: $(VENV)/test.stamp  ## measure everything again and write docs/results.md
-	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m benchmarks.results
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m contactsense.benchmarks.results

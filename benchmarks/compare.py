@@ -1,6 +1,6 @@
-"""Compare our answers with those of others: same arms, same samples, same noise, failures included.
+"""Compare our estimates with those of other methods: same arms, same samples, same noise, failures included.
 
-Run: python -m benchmarks.compare
+Run: python -m contactsense.benchmarks.compare
 """
 
 import json
@@ -12,12 +12,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.cases import ROBOTS, Case, answer, errors, score, static_cases
-from benchmarks.method import Located, Method
-from benchmarks.peers import PEERS
+from contactsense.benchmarks.peers import PEERS
+from contactsense.benchmarks.peers.cases import ROBOTS, Case, answer, errors, score, static_cases
+from contactsense.benchmarks.peers.method import Located, Method
 
 NEAR = 0.0225
-"""An answer this near to the truth counts as a hit, as in Han & Kim (2023) [m]."""
+"""An estimate within this distance of the truth counts as a hit, as in Han & Kim (2023) [m]."""
 SENSORS = {"all": "base and torques", "torques": "torques alone"}
 
 

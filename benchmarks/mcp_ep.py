@@ -5,7 +5,7 @@ answer counts within 22.5 mm. Not known, and assumed here: the arm at rest, link
 that move, places uniform by area, forces uniform within friction 0.5, places on the primitives that the
 method is given, the noise.
 
-Run: python -m benchmarks.mcp_ep
+Run: python -m contactsense.benchmarks.mcp_ep
 """
 
 import json
@@ -21,26 +21,25 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-import robots
-from benchmarks.compare import NEAR
-from benchmarks.one_by_one import OneByOne
-from benchmarks.peers.exploration_filter import ExplorationFilter, Found
-from benchmarks.touches import Toucher, Touches
-from contactsense import JointTorqueSensor, Scene, WrenchSensor
-from service.bench.static_cases import ASSUMED, COLUMNS, Noise
+from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
+from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, Noise
+from contactsense.benchmarks.compare import NEAR
+from contactsense.benchmarks.peers.exploration_filter import ExplorationFilter, Found
+from contactsense.benchmarks.peers.one_by_one import OneByOne
+from contactsense.benchmarks.peers.touches import Toucher, Touches
 
 REPORTED = ((99.96, 1.6), (96.70, 10.8), (81.63, 35.0))
 """Success [%] and RMSE [mm] in the paper for one, two and three contacts, on a Panda."""
 CONTACTS = 3
 HELD = 0.5
-"""How much the forces that were there before may have changed when the next one comes, each component,
-standard deviation [N]. In this setting they do not change; the paper's filter knows nothing of that."""
+"""Standard deviation of the change of each component of the earlier forces when the next contact is added
+[N]. In this setting they do not change; the paper's filter does not use that."""
 LOOSE = 2.0
-"""The same as a live stream reckons with (`contactsense.several.bank.DRIFT`) [N]."""
+"""The same in a live stream [N]: `contactsense.multi_contact.multi_hypothesis_filter.FORCE_DRIFT`."""
 
 
 class Judged(NamedTuple):
-    """Answers once so many contacts are there."""
+    """Estimates with this number of contacts present."""
 
     success: float
     """Share of the runs in which every contact is found within `NEAR`."""
@@ -51,24 +50,24 @@ class Judged(NamedTuple):
 
 
 def scene_of(robot: str, noise: Noise) -> Scene:
-    """The arm with both sensors, told that noise; its base link cannot be touched.
+    """The arm with both sensors and that noise; its base link cannot be touched.
 
     Args:
         robot: A name that `robots.load` knows, or a path to a URDF with its `.surface.yaml` beside it.
         noise: Of one sample.
     """
     arm = robots.load(robot)
-    told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
+    stated = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
     return Scene(
         robot=arm,
         touchable=arm.link_names[1:],
-        base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment),
-        joint_torque=JointTorqueSensor(noise=told.torque),
+        base_wrench=WrenchSensor(force_noise=stated.force, moment_noise=stated.moment),
+        joint_torque=JointTorqueSensor(noise=stated.torque),
     )
 
 
 def sequence(touches: Touches, noise: Noise, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Base wrenches and joint torques after each contact has come, shapes (N, K, 6) and (N, K, n)."""
+    """Base wrenches and joint torques after each contact has been added, shapes (N, K, 6) and (N, K, n)."""
     rng = np.random.default_rng(seed)
     wrench, torque = np.cumsum(touches.base_wrench, axis=1), np.cumsum(touches.joint_torque, axis=1)
     return (
@@ -156,7 +155,7 @@ def compare(robot: str, noise: Noise, runs: int, seed: int) -> Iterator[Row]:
 @click.option("--seed", default=0, show_default=True, help="Of everything random.")
 @click.option("--json", "as_json", is_flag=True, help="Plain numbers instead of tables.")
 def main(names: tuple[str, ...], runs: int, seed: int, as_json: bool) -> None:
-    """Success and error for one, two and three contacts that come one after another."""
+    """Success and error for one, two and three contacts that are added one after another."""
     cases = [(name, noise) for name in names for noise in COLUMNS[:3]]
     results = [
         (Path(name).stem, noise, row)

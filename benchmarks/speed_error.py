@@ -1,5 +1,5 @@
-"""`python -m benchmarks.speed_error`: time of one answer against its error, one mark per method, level of
-detail and number of contacts; a table, and the picture docs/speed_error.png."""
+"""`python -m contactsense.benchmarks.speed_error`: time per estimate against its error for each method, level
+of detail and number of contacts; a table, and the picture docs/speed_error.png."""
 
 import json
 from collections.abc import Iterator
@@ -9,22 +9,22 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from benchmarks.cases import MESHES, ROBOTS, Case, answer, errors, static_cases
-from benchmarks.mark import DETAILS, QUANTILES, Mark, draw, table
-from benchmarks.method import Located, Method
-from benchmarks.peers import PEERS
-from benchmarks.posterior.dense import Dense, Geometry
-from benchmarks.posterior.table import GEOMETRIES, Skins
-from benchmarks.speed_several import several
-from service.bench.static_cases import COLUMNS
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS
+from contactsense.benchmarks.peers import PEERS
+from contactsense.benchmarks.peers.cases import MESHES, ROBOTS, Case, answer, errors, static_cases
+from contactsense.benchmarks.peers.method import Located, Method
+from contactsense.benchmarks.pictures.mark import DETAILS, QUANTILES, Mark, draw, table
+from contactsense.benchmarks.pictures.speed_multi_contact import several
+from contactsense.benchmarks.posterior.dense import Dense, Geometry
+from contactsense.benchmarks.posterior.table import GEOMETRIES, Skins
 
 NOISES = (COLUMNS[0], COLUMNS[2])
 SKIPPED = 500
-"""Contacts left out before those that count: others' methods were tuned on these."""
+"""Contacts excluded from the evaluation: the other methods were tuned on them."""
 
 
 def methods(case: Case, skins: Skins) -> Iterator[Method]:
-    """All methods for a case with base sensor and torques, each made when its turn comes."""
+    """All methods for a case with base sensor and torques, each created when it is needed."""
     for detail in DETAILS:
         meshes = MESHES / case.points.robot if detail == "skin" else None
         yield Located(case.scene.model_copy(update={"detail": detail, "meshes": meshes}))
@@ -36,7 +36,7 @@ def methods(case: Case, skins: Skins) -> Iterator[Method]:
 
 
 def mark(method: Method, case: Case) -> Mark:
-    """Answer a case and take the time."""
+    """Run a method on a case and measure its time and error."""
     answers, seconds = answer(method, case)
     quantiles = np.quantile(errors(answers, case.points), QUANTILES, method="higher")
     return Mark(

@@ -1,10 +1,9 @@
-"""Which part of each link can be located from joint torques alone, and which with a base sensor besides.
+"""Which fraction of each link can be located from joint torques alone, and which with a base sensor.
 
-Pang, Umenberger & Tedrake (2021) found 32.6 % of a UR5's forearm fully detectable from torques alone. Theirs
-is a statement about uniqueness; ours about answers: an answer counts where it is within 22.5 mm of the
-touched place.
+Pang, Umenberger & Tedrake (2021) found 32.6 % of a UR5's forearm fully detectable from torques alone. Their
+criterion is uniqueness; ours is the estimate: it counts where it is within 22.5 mm of the contact.
 
-Run: python -m benchmarks.torque_only
+Run: python -m contactsense.benchmarks.torque_only
 """
 
 from typing import NamedTuple
@@ -15,37 +14,37 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.compare import NEAR
-from benchmarks.method import Located
-from benchmarks.touches import Toucher, Touches
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
-from service.bench.static_cases import ASSUMED, COLUMNS, Noise
+from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, Noise
+from contactsense.benchmarks.compare import NEAR
+from contactsense.benchmarks.peers.method import Located
+from contactsense.benchmarks.peers.touches import Toucher, Touches
 
 FORCE = 20.0
 """Size of each force [N]."""
 
 
 class Shares(NamedTuple):
-    """Of the contacts on each link; they are uniform by its area, so these are shares of area."""
+    """Per link. Contacts are uniform by area, so these are fractions of its area."""
 
     located: np.ndarray
     """Answered within `NEAR`, shape (links,)."""
     contacts: np.ndarray
-    """How many contacts there were, shape (links,)."""
+    """Number of contacts, shape (links,)."""
 
 
 def touched(robot: str, contacts: int, seed: int = 0) -> Touches:
-    """One contact in each of many postures, links drawn all alike, places uniform by area."""
+    """One contact in each of many postures, links equally probable, points uniform by area."""
     return Toucher(Scene(robot=robot), seed=seed).draw(contacts, force=FORCE, even=True)
 
 
 def shares(robot: str, touches: Touches, noise: Noise, base: bool, seed: int = 1) -> Shares:
-    """Locate contacts from joint torques, with a base sensor besides or not."""
-    told = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
+    """Locate contacts from joint torques, with or without a base sensor."""
+    assumed = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
     scene = Scene(
         robot=robot,
-        base_wrench=WrenchSensor(force_noise=told.force, moment_noise=told.moment) if base else None,
-        joint_torque=JointTorqueSensor(noise=told.torque),
+        base_wrench=WrenchSensor(force_noise=assumed.force, moment_noise=assumed.moment) if base else None,
+        joint_torque=JointTorqueSensor(noise=assumed.torque),
     )
     contacts = len(touches.q)
     rng = np.random.default_rng(seed)

@@ -1,9 +1,10 @@
-"""`python -m benchmarks.undecided`: several contacts that are not found, is it the search or the measurement?
+"""`python -m contactsense.benchmarks.undecided`: are several contacts missed by the search, or are they not
+determined by the measurement?
 
-The setting of `benchmarks.mcp_ep`. The search is started at the truth as well, and the evidence of what it
-ends at is held against that of the answer. Where the truth's is clearly better, a better search would have
-found it; where it is not, no search can: the measurement, with what is known of contacts, does not say which
-it is.
+The setting of `contactsense.benchmarks.mcp_ep`. The search is also started at the truth, and the evidence of
+its result is compared with that of the estimate. Where the truth's evidence is clearly higher, a better
+search would have found it; otherwise no search can, as the measurement and the prior do not determine the
+answer.
 """
 
 import json
@@ -17,22 +18,22 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.compare import NEAR
-from benchmarks.mcp_ep import CONTACTS, HELD, scene_of, sequence
-from benchmarks.oracle import Oracle
-from benchmarks.touches import Toucher, Touches
 from contactsense import Contact
-from service.bench.several.measure import match
-from service.bench.static_cases import COLUMNS, Noise
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
+from contactsense.benchmarks.compare import NEAR
+from contactsense.benchmarks.mcp_ep import CONTACTS, HELD, scene_of, sequence
+from contactsense.benchmarks.multi_contact.measure import match
+from contactsense.benchmarks.multi_contact.perfect_search import Oracle
+from contactsense.benchmarks.peers.touches import Toucher, Touches
 
-ALIKE = 1.0
+TOLERANCE = 1.0
 """Difference in log evidence within which two explanations count as equally good."""
-WAYS: dict[str, float | None] = {"forces held": HELD, "forces free": None}
-"""How a further contact arrives, and what is known of the others' forces, see `mcp_ep.HELD`."""
+KNOWN_FORCES: dict[str, float | None] = {"forces held": HELD, "forces free": None}
+"""How a further contact is added, and what is known of the others' forces, see `mcp_ep.HELD`."""
 
 
 class Row(NamedTuple):
-    """Answers to runs in which all contacts before the last were found, or to all where all come at once."""
+    """Estimates of runs in which all contacts before the last were found, or of all runs for `at once`."""
 
     contacts: int
     arriving: str
@@ -75,7 +76,7 @@ def judge(noise: Noise, robot: str, runs: int, seed: int) -> Iterator[Row]:
     measured = sequence(touches, noise, seed + 1)
     outcomes: dict[tuple[int, str], list[Outcome]] = {}
     for i in range(runs):
-        for way, drift in WAYS.items():
+        for way, drift in KNOWN_FORCES.items():
             known: tuple[Contact, ...] = ()
             for step in range(CONTACTS):
                 known, outcome = _answer(oracle, touches, measured, i, step, known, drift)
@@ -103,20 +104,20 @@ def _answer(
     estimate = oracle.locate(touches.q[i], wrench, torque, step + 1, known, drift)
     contacts = estimate.contacts if estimate.explanations else estimate.contacts[:1]
     truth = touches.point_base[i, : step + 1]
-    away = match(contacts, list(truth))
-    found = bool((away <= NEAR).all())
+    errors = match(contacts, list(truth))
+    found = bool((errors <= NEAR).all())
     if step == 0 or not contacts:
         return contacts, Outcome(found, True, np.inf, False, 0.0)
-    ended = oracle.from_truth(
+    at_truth = oracle.from_truth(
         touches.link[i, : step + 1], truth, touches.force_base[i, : step + 1], len(known)
     )
-    holds = bool((np.linalg.norm(ended.point_base - truth, axis=1) <= NEAR).all())
-    worst = int(np.argmax(away))
+    holds = bool((np.linalg.norm(at_truth.point_base - truth, axis=1) <= NEAR).all())
+    worst = int(np.argmax(errors))
     force = touches.force_base[i, worst] / np.linalg.norm(touches.force_base[i, worst])
     offsets = np.array([contact.point_base for contact in contacts]) - truth[worst]
-    beside = np.linalg.norm(offsets - np.outer(offsets @ force, force), axis=1)
-    lined = len(contacts) == len(truth) and bool(beside.min() <= NEAR)
-    return contacts, Outcome(found, holds, ended.gain, lined, estimate.explanations[0].probability)
+    line_distance = np.linalg.norm(offsets - np.outer(offsets @ force, force), axis=1)
+    lined = len(contacts) == len(truth) and bool(line_distance.min() <= NEAR)
+    return contacts, Outcome(found, holds, at_truth.gain, lined, estimate.explanations[0].probability)
 
 
 def _row(contacts: int, arriving: str, outcomes: list[Outcome]) -> Row:
@@ -128,9 +129,9 @@ def _row(contacts: int, arriving: str, outcomes: list[Outcome]) -> Row:
         arriving=arriving,
         runs=len(outcomes),
         found=float(found.mean()),
-        better=float((missed & (gain > ALIKE)).mean()),
-        alike=float((missed & (abs(gain) <= ALIKE)).mean()),
-        worse=float((missed & (gain < -ALIKE)).mean()),
+        better=float((missed & (gain > TOLERANCE)).mean()),
+        alike=float((missed & (abs(gain) <= TOLERANCE)).mean()),
+        worse=float((missed & (gain < -TOLERANCE)).mean()),
         perfect=float((found | (holds & (gain >= 0.0))).mean()),
         lined=float((missed & [o.lined for o in outcomes]).mean()),
         stated=float(np.mean([o.stated for o in outcomes])),

@@ -1,19 +1,37 @@
-"""Where is a robot arm being touched? Measurements in, contacts out."""
+"""Estimate where a robot arm is touched from base force/torque sensor and joint torques.
 
-from contactsense.localizer import Batch, Localizer
-from contactsense.scene import JointTorqueSensor, Scene, SceneError, WrenchSensor
-from contactsense.types import Contact, Estimate, Event, Explanation, Sample
+Names are imported on first use (SPEC 1), so that `import contactsense` does not load a compiler.
+"""
 
-__all__ = [
-    "Batch",
-    "Contact",
-    "Estimate",
-    "Event",
-    "Explanation",
-    "JointTorqueSensor",
-    "Localizer",
-    "Sample",
-    "Scene",
-    "SceneError",
-    "WrenchSensor",
-]
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submodules=["kinematics", "robots", "service"],
+    submod_attrs={
+        "localizer": ["Batch", "Localizer"],
+        "readings": ["Readings", "forward_model"],
+        "runtime.sample_blocks": ["BlockEstimates", "SampleBlock"],
+        "scene": ["JointTorqueSensor", "Scene", "SceneError", "WrenchSensor"],
+        "types": ["Contact", "Estimate", "Event", "Explanation", "Sample"],
+    },
+)
+
+if TYPE_CHECKING:
+    from contactsense.localizer import Batch as Batch
+    from contactsense.localizer import Localizer as Localizer
+    from contactsense.readings import Readings as Readings
+    from contactsense.readings import forward_model as forward_model
+    from contactsense.runtime.sample_blocks import BlockEstimates as BlockEstimates
+    from contactsense.runtime.sample_blocks import SampleBlock as SampleBlock
+    from contactsense.scene import JointTorqueSensor as JointTorqueSensor
+    from contactsense.scene import Scene as Scene
+    from contactsense.scene import SceneError as SceneError
+    from contactsense.scene import WrenchSensor as WrenchSensor
+    from contactsense.types import Contact as Contact
+    from contactsense.types import Estimate as Estimate
+    from contactsense.types import Event as Event
+    from contactsense.types import Explanation as Explanation
+    from contactsense.types import Sample as Sample

@@ -1,23 +1,29 @@
-"""`Localizer`: samples go in, estimates come out. It alone remembers anything between samples."""
+"""`Localizer`: receives samples, returns estimates. It holds all state that persists between samples."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from contactsense.answer import Composer
-from contactsense.arm import build_arm
-from contactsense.candidates import MOST
-from contactsense.check import checked_rows
-from contactsense.entry import batch, listen, once, pursue
-from contactsense.feed import silence
-from contactsense.follower import restart as restart_follower
-from contactsense.health import restart as restart_health
-from contactsense.intake import SENSORS, Intake, troubles
-from contactsense.levels import SingleLevels
-from contactsense.memory import empty_memory
-from contactsense.payload import PickUp
-from contactsense.report import (
+from contactsense.detection.thresholds import SampleThresholds
+from contactsense.localization.candidate_buffers import MAX_CANDIDATES
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
+from contactsense.multi_contact.kernels import explain_contact_sets
+from contactsense.multi_contact.locator import MultiContactLocator
+from contactsense.multi_contact.tracker import MultiContactTracker
+from contactsense.output.degraded_reason import degraded_reason
+from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.residuals.bias_filter import restart as restart_bias_filter
+from contactsense.residuals.sensor_consistency import restart as restart_consistency
+from contactsense.robots.jit.compilation import CompilationProgress
+from contactsense.robots.jit.kernel import disable_compilation
+from contactsense.robots.jit.progress_bar import shown_compilation
+from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
+from contactsense.runtime.buffers import KernelBuffers
+from contactsense.runtime.constants import build_constants
+from contactsense.runtime.kernels import batch, detect, localize, locate_once
+from contactsense.runtime.picked_up_payload import PickedUpPayload
+from contactsense.runtime.result_rows import (
     COVARIANCE,
     FORCE,
     LINK,
@@ -28,43 +34,48 @@ from contactsense.report import (
     TORSION,
     WIDTH,
 )
+from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
+from contactsense.runtime.skin_grids import skin_of
+from contactsense.runtime.state import empty_state
 from contactsense.scene import Scene
-from contactsense.several.answer import SetComposer
-from contactsense.several.live import SetTracker
-from contactsense.several.locator import SetLocator
-from contactsense.skin import skin_of
-from contactsense.stream import (
-    MISFIT,
+from contactsense.sensors.sample_fields import SENSORS, SampleFields
+from contactsense.sensors.stream_state import (
+    DEGRADED,
     REPEATED,
     RESTARTED,
     SCALE,
     TOUCHED,
-    TROUBLES,
     UNUSABLE,
+    WRONG_SIZE,
 )
-from contactsense.stream import restart as restart_stream
-from contactsense.tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, forget
+from contactsense.sensors.stream_state import restart as restart_stream
+from contactsense.sensors.timing import reset_timing
+from contactsense.sensors.validation import checked_rows
+from contactsense.tracking.contact_tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, end_contact
 from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Sample
-from contactsense.workspace import Workspace
-from robots.compiled import no_more
 
 Method = Literal["joint", "torques_first"]
-"""How link and place are decided: `joint`: together; `torques_first`: the link from the evidence of base
-wrench and torques alone, then the place on it, which is what a gate in front of a locator does and is kept
-for comparison."""
+"""How link and position are estimated. `joint`: together. `torques_first`: the link from the evidence of base
+wrench and torques alone, then the position on it; a baseline for comparison."""
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
 _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 
 
+def kernels_of(scene: Scene) -> tuple[Any, ...]:
+    """Compiled functions that a localizer for this scene calls from Python."""
+    single = (detect, localize, locate_once, batch)
+    return (*single, explain_contact_sets) if scene.contacts > 1 else single
+
+
 class Batch(NamedTuple):
-    """Best explanation of each of N samples, as arrays; base axes unless said otherwise."""
+    """Best candidate of each of N samples, as arrays; base axes unless stated otherwise."""
 
     link: np.ndarray
-    """Number of the touched link, -1 where no push on any link explains the sample, shape (N,), int64."""
+    """Index of the touched link, -1 where no push on any link explains the sample, shape (N,), int64."""
     primitive: np.ndarray
-    """Number of the touched primitive among all of the arm, shape (N,), int64."""
+    """Index of the touched primitive among all of the arm, shape (N,), int64."""
     probability: np.ndarray
-    """Probability of this explanation, shape (N,)."""
+    """Probability of this candidate, shape (N,)."""
     link_probability: np.ndarray
     """Probability of each link, shape (N, links)."""
     point_base: np.ndarray
@@ -78,121 +89,152 @@ class Batch(NamedTuple):
     covariance: np.ndarray
     """Covariance of `point_base`, shape (N, 3, 3) [m^2]."""
     detected: np.ndarray
-    """Whether noise alone is too unlikely an explanation, shape (N,), bool."""
+    """Whether a contact is detected: noise alone is too improbable an explanation, shape (N,), bool."""
 
 
 class Localizer:
-    """Locates contacts on the arm of one scene.
+    """Localizes contacts on the arm of one scene.
 
-    One instance serves one stream and one thread; instances share nothing. The first one in a fresh
-    installation compiles the kernels, which takes a while; they are cached on disk.
+    One instance serves one stream and one thread; instances are independent. The first one after installation
+    compiles the kernels, which takes minutes; they are cached on disk.
     """
 
-    def __init__(self, scene: Scene, method: Method = "joint") -> None:
-        """Prepare for `scene`, and compile."""
+    def __init__(
+        self,
+        scene: Scene,
+        method: Method = "joint",
+        *,
+        progress: bool | Callable[[CompilationProgress], object] | None = None,
+    ) -> None:
+        """Prepare for `scene`, and compile what is not in the cache.
+
+        Args:
+            scene: The arm in its place.
+            method: How link and place are decided.
+            progress: Whether a bar on stderr shows how far the compilation is; None: on a terminal and in a
+                notebook. A function is called with the progress instead.
+        """
         self.scene = scene
         self._gate = method == "torques_first"
-        arm = build_arm(scene)
-        self._work = Workspace(arm, empty_memory(arm))
-        self._workspace = (self._work.floats, self._work.integers, self._work.sizes)
+        constants = build_constants(scene)
+        self._buffers = KernelBuffers(constants, empty_state(constants))
+        self._buffer_args = (self._buffers.floats, self._buffers.integers, self._buffers.sizes)
         skin = skin_of(scene)
-        self._buffers, self._parts = (*self._workspace, skin), (*self._workspace, *skin)
-        self._stream, self._bandwidth = self._work.memory.stream, scene.bandwidth
-        self._joints, self._links, primitives, _, _ = self._work.sizes
-        self._rows = np.zeros((max(primitives, MOST), WIDTH))
-        self._composer = Composer(scene, arm.surfaces.start)
-        self._sets: SetLocator | None = None
-        self._together: SetTracker | None = None
+        self._batch_args, self._sample_args = (*self._buffer_args, skin), (*self._buffer_args, *skin)
+        self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
+        self._joints, self._links, primitives, _, _ = self._buffers.sizes
+        self._rows = np.zeros((max(primitives, MAX_CANDIDATES), WIDTH))
+        self._estimate_builder = EstimateBuilder(scene, constants.surfaces.start)
+        self._locator: MultiContactLocator | None = None
+        self._multi_tracker: MultiContactTracker | None = None
         if scene.contacts > 1:
-            self._sets = SetLocator(scene, self._work, self._buffers, self._composer)
-            self._together = SetTracker(scene, self._work, self._sets, SetComposer(scene, self._composer))
-        self._fitted = (
+            self._locator = MultiContactLocator(
+                scene, self._buffers, self._batch_args, self._estimate_builder
+            )
+            self._multi_tracker = MultiContactTracker(
+                scene, self._buffers, self._locator, ContactSetBuilder(scene, self._estimate_builder)
+            )
+        self._scene_sensors = (
             scene.base_wrench is not None,
             scene.joint_torque is not None,
             scene.wrist_wrench is not None,
         )
-        self._sizes = (6, self._joints, 6)
-        self._intake = Intake(self._fitted, self._joints)
-        self._blank = tuple(np.zeros(size) for size in self._sizes)
-        self._levels = SingleLevels(scene, self._sizes)
-        self._pick_up = PickUp(scene, self._work) if scene.picks_up else None
+        self._sensor_sizes = (6, self._joints, 6)
+        self._sample_fields = SampleFields(self._scene_sensors, self._joints)
+        self._zeros = tuple(np.zeros(size) for size in self._sensor_sizes)
+        self._thresholds = SampleThresholds(scene, self._sensor_sizes)
+        self._payload = PickedUpPayload(scene, self._buffers) if scene.picks_up else None
+        self._block_runner: BlockRunner | None = None
         self.reset()
-        self._warm_up()
+        with shown_compilation(kernels_of(scene), progress):
+            self._warm_up()
 
     def reset(self) -> None:
-        """Forget all samples and contacts; the next sample starts a new stream."""
-        arm, memory = self._work.arm, self._work.memory
-        restart_stream(memory.stream)
-        restart_health(memory.health, self.scene.force, self.scene.contacts == 1)
-        forget(memory.track)
-        memory.track.life[NUMBER] = 0.0
-        if self._together is not None:
-            self._together.forget()
-        for mine, its in zip(memory.model, arm.model, strict=True):
-            mine[:] = its
-        memory.drive.bias[:] = arm.drive.bias
-        weight = arm.model.mass[0] * np.append(arm.gravity, np.cross(arm.model.com[0], arm.gravity))
-        restart_follower(memory.follower, self.scene.inertia_error, weight)
+        """Discard all samples and contacts; the next sample starts a new stream."""
+        constants, state = self._buffers.constants, self._buffers.state
+        restart_stream(state.stream)
+        restart_consistency(state.consistency, self.scene.force, self.scene.contacts == 1)
+        end_contact(state.track)
+        state.track.scalars[NUMBER] = 0.0
+        if self._multi_tracker is not None:
+            self._multi_tracker.forget()
+        for array, initial in zip(state.model, constants.model, strict=True):
+            array[:] = initial
+        state.torque_model.bias[:] = constants.torque_model.bias
+        weight = constants.model.mass[0] * np.append(
+            constants.gravity, np.cross(constants.model.com[0], constants.gravity)
+        )
+        restart_bias_filter(state.bias_filter, self.scene.inertia_error, weight)
         self._phase, self._number = NONE, 0
-        if self._pick_up is not None:
-            self._pick_up.reset()
+        if self._payload is not None:
+            self._payload.reset()
+
+    @property
+    def biases(self) -> tuple[np.ndarray, np.ndarray]:
+        """Estimated biases: of the base wrench, base axes, shape (6,) [N, Nm], and of the joint torques,
+        shape (n,) [Nm]."""
+        state = self._buffers.state
+        return state.bias_filter.bias.copy(), state.torque_model.bias.copy()
 
     def step(self, sample: Sample) -> Estimate:
-        """Take the next sample of a live stream, of an arm that may move, and say what touches it now.
+        """Process the next sample of a live stream and estimate the present contacts; the arm may move.
 
-        A sensor whose value is None or not finite counts as silent in this sample. Positions or velocities
-        that are not finite make the sample unusable. Neither raises: the estimate is `degraded` and says why.
+        A sensor whose value is None or not finite has no value in this sample. A sample whose positions or
+        velocities are not finite is not used. Neither raises: the estimate is `degraded` with a reason.
 
         Raises:
             ValueError: a field has the wrong shape; the message names it.
         """
         try:
-            said = listen(*self._workspace, self._bandwidth, *self._intake.fields(sample))
+            flags = detect(*self._buffer_args, self._bandwidth, *self._sample_fields.fields(sample))
         except TypeError:
-            said = MISFIT
-        if said == MISFIT:
-            sample = self._intake.shaped(sample)
-            said = listen(*self._workspace, self._bandwidth, *self._intake.fields(sample))
-        said &= self._intake.heeded
-        if said == 0 and self._phase == NONE:
-            return self._composer.nothing(sample.t)
-        return self._tell(sample.t, said)
+            flags = WRONG_SIZE
+        if flags == WRONG_SIZE:
+            sample = self._sample_fields.shaped(sample)
+            flags = detect(*self._buffer_args, self._bandwidth, *self._sample_fields.fields(sample))
+        flags &= self._sample_fields.relevant_flags
+        if flags == 0 and self._phase == NONE:
+            return self._estimate_builder.no_contact(sample.t)
+        return self._estimate(sample.t, flags)
 
-    def _tell(self, t: float, said: int) -> Estimate:
-        """The estimate for the sample that `listen` took in: something touches it, or something is to be said
-        of it."""
-        if said & UNUSABLE:
-            return self._composer.quiet(
+    def _estimate(self, t: float, flags: int) -> Estimate:
+        """The estimate for the sample that `detect` has processed, where it is not simply `none`."""
+        if flags & UNUSABLE:
+            return self._estimate_builder.without_contacts(
                 t,
                 "degraded",
-                "time, positions or velocities are not finite, or too large to be true: sample unused",
+                "time, positions or velocities are not finite or implausibly large: sample not used",
             )
-        if said & REPEATED:
-            return self._composer.quiet(t, "degraded", "same time as the sample before: sample unused")
-        if said & RESTARTED and self._together is not None:
-            self._together.forget()
-        listed = -1
-        if said & TOUCHED:
-            listed = pursue(*self._parts, self._bandwidth, self._gate, self._rows)
-        kinds, ended = self._news(t)
-        if self._phase == HOLD and self._pick_up is not None and self._usable()[:2] == (True, True):
-            mass = self._pick_up.step()
+        if flags & REPEATED:
+            return self._estimate_builder.without_contacts(
+                t, "degraded", "same time as the previous sample: sample not used"
+            )
+        if flags & RESTARTED and self._multi_tracker is not None:
+            self._multi_tracker.forget()
+        count = -1
+        if flags & TOUCHED:
+            count = localize(*self._sample_args, self._bandwidth, self._gate, self._rows)
+        kinds, release = self._phase_change(t)
+        if self._phase == HOLD and self._payload is not None and self._usable()[:2] == (True, True):
+            mass = self._payload.step()
             if mass is not None:
-                return self._weight(t, mass)
-        reason = troubles(said, self._work.memory.health) if said & TROUBLES else ""
-        if self._together is not None:
-            if listed < 0:
-                ended += self._together.end(t, self._number)
+                return self._picked_up(t, mass)
+        reason = degraded_reason(flags, self._buffers.state.consistency) if flags & DEGRADED else ""
+        if self._multi_tracker is not None:
+            if count < 0:
+                release += self._multi_tracker.end(t, self._number)
             else:
-                several, self._number = self._together.step(
-                    t, self._usable(), self._number, listed > 0, reason
+                estimate, self._number = self._multi_tracker.step(
+                    t, self._usable(), self._number, count > 0, reason
                 )
-                if several is not None:
-                    return several
-        if listed < 0:
-            return self._composer.quiet(t, "degraded" if reason else "none", reason, ended)
-        return self._composer.contacts(
-            t, self._work.memory, self._rows, listed, reason, self._number, _PHASES[self._phase], kinds
+                if estimate is not None:
+                    return estimate
+        if count < 0:
+            return self._estimate_builder.without_contacts(
+                t, "degraded" if reason else "none", reason, release
+            )
+        return self._estimate_builder.contacts(
+            t, self._buffers.state, self._rows, count, reason, self._number, _PHASES[self._phase], kinds
         )
 
     def _usable(self) -> tuple[bool, bool, bool]:
@@ -200,25 +242,25 @@ class Localizer:
         base, torque, wrist = self._stream.usable[:3].tolist()
         return base > 0.0, torque > 0.0, wrist > 0.0
 
-    def _weight(self, t: float, mass: float) -> Estimate:
-        """The contact was a weight, which is in the model now: the observers start anew."""
+    def _picked_up(self, t: float, mass: float) -> Estimate:
+        """The contact was a payload, which is in the model now: restart the observers."""
         event = Event("weight", self._number, t, self.scene.robot.link_names[-1], mass)
-        silence(self._stream.feeds)
-        forget(self._work.memory.track)
+        reset_timing(self._stream.timing)
+        end_contact(self._buffers.state.track)
         self._phase = NONE
-        return self._composer.quiet(t, "none", events=(event,))
+        return self._estimate_builder.without_contacts(t, "none", events=(event,))
 
-    def _news(self, t: float) -> tuple[tuple[EventKind, ...], tuple[Event, ...]]:
-        """What has happened to the contact with this sample: to one that is on, and to one that was."""
-        life = self._work.memory.track.life
-        phase, before = int(life[PHASE]), self._phase
-        if phase == before:
+    def _phase_change(self, t: float) -> tuple[tuple[EventKind, ...], tuple[Event, ...]]:
+        """Events of the contact in this sample: kinds of its own events, and its release."""
+        scalars = self._buffers.state.track.scalars
+        phase, previous = int(scalars[PHASE]), self._phase
+        if phase == previous:
             return (), ()
         self._phase = phase
         if phase == NONE:
             return (), (Event("release", self._number, t),)
         if phase == NEW:
-            self._number = int(life[NUMBER])
+            self._number = int(scalars[NUMBER])
         return (_EVENTS[phase],), ()
 
     def locate(
@@ -234,67 +276,75 @@ class Localizer:
         known: Sequence[Contact] = (),
         drift: float | None = None,
     ) -> Estimate:
-        """Explain one measurement of an arm at rest; nothing is remembered.
+        """Explain one measurement of an arm at rest, independent of other samples.
 
         Args:
             q: Joint positions, shape (n,) [rad].
             base_wrench: Wrench of the arm on the base sensor, base axes, about the base origin, shape (6,)
                 [N, Nm].
-            joint_torque: Torque that each actuator applies, shape (n,) [Nm].
-            wrist_wrench: Wrench of all beyond the wrist sensor on it, base axes, base origin, shape (6,) [N,
-                Nm].
-            external: The arm's own weight has been taken off the measurements already (a contact wrench w
-                leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is taken off here.
-            detect: Answer `none` where noise alone explains the measurement; False: a contact is known to be
-                there.
-            contacts: Most contacts that may act at the same time, 1 to 3. With more than one, the status is
+            joint_torque: Torque of each actuator, shape (n,) [Nm].
+            wrist_wrench: Wrench on the wrist sensor of everything distal to it, base axes, base origin, shape
+                (6,) [N, Nm].
+            external: Whether the arm's weight has been subtracted from the measurements already (a contact
+                wrench w leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is subtracted
+                here.
+            detect: Return `none` where noise alone explains the measurement; False: a contact is known to be
+                present.
+            contacts: Largest number of simultaneous contacts, 1 to 3. With more than one, the status is
                 `multiple` where several explain the measurement better than one.
-            known: Contacts that are there already, of an estimate in the same posture: their places have
-                their covariances as prior. `contacts` counts them too.
-            drift: How much each component of their forces may have changed since, standard deviation [N];
-                None: their forces are free. The smaller, the better a new contact is told from them.
+            known: Contacts that are already present, from an estimate in the same posture: their positions
+                have their covariances as prior. They count towards `contacts`.
+            drift: Standard deviation of the change of each component of their forces since then [N]; None:
+                their forces are free. The smaller, the better a new contact is distinguished from them.
 
         Raises:
             ValueError: an argument has the wrong shape or is not finite, or the scene has no such sensor.
         """
-        present = self._present((base_wrench, joint_torque, wrist_wrench))
-        several = contacts != 1 or len(known) > 0
-        if several:
-            self._sets = self._sets or SetLocator(self.scene, self._work, self._buffers, self._composer)
-            self._sets.check(contacts, known, drift)
-        threshold = self._levels.level(present) if detect else -1.0
-        listed, nothing = self._once(
-            self._intake.values(q, joint_torque, base_wrench, wrist_wrench), external, present, threshold
+        usable = self._given_sensors((base_wrench, joint_torque, wrist_wrench))
+        look_for_sets = contacts != 1 or len(known) > 0
+        if look_for_sets:
+            self._locator = self._locator or MultiContactLocator(
+                self.scene, self._buffers, self._batch_args, self._estimate_builder
+            )
+            self._locator.check(contacts, known, drift)
+        threshold = self._thresholds.threshold(usable) if detect else -1.0
+        count, no_contact_energy = self._locate_once(
+            self._sample_fields.values(q, joint_torque, base_wrench, wrist_wrench),
+            external,
+            usable,
+            threshold,
         )
-        if nothing <= threshold:
-            return self._composer.quiet(0.0, "none")
-        estimate = self._composer.contacts(0.0, self._work.memory, self._rows, listed)
-        if several and self._sets is not None:
-            sets = self._sets.explain(present, contacts, known, drift)
-            if known or len(sets.contacts) > 1:
-                return sets
+        if no_contact_energy <= threshold:
+            return self._estimate_builder.without_contacts(0.0, "none")
+        estimate = self._estimate_builder.contacts(0.0, self._buffers.state, self._rows, count)
+        if look_for_sets and self._locator is not None:
+            multiple = self._locator.explain(usable, contacts, known, drift)
+            if known or len(multiple.contacts) > 1:
+                return multiple
         return estimate
 
-    def _once(
+    def _locate_once(
         self,
         values: tuple[np.ndarray, ...],
         external: bool,
-        present: tuple[bool, bool, bool],
+        usable: tuple[bool, bool, bool],
         threshold: float,
     ) -> tuple[int, float]:
-        """`contactsense.entry.once` of values as they came, or as they can be made to fit.
+        """`contactsense.runtime.kernels.locate_once`; values of other array types are converted.
 
         Raises:
-            ValueError: they cannot; the message names the argument.
+            ValueError: a value cannot be converted; the message names the argument.
         """
-        told = (external, *present, self._gate, threshold, self._rows)
+        options = (external, *usable, self._gate, threshold, self._rows)
         try:
-            listed, nothing = once(*self._parts, *values, *told)
+            count, no_contact_energy = locate_once(*self._sample_args, *values, *options)
         except TypeError:
-            listed = -1
-        if listed < 0:
-            listed, nothing = once(*self._parts, *self._intake.checked(*values), *told)
-        return listed, nothing
+            count = -1
+        if count < 0:
+            count, no_contact_energy = locate_once(
+                *self._sample_args, *self._sample_fields.checked(*values), *options
+            )
+        return count, no_contact_energy
 
     def locate_batch(
         self,
@@ -307,23 +357,27 @@ class Localizer:
     ) -> Batch:
         """Explain N measurements of an arm at rest, each by its most probable contact.
 
-        The arguments are those of `locate` with a leading axis N. Whether a sample shows a contact at all is
-        said by `detected`; the explanation is given in any case.
+        The arguments are those of `locate` with a leading axis N. `detected` reports whether a sample shows a
+        contact; the best candidate is returned in any case.
         """
         q = checked_rows("q", q, None, self._joints, "rad")
         n = len(q)
         given = (base_wrench, joint_torque, wrist_wrench)
-        present = self._present(given)
+        usable = self._given_sensors(given)
         values = [
-            np.zeros((n, self._sizes[i]))
+            np.zeros((n, self._sensor_sizes[i]))
             if value is None
-            else checked_rows(SENSORS[i], value, n, self._sizes[i], "N, Nm")
+            else checked_rows(SENSORS[i], value, n, self._sensor_sizes[i], "N, Nm")
             for i, value in enumerate(given)
         ]
-        nothing, link_probability, best = np.empty(n), np.empty((n, self._links)), np.empty((n, WIDTH))
+        no_contact_energy, link_probability, best = (
+            np.empty(n),
+            np.empty((n, self._links)),
+            np.empty((n, WIDTH)),
+        )
         batch(
-            *self._buffers, q, values[1], values[0], values[2], external, *present, self._gate,
-            nothing, link_probability, best, self._rows,
+            *self._batch_args, q, values[1], values[0], values[2], external, *usable, self._gate,
+            no_contact_energy, link_probability, best, self._rows,
         )  # fmt: skip
         return Batch(
             link=best[:, LINK].astype(np.int64),
@@ -335,38 +389,72 @@ class Localizer:
             force_base=best[:, FORCE],
             torsion=best[:, TORSION],
             covariance=best[:, COVARIANCE].reshape(n, 3, 3),
-            detected=nothing > self._levels.level(present),
+            detected=no_contact_energy > self._thresholds.threshold(usable),
         )
 
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
-        """Estimates of a whole stream of samples, from its start."""
+        """Estimates for a whole stream of samples, from its start."""
         self.reset()
         for sample in recording:
             yield self.step(sample)
 
-    def _present(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
-        for name, value, fitted in zip(SENSORS, given, self._fitted, strict=True):
-            if value is not None and not fitted:
-                raise ValueError(f"{name}: the scene has no such sensor, yet a value came")
+    def run_blocks(self, recording: Iterable[SampleBlock]) -> Iterator[BlockEstimates]:
+        """The estimates of `run` for a whole stream, with samples and estimates as arrays: for recordings, at
+        the speed of compiled code.
+
+        Blocks of more than some thousand samples are returned in parts. With `Scene.contacts` above 1, or
+        where the arm picks things up, samples with a contact take as long as in `step`.
+
+        Raises:
+            ValueError: a field of a block has the wrong shape; the message names it.
+        """
+        self.reset()
+        track = self._buffers.state.track
+        if self._block_runner is None:
+            first = self._buffers.constants.surfaces.start
+            self._block_runner = BlockRunner(
+                self.scene, self._scene_sensors, self._links, first, track.scalars
+            )
+        compiled_only = self._multi_tracker is None and self._payload is None
+        settings = (self._bandwidth, self._gate, self._sample_fields.relevant_flags)
+        for block in recording:
+            whole = SampleBlock.checked(block, self._joints)
+            for part in whole.split(MAX_BLOCK):
+                found = self._block_runner.run(
+                    self._sample_args, settings, part, self._rows, None if compiled_only else self._estimate
+                )
+                self._phase, self._number = int(track.scalars[PHASE]), int(track.scalars[NUMBER])
+                yield found
+
+    def _given_sensors(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
+        for name, value, in_scene in zip(SENSORS, given, self._scene_sensors, strict=True):
+            if value is not None and not in_scene:
+                raise ValueError(f"{name}: the scene has no such sensor, got a value")
         if given[0] is None and given[1] is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two, got none")
         return given[0] is not None, given[1] is not None, given[2] is not None
 
     def _warm_up(self) -> None:
-        """Compile the sample path before the first sample comes."""
-        zero = self._blank[1]
+        """Compile the sample path before the first sample."""
+        zero = self._zeros[1]
         base, torque, wrist = (
-            blank if there else None for blank, there in zip(self._blank, self._fitted, strict=True)
+            zeros if in_scene else None
+            for zeros, in_scene in zip(self._zeros, self._scene_sensors, strict=True)
         )
-        self.step(self._intake.first())
-        no_more(listen)
-        self._stream.usable[:] = (*self._fitted, False, False)
-        self._stream.clock[SCALE] = 1.0
-        pursue(*self._parts, self._bandwidth, self._gate, self._rows)
+        self.step(self._sample_fields.compile_sample())
+        disable_compilation(detect)
+        self._stream.usable[:] = (*self._scene_sensors, False, False)
+        self._stream.scalars[SCALE] = 1.0
+        localize(*self._sample_args, self._bandwidth, self._gate, self._rows)
         rows = [None if value is None else value[None] for value in (base, torque, wrist)]
         self.locate_batch(zero[None], base_wrench=rows[0], joint_torque=rows[1], wrist_wrench=rows[2])
-        self._once(self._intake.values(self._intake.first().q), False, self._fitted, -1.0)
-        no_more(once)
+        self._locate_once(
+            self._sample_fields.values(self._sample_fields.compile_sample().q),
+            False,
+            self._scene_sensors,
+            -1.0,
+        )
+        disable_compilation(locate_once)
         self.locate(
             zero, base_wrench=base, joint_torque=torque, wrist_wrench=wrist, contacts=self.scene.contacts,
             detect=False,

@@ -1,4 +1,4 @@
-"""The scene: which arm, how it is mounted, what it carries, which sensors it has and how noisy they are."""
+"""The scene: arm, mounting, tool, sensors and their noise."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -19,11 +19,11 @@ from pydantic import (
 )
 from scipy.spatial.transform import Rotation
 
-import robots
-from contactsense.sensing import JointTorqueSensor, LinkInertia, WrenchSensor
-from robots import Robot
-from robots.primitives import Vector
-from robots.tool import Tool
+from contactsense import robots
+from contactsense.robots import Robot
+from contactsense.robots.primitives import Vector
+from contactsense.robots.tool import Tool
+from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, WrenchSensor
 
 __all__ = ["JointTorqueSensor", "Scene", "SceneError", "WrenchSensor", "describe"]
 
@@ -33,13 +33,13 @@ _MOUNTINGS: dict[str, Vector] = {
     "wall": (0.0, np.pi / 2, 0.0),
 }
 SURFACE_ERROR = {"coarse": 0.004, "fine": 0.0005, "skin": 0.0005}
-"""Level of detail -> how far its primitives are off the real surface [m]: a Gaussian of that standard
-deviation holds as much in 90 % of the cases as was measured (`contactsense bench geometry --json`: 6.5 and
-0.8 mm). In most places the surface is much nearer, at ribs, steps and screw heads farther off."""
+"""Level of detail -> standard deviation of the primitives' distance from the real surface [m]: a Gaussian
+with the same 90 % quantile as measured (`contactsense bench geometry --json`: 6.5 and 0.8 mm). In most places
+the surface is much nearer; at ribs, steps and screw heads it is further away."""
 
 
 class SceneError(ValueError):
-    """A scene that cannot be used: the message names the file, the field, what was expected and what came."""
+    """An invalid scene. The message names the file, the field, what was expected and what was given."""
 
 
 def _as_robot(value: object) -> object:
@@ -47,10 +47,10 @@ def _as_robot(value: object) -> object:
 
 
 class Scene(BaseModel):
-    """One arm in its place. Immutable; a `Localizer` is made from it.
+    """One arm and its surroundings. Immutable; a `Localizer` is made from it.
 
     From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`, with the
-        same fields.
+    same fields.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -60,20 +60,20 @@ class Scene(BaseModel):
         BeforeValidator(_as_robot),
         PlainSerializer(lambda robot: robot.name, return_type=str),
     ]
-    """The arm: a name that `robots.names()` lists, or a `robots.Robot`."""
+    """The arm: a name listed by `robots.names()`, or a `robots.Robot`."""
     kinematics: Path | None = None
-    """Kinematic calibration of the real arm, the YAML that UR's driver exports; without it the model's
-    numbers."""
+    """Kinematic calibration of the real arm, the YAML file exported by UR's driver; None: the model's nominal
+    values."""
     mounting: Literal["table", "wall", "ceiling"] | Vector = "table"
-    """How the base stands in the world, z of the world being up: `table`, `ceiling` (upside down), `wall`
-    (base x points down), or roll, pitch, yaw of the base frame about fixed world axes [rad]."""
+    """Orientation of the base in the world, whose z points up: `table`, `ceiling` (upside down), `wall` (base
+    x points down), or roll, pitch, yaw of the base frame about fixed world axes [rad]."""
     gravity: PositiveFloat = 9.81
     """Acceleration of gravity [m/s^2]."""
     inertia: dict[str, LinkInertia] | None = None
-    """Mass distribution of links by name, where calibration found another than the robot's data say."""
+    """Inertia of links by name, where calibration has changed it from the robot's data."""
     inertia_error: NonNegativeFloat = 0.0
-    """How far the mass of each link may be off, relative, standard deviation. A stream follows the masses
-    while nothing touches; what it does not know yet is no contact."""
+    """Relative standard deviation of the mass of each link. A stream estimates the masses in free motion;
+    their remaining uncertainty is not taken for a contact."""
     tool: Tool | None = None
     """What is mounted on the tool flange."""
     base_wrench: WrenchSensor | None = WrenchSensor()
@@ -83,43 +83,43 @@ class Scene(BaseModel):
     wrist_wrench: WrenchSensor | None = None
     """Force/torque sensor between tool flange and tool, or none. Its frame is given in the flange's frame."""
     touchable: tuple[str, ...] | None = None
-    """Names of the links that can be touched; none named: all. The others cost nothing."""
+    """Names of the links that can be touched; None: all. The others take no computing time."""
     detail: Literal["coarse", "fine", "skin"] = "fine"
-    """How well the surface is modelled: `coarse`: one or two bodies a link; `fine`: the fitted union of
-    primitives; `skin`: that, then the place is moved onto the links' meshes."""
+    """Level of detail of the surface. `coarse`: one or two bodies per link; `fine`: the fitted union of
+    primitives; `skin`: the same, then the contact is moved onto the links' meshes."""
     meshes: Path | None = None
     """For `detail: skin`: folder of visual meshes, LINK.ply in each link's frame [m]. Those of UR3e and UR5e
-    come with the package airo-models and need not be named."""
+    are part of the package airo-models and need no folder."""
     friction: PositiveFloat = 0.5
-    """Coefficient of friction of what touches the arm: contact forces lean this far from the normal, seldom
-    further."""
+    """Coefficient of friction between the arm and what touches it: contact forces rarely lean further from
+    the normal."""
     force: PositiveFloat = 20.0
-    """Normal force that is usual for contacts [N]: a third and three times as much are common, a tenth and
-    ten times rare. It matters only where the sensors leave the size of the force open."""
+    """Usual normal force of contacts [N]: a third and three times as much are common, a tenth and ten times
+    are rare. It matters only where the sensors do not determine the size of the force."""
     torsion: PositiveFloat = 0.0025
     """Torsional moment per normal force, standard deviation [m]: about friction times the radius of the
     contact patch."""
     contacts: Annotated[int, Field(ge=1, le=3)] = 1
-    """Most contacts at a time that are looked for in a stream; a further one is told from those that are
-    tracked already."""
-    room: NonNegativeFloat = 0.005
-    """Room above a place that whatever touches the arm needs, a fingertip at the least [m]: faces in the slit
+    """Largest number of simultaneous contacts in a stream; a further one is distinguished from those already
+    tracked."""
+    clearance: NonNegativeFloat = 0.005
+    """Free space above a point that an object needs to touch it, at least a fingertip [m]: faces in the gap
     of a joint cannot be touched."""
     surface_error: PositiveFloat | None = None
-    """How far the primitives are off the real surface, standard deviation [m]. None: as far as those of the
-    library's arms are at this level of detail, `SURFACE_ERROR`."""
+    """Standard deviation of the primitives' distance from the real surface [m]. None: that of the library's
+    arms at this level of detail, `SURFACE_ERROR`."""
     bandwidth: PositiveFloat = 10.0
     """Cut-off frequency of the momentum observer [Hz]: lower is less noisy, higher is faster."""
     bias_time: PositiveFloat | None = 10.0
-    """Time over which a stream averages the sensors' biases while nothing touches [s]: they may wander that
-    slowly. None: they are what the scene says for ever."""
+    """Averaging time of the sensors' biases in free motion [s]: they may drift that slowly. None: the scene's
+    biases are constant."""
     picks_up: bool = False
-    """Whether the arm picks things up: a steady load that pulls along gravity at the flange is then a weight,
-    not a contact. Needs base sensor and joint torques."""
+    """Whether the arm picks up payloads: a steady load along gravity at the flange is then a payload, not a
+    contact. Needs base sensor and joint torques."""
     false_alarms_per_hour: PositiveFloat = 0.01
-    """How often noise alone may make a stream look like a contact [1/h]."""
+    """False-alarm rate of a stream: how often noise alone may appear as a contact [1/h]."""
     clear: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
-    """An answer less probable than this is reported as `ambiguous`."""
+    """A candidate less probable than this is reported as `ambiguous`."""
 
     @model_validator(mode="before")
     @classmethod
@@ -127,8 +127,10 @@ class Scene(BaseModel):
         if isinstance(fields, dict) and "false_alarm" in fields:
             raise ValueError(
                 "false_alarm: this probability per sample is replaced by false_alarms_per_hour, how often "
-                "noise alone may look like a contact in an hour (0.01 where nothing is given)"
+                "noise alone may appear as a contact in an hour (default 0.01)"
             )
+        if isinstance(fields, dict) and "room" in fields:
+            raise ValueError("room: this field is now named clearance [m]")
         return fields
 
     @model_validator(mode="before")
@@ -171,7 +173,7 @@ class Scene(BaseModel):
         """Read a scene from a YAML file.
 
         Raises:
-            SceneError: the file is missing, is no YAML, or a field is wrong; the message names it.
+            SceneError: the file is missing or not YAML, or a field is invalid; the message names it.
         """
         try:
             content: Any = yaml.safe_load(Path(path).read_text())
@@ -188,13 +190,12 @@ class Scene(BaseModel):
 
     @property
     def surface_deviation(self) -> float:
-        """`surface_error`, or where none is given what this level of detail leaves [m]."""
+        """`surface_error`, or the default of this level of detail [m]."""
         return SURFACE_ERROR[self.detail] if self.surface_error is None else self.surface_error
 
     @property
     def link_names(self) -> tuple[str, ...]:
-        """Names of all links that can be told apart: the arm's, base first, then the tool if it has a
-        surface."""
+        """Names of all links: the arm's, base first, then the tool if it has a surface."""
         tool = (self.tool.name,) if self.tool is not None and self.tool.primitives else ()
         return self.robot.link_names + tool
 
@@ -205,7 +206,7 @@ class Scene(BaseModel):
 
     @property
     def orientation(self) -> Rotation:
-        """How the base stands in the world."""
+        """Orientation of the base in the world."""
         rpy = _MOUNTINGS[self.mounting] if isinstance(self.mounting, str) else self.mounting
         return Rotation.from_euler("xyz", rpy)
 
@@ -218,7 +219,7 @@ def _has_one_per_joint(place: str, part: BaseModel, joints: int) -> None:
 
 
 def describe(error: ValidationError) -> str:
-    """All that is wrong, in one line: field, what was expected, what came."""
+    """All errors in one line: field, what was expected, what was given."""
     parts = []
     for item in error.errors(include_url=False):
         field = ".".join(str(key) for key in item["loc"])

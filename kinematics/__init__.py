@@ -1,1 +1,1 @@
-"""Where the links of an arm are, and what its joints and its base carry."""
+"""Kinematics and dynamics of a serial arm."""

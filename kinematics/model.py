@@ -1,10 +1,10 @@
-"""The arm as the kernels see it: contiguous arrays, made from a `robots.Robot`."""
+"""Arrays of an arm's kinematics and inertia for the kernels, built from a `robots.Robot`."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from robots import Robot
+from contactsense.robots import Robot
 
 
 class Model(NamedTuple):
@@ -23,7 +23,7 @@ class Model(NamedTuple):
     inertia: np.ndarray
     """Inertia tensor of each link about its centre of mass, link axes [kg m^2], shape (n + 1, 3, 3)."""
     rotor_inertia: np.ndarray
-    """Inertia of each joint's rotor, seen at the joint [kg m^2], shape (n,)."""
+    """Inertia of each joint's rotor, reflected to the joint [kg m^2], shape (n,)."""
 
     @property
     def joints(self) -> int:
@@ -32,7 +32,7 @@ class Model(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What one pass over the arm computes; arrays that the kernels fill. Everything in base axes."""
+    """Results of one pass over the arm, filled by the kernels. All in base axes."""
 
     rotation: np.ndarray
     """Orientation of each link, link axes to base axes, shape (n + 1, 3, 3)."""
@@ -43,9 +43,10 @@ class Motion(NamedTuple):
     screw_rate: np.ndarray
     """Time derivative of `screw`, shape (n, 6)."""
     momentum: np.ndarray
-    """Linear and angular momentum of link j and all beyond it, shape (n + 1, 6) [kg m/s, kg m^2/s]."""
+    """Linear and angular momentum of link j and all links distal to it, shape (n + 1, 6) [kg m/s, kg m^2/s].
+    """
     gravity: np.ndarray
-    """Gravity wrench about the base origin on link j and all beyond it, shape (n + 1, 6) [N, Nm]."""
+    """Gravity wrench about the base origin on link j and all links distal to it, shape (n + 1, 6) [N, Nm]."""
     twist: np.ndarray
     """Scratch: velocity at the base origin and angular velocity of each link, shape (n + 1, 6)."""
 
@@ -64,7 +65,8 @@ def build_model(robot: Robot) -> Model:
 
 
 def empty_motion(joints: int) -> Motion:
-    """Arrays for an arm with that many joints, to be filled by `kinematics.core.move`."""
+    """Arrays for an arm with that many joints; `contactsense.kinematics.momenta.kinematics_and_momenta` fills
+    them."""
     links = joints + 1
     return Motion(
         rotation=np.empty((links, 3, 3)),

@@ -1,34 +1,38 @@
-"""Regressors: momenta and gravity wrenches as linear functions of what the bodies weigh.
+"""Inertial parameter regressor: momenta and gravity wrenches as linear functions of the inertial parameters.
 
-The momentum of a body and the wrench of gravity on it are linear in its ten inertial parameters
-`(m, m c_x, m c_y, m c_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz)`: mass, mass times centre of mass, and inertia
-tensor about the link frame's origin, in link axes (C. G. Atkeson, C. H. An, J. M. Hollerbach, "Estimation of
-inertial parameters of manipulator loads and links", IJRR 1986). So everything that the momentum observer
-(theory, section 2) takes from the model is linear in them too, and no acceleration enters.
+The momentum of a body and the wrench of gravity on it are linear in its ten inertial parameters `(m, m c_x, m
+c_y, m c_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz)`: mass, mass times centre of mass, and inertia tensor about
+the link frame's origin, in link axes (C. G. Atkeson, C. H. An, J. M. Hollerbach, "Estimation of inertial
+parameters of manipulator loads and links", IJRR 1986). So all model terms of the momentum observer (theory,
+section 2) are linear in them too, and no accelerations are needed.
 """
 
 import numpy as np
 
-from kinematics.model import Model, Motion
-from robots import Inertia
-from robots.compiled import kernel
+from contactsense.kinematics.model import Model, Motion
+from contactsense.robots import Inertia
+from contactsense.robots.jit.kernel import kernel
 
 PARAMETERS = 10
-"""Inertial parameters of one body."""
+"""Number of inertial parameters of one body."""
 
 
 @kernel
 def body_regressor(
-    rotation: np.ndarray, origin: np.ndarray, twist: np.ndarray, momentum: np.ndarray, rest: np.ndarray
+    rotation: np.ndarray,
+    origin: np.ndarray,
+    twist: np.ndarray,
+    momentum: np.ndarray,
+    angular_velocity: np.ndarray,
 ) -> None:
-    """Momentum of one body, and its rate for a twist held still in space, per inertial parameter.
+    """Momentum of one body per inertial parameter.
 
     Args:
         rotation, origin: The body's frame in the base frame, (3, 3) and (3,) [m].
         twist: Its velocity at the base origin [m/s] and angular velocity [rad/s], base axes, (6,).
-        momentum: Filled, (6, 10): `momentum @ parameters` is its momentum about the base origin, force-like
-            part first. For a gravity wrench see `weight_regressor`.
-        rest: Scratch, (3,).
+        momentum: Filled, (6, 10): `momentum @ parameters` is its momentum about the base origin, linear part
+            first. For a gravity wrench see `weight_regressor`.
+        angular_velocity: Scratch, (3,).
     """
     momentum[:, :] = 0.0
     wx, wy, wz = twist[3], twist[4], twist[5]
@@ -44,14 +48,14 @@ def body_regressor(
         momentum[3, 1 + i] = ey * vz - ez * vy + oy * pz - oz * py
         momentum[4, 1 + i] = ez * vx - ex * vz + oz * px - ox * pz
         momentum[5, 1 + i] = ex * vy - ey * vx + ox * py - oy * px
-        rest[i] = ex * wx + ey * wy + ez * wz  # angular velocity in body axes
+        angular_velocity[i] = ex * wx + ey * wy + ez * wz  # angular velocity in body axes
     column = 4
     for k in range(3):
         for i in range(k + 1):
             for r in range(3):
-                spin = rotation[r, i] * rest[k]
+                spin = rotation[r, i] * angular_velocity[k]
                 if i != k:
-                    spin += rotation[r, k] * rest[i]
+                    spin += rotation[r, k] * angular_velocity[i]
                 momentum[3 + r, column] = spin
             column += 1
 
@@ -93,13 +97,14 @@ def arm_regressor(
     base_drift: np.ndarray,
     scratch: np.ndarray,
 ) -> None:
-    """Momenta and drifts of the observer, per inertial parameter of every link, after `kinematics.core.move`.
+    """Momenta and drifts of the observer per inertial parameter of every link, after
+    `contactsense.kinematics.momenta.kinematics_and_momenta`.
 
     Args:
         model, motion: The arm, with its poses, screws and twists.
         gravity: In base axes, (3,) [m/s^2].
         joint_gravity, joint_inertia: Factors on gravity and on momenta in the joints' equations: 0 for a
-            torque signal from which they have been taken off.
+            torque signal that does not contain them.
         joint_momentum: Filled, (n, n + 1, 10): generalized momentum p_j = s_j . H_j, without rotors.
         joint_drift: Filled, (n, n + 1, 10): (ds_j/dt) . H_j + s_j . G_j.
         base_momentum: Filled, (6, n + 1, 10): H_0.
@@ -138,7 +143,7 @@ def bodies_of(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     """Masses, centres of mass and inertia tensors about them, for inertial parameters of shape (k, 10).
 
     Returns:
-        Shapes (k,), (k, 3), (k, 3, 3). Parameters that no real body has are taken as they are.
+        Shapes (k,), (k, 3), (k, 3, 3). Physically inconsistent parameters are converted as they are.
     """
     m = parameters[:, 0].copy()
     safe = np.where(np.abs(m) > 1e-9, m, 1.0)[:, None]
@@ -150,7 +155,7 @@ def bodies_of(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def inertia_of(parameters: np.ndarray) -> Inertia:
-    """The body that has these ten inertial parameters, shape (10,).
+    """The body with these ten inertial parameters, shape (10,).
 
     Raises:
         ValueError: the mass is negative.

@@ -1,9 +1,9 @@
 """What an arm is: kinematics, inertia and surface of each link. Data, no estimation."""
 
-from robots.calibrate import calibrated
-from robots.library import UnknownRobotError, from_urdf, load, names
-from robots.robot import Inertia, Joint, Link, Robot
-from robots.schema import RobotError
+from contactsense.robots.kinematic_calibration import calibrated
+from contactsense.robots.library import UnknownRobotError, from_urdf, load, names
+from contactsense.robots.robot import Inertia, Joint, Link, Robot
+from contactsense.robots.yaml_schema import RobotError
 
 __all__ = [
     "Inertia",

@@ -1,11 +1,11 @@
-"""The arms that come with this package, and robots from files."""
+"""The arms included in this package, and robots from files."""
 
 from importlib import resources
 from pathlib import Path
 
-from robots import schema
-from robots.robot import Robot
-from robots.schema import RobotError
+from contactsense.robots import yaml_schema as schema
+from contactsense.robots.robot import Robot
+from contactsense.robots.yaml_schema import RobotError
 
 
 class UnknownRobotError(RobotError):
@@ -57,7 +57,7 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
         RobotError: the file or an element in it cannot be used; the message names both.
         ImportError: the packages of the `geometry` extra are missing.
     """
-    from robots import urdf  # yourdfpy and trimesh, which nothing else needs at run time
+    from contactsense.robots import urdf
 
     robot = urdf.from_urdf(path, tip, name)
     surface = Path(path).with_suffix(".surface.yaml")
@@ -70,4 +70,4 @@ def surface_file(name: str) -> Path:
 
 
 def _folder() -> Path:
-    return Path(str(resources.files("robots")))
+    return Path(str(resources.files("contactsense.robots")))

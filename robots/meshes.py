@@ -1,4 +1,4 @@
-"""Where the meshes of a robot's links come from, and how neighbours lie to each other."""
+"""Load the meshes of a robot's links, and sample the poses of neighbouring links."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from robots.posing import joint_pose
-from robots.robot import Joint, Robot
-from robots.schema import RobotError
+from contactsense.robots.link_poses import joint_pose
+from contactsense.robots.robot import Joint, Robot
+from contactsense.robots.yaml_schema import RobotError
 
 SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
 

@@ -2,8 +2,8 @@
 
 Each primitive is a plain, frozen description in its link's frame (metres), as it stands in a robot's YAML
 file. Every one is convex and, where it has edges, rounded: its surface has a normal everywhere but on seams
-of measure zero, which is what the contact solvers need. `robots.surface` holds the compiled geometry of the
-same shapes.
+of measure zero, which is what the contact solvers need. `contactsense.robots.surface.convex_primitives` holds
+the compiled geometry of the same shapes.
 """
 
 from math import dist, sqrt

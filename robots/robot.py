@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robots.primitives import Primitive
+from contactsense.robots.primitives import Primitive
 
 
 def _frozen(array: np.ndarray, shape: tuple[int, ...], name: str) -> np.ndarray:
@@ -37,7 +37,7 @@ class Inertia:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A revolute joint: the frame of the link it carries, seen from the link before it.
+    """A revolute joint: the pose of its child link in the frame of its parent link.
 
     The carried link's frame is `rotation` @ Rot(axis, q), placed at `translation`.
     """
@@ -56,7 +56,7 @@ class Joint:
     torque_limit: float
     """Largest torque [Nm]."""
     rotor_inertia: float = 0.0
-    """Inertia of the rotor as seen at the joint, gear ratio squared included [kg m^2]."""
+    """Inertia of the rotor reflected to the joint, gear ratio squared included [kg m^2]."""
     torque_constant: float | None = None
     """Joint torque per motor current [Nm/A], gear included; None where nobody has measured it."""
 

@@ -3,8 +3,8 @@
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat
 
-from robots.primitives import Primitive, Vector
-from robots.robot import Inertia
+from contactsense.robots.primitives import Primitive, Vector
+from contactsense.robots.robot import Inertia
 
 _Tensor = tuple[float, float, float, float, float, float]
 
@@ -33,7 +33,7 @@ class Tool(BaseModel):
 
 
 def move_inertia(inertia: Inertia, rotation: np.ndarray, translation: np.ndarray) -> Inertia:
-    """The same body seen from a frame in which its own frame has `rotation` (3, 3) and `translation` (3,)
+    """The same body expressed in a frame in which its own frame has `rotation` (3, 3) and `translation` (3,)
     [m]."""
     return Inertia(inertia.mass, rotation @ inertia.com + translation, rotation @ inertia.tensor @ rotation.T)
 

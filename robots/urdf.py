@@ -15,10 +15,10 @@ import numpy as np
 import trimesh
 import yourdfpy
 
-from robots.meshes import check_unit, read_mesh
-from robots.robot import Inertia, Joint, Link, Robot
-from robots.schema import RobotError
-from robots.tool import join_inertia, move_inertia
+from contactsense.robots.meshes import check_unit, read_mesh
+from contactsense.robots.robot import Inertia, Joint, Link, Robot
+from contactsense.robots.tool import join_inertia, move_inertia
+from contactsense.robots.yaml_schema import RobotError
 
 _TURNING = ("revolute", "continuous")
 _KNOWN = (*_TURNING, "fixed", "prismatic")

@@ -1,6 +1,6 @@
-"""`python -m service` is `contactsense`."""
+"""`python -m contactsense.service` is `contactsense`."""
 
-from service.cli.main import main
+from contactsense.service.cli.main import main
 
 if __name__ == "__main__":
     main()

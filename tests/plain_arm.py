@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import robots
-from kinematics.core import place
-from kinematics.model import build_model, empty_motion
-from robots.primitives import Capsule, Cylinder, Primitive
-from robots.surface import pack, project
+from contactsense import robots
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.robots.primitives import Capsule, Cylinder, Primitive
+from contactsense.robots.surface.convex_primitives import pack, project
 
 
 def _tube(a: tuple[float, float, float], b: tuple[float, float, float], radius: float) -> Cylinder:
@@ -68,7 +68,7 @@ def contacts(
     rows: list[tuple[np.ndarray, ...]] = []
     while len(rows) < count:
         q = chance.uniform(-np.pi, np.pi, len(arm.joints))
-        place(model, q, motion)
+        forward_kinematics(model, q, motion)
         p = int(chance.integers(len(surfaces.kind)))
         body = surfaces.rotation[p].T @ (chance.standard_normal(3) * 0.3)
         found = project(surfaces.kind[p], surfaces.size[p], *body)

@@ -14,8 +14,3 @@ def test_the_first_lines_find_the_forearm(capsys: pytest.CaptureFixture[str]) ->
     for block in blocks:
         exec(compile(block, str(README), "exec"), {})
     assert capsys.readouterr().out.startswith("contact forearm")
-
-
-def test_files_that_it_names_exist() -> None:
-    for target in re.findall(r"\]\(([^)#:]+)\)", README.read_text()):
-        assert (README.parent / target).exists(), target

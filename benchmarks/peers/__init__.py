@@ -1,22 +1,23 @@
-"""What others do, written from what their papers say: each a `benchmarks.method.Method`."""
+"""Published methods, implemented from their papers, each as a
+`contactsense.benchmarks.peers.method.Method`."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
-from benchmarks.method import Method
-from benchmarks.peers.exact_contact import ExactContact
-from benchmarks.peers.exploration_filter import ExplorationFilter
-from benchmarks.peers.force_line import ForceLine
-from benchmarks.peers.particle_filter import ParticleFilter
-from benchmarks.peers.torque_samples import TorqueSamples
 from contactsense import Scene
+from contactsense.benchmarks.peers.exact_contact import ExactContact
+from contactsense.benchmarks.peers.exploration_filter import ExplorationFilter
+from contactsense.benchmarks.peers.force_line import ForceLine
+from contactsense.benchmarks.peers.method import Method
+from contactsense.benchmarks.peers.particle_filter import ParticleFilter
+from contactsense.benchmarks.peers.torque_samples import TorqueSamples
 
 
 class Peer(NamedTuple):
-    """A method of others, and the sensors that it needs."""
+    """A published method, and the sensors that it needs."""
 
     sensors: str
-    """Key of `service.bench.static_cases.SENSORS`."""
+    """Key of `contactsense.benchmarks.accuracy.static_cases.SENSORS`."""
     make: Callable[[Scene], Method]
     """The method for the arm, surface and noise of a scene with those sensors."""
 
@@ -38,4 +39,4 @@ PEERS = (
     Peer("torques", TorqueSamples),
     Peer("torques", ParticleFilter),
 )
-"""All single-contact methods that are compared with ours."""
+"""All single-contact methods in the comparison."""

@@ -11,23 +11,23 @@ from math import sqrt
 
 import numpy as np
 
-from benchmarks.method import Answers
-from benchmarks.peers.stage import build_stage, given, measure, to_base, turned_to_link
 from contactsense import Scene
-from contactsense.solvers.answer import OK
-from contactsense.solvers.primitive import solve_primitive
+from contactsense.benchmarks.peers.method import Answers
+from contactsense.benchmarks.peers.stage import build_stage, given, measure, to_base, turned_to_link
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.robots.jit.kernel import allocating_kernel, kernel
+from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED
+from contactsense.robots.surface.union import nearest
+from contactsense.solvers.packed_primitive import solve_primitive
+from contactsense.solvers.solution import OK
 from contactsense.solvers.wrench_axis import (
     wrench_axis_box,
     wrench_axis_ellipsoid,
     wrench_axis_revolved,
 )
-from kinematics.core import place
-from robots.compiled import allocating_kernel, kernel
-from robots.surface import ELLIPSOID, REVOLVED
-from robots.union import nearest
 
-_BURIED = 1e-6
-"""A contact this far inside of another primitive of its link is none [m]."""
+_MAX_DEPTH = 1e-6
+"""A contact deeper inside another primitive of its link is rejected [m]."""
 
 
 class ExactContact:
@@ -58,7 +58,7 @@ def _run(stage, closed_form, q, base_wrench, joint_torque, link, point_base, for
     b, L, h = np.empty(n + 6), np.empty((6, 6)), np.empty(6)
     wrench, cost = np.empty((links, 6)), np.empty(links)
     for i in range(q.shape[0]):
-        place(stage.model, q[i], motion)
+        forward_kinematics(stage.model, q[i], motion)
         measure(noise, joint_torque[i], base_wrench[i], b)
         _fuse(noise, motion, b, L, h, wrench, cost)
         link[i] = -1
@@ -107,7 +107,7 @@ def _fuse(noise, motion, b, L, h, wrench, cost):  # type: ignore[no-untyped-def]
 
 @kernel
 def _on_link(motion, surfaces, closed_form, link, wrench):  # type: ignore[no-untyped-def]
-    """Contact of a wrench (base frame) on one link: whether there is one, and its place, link frame."""
+    """Contact of a wrench (base frame) on one link: whether there is one, and its point, link frame."""
     ox, oy, oz = to_base(motion, link, 0.0, 0.0, 0.0)
     fx, fy, fz = turned_to_link(motion, link, wrench[0], wrench[1], wrench[2])
     mx, my, mz = turned_to_link(
@@ -130,7 +130,7 @@ def _on_link(motion, surfaces, closed_form, link, wrench):  # type: ignore[no-un
             surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius,
             first, last, x, y, z,
         )  # fmt: skip
-        if d < -_BURIED:
+        if d < -_MAX_DEPTH:
             continue
         # The entry of the wrench axis farthest back along the force, or the least torsion for its push.
         order = abs(xi) / push if closed_form else (fx * x + fy * y + fz * z) / f
@@ -142,15 +142,15 @@ def _on_link(motion, surfaces, closed_form, link, wrench):  # type: ignore[no-un
 
 @kernel
 def _on_primitive(surfaces, closed_form, p, fx, fy, fz, mx, my, mz):  # type: ignore[no-untyped-def]
-    """Contact on one primitive: status, place, normal, torsion, link frame."""
+    """Contact on one primitive: status, point, normal, torsion, link frame."""
     R, o, size, kind = surfaces.rotation[p], surfaces.origin[p], surfaces.size[p], surfaces.kind[p]
     tx, ty, tz = (
         mx - (o[1] * fz - o[2] * fy),
         my - (o[2] * fx - o[0] * fz),
         mz - (o[0] * fy - o[1] * fx),
     )
-    gx, gy, gz = _across(R, fx, fy, fz)
-    lx, ly, lz = _across(R, tx, ty, tz)
+    gx, gy, gz = _rotate_transposed(R, fx, fy, fz)
+    lx, ly, lz = _rotate_transposed(R, tx, ty, tz)
     if closed_form:
         status, x, y, z, nx, ny, nz, xi, _, _ = solve_primitive(kind, size, gx, gy, gz, lx, ly, lz)
     elif kind == REVOLVED:
@@ -165,13 +165,13 @@ def _on_primitive(surfaces, closed_form, p, fx, fy, fz, mx, my, mz):  # type: ig
         status, x, y, z, nx, ny, nz, xi, _, _ = wrench_axis_box(
             gx, gy, gz, lx, ly, lz, size[0], size[1], size[2], size[3]
         )
-    px, py, pz = _along(R, x, y, z)
-    nx, ny, nz = _along(R, nx, ny, nz)
+    px, py, pz = _rotate(R, x, y, z)
+    nx, ny, nz = _rotate(R, nx, ny, nz)
     return status, px + o[0], py + o[1], pz + o[2], nx, ny, nz, xi
 
 
 @kernel
-def _across(R, x, y, z):  # type: ignore[no-untyped-def]
+def _rotate_transposed(R, x, y, z):  # type: ignore[no-untyped-def]
     """R^T v."""
     return (
         R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
@@ -181,7 +181,7 @@ def _across(R, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _along(R, x, y, z):  # type: ignore[no-untyped-def]
+def _rotate(R, x, y, z):  # type: ignore[no-untyped-def]
     """R v."""
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,

@@ -13,15 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.method import Answers
-from benchmarks.peers.friction import EDGES, solve
-from benchmarks.peers.single import add_contact, force_of, resample
-from benchmarks.peers.skin_table import scattered
-from benchmarks.peers.stage import build_stage, measure, to_base
-from benchmarks.peers.walk import walk
 from contactsense import Scene
-from kinematics.core import place
-from robots.compiled import allocating_kernel, kernel
+from contactsense.benchmarks.peers.friction import EDGES, solve
+from contactsense.benchmarks.peers.method import Answers
+from contactsense.benchmarks.peers.single import add_contact, force_of, resample
+from contactsense.benchmarks.peers.skin_table import scattered
+from contactsense.benchmarks.peers.stage import build_stage, measure, to_base
+from contactsense.benchmarks.peers.walk import walk
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.robots.jit.kernel import allocating_kernel, kernel
 
 PARTICLES = 50
 """Particles in a set."""
@@ -83,7 +83,8 @@ class ExplorationFilter:
 
         Args:
             q: Shape (N, n) [rad].
-            base_wrench, joint_torque: As for `benchmarks.method.Method`, shapes (N, T, 6) and (N, T, n).
+            base_wrench, joint_torque: As for `contactsense.benchmarks.peers.method.Method`, shapes (N, T, 6)
+            and (N, T, n).
         """
         if base_wrench is None and joint_torque is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two, got none")
@@ -159,7 +160,7 @@ def _run(  # type: ignore[no-untyped-def]
     on, at, out = np.empty(pool, dtype=np.int64), np.empty((pool, 3)), np.empty((pool, 3))
     cost, chosen = np.empty(pool), np.empty(pool, dtype=np.int64)
     for i in range(q.shape[0]):
-        place(stage.model, q[i], stage.motion)
+        forward_kinematics(stage.model, q[i], stage.motion)
         sets.best_on[:] = -1
         count = 0
         for t in range(base_wrench.shape[1]):

@@ -10,29 +10,29 @@ from math import sqrt
 
 import numpy as np
 
-from benchmarks.method import Answers
-from benchmarks.peers.stage import build_stage, given, to_base, to_link, turned_to_link
 from contactsense import Scene
-from kinematics.core import place
-from robots.compiled import kernel
-from robots.union import nearest
+from contactsense.benchmarks.peers.method import Answers
+from contactsense.benchmarks.peers.stage import build_stage, given, to_base, to_link, turned_to_link
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.union import nearest
 
 THRESHOLD = 3.0
 """A joint counts as loaded above this many standard deviations of its torque."""
-_CLOSE = 1e-6
+_TOLERANCE = 1e-6
 """Distance from the surface that counts as on it [m]."""
-_SHORTEST = 1e-5
-"""Shortest step along the line [m]."""
-_STEPS = 2000
+_MIN_STEP = 1e-5
+"""Minimum step along the line [m]."""
+_MAX_STEPS = 2000
 
 
 class ForceLine:
-    """The line, and the rule."""
+    """Line of action of the base wrench, on the link given by the last loaded joint."""
 
     name = "force line, last loaded joint"
 
     def __init__(self, scene: Scene, threshold: float = THRESHOLD) -> None:
-        """Of a scene's arm with base sensor and joint torques."""
+        """For a scene's arm with base sensor and joint torques."""
         self._stage = build_stage(scene)
         self._threshold = threshold
 
@@ -52,7 +52,7 @@ class ForceLine:
 def _run(stage, threshold, q, base_wrench, joint_torque, link, point_base):  # type: ignore[no-untyped-def]
     motion, surfaces = stage.motion, stage.surfaces
     for i in range(q.shape[0]):
-        place(stage.model, q[i], motion)
+        forward_kinematics(stage.model, q[i], motion)
         touched = 0
         for j in range(q.shape[1]):
             if abs(joint_torque[i, j]) * stage.noise.torque[j] > threshold:
@@ -96,17 +96,17 @@ def enter(surfaces, link, x, y, z, ux, uy, uz):  # type: ignore[no-untyped-def]
     middle = -(x * ux + y * uy + z * uz)
     s = middle - 1.01 * reach
     gap, gx, gy, gz = np.inf, 0.0, 0.0, 0.0
-    for _ in range(_STEPS):
+    for _ in range(_MAX_STEPS):
         d, _, px, py, pz, _, _, _ = nearest(
             surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius,
             first, last, x + s * ux, y + s * uy, z + s * uz,
         )  # fmt: skip
-        if d < _CLOSE:
+        if d < _TOLERANCE:
             return 0.0, px, py, pz
         if d < gap:
             gap, gx, gy, gz = d, px, py, pz
         # No surface is nearer than that, so none is jumped over.
-        s += max(d, _SHORTEST)
+        s += max(d, _MIN_STEP)
         if s > middle + 1.01 * reach:
             break
     return gap, gx, gy, gz

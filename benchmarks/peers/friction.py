@@ -8,7 +8,7 @@ no iteration to a tolerance, about half a microsecond. `scipy.optimize.nnls` is 
 
 from math import fabs, sqrt
 
-from robots.compiled import kernel
+from contactsense.robots.jit.kernel import kernel
 
 EDGES = 4
 """Edges of the pyramid."""

@@ -7,15 +7,15 @@ those weights. The answer is the place of largest weight in the last round.
 
 import numpy as np
 
-from benchmarks.method import Answers
-from benchmarks.peers.friction import EDGES, solve
-from benchmarks.peers.single import add_contact, force_of, resample
-from benchmarks.peers.skin_table import scattered
-from benchmarks.peers.stage import build_stage, given, measure, to_base
-from benchmarks.peers.walk import walk
 from contactsense import Scene
-from kinematics.core import place
-from robots.compiled import allocating_kernel
+from contactsense.benchmarks.peers.friction import EDGES, solve
+from contactsense.benchmarks.peers.method import Answers
+from contactsense.benchmarks.peers.single import add_contact, force_of, resample
+from contactsense.benchmarks.peers.skin_table import scattered
+from contactsense.benchmarks.peers.stage import build_stage, given, measure, to_base
+from contactsense.benchmarks.peers.walk import walk
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.robots.jit.kernel import allocating_kernel
 
 PARTICLES = 50
 ROUNDS = 50
@@ -71,7 +71,7 @@ def _run(  # type: ignore[no-untyped-def]
     out, new_out = np.empty((particles, 3)), np.empty((particles, 3))
     cost, chosen = np.empty(particles), np.empty(particles, dtype=np.int64)
     for i in range(q.shape[0]):
-        place(stage.model, q[i], motion)
+        forward_kinematics(stage.model, q[i], motion)
         measure(stage.noise, joint_torque[i], base_wrench[i], b)
         square = 0.0
         for r in range(m):

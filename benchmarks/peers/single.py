@@ -1,10 +1,10 @@
-"""How well one contact at one place explains a measurement, and what the filters need besides."""
+"""Fit of one contact at one point to a measurement, and helpers of the particle filters."""
 
 from math import exp
 
-from benchmarks.peers.friction import EDGES, columns, edges, gram
-from benchmarks.peers.stage import load, to_base, turned_to_base
-from robots.compiled import allocating_kernel, kernel
+from contactsense.benchmarks.peers.friction import EDGES, columns, edges, gram
+from contactsense.benchmarks.peers.stage import load, to_base, turned_to_base
+from contactsense.robots.jit.kernel import allocating_kernel, kernel
 
 
 @kernel

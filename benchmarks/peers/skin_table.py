@@ -1,25 +1,25 @@
-"""Places on the arm's surface, evenly spread: what a method that samples the skin starts from."""
+"""Points on the arm's surface, uniform by area, for methods that sample the skin."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from robots.surface import Surfaces
-from robots.union import distances
+from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.surface.union import distances
 
 _SHELL = 0.002
 """Points up to this far outside [m] are moved onto the surface: a thin shell has as much volume as area."""
 
 
 class Table(NamedTuple):
-    """Places on the surface, link after link, in the links' frames."""
+    """Points on the surface, sorted by link, in the frames of the links."""
 
     point: np.ndarray
     """Shape (M, 3) [m]."""
     normal: np.ndarray
     """Outward unit normals, shape (M, 3)."""
     link: np.ndarray
-    """Number of the link, rising, shape (M,), int64."""
+    """Index of the link, rising, shape (M,), int64."""
     area: np.ndarray
     """Area of each link's surface [m^2], shape (links,)."""
 

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Scene
-from contactsense.arm import build_arm
-from kinematics.model import Model, Motion, empty_motion
-from robots.compiled import kernel
-from robots.surface import Surfaces
+from contactsense.kinematics.model import Model, Motion, empty_motion
+from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.runtime.constants import build_constants
 
 
 class Noise(NamedTuple):
@@ -46,7 +46,7 @@ def build_stage(scene: Scene, least_torque: float = 0.0, least_moment: float = 0
             likelihood that is wide enough for them.
         least_moment: The same for the base moment [Nm]; the base force is widened by the same factor.
     """
-    arm = build_arm(scene)
+    arm = build_constants(scene)
     joints = arm.model.joints
     torque = np.zeros(joints)
     if scene.joint_torque is not None:

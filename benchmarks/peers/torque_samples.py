@@ -10,25 +10,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.method import Answers
-from benchmarks.peers.friction import EDGES, solve
-from benchmarks.peers.single import add_contact, force_of
-from benchmarks.peers.skin_table import spread
-from benchmarks.peers.stage import build_stage, given, measure, to_base
 from contactsense import Scene
-from kinematics.core import place
-from robots.compiled import allocating_kernel
+from contactsense.benchmarks.peers.friction import EDGES, solve
+from contactsense.benchmarks.peers.method import Answers
+from contactsense.benchmarks.peers.single import add_contact, force_of
+from contactsense.benchmarks.peers.skin_table import spread
+from contactsense.benchmarks.peers.stage import build_stage, given, measure, to_base
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.robots.jit.kernel import allocating_kernel
 
 SPACING = 0.008
-"""Distance of neighbouring samples [m]."""
-WITHIN = 9.0
-"""A candidate's squared residual exceeds the least by no more than this, in units of the noise: 3 sigma."""
-APART = 0.05
-"""Candidates nearer to each other than this on one link count as one [m]."""
+"""Distance between neighbouring samples [m]."""
+MAX_EXCESS = 9.0
+"""Candidates exceed the lowest squared residual by at most this, in units of the noise: 3 sigma."""
+MIN_SEPARATION = 0.05
+"""Candidates on one link within this distance count as one [m]."""
 
 
 class Candidates(NamedTuple):
-    """Places that explain one measurement about equally well, best first, base axes."""
+    """Points that explain one measurement about equally well, best first, base frame."""
 
     link: np.ndarray
     """Shape (C,), int64."""
@@ -73,9 +73,9 @@ class TorqueSamples:
         point = np.einsum("nij,nj->ni", motion.rotation[link], self.table.point) + motion.origin[link]
         kept: list[int] = []
         for i in np.argsort(cost, kind="stable"):
-            if cost[i] > cost.min() + WITHIN:
+            if cost[i] > cost.min() + MAX_EXCESS:
                 break
-            if all(link[i] != link[k] or np.linalg.norm(point[i] - point[k]) > APART for k in kept):
+            if all(link[i] != link[k] or np.linalg.norm(point[i] - point[k]) > MIN_SEPARATION for k in kept):
                 kept.append(int(i))
         return Candidates(link[kept], point[kept], np.sqrt(cost[kept]))
 
@@ -83,7 +83,7 @@ class TorqueSamples:
 @allocating_kernel
 def _search(stage, friction, points, normals, links, q, joint_torque, cost):  # type: ignore[no-untyped-def]
     """Squared residual at each sample, into `cost` (M,); the best one's link, place and force, base axes."""
-    place(stage.model, q, stage.motion)
+    forward_kinematics(stage.model, q, stage.motion)
     n = q.shape[0]
     m = n + 6
     b, rows, directions = np.empty(m), np.empty((m, 3)), np.empty((EDGES, 3))

@@ -6,16 +6,16 @@ goes back to the nearest place of the arm, which may lie on the link before or a
 
 import numpy as np
 
-from benchmarks.peers.stage import to_base, to_link
-from robots.compiled import allocating_kernel, kernel
-from robots.union import nearest
+from contactsense.benchmarks.peers.stage import to_base, to_link
+from contactsense.robots.jit.kernel import allocating_kernel, kernel
+from contactsense.robots.surface.union import nearest
 
-_BURIED = 1e-4
-"""A place this far inside of a neighbour [m] is none that can be touched."""
+_MAX_DEPTH = 1e-4
+"""Points deeper inside a neighbouring link are rejected [m]."""
 
 
 @kernel
-def _place(stage, link, x, y, z, within):  # type: ignore[no-untyped-def]
+def _nearest_on_link(stage, link, x, y, z, within):  # type: ignore[no-untyped-def]
     """Distance of a point of the base frame to one link if below `within`, else infinity, and the nearest
     place and normal in its frame."""
     px, py, pz = to_link(stage.motion, link, x, y, z)
@@ -31,7 +31,7 @@ def _place(stage, link, x, y, z, within):  # type: ignore[no-untyped-def]
 
 
 @allocating_kernel
-def walk(rng, stage, step, link, place, normal, new_place, new_normal):  # type: ignore[no-untyped-def]
+def walk(rng, stage, step, link, point, normal, new_point, new_normal):  # type: ignore[no-untyped-def]
     """Move a particle at random; it stays where the step ends at no place that can be touched.
 
     Args:
@@ -47,27 +47,27 @@ def walk(rng, stage, step, link, place, normal, new_place, new_normal):  # type:
     x, y, z = to_base(
         stage.motion,
         link,
-        place[0] + step * rng.standard_normal(),
-        place[1] + step * rng.standard_normal(),
-        place[2] + step * rng.standard_normal(),
+        point[0] + step * rng.standard_normal(),
+        point[1] + step * rng.standard_normal(),
+        point[2] + step * rng.standard_normal(),
     )
     first, last = max(0, link - 1), min(len(stage.ball), link + 2)
     best, found = np.inf, link
     for other in range(first, last):
-        d, sx, sy, sz, nx, ny, nz = _place(stage, other, x, y, z, best)
+        d, sx, sy, sz, nx, ny, nz = _nearest_on_link(stage, other, x, y, z, best)
         if d < best:
             best, found = d, other
-            new_place[0], new_place[1], new_place[2] = sx, sy, sz
+            new_point[0], new_point[1], new_point[2] = sx, sy, sz
             new_normal[0], new_normal[1], new_normal[2] = nx, ny, nz
     # From outside, the nearest place is on the surface of all; from inside, it may lie in another body.
     if best < 0.0:
-        x, y, z = to_base(stage.motion, found, new_place[0], new_place[1], new_place[2])
+        x, y, z = to_base(stage.motion, found, new_point[0], new_point[1], new_point[2])
         for other in range(first, last):
-            d, _, _, _, _, _, _ = _place(stage, other, x, y, z, 0.0)
-            if d < -_BURIED:
+            d, _, _, _, _, _, _ = _nearest_on_link(stage, other, x, y, z, 0.0)
+            if d < -_MAX_DEPTH:
                 best = np.inf
     if best == np.inf:
-        new_place[:] = place
+        new_point[:] = point
         new_normal[:] = normal
         return link
     return found

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.posterior`: our answers beside the dense posterior's."""
+"""`python -m contactsense.benchmarks.posterior`: our estimates compared with the dense posterior."""
 
 import json
 from pathlib import Path
@@ -8,11 +8,11 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from benchmarks.cases import MESHES, ROBOTS, TRUTH
-from benchmarks.posterior.dense import Geometry, Rule
-from benchmarks.posterior.table import GEOMETRIES, Row, Skins, rows, table
-from service.bench.static_cases import COLUMNS, SENSORS, Detail
-from service.bench.static_points import HALVES, read, select
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail
+from contactsense.benchmarks.accuracy.static_points import HALVES, read, select
+from contactsense.benchmarks.peers.cases import MESHES, ROBOTS, TRUTH
+from contactsense.benchmarks.posterior.dense import Geometry, Rule
+from contactsense.benchmarks.posterior.table import GEOMETRIES, Row, Skins, rows, table
 
 
 @click.command()
@@ -82,8 +82,8 @@ def main(
     meshes: Path,
     as_json: bool,
 ) -> None:
-    """Compare our answers to the static contacts with the dense posterior's."""
-    found: list[Row] = []
+    """Compare our estimates of the static contacts with the dense posterior."""
+    results: list[Row] = []
     columns = [column for column in COLUMNS if f"{column.force:g}" in levels]
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("comparing", total=len(robots) * len(kinds) * len(columns))
@@ -91,13 +91,15 @@ def main(
             points = select(select(read(truth, robot), HALVES[half]), slice(contacts))
             skins = Skins.of(robot, detail, meshes, geometries)
             for row in rows(points, kinds, detail, meshes, skins, columns, rule):
-                found.append(row)
+                results.append(row)
                 progress.advance(task)
     if as_json:
-        click.echo(json.dumps({"detail": detail, "half": half, "results": [row.as_json() for row in found]}))
+        click.echo(
+            json.dumps({"detail": detail, "half": half, "results": [row.as_json() for row in results]})
+        )
         return
     for geometry in geometries:
-        Console(width=192).print(table(found, geometry, detail))
+        Console(width=192).print(table(results, geometry, detail))
 
 
 if __name__ == "__main__":

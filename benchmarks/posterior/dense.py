@@ -1,4 +1,4 @@
-"""The dense posterior as a method that answers measurements."""
+"""The dense posterior as a reference method."""
 
 import math
 from pathlib import Path
@@ -6,61 +6,62 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from benchmarks.method import Answers
-from benchmarks.posterior.evidence import Prior
-from benchmarks.posterior.samples import SPACING, Samples, of_meshes, of_primitives
-from benchmarks.posterior.weigh import (
-    densest,
-    displaced,
-    gathered,
-    mean_about,
-    middle,
-    most_gathered,
-    normalise,
-    turn,
-    weigh,
-)
 from contactsense import Scene
-from contactsense.arm import Arm, build_arm
-from contactsense.isolation import Hypotheses, empty_hypotheses, isolate
-from kinematics.core import place
-from kinematics.model import Motion, empty_motion
-from robots.compiled import allocating_fused_kernel
+from contactsense.benchmarks.peers.method import Answers
+from contactsense.benchmarks.posterior.evidence import Prior
+from contactsense.benchmarks.posterior.patch_posterior import (
+    densest_patch,
+    evaluate_patches,
+    mean_near,
+    mean_on_patch,
+    median_patch,
+    most_probable_patch,
+    normalize,
+    probability_near,
+    wrench_in_link_frame,
+)
+from contactsense.benchmarks.posterior.samples import SPACING, Samples, of_meshes, of_primitives
+from contactsense.isolation.link_hypotheses import Hypotheses, empty_hypotheses, isolate
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import Motion, empty_motion
+from contactsense.robots.jit.kernel import allocating_fused_kernel
+from contactsense.runtime.constants import Constants, build_constants
 
-LEAST_FORCE, GREATEST_FORCE = 1.0, 300.0
-"""Range of the normal force [N], its logarithm uniform."""
+MIN_FORCE, MAX_FORCE = 1.0, 300.0
+"""Range of the normal force [N]; its logarithm is uniform."""
 Geometry = Literal["primitives", "meshes"]
 Rule = Literal["map", "link", "gathered", "mean", "middle"]
-"""What is answered: `map`: the densest patch of all; `link`: the densest patch of the most probable link;
-`gathered`: on that link, the place with the most probability within 20 mm; `mean`: the mean place of that
-probability; `middle`: the mean place of the probability about the patch of that link whose expected distance
-from the contact is least."""
+"""Point estimate: `map`: the patch with the highest density of all; `link`: that of the most probable
+link; `gathered`: on that link, the peak with the most probability within 20 mm; `mean`: the mean point of
+that probability; `middle`: the mean point near the patch of that link with the lowest expected distance
+to the contact."""
 _RULES = ("map", "link", "gathered", "mean", "middle")
 _PROBES = 400
-"""Patches that stand for a posterior where distances to all of it are asked for."""
+"""Number of patches that represent the posterior when distances to all of it are needed."""
 
 
 def prior_of(scene: Scene, offset: float) -> Prior:
-    """The estimator's prior: friction, torsion and any normal force."""
+    """The estimator's prior of friction and torsion, with a uniform prior of the logarithm of the normal
+    force."""
     return Prior(
-        low=LEAST_FORCE,
-        high=GREATEST_FORCE,
-        lean=np.array([scene.friction / 2.0]),
+        low=MIN_FORCE,
+        high=MAX_FORCE,
+        friction_ratio=np.array([scene.friction / 2.0]),
         log_share=np.zeros(1),
-        lever=scene.torsion,
-        offset=offset,
+        torsion_lever=scene.torsion,
+        surface_deviation=offset,
     )
 
 
 class Posterior(NamedTuple):
-    """The whole posterior of one measurement."""
+    """Posterior of one measurement."""
 
     density: np.ndarray
-    """Logarithm of the probability per area, up to a constant, of each patch, shape (S,)."""
+    """Log probability per area of each patch, up to a constant, shape (S,)."""
     weight: np.ndarray
     """Probability of each patch, shape (S,)."""
     force: np.ndarray
-    """Each patch's estimate of the normal force, shape (S,) [N]."""
+    """Normal force estimated at each patch, shape (S,) [N]."""
     link_probability: np.ndarray
     """Shape (links,)."""
 
@@ -82,11 +83,12 @@ class Dense:
 
         Args:
             scene: Arm, sensors, noise.
-            geometry: Whose surface: the estimator's primitives or the links' meshes.
+            geometry: Surface to sample: the estimator's primitives or the meshes of the links.
             meshes: For meshes: folder with LINK.ply.
-            rule: What is answered.
-            prior: By default `prior_of`, with the scene's surface error for primitives and none for meshes.
-            samples: Made before, for the same arm, level of detail and geometry.
+            rule: Point estimate.
+            prior: By default `prior_of`, with the scene's surface error for primitives and none for
+                meshes.
+            samples: Precomputed, for the same arm, level of detail and geometry.
             spacing: Edge of a patch [m].
         """
         if samples is None:
@@ -102,25 +104,25 @@ class Dense:
         self.samples = samples
         self.prior = prior or prior_of(scene, scene.surface_deviation if geometry == "primitives" else 0.0)
         self._rule = _RULES.index(rule)
-        self._arm = build_arm(scene)
-        joints, links = self._arm.model.joints, len(self._arm.touchable)
+        self._constants = build_constants(scene)
+        joints, links = self._constants.model.joints, len(self._constants.touchable)
         self._state = (empty_motion(joints), empty_hypotheses(links))
         self._scratch = (np.zeros(6), np.zeros((6, 6)), np.zeros((8, 8)), np.zeros((6, 6)), np.zeros(6))
-        self._turn = np.zeros((6, 6))
+        self._transform = np.zeros((6, 6))
         self._probes = (np.zeros(_PROBES, np.int64), np.zeros(_PROBES, np.int64), np.zeros((_PROBES, 3)))
         count = len(samples.area)
-        self._field = (np.zeros(count), np.zeros(count), np.zeros(count))
+        self._fields = (np.zeros(count), np.zeros(count), np.zeros(count))
 
     def __call__(
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
     ) -> Answers:
-        """See `benchmarks.method.Method`; the probability is that of the places within 20 mm."""
-        n, links = len(q), len(self._arm.touchable)
+        """See `contactsense.benchmarks.peers.method.Method`; the probability is that within 20 mm."""
+        n, links = len(q), len(self._constants.touchable)
         link = np.zeros(n, dtype=np.int64)
         point, force = np.zeros((n, 3)), np.zeros((n, 3))
         probability, link_probability = np.zeros(n), np.zeros((n, links))
         for i in range(n):
-            link[i], probability[i] = self._one(
+            link[i], probability[i] = self._estimate(
                 q[i],
                 None if base_wrench is None else base_wrench[i],
                 None if joint_torque is None else joint_torque[i],
@@ -134,23 +136,26 @@ class Dense:
     def posterior(
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
     ) -> Posterior:
-        """The whole posterior of one measurement: arguments as of `__call__`, without the leading axis."""
-        link_probability = np.zeros(len(self._arm.touchable))
-        self._one(q, base_wrench, joint_torque, 0, np.zeros(3), np.zeros(3), link_probability)
-        density, weight, force = (array.copy() for array in self._field)
+        """Posterior of one measurement; arguments as of `__call__`, without the leading axis."""
+        link_probability = np.zeros(len(self._constants.touchable))
+        self._estimate(q, base_wrench, joint_torque, 0, np.zeros(3), np.zeros(3), link_probability)
+        density, weight, force = (array.copy() for array in self._fields)
         return Posterior(density, weight, force, link_probability)
 
-    def level(self, found: Posterior, link: int, q: np.ndarray, point_base: np.ndarray) -> float:
-        """Probability of all patches more probable, per area, than a place on a link: than the densest of the
-        five patches nearest to it, as at an edge the nearest one may face another way."""
+    def level(self, posterior: Posterior, link: int, q: np.ndarray, point_base: np.ndarray) -> float:
+        """Probability of all patches with a higher density than a point on a link.
+
+        The density of the point is the highest of the five nearest patches, because at an edge the
+        nearest patch may belong to another face.
+        """
         motion = self._state[0]
-        place(self._arm.model, q, motion)
+        forward_kinematics(self._constants.model, q, motion)
         local = (point_base - motion.origin[link]) @ motion.rotation[link]
         own = slice(self.samples.start[link], self.samples.start[link + 1])
-        near = np.argsort(((self.samples.point[own] - local) ** 2).sum(axis=1))[:5]
-        return float(found.weight[found.density > found.density[own][near].max()].sum())
+        nearest = np.argsort(((self.samples.point[own] - local) ** 2).sum(axis=1))[:5]
+        return float(posterior.weight[posterior.density > posterior.density[own][nearest].max()].sum())
 
-    def _one(
+    def _estimate(
         self,
         q: np.ndarray,
         wrench: np.ndarray | None,
@@ -160,32 +165,32 @@ class Dense:
         force: np.ndarray,
         link_probability: np.ndarray,
     ) -> tuple[int, float]:
-        blank = np.zeros(6)
-        answer: tuple[int, float] = _answer(
-            self._arm,
+        zeros = np.zeros(6)
+        estimate: tuple[int, float] = _estimate_kernel(
+            self._constants,
             self.samples,
             self.prior,
             *self._state,
             np.ascontiguousarray(q),
-            blank if wrench is None else wrench,
+            zeros if wrench is None else wrench,
             wrench is not None,
             np.zeros(len(q)) if torque is None else -torque,
             torque is not None,
             rule,
             *self._scratch,
-            self._turn,
+            self._transform,
             *self._probes,
-            *self._field,
+            *self._fields,
             point,
             force,
             link_probability,
         )
-        return answer
+        return estimate
 
 
 @allocating_fused_kernel
-def _answer(
-    arm: Arm,
+def _estimate_kernel(
+    constants: Constants,
     samples: Samples,
     prior: Prior,
     motion: Motion,
@@ -204,7 +209,7 @@ def _answer(
     T: np.ndarray,
     probe: np.ndarray,
     owner: np.ndarray,
-    probe_place: np.ndarray,
+    probe_point: np.ndarray,
     density: np.ndarray,
     weight: np.ndarray,
     normal_force: np.ndarray,
@@ -212,19 +217,23 @@ def _answer(
     force: np.ndarray,
     link_probability: np.ndarray,
 ) -> tuple[int, float]:
-    """One measurement: fill place, force and link probabilities; returns the link, -1 for none, and how
-    probable its place is."""
-    place(arm.model, q, motion)
+    """Evaluate one measurement: fills point, force and link probabilities.
+
+    Returns:
+        Index of the link, -1 for none, and the probability near its point.
+    """
+    forward_kinematics(constants.model, q, motion)
     no_wrist = np.zeros(6)
     isolate(
-        arm.sensors, motion.screw, wrench, has_base, torque, torque, arm.sensors.torque_variance, has_torque,
-        no_wrist, no_wrist, False, no_wrist[:3], 1.0, hypotheses,
+        constants.sensors, motion.screw, wrench, has_base, torque, torque,
+        constants.sensors.torque_variance, has_torque, no_wrist, no_wrist, False, no_wrist[:3], 1.0,
+        hypotheses,
     )  # fmt: skip
-    weigh(
-        samples, arm.touchable, q, motion, hypotheses, has_base, prior, local_w, local_L, T, M, density,
+    evaluate_patches(
+        samples, constants.touchable, q, motion, hypotheses, has_base, prior, local_w, local_L, T, M, density,
         normal_force,
     )  # fmt: skip
-    normalise(samples, density, weight, link_probability)
+    normalize(samples, density, weight, link_probability)
     link = 0
     for k in range(1, link_probability.shape[0]):
         if link_probability[k] > link_probability[link]:
@@ -233,32 +242,45 @@ def _answer(
     if rule == 0:
         first, last = 0, density.shape[0]
     if rule == 4:
-        at = middle(samples, weight, first, last, motion, probe, owner, probe_place)
+        patch = median_patch(samples, weight, first, last, motion, probe, owner, probe_point)
     elif rule >= 2:
-        at = most_gathered(samples, density, weight, first, last)
+        patch = most_probable_patch(samples, density, weight, first, last)
     else:
-        at = densest(density, first, last)
-    if at < 0:
+        patch = densest_patch(density, first, last)
+    if patch < 0:
         return -1, 0.0
     if rule == 0:
         link = 0
-        while samples.start[link + 1] <= at:
+        while samples.start[link + 1] <= patch:
             link += 1
         first, last = samples.start[link], samples.start[link + 1]
     R, o = motion.rotation[link], motion.origin[link]
-    turn(hypotheses.wrench[link], hypotheses.information[link], R, o, T, local_w, local_L)
+    wrench_in_link_frame(hypotheses.wrench[link], hypotheses.information[link], R, o, T, local_w, local_L)
     local = np.empty(3)
     if rule >= 3:
-        mean_about(
-            samples, weight, normal_force, first, last, at, has_base, prior, local_w, local_L, M, H, g, local
+        mean_near(
+            samples,
+            weight,
+            normal_force,
+            first,
+            last,
+            patch,
+            has_base,
+            prior,
+            local_w,
+            local_L,
+            M,
+            H,
+            g,
+            local,
         )
     else:
-        displaced(samples, at, normal_force[at], has_base, prior, local_w, local_L, M, H, g, local)
-    n = samples.normal[at]
+        mean_on_patch(samples, patch, normal_force[patch], has_base, prior, local_w, local_L, M, H, g, local)
+    n = samples.normal[patch]
     for i in range(3):
         point[i] = o[i] + R[i, 0] * local[0] + R[i, 1] * local[1] + R[i, 2] * local[2]
-        push = R[i, 0] * n[0] + R[i, 1] * n[1] + R[i, 2] * n[2]
-        force[i] = hypotheses.wrench[link, i] if has_base else -normal_force[at] * push
+        outward = R[i, 0] * n[0] + R[i, 1] * n[1] + R[i, 2] * n[2]
+        force[i] = hypotheses.wrench[link, i] if has_base else -normal_force[patch] * outward
     if not math.isfinite(point[0]):
         return -1, 0.0
-    return link, gathered(samples, weight, first, last, at)
+    return link, probability_near(samples, weight, first, last, patch)

@@ -1,17 +1,16 @@
-"""How well one patch of skin explains a wrench: the evidence of a linear Gaussian model, integrated over the
-normal force.
+"""Evidence of one surface patch: a linear Gaussian model, integrated over the normal force.
 
-A contact with the normal force F at a patch with outward normal n, tangents t1, t2 and middle c has about c
-the wrench
+A contact with the normal force F at a patch with outward normal n, tangents t1, t2 and centre c has about
+c the wrench
 
     w = F (-n, 0) + a1 (t1, 0) + a2 (t2, 0) + xi (0, n) + d1 (0, t1 x f) + d2 (0, t2 x f) + e (0, n x f)
 
-with a1, a2 of standard deviation lean F, xi of lever F (friction and torsion grow with the normal force),
-d1, d2 of the patch's own spread (the contact is anywhere on it) and e of the surface's offset. Given F, and
-with f in the last three terms replaced by what the measurement says of it, w is linear in six Gaussian
-unknowns; they are integrated in closed form, first d1, d2, e, which do not depend on F, then a1, a2, xi,
-three equations for each F. The prior of F is uniform in log F between two bounds; the integral is a sum over
-log F, about the patch's own estimate of F where the measurement fixes it.
+The standard deviations are friction_ratio F for a1, a2, torsion_lever F for xi, the spread of the patch
+for d1, d2 (the contact is anywhere on it) and the surface deviation for e. Given F, and with f in the
+last three terms replaced by its measured value, w is linear in six Gaussian unknowns, which are
+integrated in closed form: first d1, d2, e, which do not depend on F, then a1, a2, xi for each F. The
+prior of F is uniform in log F between two bounds. The integral over log F is a sum, around the patch's
+own estimate of F if the measurement determines it.
 """
 
 import math
@@ -19,31 +18,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.compiled import fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel
 
 NODES = 48
-"""Normal forces in the sum over their whole range."""
-SHARP = 0.15
-"""Relative standard deviation of the normal force below which the sum is over its neighbourhood."""
-MARGIN = 30.0
-"""Patches whose log evidence is below that of the best so far by this much are dropped."""
+"""Number of normal forces in the sum over the full range."""
+NARROW_FORCE = 0.15
+"""Relative standard deviation of the normal force below which the sum covers its neighbourhood only."""
+EVIDENCE_CUTOFF = 30.0
+"""Patches whose log evidence is below the best so far by more than this are dropped."""
 _ROUNDS = 6
 
 
 class Prior(NamedTuple):
-    """What is known of contacts beforehand."""
+    """Prior of a contact."""
 
     low: float
-    """Least normal force [N]."""
+    """Minimum normal force [N]."""
     high: float
-    """Greatest normal force [N]."""
-    lean: np.ndarray
-    """Standard deviations of tangential over normal force, of which one holds, shape (K,)."""
+    """Maximum normal force [N]."""
+    friction_ratio: np.ndarray
+    """Alternative standard deviations of tangential over normal force, shape (K,)."""
     log_share: np.ndarray
-    """Logarithm of how probable each is, shape (K,)."""
-    lever: float
+    """Log probability of each alternative, shape (K,)."""
+    torsion_lever: float
     """Standard deviation of torsion over normal force [m]."""
-    offset: float
+    surface_deviation: float
     """Standard deviation of the real surface's offset along the normal [m]."""
 
 
@@ -152,34 +151,34 @@ def _force(fx, fy, fz, x, y, z):  # type: ignore[no-untyped-def]
 @fused_kernel
 def eliminate(M):  # type: ignore[no-untyped-def]
     """Integrate the displacements, rows 0 to 2, out of `M` in place; returns half the log determinant."""
-    half = 0.0
+    half_log_det = 0.0
     for k in range(3):
         pivot = M[k, k] + 1.0
-        half += 0.5 * math.log(pivot)
+        half_log_det += 0.5 * math.log(pivot)
         for i in range(k + 1, 8):
             factor = M[i, k] / pivot
             for j in range(i, 8):
                 M[j, i] -= factor * M[j, k]
                 M[i, j] = M[j, i]
-    return half
+    return half_log_det
 
 
 @fused_kernel
-def at_force(M, F, lean, lever):  # type: ignore[no-untyped-def]
-    """Log evidence at one normal force, and the parabola of the energy over F if friction kept that scale.
+def at_force(M, F, friction_ratio, torsion_lever):  # type: ignore[no-untyped-def]
+    """Log evidence at one normal force, and the quadratic energy over F for the friction at that force.
 
     Args:
         M: From `eliminate`.
         F: Normal force [N].
-        lean, lever: Standard deviations over F of tangential force and torsion.
+        friction_ratio, torsion_lever: Standard deviations of tangential force and torsion over F.
 
     Returns:
-        The log evidence but for constants, and slope and curvature of the energy at F = 0.
+        Log evidence up to a constant, and slope and curvature of the energy at F = 0.
     """
-    d = 1.0 / (lean * F) ** 2
+    d = 1.0 / (friction_ratio * F) ** 2
     h00 = M[3, 3] + d
     h11 = M[4, 4] + d
-    h22 = M[5, 5] + 1.0 / (lever * F) ** 2
+    h22 = M[5, 5] + 1.0 / (torsion_lever * F) ** 2
     l10 = M[4, 3] / h00
     l20 = M[5, 3] / h00
     h11 -= l10 * M[4, 3]
@@ -192,57 +191,58 @@ def at_force(M, F, lean, lever):  # type: ignore[no-untyped-def]
     n2, y2 = M[6, 5] - l20 * n0 - l21 * n1, M[7, 5] - l20 * y0 - l21 * y1
     curvature = M[6, 6] - n0 * n0 / h00 - n1 * n1 / h11 - n2 * n2 / h22
     slope = M[7, 6] - n0 * y0 / h00 - n1 * y1 / h11 - n2 * y2 / h22
-    rest = M[7, 7] - y0 * y0 / h00 - y1 * y1 / h11 - y2 * y2 / h22
-    energy = 0.5 * (rest + F * (2.0 * slope + F * curvature))
-    log_det = math.log(h00 * h11 * h22) - 2.0 * math.log(d) + 2.0 * math.log(lever * F)
+    squared_residual = M[7, 7] - y0 * y0 / h00 - y1 * y1 / h11 - y2 * y2 / h22
+    energy = 0.5 * (squared_residual + F * (2.0 * slope + F * curvature))
+    log_det = math.log(h00 * h11 * h22) - 2.0 * math.log(d) + 2.0 * math.log(torsion_lever * F)
     return -energy - 0.5 * log_det, slope, curvature
 
 
 @fused_kernel
-def over_force(M, prior, start, least):  # type: ignore[no-untyped-def]
-    """Log evidence of a patch, integrated over all normal forces, and its own estimate of the normal force.
+def over_force(M, prior, initial_force, threshold):  # type: ignore[no-untyped-def]
+    """Log evidence of a patch, integrated over all normal forces, and its estimate of the normal force
+    [N].
 
     Args:
         M: From `eliminate`.
-        prior: What is known beforehand.
-        start: First guess of the normal force [N].
-        least: Patches below this are of no interest: they get -inf.
+        prior: Prior of contacts.
+        initial_force: Initial normal force [N].
+        threshold: Patches below this log evidence are skipped and get -inf.
     """
     total = -math.inf
-    best, best_F = -math.inf, start
+    best, best_F = -math.inf, initial_force
     log_range = math.log(prior.high / prior.low)
-    for k in range(prior.lean.shape[0]):
-        lean, share = prior.lean[k], prior.log_share[k]
-        F = start
-        value, slope, curvature = at_force(M, F, lean, prior.lever)
+    for k in range(prior.friction_ratio.shape[0]):
+        friction_ratio, log_weight = prior.friction_ratio[k], prior.log_share[k]
+        F = initial_force
+        value, slope, curvature = at_force(M, F, friction_ratio, prior.torsion_lever)
         for _ in range(_ROUNDS):
             G = min(max(-slope / curvature, prior.low), prior.high) if curvature > 0.0 else prior.high
-            near = (G - F) ** 2 * curvature < 0.1
+            converged = (G - F) ** 2 * curvature < 0.1
             F = G
-            value, slope, curvature = at_force(M, F, lean, prior.lever)
-            if near:
+            value, slope, curvature = at_force(M, F, friction_ratio, prior.torsion_lever)
+            if converged:
                 break
-        if value + share < least:
+        if value + log_weight < threshold:
             continue
-        if value + share > best:
-            best, best_F = value + share, F
-        sd = 1.0 / (F * math.sqrt(curvature)) if curvature > 0.0 else math.inf
-        inside = F * math.exp(4.0 * sd) < prior.high and F * math.exp(-4.0 * sd) > prior.low
-        if sd < SHARP and inside:
-            part = _sum(M, prior, lean, math.log(F) - 4.0 * sd, sd, 9)
+        if value + log_weight > best:
+            best, best_F = value + log_weight, F
+        deviation = 1.0 / (F * math.sqrt(curvature)) if curvature > 0.0 else math.inf
+        inside = F * math.exp(4.0 * deviation) < prior.high and F * math.exp(-4.0 * deviation) > prior.low
+        if deviation < NARROW_FORCE and inside:
+            integral = _sum(M, prior, friction_ratio, math.log(F) - 4.0 * deviation, deviation, 9)
         else:
             step = log_range / NODES
-            part = _sum(M, prior, lean, math.log(prior.low) + 0.5 * step, step, NODES)
-        total = _add(total, part + share)
+            integral = _sum(M, prior, friction_ratio, math.log(prior.low) + 0.5 * step, step, NODES)
+        total = _add(total, integral + log_weight)
     return total - math.log(log_range), best_F
 
 
 @fused_kernel
-def _sum(M, prior, lean, first, step, count):  # type: ignore[no-untyped-def]
+def _sum(M, prior, friction_ratio, first, step, count):  # type: ignore[no-untyped-def]
     """Log of the integral over log F by equal steps."""
     total = -math.inf
     for i in range(count):
-        total = _add(total, at_force(M, math.exp(first + i * step), lean, prior.lever)[0])
+        total = _add(total, at_force(M, math.exp(first + i * step), friction_ratio, prior.torsion_lever)[0])
     return total + math.log(step)
 
 

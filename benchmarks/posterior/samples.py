@@ -1,4 +1,4 @@
-"""Dense samples of the links' surfaces, each standing for a small patch: of primitives or of meshes."""
+"""Dense samples of the surfaces of the links, of primitives or of meshes, each with a small patch."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -6,65 +6,67 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Scene
-from contactsense.arm import build_arm
-from robots import Robot
-from robots.fitting.measure import surface_points
-from robots.fitting.sources import read_arm
-from robots.posing import joint_pose
-from robots.skin import outer_skin
-from robots.surface import Surfaces
-from robots.union import distances
+from contactsense.robots import Robot
+from contactsense.robots.decomposition.mesh_sources import read_arm
+from contactsense.robots.decomposition.outer_skin import outer_skin
+from contactsense.robots.decomposition.surface_error import surface_points
+from contactsense.robots.link_poses import joint_pose
+from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.surface.union import distances
+from contactsense.runtime.constants import build_constants
 
 SPACING = 0.004
-"""Edge of a patch, about [m]."""
+"""Approximate edge of a patch [m]."""
 DENSITY = 16
-"""Points that a patch of a primitive is made from, about."""
+"""Approximate number of points per patch of a primitive."""
 MESH_DENSITY = 5
-"""The same of a mesh, where each point costs two hundred rays."""
+"""The same for a mesh, where each point costs two hundred rays."""
 ANGLES = 120
-"""Joint angles at which it is noted what a neighbouring link covers."""
-ROOM = 0.005
-"""What has less room than this above it, as a neighbour stands there, cannot be touched [m]."""
+"""Number of joint angles at which the accessibility beside neighbouring links is tabulated."""
+CLEARANCE = 0.005
+"""Points with less clearance to a neighbouring link cannot be touched [m]."""
 
 
 class Samples(NamedTuple):
     """S patches of all links of an arm, link by link."""
 
     point: np.ndarray
-    """In the middle of each patch, link frame, shape (S, 3) [m]."""
+    """Centre of each patch, link frame, shape (S, 3) [m]."""
     normal: np.ndarray
     """Outward unit normal there, shape (S, 3)."""
     area: np.ndarray
     """Area of each patch, shape (S,) [m^2]."""
     spread: np.ndarray
-    """Standard deviation of places on the patch about `point`, each tangent direction, shape (S,) [m]."""
+    """Standard deviation of points on the patch about `point`, along each tangent, shape (S,) [m]."""
     covered: np.ndarray
-    """Whether the link before (0) or after (1) leaves no room, by that joint's angle from -pi to pi, shape
-    (S, 2, ANGLES), bool."""
+    """Whether the previous (0) or next (1) link covers the patch, by the angle of the joint from -pi to
+    pi, shape (S, 2, ANGLES), bool."""
     start: np.ndarray
-    """First sample of each link, and their number at the end, shape (links + 1,), int64."""
+    """First sample of each link, then the total number, shape (links + 1,), int64."""
 
 
 def of_primitives(scene: Scene, spacing: float = SPACING, seed: int = 0) -> Samples:
     """Surface of each link's union of primitives, at the scene's level of detail."""
     rng = np.random.default_rng(seed)
-    surfaces = build_arm(scene).surfaces
-    return _gather(
+    surfaces = build_constants(scene).surfaces
+    return _assemble(
         scene.robot,
         surfaces,
-        [_union(surfaces, link, spacing, rng) for link in range(len(scene.link_names))],
+        [_union_points(surfaces, link, spacing, rng) for link in range(len(scene.link_names))],
         spacing,
     )
 
 
 def of_meshes(scene: Scene, folder: Path, spacing: float = SPACING, seed: int = 0) -> Samples:
-    """Outer skin of each link's mesh, see `robots.skin`; neighbours are taken as their primitives.
+    """Outer skin of each link's mesh, see `contactsense.robots.decomposition.outer_skin`.
+
+    Neighbouring links are represented by their primitives.
 
     Args:
         scene: Of an arm without tool.
         folder: Meshes, LINK.ply.
         spacing: Edge of a patch [m].
-        seed: Of the points.
+        seed: Seed of the random points.
     """
     robot, meshes = read_arm(scene.robot.name, folder)
     parts = []
@@ -72,10 +74,10 @@ def of_meshes(scene: Scene, folder: Path, spacing: float = SPACING, seed: int = 
         mesh = meshes[link]
         skin = outer_skin(mesh, count=int(MESH_DENSITY * mesh.area / spacing**2), seed=seed)
         parts.append((skin.points, skin.normals, skin.area / len(skin.points)))
-    return _gather(scene.robot, build_arm(scene).surfaces, parts, spacing)
+    return _assemble(scene.robot, build_constants(scene).surfaces, parts, spacing)
 
 
-def _union(
+def _union_points(
     surfaces: Surfaces, link: int, spacing: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Points uniform by area on the union of a link's primitives, their normals, and the area of each."""
@@ -94,14 +96,14 @@ def _union(
     return all_points[outside], normal[outside], per_point
 
 
-def _gather(
+def _assemble(
     robot: Robot,
     surfaces: Surfaces,
     parts: list[tuple[np.ndarray, np.ndarray, float]],
     spacing: float,
 ) -> Samples:
     patches = [_patches(points, normals, area, spacing) for points, normals, area in parts]
-    covered = [_covered(robot, surfaces, link, patch[0], patch[1]) for link, patch in enumerate(patches)]
+    covered = [_is_covered(robot, surfaces, link, patch[0], patch[1]) for link, patch in enumerate(patches)]
     return Samples(
         point=np.concatenate([patch[0] for patch in patches]),
         normal=np.concatenate([patch[1] for patch in patches]),
@@ -138,12 +140,12 @@ def _patches(
     return points[middle], normals[middle], area * count, spread
 
 
-def _covered(
+def _is_covered(
     robot: Robot, surfaces: Surfaces, link: int, points: np.ndarray, normals: np.ndarray
 ) -> np.ndarray:
     """See `Samples.covered`; links beyond the last joint have no neighbours."""
     covered = np.zeros((len(points), 2, ANGLES), dtype=bool)
-    above = points + ROOM * normals
+    above = points + CLEARANCE * normals
     reach = np.linalg.norm(surfaces.origin, axis=1) + surfaces.radius
     for k in range(ANGLES):
         angle = (k + 0.5) * 2.0 * np.pi / ANGLES - np.pi

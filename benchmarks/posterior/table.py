@@ -8,14 +8,14 @@ from typing import Any, get_args
 
 from rich.table import Table
 
-from benchmarks.cases import Case, Score, answer, cases, errors, score
-from benchmarks.method import Located
-from benchmarks.posterior.chance import Ratio, ratio
-from benchmarks.posterior.dense import Dense, Geometry, Rule
-from benchmarks.posterior.samples import Samples, of_meshes, of_primitives
 from contactsense import Scene
-from service.bench.static_cases import COLUMNS, Detail, Noise
-from service.bench.static_points import StaticPoints
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise
+from contactsense.benchmarks.accuracy.static_points import StaticPoints
+from contactsense.benchmarks.peers.cases import Case, Score, answer, cases, errors, score
+from contactsense.benchmarks.peers.method import Located
+from contactsense.benchmarks.posterior.bootstrap import Ratio, ratio
+from contactsense.benchmarks.posterior.dense import Dense, Geometry, Rule
+from contactsense.benchmarks.posterior.samples import Samples, of_meshes, of_primitives
 
 AMBIGUOUS = 0.05
 """An answer is ambiguous where so much of the probability lies on other links."""
@@ -114,7 +114,7 @@ def compare(case: Case, skins: Skins, rule: Rule = "middle") -> Row:
 def table(found: Sequence[Row], geometry: Geometry, detail: Detail) -> Table:
     """One line a case."""
     contacts = found[0].contacts
-    drawn = Table(
+    result = Table(
         title=f"ours ({detail}) beside the dense posterior on {geometry}, {contacts} contacts an arm",
         caption=(
             "error median / 95 % in mm, failures included, and ours to the dense posterior's with the 95 % "
@@ -124,7 +124,7 @@ def table(found: Sequence[Row], geometry: Geometry, detail: Detail) -> Table:
         ),
     )
     for name in ("arm", "sensors", "noise N / Nm / Nm"):
-        drawn.add_column(name, no_wrap=True)
+        result.add_column(name, no_wrap=True)
     for name in (
         "ours: link",
         "error",
@@ -137,10 +137,10 @@ def table(found: Sequence[Row], geometry: Geometry, detail: Detail) -> Table:
         "time: dense",
         "ratio",
     ):
-        drawn.add_column(name, justify="right", no_wrap=True)
+        result.add_column(name, justify="right", no_wrap=True)
     for row in found:
         best = row.dense[geometry]
-        drawn.add_row(
+        result.add_row(
             row.robot,
             row.sensors,
             str(row.noise),
@@ -155,7 +155,7 @@ def table(found: Sequence[Row], geometry: Geometry, detail: Detail) -> Table:
             f"{1e3 * best.seconds:.1f} ms",
             f"1/{best.seconds / row.ours.seconds:.0f}",
         )
-    return drawn
+    return result
 
 
 def _mm(found: Score) -> str:

@@ -1,4 +1,4 @@
-"""Calibration: what contact-free motion tells of friction, payload, sensors and noise. No input or output."""
+"""Calibration of friction, payload, sensors and noise from contact-free motion. No input or output."""
 
 from contactsense.calibration.calibrate import (
     CalibrationError,
@@ -6,15 +6,15 @@ from contactsense.calibration.calibrate import (
     calibrate,
     default_groups,
 )
-from contactsense.calibration.result import Calibration, Level, Value
-from contactsense.calibration.stretch import Stretch
+from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.result import Calibration, ResidualStatistics, Value
 
 __all__ = [
     "Calibration",
     "CalibrationError",
-    "Level",
+    "FreeMotion",
+    "ResidualStatistics",
     "Settings",
-    "Stretch",
     "Value",
     "calibrate",
     "default_groups",

@@ -1,8 +1,9 @@
-"""Calibration from contact-free motion: everything that the motion tells of arm and sensors.
+"""Calibration from contact-free motion: estimate the identifiable parameters of arm and sensors.
 
-Gauss-Newton on the observer's own residuals. Each round linearizes all equations, asks which parameters the
-motion excites, and solves for those; widths of the smooth signs, which enter in a way of their own, are
-chosen from a grid. What friction may not be (negative) and what the data do not ask for is left out.
+Gauss-Newton on the residuals of the momentum observer. Each iteration linearizes all equations, determines
+which parameters the motion excites, and solves for those. The velocities of the smooth sign functions of
+friction enter nonlinearly and are chosen from a grid. Friction coefficients that come out negative and
+optional parameters without significance are left out.
 """
 
 from collections.abc import Callable
@@ -11,37 +12,38 @@ from itertools import product
 
 import numpy as np
 
-from contactsense.arm import about_base
-from contactsense.calibration.fit import Fit, fit
-from contactsense.calibration.identifiable import excited
-from contactsense.calibration.linearize import linearize, settled
-from contactsense.calibration.meaning import compare_meanings, doubts
+from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.identifiability import excited_directions
+from contactsense.calibration.noise_estimation import NoiseLevels, estimate_noise
 from contactsense.calibration.parameters import (
     GROUPS,
     NOT_NEGATIVE,
-    ON_DEMAND,
+    OPTIONAL,
     Entry,
     Group,
+    apply_step,
     entries,
-    moved,
     value,
 )
-from contactsense.calibration.plant import Plant
-from contactsense.calibration.residuals import friction, residuals
-from contactsense.calibration.result import Calibration, Value, level, scene_of
-from contactsense.calibration.spread import Spread, spread_of
-from contactsense.calibration.stretch import Stretch
-from contactsense.observer import noise_gain
+from contactsense.calibration.recording_residuals import friction, residuals
+from contactsense.calibration.residual_jacobian import linearize, settled_samples
+from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
+from contactsense.calibration.robust_least_squares import RobustFit, fit_robust
+from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
+from contactsense.residuals.momentum_observer import noise_variance_ratio
+from contactsense.runtime.constants import wrench_transform
 from contactsense.scene import Scene
 
-_ROUNDS, _MOST_ROUNDS = 3, 12
-_STILL = 0.1
-"""Rounds go on until no parameter moves by more than this share of its standard deviation. Torque constants
-multiply what is measured, so that they may need several."""
-_ROWS = 10.0
-"""Rows kept per second and hertz of bandwidth: more of them say the same."""
-_DEMAND = 2.5
-"""Load-dependent and lubricant friction are used where they are so many standard deviations from none."""
+_MIN_ITERATIONS, _MAX_ITERATIONS = 3, 12
+_CONVERGED = 0.1
+"""Iterations continue until no parameter changes by more than this fraction of its standard deviation. Torque
+constants multiply the measurement, so they may need several."""
+_ROWS_PER_PERIOD = 10.0
+"""Rows kept per second and hertz of bandwidth; more are redundant."""
+_MIN_SIGNIFICANCE = 2.5
+"""Load-dependent and lubricant friction are used if they differ from zero by this many standard deviations.
+"""
 _VELOCITIES = (0.002, 0.005, 0.01, 0.02, 0.05)
 _LUBRICANT_VELOCITIES = (0.1, 0.2, 0.4)
 _CURRENTS = ("actual_current", "actual_current_minus_target")
@@ -51,240 +53,260 @@ _NOT_EXCITED = "not excited by this motion: kept"
 
 
 class CalibrationError(ValueError):
-    """The recordings cannot serve; the message says why and what would."""
+    """The recordings cannot be used for calibration; the message gives the reason and a remedy."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What is estimated, and how."""
+    """Which parameters are estimated, and how."""
 
     groups: tuple[Group, ...]
-    """Parameters to look at."""
+    """Groups of parameters to estimate."""
     inertia_error: float = 0.1
-    """How far the links' masses may be off the robot's data, relative, standard deviation."""
+    """Relative standard deviation of the links' masses about the robot's data."""
     widths: bool = True
-    """Whether the widths of friction's smooth signs are looked for, too."""
+    """Whether the velocities of the smooth sign functions of friction are estimated too."""
 
 
-def default_groups(scene: Scene, stretches: list[Stretch]) -> tuple[Group, ...]:
-    """What can be estimated with these sensors, but the links' inertia, which has to be asked for."""
+def default_groups(scene: Scene, recordings: list[FreeMotion]) -> tuple[Group, ...]:
+    """Groups that can be estimated with these sensors, except the links' inertia, which must be requested."""
     groups: list[Group] = ["payload"]
     torque = scene.joint_torque
-    if torque is not None and any(stretch.torque is not None for stretch in stretches):
+    if torque is not None and any(recording.torque is not None for recording in recordings):
         groups += ["bias"]
         if torque.contains != "external":
             groups += ["coulomb", "viscous", "rotor", "load", "lubricant"]
             groups += ["gain"] if torque.signal in _CURRENTS else []
-    if scene.base_wrench is not None and any(stretch.reading is not None for stretch in stretches):
+    if scene.base_wrench is not None and any(recording.reading is not None for recording in recordings):
         groups += ["wrench_bias", "tilt", "turn", "shift", "delay"]
     return tuple(group for group in GROUPS if group in groups)
 
 
 def calibrate(
     scene: Scene,
-    stretches: list[Stretch],
+    recordings: list[FreeMotion],
     settings: Settings | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
-    """Estimate what contact-free motion tells, and a scene with it.
+    """Estimate the identifiable parameters from contact-free motion, and build a scene with them.
 
     Args:
-        scene: What is known so far.
-        stretches: Contact-free motion; the sensors of the scene are used where a stretch has them.
-        settings: What is estimated; without it, `default_groups`.
-        progress: Called with what is done next.
+        scene: Arm, sensors and prior values.
+        recordings: Contact-free motion; the scene's sensors are used where a recording has them.
+        settings: What to estimate; None: `default_groups`.
+        progress: Called with the name of the next stage.
 
     Raises:
-        CalibrationError: nothing can be estimated from these stretches.
+        CalibrationError: nothing can be estimated from these recordings.
     """
-    _check(scene, stretches)
-    settings = settings or Settings(default_groups(scene, stretches))
-    start = plant = Plant.of(scene)
-    chosen = entries(plant, settings.groups, settings.inertia_error)
-    work = _Work(stretches, scene.bandwidth, chosen, start)
-    free = np.ones(len(chosen), dtype=bool)
+    _check(scene, recordings)
+    settings = settings or Settings(default_groups(scene, recordings))
+    start = arm = CalibrationModel.of(scene)
+    selected = entries(arm, settings.groups, settings.inertia_error)
+    solver = _GaussNewton(recordings, scene.bandwidth, selected, start)
+    free = np.ones(len(selected), dtype=bool)
     kept: dict[int, str] = {}
     step, condition = None, 1.0
-    for number in range(_MOST_ROUNDS):
+    for number in range(_MAX_ITERATIONS):
         progress(f"round {number + 1}")
         if number == 1 and settings.widths and "coulomb" in settings.groups:
-            progress("widths of the smooth signs")
-            plant = _best_widths(plant, stretches, scene.bandwidth)
-        plant, step, condition = work.solve(plant, free, kept, on_demand=number > 0)
+            progress("velocities of the smooth sign functions")
+            arm = _best_velocities(arm, recordings, scene.bandwidth)
+        arm, step, condition = solver.solve(arm, free, kept, drop_optional=number > 0)
         std = np.sqrt(np.diag(step.covariance))
-        if number >= _ROUNDS - 1 and np.all(np.abs(step.step[free]) <= _STILL * std[free]):
+        if number >= _MIN_ITERATIONS - 1 and np.all(np.abs(step.step[free]) <= _CONVERGED * std[free]):
             break
     assert step is not None
     progress("noise and model error")
-    before = [residuals(start, s, scene.bandwidth)[settled(s, scene.bandwidth) :] for s in stretches]
-    after = [residuals(plant, s, scene.bandwidth)[settled(s, scene.bandwidth) :] for s in stretches]
-    present = _present(scene, stretches)
-    spread, wrench = _noise(plant, stretches, after, scene.bandwidth)
+    before = [residuals(start, s, scene.bandwidth)[settled_samples(s, scene.bandwidth) :] for s in recordings]
+    after = [residuals(arm, s, scene.bandwidth)[settled_samples(s, scene.bandwidth) :] for s in recordings]
+    measured = _measured_channels(scene, recordings)
+    noise_levels, wrench = _noise(arm, recordings, after, scene.bandwidth)
     values = tuple(
         Value(
             entry,
             value(start, entry),
-            value(plant, entry),
+            value(arm, entry),
             float(np.sqrt(step.covariance[i, i])),
             kept.get(i, ""),
         )
-        for i, entry in enumerate(chosen)
+        for i, entry in enumerate(selected)
     )
-    warnings = [f"{chosen[i].name}: {why}" for i, why in kept.items() if chosen[i].group != "links"]
-    if scene.joint_torque is not None and spread is not None:
-        progress("what the torque signal means")
-        every = work.every
-        warnings = doubts(scene, compare_meanings(scene, stretches, scene.bandwidth, every)) + warnings
+    warnings = [f"{selected[i].name}: {why}" for i, why in kept.items() if selected[i].group != "links"]
+    if scene.joint_torque is not None and noise_levels is not None:
+        progress("meaning of the torque signal")
+        stride = solver.stride
+        warnings = (
+            setting_warnings(scene, compare_meanings(scene, recordings, scene.bandwidth, stride)) + warnings
+        )
         warnings += [
-            f"{joint.name} never stood still or turned round: its uncertainty there is guessed from friction"
-            for joint, rest in zip(scene.robot.joints, spread.rest_error, strict=True)
+            f"{joint.name} never stopped or reversed: its uncertainty there is derived from Coulomb friction"
+            for joint, rest in zip(scene.robot.joints, noise_levels.rest_error, strict=True)
             if np.isnan(rest)
         ]
-    changed = {entry.group for i, entry in enumerate(chosen) if free[i]}
+    changed = {entry.group for i, entry in enumerate(selected) if free[i]}
     return Calibration(
-        scene=scene_of(plant, {str(group) for group in changed}, spread, wrench),
+        scene=scene_of(arm, {str(group) for group in changed}, noise_levels, wrench),
         values=tuple(v for v in values if v.entry.group != "links"),
         inertia=tuple(v for v in values if v.entry.group == "links"),
         warnings=tuple(warnings),
-        before=level(before, present),
-        after=level(after, present),
+        before=residual_statistics(before, measured),
+        after=residual_statistics(after, measured),
         condition=condition,
         covariance=step.covariance,
     )
 
 
-class _Work:
-    """One calibration's rounds."""
+class _GaussNewton:
+    """The Gauss-Newton iterations of one calibration."""
 
     def __init__(
-        self, stretches: list[Stretch], bandwidth: float, chosen: tuple[Entry, ...], start: Plant
+        self,
+        recordings: list[FreeMotion],
+        bandwidth: float,
+        selected: tuple[Entry, ...],
+        start: CalibrationModel,
     ) -> None:
-        self._stretches = stretches
+        self._stretches = recordings
         self._bandwidth = bandwidth
-        self._chosen = chosen
-        self._start = np.array([value(start, entry) for entry in chosen])
-        self._prior = np.array([entry.plausible for entry in chosen])
+        self._chosen = selected
+        self._start = np.array([value(start, entry) for entry in selected])
+        self._prior = np.array([entry.prior_std for entry in selected])
         self._channels = len(start.gain) + 6
-        self.every = rows_apart(stretches, bandwidth)
+        self.stride = row_stride(recordings, bandwidth)
 
     def solve(
-        self, plant: Plant, free: np.ndarray, kept: dict[int, str], on_demand: bool
-    ) -> tuple[Plant, Fit, float]:
-        """One round: the plant moved to where the linearized equations have their minimum.
+        self, arm: CalibrationModel, free: np.ndarray, kept: dict[int, str], drop_optional: bool
+    ) -> tuple[CalibrationModel, RobustFit, float]:
+        """One iteration: the arm at the minimum of the linearized equations.
 
-        Changes `free` and `kept`: parameters that cannot be estimated go back to the scene's value.
+        Changes `free` and `kept`: parameters that cannot be estimated return to the scene's value.
         """
         rows = [
             row
-            for stretch in self._stretches
-            for row in linearize(plant, stretch, self._chosen, self._bandwidth, self.every)
+            for recording in self._stretches
+            for row in linearize(arm, recording, self._chosen, self._bandwidth, self.stride)
         ]
         while True:
-            offset = np.array([value(plant, entry) for entry in self._chosen]) - self._start
-            unknown = np.array([kept.get(i) == _NOT_EXCITED for i in range(len(free))])
-            found = fit(rows, self._prior, offset, free, self._channels, unknown)
-            seen, condition = excited(found.information, self._chosen, free)
-            dropped = {int(i): _NOT_EXCITED for i in np.flatnonzero(free & ~seen)}
+            offset = np.array([value(arm, entry) for entry in self._chosen]) - self._start
+            unexcited = np.array([kept.get(i) == _NOT_EXCITED for i in range(len(free))])
+            found = fit_robust(rows, self._prior, offset, free, self._channels, unexcited)
+            excited, condition = excited_directions(found.information, self._chosen, free)
+            dropped = {int(i): _NOT_EXCITED for i in np.flatnonzero(free & ~excited)}
             if not dropped:
-                dropped = self._unwanted(plant, found, free, on_demand)
+                dropped = self._rejected(arm, found, free, drop_optional)
             if not dropped:
-                return moved(plant, self._chosen, found.step), found, condition
+                return apply_step(arm, self._chosen, found.step), found, condition
             kept.update(dropped)
-            back = np.zeros(len(free))
+            reset = np.zeros(len(free))
             for i in dropped:
                 free[i] = False
-                back[i] = -offset[i]
-            if back.any():
-                plant = moved(plant, self._chosen, back)
+                reset[i] = -offset[i]
+            if reset.any():
+                arm = apply_step(arm, self._chosen, reset)
                 for row in rows:
-                    row.residual[:] = row.residual + row.slope @ back[row.columns]
+                    row.residual[:] = row.residual + row.slope @ reset[row.columns]
 
-    def _unwanted(self, plant: Plant, found: Fit, free: np.ndarray, on_demand: bool) -> dict[int, str]:
-        """Parameters that came out as they cannot be, or without need: one group at a time."""
-        unwanted: dict[int, str] = {}
+    def _rejected(
+        self, arm: CalibrationModel, found: RobustFit, free: np.ndarray, drop_optional: bool
+    ) -> dict[int, str]:
+        """Parameters that came out invalid or insignificant."""
+        rejected: dict[int, str] = {}
         for i in np.flatnonzero(free):
             entry = self._chosen[i]
-            there = value(plant, entry) + found.step[i]
+            estimate = value(arm, entry) + found.step[i]
             std = float(np.sqrt(found.covariance[i, i]))
-            if entry.group in NOT_NEGATIVE and there < 0.0:
-                unwanted[int(i)] = f"came out negative ({there:.3g} +- {std:.2g} {entry.unit}): kept"
-            elif on_demand and entry.group in ON_DEMAND and abs(there) < _DEMAND * std:
-                unwanted[int(i)] = "not asked for by the data: kept"
-        return unwanted
+            if entry.group in NOT_NEGATIVE and estimate < 0.0:
+                rejected[int(i)] = f"came out negative ({estimate:.3g} +- {std:.2g} {entry.unit}): kept"
+            elif drop_optional and entry.group in OPTIONAL and abs(estimate) < _MIN_SIGNIFICANCE * std:
+                rejected[int(i)] = "not significant in the data: kept"
+        return rejected
 
 
-def rows_apart(stretches: list[Stretch], bandwidth: float) -> int:
-    """Every how many samples a row is kept."""
-    rate = max(1.0 / float(np.median(np.diff(stretch.t))) for stretch in stretches)
-    return max(1, round(rate / (_ROWS * bandwidth)))
+def row_stride(recordings: list[FreeMotion], bandwidth: float) -> int:
+    """Number of samples per row kept."""
+    rate = max(1.0 / float(np.median(np.diff(recording.t))) for recording in recordings)
+    return max(1, round(rate / (_ROWS_PER_PERIOD * bandwidth)))
 
 
-def _check(scene: Scene, stretches: list[Stretch]) -> None:
-    if not stretches:
+def _check(scene: Scene, recordings: list[FreeMotion]) -> None:
+    if not recordings:
         raise CalibrationError("expected at least one recording of contact-free motion, got none")
     joints = len(scene.robot.joints)
-    for stretch in stretches:
-        if stretch.q.shape[1] != joints:
+    for recording in recordings:
+        if recording.q.shape[1] != joints:
             raise CalibrationError(
-                f"{stretch.name}: expected {joints} joints, as {scene.robot.name} has, "
-                f"got {stretch.q.shape[1]}"
+                f"{recording.name}: expected {joints} joints, as {scene.robot.name} has, "
+                f"got {recording.q.shape[1]}"
             )
-        if stretch.seconds < 2.0:
-            raise CalibrationError(f"{stretch.name}: expected at least 2 s, got {stretch.seconds:.2g} s")
-        if stretch.torque is None and stretch.reading is None:
+        if recording.seconds < 2.0:
+            raise CalibrationError(f"{recording.name}: expected at least 2 s, got {recording.seconds:.2g} s")
+        if recording.torque is None and recording.reading is None:
             raise CalibrationError(
-                f"{stretch.name}: expected joint torques or base wrenches as the scene has them, got neither"
+                f"{recording.name}: expected joint torques or base wrenches as in the scene, got neither"
             )
 
 
-def _present(scene: Scene, stretches: list[Stretch]) -> np.ndarray:
-    torque = any(stretch.torque is not None for stretch in stretches)
-    wrench = any(stretch.reading is not None for stretch in stretches)
+def _measured_channels(scene: Scene, recordings: list[FreeMotion]) -> np.ndarray:
+    torque = any(recording.torque is not None for recording in recordings)
+    wrench = any(recording.reading is not None for recording in recordings)
     return np.array([torque] * len(scene.robot.joints) + [wrench] * 6)
 
 
-def _best_widths(plant: Plant, stretches: list[Stretch], bandwidth: float) -> Plant:
-    """The plant with those widths of the smooth signs under which friction explains most."""
-    chosen = entries(plant, ("bias", "coulomb", "viscous", "rotor", "load", "lubricant"), 0.1)
-    prior = np.array([entry.plausible for entry in chosen])
-    every = rows_apart(stretches, bandwidth)
-    bare = [
-        Stretch(stretch.t, stretch.q, stretch.qd, stretch.torque, None, stretch.name)
-        for stretch in stretches
-        if stretch.torque is not None
+def _best_velocities(
+    arm: CalibrationModel, recordings: list[FreeMotion], bandwidth: float
+) -> CalibrationModel:
+    """The arm with the velocities of the smooth sign functions for which friction explains most."""
+    selected = entries(arm, ("bias", "coulomb", "viscous", "rotor", "load", "lubricant"), 0.1)
+    prior = np.array([entry.prior_std for entry in selected])
+    stride = row_stride(recordings, bandwidth)
+    torque_only = [
+        FreeMotion(recording.t, recording.q, recording.qd, recording.torque, None, recording.name)
+        for recording in recordings
+        if recording.torque is not None
     ]
-    best: tuple[float, Plant] | None = None
+    best: tuple[float, CalibrationModel] | None = None
     for velocity, lubricant in product(_VELOCITIES, _LUBRICANT_VELOCITIES):
-        tried = plant.with_values(velocity=velocity, lubricant_velocity=lubricant)
-        rows = [row for stretch in bare for row in linearize(tried, stretch, chosen, bandwidth, every)]
-        free = np.ones(len(chosen), dtype=bool)
-        cost = fit(rows, prior, np.zeros(len(chosen)), free, len(plant.gain)).cost
+        candidate = arm.with_values(velocity=velocity, lubricant_velocity=lubricant)
+        rows = [
+            row
+            for recording in torque_only
+            for row in linearize(candidate, recording, selected, bandwidth, stride)
+        ]
+        free = np.ones(len(selected), dtype=bool)
+        cost = fit_robust(rows, prior, np.zeros(len(selected)), free, len(arm.gain)).cost
         if best is None or cost < best[0]:
-            best = (cost, tried)
+            best = (cost, candidate)
     assert best is not None
     return best[1]
 
 
 def _noise(
-    plant: Plant, stretches: list[Stretch], left: list[np.ndarray], bandwidth: float
-) -> tuple[Spread | None, tuple[float, float]]:
-    """Noise and model error of the joints, and noise of the base sensor that covers its model error."""
-    joints = len(plant.gain)
-    dt = float(np.median(np.concatenate([np.diff(stretch.t) for stretch in stretches])))
-    gain = noise_gain(bandwidth, dt)
-    spread, wrench = None, (np.nan, np.nan)
-    pairs = list(zip(stretches, left, strict=True))
-    own = [(s, r[:, :joints]) for s, r in pairs if s.torque is not None]
-    if own:
-        rubbing = [friction(plant, s)[-len(r) :] for s, r in own]
-        spread = spread_of([r for _, r in own], [s.qd[-len(r) :] for s, r in own], rubbing, dt, gain)
+    arm: CalibrationModel, recordings: list[FreeMotion], residual: list[np.ndarray], bandwidth: float
+) -> tuple[NoiseLevels | None, tuple[float, float]]:
+    """Noise and model error of the joints, and noise of the base sensor that includes its model error."""
+    joints = len(arm.gain)
+    dt = float(np.median(np.concatenate([np.diff(recording.t) for recording in recordings])))
+    variance_ratio = noise_variance_ratio(bandwidth, dt)
+    noise_levels, wrench = None, (np.nan, np.nan)
+    pairs = list(zip(recordings, residual, strict=True))
+    with_torque = [(s, r[:, :joints]) for s, r in pairs if s.torque is not None]
+    if with_torque:
+        friction_torques = [friction(arm, s)[-len(r) :] for s, r in with_torque]
+        noise_levels = estimate_noise(
+            [r for _, r in with_torque],
+            [s.qd[-len(r) :] for s, r in with_torque],
+            friction_torques,
+            dt,
+            variance_ratio,
+        )
     base = [r[:, joints:] for s, r in pairs if s.reading is not None]
     if base:
-        sensor = plant.scene.base_wrench
+        sensor = arm.scene.base_wrench
         assert sensor is not None
         # The residual is about the base origin; the sensor's noise about its own.
-        away = about_base(np.eye(3), np.array(sensor.translation) + plant.shift)
-        about_sensor = np.vstack(base) @ np.linalg.inv(away).T
-        rms = np.sqrt(np.mean(about_sensor**2, axis=0) / gain)
+        transfer = wrench_transform(np.eye(3), np.array(sensor.translation) + arm.shift)
+        about_sensor = np.vstack(base) @ np.linalg.inv(transfer).T
+        rms = np.sqrt(np.mean(about_sensor**2, axis=0) / variance_ratio)
         wrench = (float(np.max(rms[:3])), float(np.max(rms[3:])))
-    return spread, wrench
+    return noise_levels, wrench

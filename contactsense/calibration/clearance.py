@@ -1,43 +1,49 @@
-"""How near an arm comes to itself and to the plane that it stands on.
+"""Distances of an arm from itself and from the plane that it stands on.
 
-Of each link the places of `contactsense.places` stand for its surface; they lie some 35 mm apart, so that an
-edge between two of them may come a few millimetres nearer than is said.
+The surface of each link is represented by the samples of `contactsense.localization.surface_samples`, about
+35 mm apart; an edge between two of them may be a few millimetres closer than reported.
 """
 
 import numpy as np
 
-from contactsense.arm import build_arm
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import empty_motion
+from contactsense.robots.surface.union import distances
+from contactsense.runtime.constants import build_constants
 from contactsense.scene import Scene
-from kinematics.core import place
-from kinematics.model import empty_motion
-from robots.union import distances
 
 
 class Clearance:
     """Distances within the arm of one scene, tool included."""
 
-    def __init__(self, scene: Scene, home: np.ndarray, room: float) -> None:
-        """Prepare.
+    def __init__(self, scene: Scene, home: np.ndarray, min_distance: float) -> None:
+        """Prepare the geometry.
 
         Args:
             scene: The arm.
-            home: A posture that is known to be free, shape (n,) [rad]. Links that are nearer to each other
-                than `room` in it are neighbours by construction and not looked at.
-            room: Distance that is wanted [m].
+            home: A collision-free posture, shape (n,) [rad]. Links that are closer than `min_distance` in it
+                are adjacent by construction and ignored.
+            min_distance: Distance to keep [m].
         """
-        arm = build_arm(scene.model_copy(update={"touchable": None}))
-        self._model, self._surfaces, self._depth = arm.model, arm.surfaces, arm.sensors.depth
+        constants = build_constants(scene.model_copy(update={"touchable": None}))
+        self._model, self._surfaces, self._depth = (
+            constants.model,
+            constants.surfaces,
+            constants.sensors.depth,
+        )
         links = len(self._depth)
-        first = [arm.places.start[arm.surfaces.start[k]] for k in range(links + 1)]
-        self._points = [arm.places.point[first[k] : first[k + 1]] for k in range(links)]
+        first = [constants.samples.start[constants.surfaces.start[k]] for k in range(links + 1)]
+        self._points = [constants.samples.point[first[k] : first[k + 1]] for k in range(links)]
         self._pairs = [(a, b) for b in range(links) for a in range(b - 1) if len(self._points[b])]
         near = self._between(*self._poses(home[None]))
-        self._pairs = [pair for pair, distance in zip(self._pairs, near[0], strict=True) if distance >= room]
+        self._pairs = [
+            pair for pair, distance in zip(self._pairs, near[0], strict=True) if distance >= min_distance
+        ]
 
     def lowest(self, q: np.ndarray) -> np.ndarray:
-        """Height of the lowest place of all links that move, above the plane z = 0 of the base frame.
+        """Height of the lowest point of all moving links above the plane z = 0 of the base frame.
 
-        The first moving link turns on the base, at one height, and is left out.
+        The first moving link rotates on the base at a constant height and is ignored.
 
         Args:
             q: Postures, shape (N, n) [rad].
@@ -55,13 +61,13 @@ class Clearance:
         return found
 
     def nearest(self, q: np.ndarray) -> np.ndarray:
-        """Smallest distance between two links that are no neighbours, negative inside each other.
+        """Smallest distance between two links that are not adjacent, negative for penetration.
 
         Args:
             q: Postures, shape (N, n) [rad].
 
         Returns:
-            Shape (N,) [m]; infinite where there are no such links.
+            Shape (N,) [m]; infinite without such links.
         """
         return np.asarray(np.min(self._between(*self._poses(q)), axis=1, initial=np.inf))
 
@@ -70,7 +76,7 @@ class Clearance:
         motion = empty_motion(n)
         rotation, origin = np.empty((len(q), n + 1, 3, 3)), np.empty((len(q), n + 1, 3))
         for i, row in enumerate(np.ascontiguousarray(q, dtype=float)):
-            place(self._model, row, motion)
+            forward_kinematics(self._model, row, motion)
             rotation[i], origin[i] = motion.rotation, motion.origin
         return rotation, origin
 

@@ -1,7 +1,7 @@
-"""The parameters that can be estimated: their names, units, and how large they may plausibly be.
+"""The parameters that can be estimated: names, units and prior standard deviations.
 
-The plausible size is the standard deviation of a prior about the scene's own value. It matters only where
-motion tells little; a parameter about which the motion tells next to nothing is named and kept.
+The prior is centred on the scene's own value. It matters only where the motion is little informative; a
+parameter that is not excited is reported and kept.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from contactsense.calibration.plant import Plant
+from contactsense.calibration.calibration_model import CalibrationModel
 
 Group = Literal[
     "bias",
@@ -28,12 +28,12 @@ Group = Literal[
     "links",
 ]
 GROUPS: tuple[Group, ...] = get_args(Group)
-"""All groups, the most important first: of two that cannot be told apart the later one is kept as it is."""
+"""All groups, the most important first: of two that cannot be distinguished the later one is kept."""
 
 PER_JOINT: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "gain")
 NOT_NEGATIVE: tuple[Group, ...] = ("coulomb", "viscous", "rotor", "load", "lubricant")
-ON_DEMAND: tuple[Group, ...] = ("load", "lubricant")
-"""Groups that stay as they are where the data do not ask for a change."""
+OPTIONAL: tuple[Group, ...] = ("load", "lubricant")
+"""Groups that are kept where they are not significant."""
 
 _AXES = ("x", "y", "z")
 _INERTIAL = ("mass", "mass x com x", "mass x com y", "mass x com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -45,26 +45,26 @@ class Entry:
 
     group: Group
     index: tuple[int, ...]
-    """Where it stands in the group's array in `Plant`."""
+    """Index in the group's array in `CalibrationModel`."""
     name: str
-    """For a person."""
+    """Name in reports."""
     unit: str
-    plausible: float
+    prior_std: float
     """Standard deviation of the prior about the scene's value, in `unit`."""
     joint: int | None = None
-    """Number of the joint whose equation alone holds it; None: shared by several."""
+    """Index of the joint whose equation alone contains it; None: shared by several."""
 
     @property
     def in_base_only(self) -> bool:
-        """Whether only the base sensor's equations hold it."""
+        """Whether only the base sensor's equations contain it."""
         return self.group in ("wrench_bias", "turn", "shift", "delay")
 
 
-def entries(plant: Plant, groups: tuple[Group, ...], inertia_error: float) -> tuple[Entry, ...]:
+def entries(arm: CalibrationModel, groups: tuple[Group, ...], inertia_error: float) -> tuple[Entry, ...]:
     """All parameters of the groups.
 
     Args:
-        plant: The arm.
+        arm: The arm.
         groups: Which are wanted.
         inertia_error: Prior standard deviation of each link's mass, relative; of its first and second moments
             accordingly, by the radius of gyration.
@@ -72,14 +72,16 @@ def entries(plant: Plant, groups: tuple[Group, ...], inertia_error: float) -> tu
     found: list[Entry] = []
     for group in GROUPS:
         if group in groups:
-            found += _links(plant, inertia_error) if group == "links" else _of(plant, group)
+            found += (
+                _link_parameters(arm, inertia_error) if group == "links" else _group_parameters(arm, group)
+            )
     return tuple(found)
 
 
-def _of(plant: Plant, group: Group) -> list[Entry]:
-    joints = plant.scene.robot.joints
+def _group_parameters(arm: CalibrationModel, group: Group) -> list[Entry]:
+    joints = arm.scene.robot.joints
     if group in PER_JOINT:
-        part, unit = {
+        fraction, unit = {
             "bias": (0.05, "Nm"),
             "coulomb": (0.1, "Nm"),
             "viscous": (0.1, "Nms/rad"),
@@ -88,9 +90,9 @@ def _of(plant: Plant, group: Group) -> list[Entry]:
             "load": (0.0, ""),
             "gain": (0.0, ""),
         }[group]
-        plain = {"load": 0.2, "gain": 0.3}.get(group)
+        ratio = {"load": 0.2, "gain": 0.3}.get(group)
         return [
-            Entry(group, (j,), f"{group} of {joint.name}", unit, plain or part * joint.torque_limit, j)
+            Entry(group, (j,), f"{group} of {joint.name}", unit, ratio or fraction * joint.torque_limit, j)
             for j, joint in enumerate(joints)
         ]
     if group == "payload":
@@ -101,8 +103,8 @@ def _of(plant: Plant, group: Group) -> list[Entry]:
         return [Entry("delay", (), "delay of the base sensor", "s", 0.02)]
     else:
         unit, size = ("m", 0.05) if group == "shift" else ("rad", 0.1)
-        # Gravity turned about itself is the same gravity.
-        down = int(np.argmax(np.abs(plant.scene.gravity_base))) if group == "tilt" else -1
+        # A rotation about gravity does not change it.
+        down = int(np.argmax(np.abs(arm.scene.gravity_base))) if group == "tilt" else -1
         return [
             Entry(group, (i,), f"{group} {axis}", unit, size) for i, axis in enumerate(_AXES) if i != down
         ]
@@ -110,12 +112,12 @@ def _of(plant: Plant, group: Group) -> list[Entry]:
     return [Entry(group, (i,), f"{label} {name}", unit, size) for i, (name, unit, size) in enumerate(parts)]
 
 
-def _links(plant: Plant, inertia_error: float) -> list[Entry]:
+def _link_parameters(arm: CalibrationModel, inertia_error: float) -> list[Entry]:
     found = []
-    for k, link in enumerate(plant.scene.robot.links):
+    for k, link in enumerate(arm.scene.robot.links):
         if k == 0:
-            continue  # the base does not move: its weight and a bias are the same
-        m, moments = plant.links[k, 0], plant.links[k, [4, 6, 9]]
+            continue  # the base does not move: its weight is indistinguishable from a bias
+        m, moments = arm.links[k, 0], arm.links[k, [4, 6, 9]]
         size = float(np.sqrt(max(moments.sum(), 1e-6) / (2.0 * max(m, 1e-3))))
         sizes = [m, *[m * size] * 3, *[m * size**2] * 6]
         units = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
@@ -126,21 +128,23 @@ def _links(plant: Plant, inertia_error: float) -> list[Entry]:
     return found
 
 
-def value(plant: Plant, entry: Entry) -> float:
-    """What the parameter is."""
-    return float(np.asarray(getattr(plant, entry.group))[entry.index])
+def value(arm: CalibrationModel, entry: Entry) -> float:
+    """Value of the parameter."""
+    return float(np.asarray(getattr(arm, entry.group))[entry.index])
 
 
-def moved(plant: Plant, chosen: list[Entry] | tuple[Entry, ...], step: np.ndarray) -> Plant:
-    """The same plant, each chosen parameter changed by its step."""
+def apply_step(
+    arm: CalibrationModel, selected: list[Entry] | tuple[Entry, ...], step: np.ndarray
+) -> CalibrationModel:
+    """A copy of the arm with each selected parameter changed by its step."""
     changes: dict[str, np.ndarray | float] = {}
-    for entry, change in zip(chosen, step, strict=True):
+    for entry, change in zip(selected, step, strict=True):
         if entry.group == "delay":
-            changes["delay"] = plant.delay + float(change)
+            changes["delay"] = arm.delay + float(change)
             continue
         if entry.group not in changes:
-            changes[entry.group] = np.array(getattr(plant, entry.group))
+            changes[entry.group] = np.array(getattr(arm, entry.group))
         array = changes[entry.group]
         assert isinstance(array, np.ndarray)
         array[entry.index] += change
-    return plant.with_values(**changes)
+    return arm.with_values(**changes)

@@ -1,12 +1,13 @@
-"""Where on a surface does a wrench enter? The contact sensing problem of Bicchi, Salisbury & Brock (1993),
-solved.
+"""Exact solvers of the contact sensing problem of Bicchi, Salisbury & Brock (1993).
 
-Given force and moment (f, m) on a convex body, find its contact centroid c: m = xi n(c) + c x f with f.n(c) <
-0.
+Given force and moment (f, m) on a convex body, find its contact centroid c: m = xi n(c) + c x f with
+f.n(c) < 0.
 """
 
-from contactsense.solvers.answer import Status
-from contactsense.solvers.bodies import (
+from contactsense.solvers.compound_bodies import Compound, Part
+from contactsense.solvers.packed_primitive import solve_primitive
+from contactsense.solvers.paper_surfaces import Cone, Cylinder, Ellipsoid, Placed, Plane, Sphere
+from contactsense.solvers.rounded_bodies import (
     Box,
     Capsule,
     Fingertip,
@@ -15,13 +16,11 @@ from contactsense.solvers.bodies import (
     TaperedCapsule,
     place,
 )
-from contactsense.solvers.parts import Compound, Part
-from contactsense.solvers.primitive import solve_primitive
 from contactsense.solvers.sensitivity import Sensitivity, sensitivity
-from contactsense.solvers.smooth import Convex, Paraboloid, Superquadric
+from contactsense.solvers.smooth_bodies import Convex, Paraboloid, Superquadric
+from contactsense.solvers.solution import Status
 from contactsense.solvers.solve import METHODS, Method, Solution, Solutions, solve, solve_batch
 from contactsense.solvers.surface import Surface
-from contactsense.solvers.surfaces import Cone, Cylinder, Ellipsoid, Placed, Plane, Sphere
 
 __all__ = [
     "METHODS",

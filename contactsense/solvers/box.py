@@ -1,39 +1,40 @@
-"""Rounded box: six faces (planes), twelve edges (cylinders) and eight corners (balls), all in closed form.
+"""Rounded box: six faces (planes), twelve edges (cylinders) and eight corners (spheres), in closed form.
 
-Exactly one patch holds the contact. Most are ruled out by one comparison: a face must be pushed at, an edge
-must not be missed by the force's line. What rounding leaves outside of every patch goes to the nearest.
+Exactly one patch contains the contact. Most patches are excluded by one comparison: the force must push
+on a face, and its line must not miss an edge. If rounding errors place the contact outside every patch,
+the nearest patch is used.
 """
 
 from math import ldexp, sqrt
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.cylinder import directions
+from contactsense.solvers.ellipsoid import unit_sphere
+from contactsense.solvers.nearest_point import enter, nearest_to_line
+from contactsense.solvers.solution import (
     LARGE,
     NOT_CONVERGED,
     OK,
     SHARP,
     SMALL,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     torsion,
     unit_exponents,
-    unusable,
 )
-from contactsense.solvers.cylinder import directions
-from contactsense.solvers.ellipsoid import unit_sphere
-from contactsense.solvers.nearest import enter, nearest_to_line
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 
-_SEAM = 1e-9
-"""How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
+_PATCH_TOLERANCE = 1e-9
+"""Tolerance of a contact outside its patch, relative to the size of the body, for rounding errors."""
 
 _BOX = 2
-"""Number of this kind in `robots.surface`."""
+"""Index of this kind in `contactsense.robots.surface.convex_primitives`."""
 
-_PURE = 1e-12
-"""Torsion per force and moment below which a wrench that enters nowhere is a force that passes by."""
+_ZERO_TORSION = 1e-12
+"""Torsion per force and moment below which a wrench that misses counts as a pure force."""
 
 _FAR = 1e300
 
@@ -45,7 +46,7 @@ Place = tuple[float, float, float, float, float, float, float]
 def _face(
     fx: float, fy: float, fz: float, mx: float, my: float, bx: float, by: float, bz: float, r: float
 ) -> Place:
-    """Contact on the face across z that is pushed at."""
+    """Contact on the face perpendicular to z that the force pushes on."""
     if fz == 0.0:
         return _FAR, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
     sign = -1.0 if fz > 0.0 else 1.0
@@ -68,11 +69,11 @@ def _edges(
     r: float,
     reach: float,
 ) -> Place:
-    """Contact on the least wrong of the four edges along z."""
-    least = _FAR
+    """Contact on the edge along z whose patch it is nearest to."""
+    lowest = _FAR
     x = y = z = nx = ny = 0.0
     limit = r * r * (fx * fx + fy * fy)
-    # First the edge that the force comes from.
+    # First the edge on the side that the force comes from.
     likely = (1 if fx > 0.0 else 0) + (2 if fy > 0.0 else 0)
     for turn in range(4):
         k = likely ^ turn
@@ -87,11 +88,11 @@ def _edges(
             if disc > 0.0 and push < 0.0:
                 at = (ex * ly - ey * lx + r * fz) / push
                 outside = max(abs(at) - bz, -reach * min(sx * ex, sy * ey))
-                if outside < least:
-                    least, x, y, z, nx, ny = outside, px, py, at, ex, ey
-                    if least <= 0.0:
+                if outside < lowest:
+                    lowest, x, y, z, nx, ny = outside, px, py, at, ex, ey
+                    if lowest <= 0.0:
                         break
-    return least, x, y, z, nx, ny, 0.0
+    return lowest, x, y, z, nx, ny, 0.0
 
 
 @kernel
@@ -108,8 +109,8 @@ def _corners(
     r: float,
     reach: float,
 ) -> Place:
-    """Contact on the least wrong of the eight corners."""
-    least = _FAR
+    """Contact on the corner whose patch it is nearest to."""
+    lowest = _FAR
     x = y = z = nx = ny = nz = 0.0
     ux, uy, uz = r * fx, r * fy, r * fz
     uu = ux * ux + uy * uy + uz * uz
@@ -123,11 +124,11 @@ def _corners(
         lz = mz - (px * fy - py * fx)
         status, ex, ey, ez, _ = unit_sphere(ux, uy, uz, lx, ly, lz, uu, lx * lx + ly * ly + lz * lz)
         outside = -reach * min(sx * ex, sy * ey, sz * ez)
-        if status == OK and outside < least:
-            least, x, y, z, nx, ny, nz = outside, px, py, pz, ex, ey, ez
-            if least <= 0.0:
+        if status == OK and outside < lowest:
+            lowest, x, y, z, nx, ny, nz = outside, px, py, pz, ex, ey, ez
+            if lowest <= 0.0:
                 break
-    return least, x, y, z, nx, ny, nz
+    return lowest, x, y, z, nx, ny, nz
 
 
 @kernel
@@ -145,14 +146,14 @@ def _on_box(
     nx: float,
     ny: float,
     nz: float,
-    bends: int,
+    curved: int,
 ) -> Answer:
-    """The answer at r n outside of the core's point p; `bends` principal curvatures are 1 / r."""
+    """The answer at r n from the point p of the core; `curved` principal curvatures are 1 / r."""
     cx, cy, cz = px + r * nx, py + r * ny, pz + r * nz
     xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
-    bend = 1.0 / r if bends > 0 else 0.0
-    det = bend * bend if bends == 2 else 0.0
-    return finish(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, bends * bend, det)
+    bend = 1.0 / r if curved > 0 else 0.0
+    det = bend * bend if curved == 2 else 0.0
+    return make_answer(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, curved * bend, det)
 
 
 @kernel
@@ -168,12 +169,12 @@ def patch_of_box(
     bz: float,
     r: float,
 ) -> tuple[float, float, float, float, float, float, float, int]:
-    """The patch that a wrench enters: a `Place`, and how many of its principal curvatures are 1 / r."""
+    """The patch that contains the contact: a `Place`, and how many of its principal curvatures are 1 / r."""
     reach = sqrt(bx * bx + by * by + bz * bz) + r
     best = _FAR
     px = py = pz = nx = ny = nz = 0.0
-    bends = 0
-    # The axes in turn play z.
+    curved = 0
+    # Cyclic permutation: each axis in turn is z.
     for axis in range(3):
         if axis == 0:
             d, y, z, x, ey, ez, ex = _face(fy, fz, fx, my, mz, by, bz, bx, r)
@@ -184,7 +185,7 @@ def patch_of_box(
         if d < best:
             best, px, py, pz, nx, ny, nz = d, x, y, z, ex, ey, ez
             if best <= 0.0:
-                return best, px, py, pz, nx, ny, nz, bends
+                return best, px, py, pz, nx, ny, nz, curved
     if r > 0.0:
         for axis in range(3):
             if axis == 0:
@@ -195,14 +196,14 @@ def patch_of_box(
                 d, x, y, z, ex, ey, ez = _edges(fx, fy, fz, mx, my, mz, bx, by, bz, r, reach)
             if d < best:
                 best, px, py, pz, nx, ny, nz = d, x, y, z, ex, ey, ez
-                bends = 1
+                curved = 1
                 if best <= 0.0:
-                    return best, px, py, pz, nx, ny, nz, bends
+                    return best, px, py, pz, nx, ny, nz, curved
         d, x, y, z, ex, ey, ez = _corners(fx, fy, fz, mx, my, mz, bx, by, bz, r, reach)
         if d < best:
             best, px, py, pz, nx, ny, nz = d, x, y, z, ex, ey, ez
-            bends = 2
-    return best, px, py, pz, nx, ny, nz, bends
+            curved = 2
+    return best, px, py, pz, nx, ny, nz, curved
 
 
 @kernel
@@ -219,9 +220,9 @@ def _box(
     r: float,
 ) -> Answer:
     reach = sqrt(bx * bx + by * by + bz * bz) + r
-    best, px, py, pz, nx, ny, nz, bends = patch_of_box(fx, fy, fz, mx, my, mz, bx, by, bz, r)
-    if best <= _SEAM * reach:
-        return _on_box(fx, fy, fz, mx, my, mz, r, px, py, pz, nx, ny, nz, bends)
+    best, px, py, pz, nx, ny, nz, curved = patch_of_box(fx, fy, fz, mx, my, mz, bx, by, bz, r)
+    if best <= _PATCH_TOLERANCE * reach:
+        return _on_box(fx, fy, fz, mx, my, mz, r, px, py, pz, nx, ny, nz, curved)
     size = (bx, by, bz, r)
     if r == 0.0:
         answer = enter(_BOX, size, reach, fx, fy, fz, mx, my, mz)
@@ -230,7 +231,7 @@ def _box(
     t = fx * mx + fy * my + fz * mz
     ff = fx * fx + fy * fy + fz * fz
     mm = mx * mx + my * my + mz * mz
-    if t * t > _PURE * _PURE * ff * (mm + reach * reach * ff):
+    if t * t > _ZERO_TORSION * _ZERO_TORSION * ff * (mm + reach * reach * ff):
         return NOT_CONVERGED, *answer[1:]
     return answer
 
@@ -248,16 +249,17 @@ def solve_box(
     bz: float,
     rounding: float,
 ) -> Answer:
-    """Contact centroid on a box about the origin plus a ball: the `BOX` of `robots.surface`.
+    """Contact centroid on a box about the origin plus a ball: the `BOX` of
+    `contactsense.robots.surface.convex_primitives`.
 
     Args:
         fx, fy, fz, mx, my, mz: Wrench on the body.
         bx, by, bz: Half edge lengths of the box (without the ball), may be zero.
-        rounding: Radius of the ball. May be zero: a wrench that enters no face is then answered with `SHARP`,
+        rounding: Radius of the ball. May be zero: the status is `SHARP` for a wrench that enters no face,
             where its axis enters.
 
     Returns:
-        See `contactsense.solvers.answer`.
+        See `contactsense.solvers.solution`.
     """
     size = max(bx, by, bz) + rounding
     ff = fx * fx + fy * fy + fz * fz
@@ -265,9 +267,9 @@ def solve_box(
     round_enough = rounding == 0.0 or rounding * rounding * ff > SMALL
     if ff > SMALL and round_enough and size * size * ff < LARGE and mm < LARGE:
         return _box(fx, fy, fz, mx, my, mz, bx, by, bz, rounding)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, size)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     bx, by, bz, rounding = ldexp(bx, -k), ldexp(by, -k), ldexp(bz, -k), ldexp(rounding, -k)

@@ -1,38 +1,38 @@
-"""Capsule and tapered capsule: two spheres and the cone (or cylinder) that touches both, each in closed form.
+"""Capsule and tapered capsule: two spheres and the cone (or cylinder) tangent to both, each in closed
+form.
 
-The patches share their normals where they meet, so exactly one holds the contact (paper, section 7). Rounding
-may place
-a contact on a seam just outside of both: the patch that it leaves the least is taken, so there is no gap.
+The normals of the patches agree where they meet, so exactly one contains the contact (paper, section 7).
+If rounding errors place the contact outside both, the nearer patch is used, so there is no gap.
 """
 
 from math import ldexp, sqrt
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.cylinder import directions, height, on_lateral
+from contactsense.solvers.ellipsoid import unit_sphere
+from contactsense.solvers.nearest_point import TAPERED, nearest_to_line
+from contactsense.solvers.solution import (
     LARGE,
     OK,
     SMALL,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     unit_exponents,
-    unusable,
 )
-from contactsense.solvers.cylinder import directions, height, on_lateral
-from contactsense.solvers.ellipsoid import unit_sphere
-from contactsense.solvers.nearest import TAPERED, nearest_to_line
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 
-SEAM = 1e-9
-"""How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
+PATCH_TOLERANCE = 1e-9
+"""Tolerance of a contact outside its patch, relative to the size of the body, for rounding errors."""
 
 
 @kernel
 def ball(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, at: float, radius: float
 ) -> tuple[int, float, float, float, float]:
-    """Contact on a ball about (0, 0, at): status, outward normal, torsion."""
+    """Contact on a ball with centre (0, 0, at): status, outward normal, torsion."""
     lx, ly = mx + at * fy, my - at * fx
     ux, uy, uz = radius * fx, radius * fy, radius * fz
     return unit_sphere(ux, uy, uz, lx, ly, mz, ux * ux + uy * uy + uz * uz, lx * lx + ly * ly + mz * mz)
@@ -81,14 +81,14 @@ def _tapered_capsule(
                 nx, ny, nz, xi = sx, sy, sz, k
             if best <= 0.0:
                 break
-    if best > SEAM * (half + radius):
+    if best > PATCH_TOLERANCE * (half + radius):
         size = (half, radius_a, radius_b, 0.0)
         return nearest_to_line(TAPERED, size, half + max(radius_a, radius_b), fx, fy, fz, mx, my, mz)
     if patch == 1:
         return on_lateral(OK, fx, fy, fz, mx, my, mz, ex, ey, z, radius, taper)
     at, r = (half, radius_b) if patch == 3 else (-half, radius_a)
     bend = 1.0 / r
-    return finish(
+    return make_answer(
         OK, fx, fy, fz, mx, my, mz, r * nx, r * ny, at + r * nz, nx, ny, nz, xi, 2.0 * bend, bend * bend
     )
 
@@ -113,16 +113,16 @@ def solve_tapered_capsule(
         radius_a, radius_b: Of the lower and the upper ball; they differ by less than 2 half.
 
     Returns:
-        See `contactsense.solvers.answer`.
+        See `contactsense.solvers.solution`.
     """
     size = max(radius_a, radius_b)
     ff = fx * fx + fy * fy + fz * fz
     mm = mx * mx + my * my + mz * mz
     if SMALL < size * size * ff < LARGE and mm < LARGE and half * half * ff < LARGE:
         return _tapered_capsule(fx, fy, fz, mx, my, mz, half, radius_a, radius_b)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, half + size)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     half, radius_a, radius_b = ldexp(half, -k), ldexp(radius_a, -k), ldexp(radius_b, -k)

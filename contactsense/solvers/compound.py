@@ -1,26 +1,26 @@
-"""Bodies put together from parts of ellipsoids, cylinders, cones and planes, joined smoothly or at edges.
+"""Bodies composed of parts of ellipsoids, cylinders, cones and planes, joined smoothly or at edges.
 
-The paper's section 7: each part's complete surface is solved in closed form, and the contact is the one that
-lies on its part. A convex body has at most one. It has none where the wrench acts on a sharp edge or corner;
-then the wrench axis says where the force enters.
+The paper's section 7: the complete surface of each part is solved in closed form, and the contact is the
+solution that lies on its part. A convex body has at most one. There is none if the wrench acts on a sharp
+edge or corner; then the wrench axis gives the point where the force enters.
 """
 
 from math import sqrt
 
 import numpy as np
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.cylinder import solve_cone, solve_cylinder
+from contactsense.solvers.ellipsoid import solve_ellipsoid
+from contactsense.solvers.plane import solve_plane
+from contactsense.solvers.solution import (
     MISS,
     OK,
     SHARP,
     Answer,
-    nothing,
-    unusable,
+    input_status,
+    no_contact,
 )
-from contactsense.solvers.cylinder import solve_cone, solve_cylinder
-from contactsense.solvers.ellipsoid import solve_ellipsoid
-from contactsense.solvers.plane import solve_plane
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 from contactsense.solvers.wrench_axis import (
     wrench_axis_cone,
     wrench_axis_cylinder,
@@ -31,8 +31,8 @@ from contactsense.solvers.wrench_axis import (
 PLANE, ELLIPSOID, CYLINDER, CONE = range(4)
 """Kinds of surface; their sizes are those that the kernels take, filled up to four."""
 
-_SEAM = 1e-9
-"""How far outside of its part, relative to the size of the body, a contact may lie by rounding."""
+_PATCH_TOLERANCE = 1e-9
+"""Tolerance of a contact outside its part, relative to the size of the body, for rounding errors."""
 
 _FAR = 1e300
 
@@ -56,10 +56,10 @@ def _outward(rotation: np.ndarray, x: float, y: float, z: float) -> tuple[float,
 
 
 @kernel
-def beyond(
+def outside_distance(
     kind: int, size: np.ndarray, rotation: np.ndarray, origin: np.ndarray, x: float, y: float, z: float
 ) -> float:
-    """How far a point lies outside of a surface, about; below zero it is behind it."""
+    """Approximate distance of a point outside a surface, negative behind it."""
     x, y, z = _inward(rotation, x - origin[0], y - origin[1], z - origin[2])
     if kind == PLANE:
         return float(size[0] * x + size[1] * y + size[2] * z - size[3])
@@ -70,7 +70,7 @@ def beyond(
 
 
 @kernel
-def _solved(
+def _solve_part(
     exact: bool,
     kind: int,
     size: np.ndarray,
@@ -83,7 +83,7 @@ def _solved(
     my: float,
     mz: float,
 ) -> Answer:
-    """A complete surface where it stands."""
+    """Solve the complete surface of a part in its frame."""
     ox, oy, oz = origin[0], origin[1], origin[2]
     gx, gy, gz = _inward(rotation, fx, fy, fz)
     lx, ly, lz = _inward(
@@ -92,31 +92,31 @@ def _solved(
     a, b, c, d = size[0], size[1], size[2], size[3]
     if kind == PLANE:
         if exact:
-            found = solve_plane(gx, gy, gz, lx, ly, lz, a, b, c, d)
+            solution = solve_plane(gx, gy, gz, lx, ly, lz, a, b, c, d)
         else:
-            found = wrench_axis_plane(gx, gy, gz, lx, ly, lz, a, b, c, d)
+            solution = wrench_axis_plane(gx, gy, gz, lx, ly, lz, a, b, c, d)
     elif kind == ELLIPSOID:
         if exact:
-            found = solve_ellipsoid(gx, gy, gz, lx, ly, lz, a, b, c)
+            solution = solve_ellipsoid(gx, gy, gz, lx, ly, lz, a, b, c)
         else:
-            found = wrench_axis_ellipsoid(gx, gy, gz, lx, ly, lz, a, b, c)
+            solution = wrench_axis_ellipsoid(gx, gy, gz, lx, ly, lz, a, b, c)
     elif kind == CYLINDER:
         if exact:
-            found = solve_cylinder(gx, gy, gz, lx, ly, lz, a)
+            solution = solve_cylinder(gx, gy, gz, lx, ly, lz, a)
         else:
-            found = wrench_axis_cylinder(gx, gy, gz, lx, ly, lz, a)
+            solution = wrench_axis_cylinder(gx, gy, gz, lx, ly, lz, a)
     elif exact:
-        found = solve_cone(gx, gy, gz, lx, ly, lz, a, b)
+        solution = solve_cone(gx, gy, gz, lx, ly, lz, a, b)
     else:
-        found = wrench_axis_cone(gx, gy, gz, lx, ly, lz, a, b)
-    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = found
+        solution = wrench_axis_cone(gx, gy, gz, lx, ly, lz, a, b)
+    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = solution
     cx, cy, cz = _outward(rotation, cx, cy, cz)
     nx, ny, nz = _outward(rotation, nx, ny, nz)
     return status, ox + cx, oy + cy, oz + cz, nx, ny, nz, xi, residual, condition
 
 
 @kernel
-def _on_parts(
+def _best_part(
     exact: bool,
     fx: float,
     fy: float,
@@ -131,24 +131,28 @@ def _on_parts(
     border: np.ndarray,
     reach: float,
 ) -> tuple[float, Answer]:
-    """The least wrong part: how far outside of it, and its answer."""
-    least = _FAR
-    best = nothing(MISS)
+    """The part whose solution is nearest to it: distance outside the part, and the answer."""
+    lowest = _FAR
+    best = no_contact(MISS)
     for part in range(border.shape[0]):
-        found = _solved(exact, kind[part], size[part], rotation[part], origin[part], fx, fy, fz, mx, my, mz)
-        if found[0] != OK or not abs(found[1]) + abs(found[2]) + abs(found[3]) < _FAR:
+        solution = _solve_part(
+            exact, kind[part], size[part], rotation[part], origin[part], fx, fy, fz, mx, my, mz
+        )
+        if solution[0] != OK or not abs(solution[1]) + abs(solution[2]) + abs(solution[3]) < _FAR:
             continue
         outside = -_FAR
         for k in border[part]:
             if k < 0:
                 break
-            over = beyond(kind[k], size[k], rotation[k], origin[k], found[1], found[2], found[3])
+            over = outside_distance(
+                kind[k], size[k], rotation[k], origin[k], solution[1], solution[2], solution[3]
+            )
             outside = max(outside, over)
-            if outside >= least:
+            if outside >= lowest:
                 break
-        if outside < least:
-            least, best = outside, found
-    return least, best
+        if outside < lowest:
+            lowest, best = outside, solution
+    return lowest, best
 
 
 @kernel
@@ -178,20 +182,20 @@ def solve_compound(
         reach: Size of the body.
 
     Returns:
-        See `contactsense.solvers.answer`. `SHARP` where the wrench acts on an edge or corner, at the point
+        See `contactsense.solvers.solution`. `SHARP` where the wrench acts on an edge or corner, at the point
         where its axis enters; a miss without a nearest point.
     """
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
-    seam = _SEAM * reach
-    outside, found = _on_parts(True, fx, fy, fz, mx, my, mz, kind, size, rotation, origin, border, reach)
+        return no_contact(status)
+    seam = _PATCH_TOLERANCE * reach
+    outside, solution = _best_part(True, fx, fy, fz, mx, my, mz, kind, size, rotation, origin, border, reach)
     if outside <= seam:
-        return found
-    outside, found = _on_parts(False, fx, fy, fz, mx, my, mz, kind, size, rotation, origin, border, reach)
+        return solution
+    outside, solution = _best_part(False, fx, fy, fz, mx, my, mz, kind, size, rotation, origin, border, reach)
     if outside <= seam:
-        return SHARP, *found[1:]
-    return nothing(MISS)
+        return SHARP, *solution[1:]
+    return no_contact(MISS)
 
 
 @kernel
@@ -209,9 +213,9 @@ def wrench_axis_compound(
     border: np.ndarray,
     reach: float,
 ) -> Answer:
-    """Where the wrench axis enters such a body; takes what `solve_compound` takes."""
-    status = unusable(fx, fy, fz, mx, my, mz)
+    """Point where the wrench axis enters such a body; arguments as of `solve_compound`."""
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
-    outside, found = _on_parts(False, fx, fy, fz, mx, my, mz, kind, size, rotation, origin, border, reach)
-    return found if outside <= _SEAM * reach else nothing(MISS)
+        return no_contact(status)
+    outside, solution = _best_part(False, fx, fy, fz, mx, my, mz, kind, size, rotation, origin, border, reach)
+    return solution if outside <= _PATCH_TOLERANCE * reach else no_contact(MISS)

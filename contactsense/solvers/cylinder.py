@@ -13,7 +13,7 @@ contact lies around the axis does not depend on it.
 
 from math import ldexp, sqrt
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.solution import (
     LARGE,
     MISS,
     OK,
@@ -23,15 +23,15 @@ from contactsense.solvers.answer import (
     TANGENT,
     TINY,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     torsion,
     unit_exponents,
-    unusable,
 )
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 
 
 @kernel
@@ -88,14 +88,14 @@ def on_lateral(
     radius: float,
     taper: float,
 ) -> Answer:
-    """The answer for a contact at height `z` in the radial direction (ex, ey)."""
+    """Answer for a contact at height `z` in the radial direction (ex, ey)."""
     rho = radius - taper * z
     cos_beta = 1.0 / sqrt(1.0 + taper * taper)
     nx, ny, nz = cos_beta * ex, cos_beta * ey, cos_beta * taper
     cx, cy, xi = rho * ex, rho * ey, 0.0
     if status <= PULLING:
         xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, z, nx, ny, nz)
-    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, z, nx, ny, nz, xi, cos_beta / rho, 0.0)
+    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, z, nx, ny, nz, xi, cos_beta / rho, 0.0)
 
 
 @kernel
@@ -111,7 +111,7 @@ def _nearest_height(fx: float, fy: float, fz: float, mx: float, my: float, mz: f
 @kernel
 def _cylinder(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
     if radius * radius * (fx * fx + fy * fy) < TINY:
-        return nothing(PARALLEL)
+        return no_contact(PARALLEL)
     disc, a, b, u, v = directions(fx, fy, mx, my, mz, radius, 0.0)
     if disc > 0.0:
         ex, ey = a - u, b - v
@@ -132,15 +132,15 @@ def solve_cylinder(fx: float, fy: float, fz: float, mx: float, my: float, mz: fl
         radius: Of the cylinder.
 
     Returns:
-        See `contactsense.solvers.answer`. A solution exists for |m_z| < radius |(fx, fy)|.
+        See `contactsense.solvers.solution`. A solution exists for |m_z| < radius |(fx, fy)|.
     """
     pp = radius * radius * (fx * fx + fy * fy)
     mm = mx * mx + my * my + mz * mz
     if SMALL < pp < LARGE and mm < LARGE and radius * abs(fz) < LARGE:
         return _cylinder(fx, fy, fz, mx, my, mz, radius)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     return rescaled(_cylinder(fx, fy, fz, mx, my, mz, ldexp(radius, -k)), e, g, k)
@@ -152,18 +152,18 @@ def _cone(
 ) -> Answer:
     disc, a, b, u, v = directions(fx, fy, mx, my, mz, radius, taper)
     if disc <= 0.0:
-        return nothing(MISS)
+        return no_contact(MISS)
     ex = ey = z = 0.0
     status = MISS
     for sign in (-1.0, 1.0):
         ax, ay = a + sign * u, b + sign * v
         at, push = height(fx, fy, fz, mx, my, ax, ay, radius, taper)
-        # The mirrored cone beyond the apex is none of the body's.
+        # The mirrored cone beyond the apex does not belong to the body.
         if push != 0.0 and radius - taper * at > 0.0 and status != OK:
             ex, ey, z = ax, ay, at
             status = OK if push < 0.0 else PULLING
     if status == MISS:
-        return nothing(MISS)
+        return no_contact(MISS)
     return on_lateral(status, fx, fy, fz, mx, my, mz, ex, ey, z, radius, taper)
 
 
@@ -179,15 +179,16 @@ def solve_cone(
         taper: Tangent of the angle between side and axis, not zero.
 
     Returns:
-        See `contactsense.solvers.answer`; where no contact exists, or only one that pulls, no nearest point.
+        See `contactsense.solvers.solution`; where no contact exists, or only one that pulls, no nearest
+        point.
     """
     ff = fx * fx + fy * fy + fz * fz
     mm = mx * mx + my * my + mz * mz
     if radius * radius * ff > SMALL and (1.0 + radius * radius) * ff < LARGE and mm < LARGE:
         return _cone(fx, fy, fz, mx, my, mz, radius, taper)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     return rescaled(_cone(fx, fy, fz, mx, my, mz, ldexp(radius, -k), taper), e, g, k)

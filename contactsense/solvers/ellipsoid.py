@@ -1,35 +1,35 @@
-"""Ellipsoid and sphere: the paper's closed form (section 5) in the form that never divides by zero.
+"""Ellipsoid and sphere: the paper's closed form (section 5), without division by zero.
 
-With x = c / (a, b, c) on the unit sphere, u = (bc f1, ca f2, ab f3) and v = (a m1, b m2, c m3), the balance
-m = xi n + c x f becomes v = K x + x x u: every ellipsoid is the unit sphere. There K and l = -u.x satisfy
+With x = c / (a, b, c) on the unit sphere, u = (bc f1, ca f2, ab f3) and v = (a m1, b m2, c m3), the
+balance m = xi n + c x f becomes v = K x + x x u: every ellipsoid is the unit sphere. There K and l = -u.x
+satisfy
 
     K^2 - l^2 = |v|^2 - |u|^2 = sigma,      K l = -u.v = -tau,
 
-so each comes, up to sign, from the branch of (16) that adds, and the other from their product. Nothing is
-subtracted
-from nearly itself, torsion zero is no special case: there K = 0 and the result is the wrench-axis solution.
+so one of them follows, up to sign, from the branch of (16) without cancellation, and the other from their
+product. Zero torsion is not a special case: there K = 0 and the result is the wrench-axis solution.
 """
 
 from math import ldexp, sqrt
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.solution import (
     LARGE,
     MISS,
     OK,
     SMALL,
     TANGENT,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     unit_exponents,
-    unusable,
 )
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 
-_PLAIN = 1e6
-"""Bodies below this size need no other unit of length."""
+_MAX_UNSCALED_SIZE = 1e6
+"""Bodies below this size need no scaled unit of length."""
 
 
 @kernel
@@ -48,7 +48,7 @@ def unit_sphere(
     tau = ux * vx + uy * vy + uz * vz
     size = abs(tau)
     sigma = vv - uu
-    # The maximum keeps the torsion where its square underflows.
+    # The maximum preserves the torsion if its square underflows.
     rho = max(sqrt(sigma * sigma + 4.0 * tau * tau), 2.0 * size)
     status = OK
     if sigma < 0.0:
@@ -83,12 +83,14 @@ def _ellipsoid(
     slope = sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / slope, ny / slope, nz / slope
     volume = a * bc
-    # (1 - n1^2) etc. as sums: the mean curvature of a needle keeps its digits.
+    # (1 - n1^2) etc. as sums: no cancellation in the mean curvature of a needle.
     xx, yy, zz = nx * nx, ny * ny, nz * nz
     trace = (bc * bc * (yy + zz) + ca * ca * (zz + xx) + ab * ab * (xx + yy)) / (volume * slope)
     root = volume / (slope * slope)
     xi = k * slope / volume
-    return finish(status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx, ny, nz, xi, trace, root * root)
+    return make_answer(
+        status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx, ny, nz, xi, trace, root * root
+    )
 
 
 @kernel
@@ -99,7 +101,7 @@ def _sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, ra
     status, x, y, z, xi = unit_sphere(ux, uy, uz, mx, my, mz, uu, vv)
     cx, cy, cz = radius * x, radius * y, radius * z
     bend = 1.0 / radius
-    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, x, y, z, xi, 2.0 * bend, bend * bend)
+    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, x, y, z, xi, 2.0 * bend, bend * bend)
 
 
 @kernel
@@ -113,19 +115,19 @@ def solve_ellipsoid(
         a, b, c: Semi-axes along x, y, z.
 
     Returns:
-        See `contactsense.solvers.answer`. A pushing solution exists for every wrench whose force and f.m are
-        not zero.
+        See `contactsense.solvers.solution`. A pushing solution exists for every wrench whose force and f.m
+        are not zero.
     """
     size = max(a, b, c)
-    least = min(a, b, c)
-    square = least * least
+    smallest = min(a, b, c)
+    square = smallest * smallest
     ff = fx * fx + fy * fy + fz * fz
     mm = mx * mx + my * my + mz * mz
-    if square * square * ff > SMALL and ff < LARGE and mm < LARGE and size < _PLAIN:
+    if square * square * ff > SMALL and ff < LARGE and mm < LARGE and size < _MAX_UNSCALED_SIZE:
         return _ellipsoid(fx, fy, fz, mx, my, mz, a, b, c)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, size)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     a, b, c = ldexp(a, -k), ldexp(b, -k), ldexp(c, -k)
@@ -139,9 +141,9 @@ def solve_sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: floa
     mm = mx * mx + my * my + mz * mz
     if SMALL < ff < LARGE and mm < LARGE:
         return _sphere(fx, fy, fz, mx, my, mz, radius)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     return rescaled(_sphere(fx, fy, fz, mx, my, mz, ldexp(radius, -k)), e, g, k)

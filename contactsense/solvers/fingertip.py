@@ -2,25 +2,25 @@
 
 from math import ldexp
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.capsule import ball
+from contactsense.solvers.cylinder import directions, height, on_lateral
+from contactsense.solvers.solution import (
     LARGE,
     MISS,
     OK,
     SMALL,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     unit_exponents,
-    unusable,
 )
-from contactsense.solvers.capsule import ball
-from contactsense.solvers.cylinder import directions, height, on_lateral
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 
-_SEAM = 1e-9
-"""How far outside of its patch, relative to the radius, a contact may lie by rounding."""
+_PATCH_TOLERANCE = 1e-9
+"""Tolerance of a contact outside its patch, relative to the radius, for rounding errors."""
 
 
 @kernel
@@ -36,13 +36,13 @@ def _fingertip(fx: float, fy: float, fz: float, mx: float, my: float, mz: float,
             return on_lateral(OK, fx, fy, fz, mx, my, mz, ex, ey, z, radius, 0.0)
     status, nx, ny, nz, xi = ball(fx, fy, fz, mx, my, mz, 0.0, radius)
     below = -nz * radius if status == OK else 1e300
-    if min(over, below) > _SEAM * radius:
-        return nothing(MISS)
+    if min(over, below) > _PATCH_TOLERANCE * radius:
+        return no_contact(MISS)
     if over < below:
         return on_lateral(OK, fx, fy, fz, mx, my, mz, ex, ey, z, radius, 0.0)
     bend = 1.0 / radius
     cx, cy, cz = radius * nx, radius * ny, radius * nz
-    return finish(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, 2.0 * bend, bend * bend)
+    return make_answer(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, 2.0 * bend, bend * bend)
 
 
 @kernel
@@ -56,15 +56,15 @@ def solve_fingertip(
         radius: Of both.
 
     Returns:
-        See `contactsense.solvers.answer`; a miss without a nearest point.
+        See `contactsense.solvers.solution`; a miss without a nearest point.
     """
     ff = radius * radius * (fx * fx + fy * fy + fz * fz)
     mm = mx * mx + my * my + mz * mz
     if SMALL < ff < LARGE and mm < LARGE:
         return _fingertip(fx, fy, fz, mx, my, mz, radius)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     return rescaled(_fingertip(fx, fy, fz, mx, my, mz, ldexp(radius, -k)), e, g, k)
@@ -74,10 +74,10 @@ def solve_fingertip(
 def wrench_axis_fingertip(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float
 ) -> Answer:
-    """Where the wrench axis enters the fingertip."""
-    status = unusable(fx, fy, fz, mx, my, mz)
+    """Point where the wrench axis enters the fingertip."""
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     pitch = (fx * mx + fy * my + fz * mz) / (fx * fx + fy * fy + fz * fz)
@@ -85,9 +85,11 @@ def wrench_axis_fingertip(
     status, cx, cy, cz, nx, ny, nz, xi, _, _ = _fingertip(
         fx, fy, fz, mx - pitch * fx, my - pitch * fy, mz - pitch * fz, radius
     )
-    if status == OK and abs(xi) > _SEAM * radius:
-        # Only a torsion that is not there would hold the force at the rim.
+    if status == OK and abs(xi) > _PATCH_TOLERANCE * radius:
+        # A contact at the rim would need a torsion that the wrench does not have.
         status = MISS
     if nx == 0.0 and ny == 0.0 and nz == 0.0:
-        return nothing(status)
-    return rescaled(finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0), e, g, k)
+        return no_contact(status)
+    return rescaled(
+        make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0), e, g, k
+    )

@@ -1,5 +1,8 @@
-"""Contacts on smooth convex bodies: quick steps, a careful search for the few wrenches on which they fail, a
-sure one for the rest, and what to say where there is no contact."""
+"""Contacts on smooth convex bodies.
+
+A fast iteration, Newton's method with a line search for the few wrenches on which it fails, the ellipsoid
+method for the remaining ones, and the answer if there is no contact.
+"""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -9,29 +12,29 @@ from typing import Any
 
 from numba import njit
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.ellipsoid_method import bracket_contact
+from contactsense.solvers.implicit_surfaces import evaluate
+from contactsense.solvers.initial_guess import ellipsoid_guess, unmodified_step
+from contactsense.solvers.level_set import Point, enter_level, line_entry, ray_entry
+from contactsense.solvers.newton import newton_iteration
+from contactsense.solvers.osculating import gauge_at, osculating_iteration
+from contactsense.solvers.solution import (
     MISS,
     NOT_CONVERGED,
     OK,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     unit_exponents,
-    unusable,
 )
-from contactsense.solvers.enclose import enclose
-from contactsense.solvers.implicit import evaluate
-from contactsense.solvers.level import Point, enter_level, entry, onto
-from contactsense.solvers.newton import refine
-from contactsense.solvers.osculating import approach, gauge_at
-from contactsense.solvers.start import first_of_any, straight
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 
 _FAINT, _HEAVY = 1e-100, 1e100
-_PURE = 1e-12
-"""Torsion per force and moment below which a wrench that enters nowhere is a force that passes by."""
+_ZERO_TORSION = 1e-12
+"""Torsion per force and moment below which a wrench that misses counts as a pure force."""
 
 
 @kernel
@@ -49,12 +52,12 @@ def miss_at(
     z: float,
 ) -> Answer:
     """A miss, at the surface point on the ray from the inner point through (x, y, z), which lies outside."""
-    new = onto(size, False, inner, x, y, z)
+    new = ray_entry(size, False, inner, x, y, z)
     x, y, z = new[1], new[2], new[3]
     level = evaluate(size, x, y, z)
     slope = sqrt(level[1] * level[1] + level[2] * level[2] + level[3] * level[3])
     nx, ny, nz = level[1] / slope, level[2] / slope, level[3] / slope
-    return finish(MISS, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, 0.0, 0.0, 0.0)
+    return make_answer(MISS, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, 0.0, 0.0, 0.0)
 
 
 @kernel
@@ -70,10 +73,10 @@ def solve_smooth_counted(
     extent: Point,
     gauge: bool,
 ) -> tuple[Answer, int]:
-    """`solve_smooth`, and the number of steps of `approach`, `refine` and `enclose` together."""
-    status = unusable(fx, fy, fz, mx, my, mz)
+    """`solve_smooth`, and the total number of steps of its iterations."""
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status), 0
+        return no_contact(status), 0
     reach = max(extent[0], extent[1], extent[2])
     lever = reach + sqrt(inner[0] * inner[0] + inner[1] * inner[1] + inner[2] * inner[2])
     large = max(abs(fx), abs(fy), abs(fz))
@@ -82,31 +85,31 @@ def solve_smooth_counted(
     if not plain:
         e, g, _ = unit_exponents(fx, fy, fz, mx, my, mz, lever)
         fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, 0)
-    found, steps, x, y, z, nx, ny, nz, xi, trace, det = approach(
+    converged, steps, x, y, z, nx, ny, nz, xi, trace, det = osculating_iteration(
         size, gauge, inner, extent, fx, fy, fz, mx, my, mz
     )
-    if not found:
-        found, more, x, y, z, nx, ny, nz, xi, trace, det = refine(
+    if not converged:
+        converged, extra_steps, x, y, z, nx, ny, nz, xi, trace, det = newton_iteration(
             size, gauge, inner, reach, lever, fx, fy, fz, mx, my, mz, x, y, z
         )
-        steps += more
-    if not found:
+        steps += extra_steps
+    if not converged:
         t = fx * mx + fy * my + fz * mz
         ff = fx * fx + fy * fy + fz * fz
         mm = mx * mx + my * my + mz * mz
-        if t * t <= _PURE * _PURE * ff * (mm + lever * lever * ff):
+        if t * t <= _ZERO_TORSION * _ZERO_TORSION * ff * (mm + lever * lever * ff):
             entered, x, y, z = enter_level(size, inner, reach, fx, fy, fz, mx, my, mz)
             if entered == MISS:
                 return rescaled(miss_at(size, inner, fx, fy, fz, mx, my, mz, x, y, z), e, g, 0), steps
         else:
-            more, x, y, z = enclose(size, inner, reach, fx, fy, fz, mx, my, mz)
-            steps += more
-        found, more, x, y, z, nx, ny, nz, xi, trace, det = refine(
+            extra_steps, x, y, z = bracket_contact(size, inner, reach, fx, fy, fz, mx, my, mz)
+            steps += extra_steps
+        converged, extra_steps, x, y, z, nx, ny, nz, xi, trace, det = newton_iteration(
             size, gauge, inner, reach, lever, fx, fy, fz, mx, my, mz, x, y, z
         )
-        steps += more
-    status = OK if found else NOT_CONVERGED
-    answer = finish(status, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, xi, trace, det)
+        steps += extra_steps
+    status = OK if converged else NOT_CONVERGED
+    answer = make_answer(status, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, xi, trace, det)
     return (answer if plain else rescaled(answer, e, g, 0)), steps
 
 
@@ -133,7 +136,7 @@ def solve_smooth(
         gauge: Whether the function plus one is homogeneous of degree one about the inner point.
 
     Returns:
-        See `contactsense.solvers.answer`.
+        See `contactsense.solvers.solution`.
     """
     return solve_smooth_counted(fx, fy, fz, mx, my, mz, size, inner, extent, gauge)[0]
 
@@ -151,11 +154,10 @@ def wrench_axis_smooth(
     extent: Point,
     gauge: bool,
 ) -> Answer:
-    """Where the wrench axis enters such a body; on a miss the point that the line comes nearest to in its
-    metric."""
-    status = unusable(fx, fy, fz, mx, my, mz)
+    """Point where the wrench axis enters such a body; on a miss the nearest point in its metric."""
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     reach = max(extent[0], extent[1], extent[2])
     e, g, _ = unit_exponents(fx, fy, fz, mx, my, mz, reach)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, 0)
@@ -164,7 +166,7 @@ def wrench_axis_smooth(
         level = evaluate(size, x, y, z)
         slope = sqrt(level[1] * level[1] + level[2] * level[2] + level[3] * level[3])
         nx, ny, nz = level[1] / slope, level[2] / slope, level[3] / slope
-        answer = finish(OK, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, 0.0, 0.0, 0.0)
+        answer = make_answer(OK, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, 0.0, 0.0, 0.0)
     else:
         answer = miss_at(size, inner, fx, fy, fz, mx, my, mz, x, y, z)
     return rescaled(answer, e, g, 0)
@@ -172,19 +174,23 @@ def wrench_axis_smooth(
 
 @lru_cache(maxsize=64)
 def solvers_for(function: Callable[..., Any]) -> tuple[Callable[..., Answer], Callable[..., Answer]]:
-    """`solve_smooth` and `wrench_axis_smooth` for a compiled function of one's own in place of `evaluate`.
+    """`solve_smooth` and `wrench_axis_smooth` for a user's compiled function instead of `evaluate`.
 
-    Numba's cache cannot keep them, so they are compiled once in each process.
+    Numba cannot cache them, so they are compiled once in each process.
     """
-    own: dict[str, Any] = {"evaluate": function, "first": first_of_any, "bend": straight}
+    own: dict[str, Any] = {
+        "evaluate": function,
+        "initial_guess": ellipsoid_guess,
+        "warped_step": unmodified_step,
+    }
     for part in (
-        entry,
-        onto,
+        line_entry,
+        ray_entry,
         enter_level,
-        refine,
-        enclose,
+        newton_iteration,
+        bracket_contact,
         gauge_at,
-        approach,
+        osculating_iteration,
         miss_at,
         solve_smooth_counted,
         solve_smooth,

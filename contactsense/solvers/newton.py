@@ -1,21 +1,21 @@
-"""Any smooth convex body: Newton's method in the tangent plane, two unknowns (theory, section 4).
+"""Newton's method on any smooth convex body: two unknowns in the tangent plane (theory, section 4).
 
-At a point c of the surface, with the moment r = m - c x f about it, the tangential part F = T^T r must
-vanish. A step T v changes it by M v, M = fn J - xi W, whose determinant fn^2 + xi^2 det W is positive
-wherever the force pushes: flat or curved, with or without torsion. So a line search on |F| cannot stop in a
-false minimum. It may end at the rim of the pushed side, or creep where M is nearly singular.
+At a surface point c, with the moment r = m - c x f about it, the tangential part F = T^T r must vanish. A
+step T v changes it by M v, M = fn J - xi W, whose determinant fn^2 + xi^2 det W is positive wherever the
+force pushes: flat or curved, with or without torsion. So a line search on |F| has no local minima. It may
+end at the rim of the pushed side, or slow down where M is nearly singular.
 """
 
 from math import sqrt
 from typing import Any
 
-from contactsense.solvers.level import Point, entry, look, onto, tangents
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.level_set import Point, line_entry, ray_entry, tangent_quantities, tangents
+from contactsense.solvers.typed_kernel import kernel
 
 _STEPS = 40
 _HALVINGS = 12
 _FIRST_HALVINGS = 5
-_WELL = 0.5
+_MIN_PUSH = 0.5
 """Cosine between force and inward normal from which on the slopes are the better unknowns."""
 
 
@@ -84,7 +84,7 @@ def slope_step(
 
 
 @kernel
-def refine(
+def newton_iteration(
     size: Any,
     gauge: bool,
     inner: Point,
@@ -100,17 +100,17 @@ def refine(
     y: float,
     z: float,
 ) -> tuple[bool, int, float, float, float, float, float, float, float, float, float]:
-    """Newton's method from where the line through (x, y, z) along the force enters the body.
+    """Newton's method from the point where the line through (x, y, z) along the force enters the body.
 
-    Where the force pushes well the step is that of the slopes, and ends along the force; where it grazes, or
-    if that does not help, that of the tangent plane, and ends towards the inner point. Either must lessen
-    |F|.
+    If the force pushes well, the step is that of the slopes, and ends along the force. If it grazes, or
+    if that step fails, the step is in the tangent plane, and ends towards the inner point. Either must
+    reduce |F|.
 
     Args:
         size, gauge: The body.
         inner: A point well inside.
         reach: Its size.
-        lever: Distance from the origin within which it lies.
+        lever: Bound of its distance from the origin.
         fx, fy, fz, mx, my, mz: Wrench.
         x, y, z: Start.
 
@@ -118,25 +118,25 @@ def refine(
         Whether it converged, the number of steps, the point, the normal there, torsion, and the shape
         operator's trace and determinant.
     """
-    hit, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz = entry(
+    hit, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz = line_entry(
         size, gauge, inner, reach, fx, fy, fz, x, y, z
     )
-    nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, push = look(
+    nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, push = tangent_quantities(
         fx, fy, fz, mx, my, mz, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz
     )
     force = sqrt(fx * fx + fy * fy + fz * fz)
-    # What rounding leaves of the moment.
+    # Rounding error of the moment.
     floor = 4e-16 * (sqrt(mx * mx + my * my + mz * mz) + lever * force)
-    enough = floor * floor
-    rest = fa * fa + fb * fb
+    tolerance = floor * floor
+    squared_residual = fa * fa + fb * fb
     step = 0
-    better = hit and push < 0.0
-    while better and step < _STEPS and rest > enough:
+    improved = hit and push < 0.0
+    while improved and step < _STEPS and squared_residual > tolerance:
         step += 1
-        better = False
-        well = push < -_WELL * force
+        improved = False
+        pushes_well = push < -_MIN_PUSH * force
         for attempt in range(2):
-            slopes = well == (attempt == 0)
+            slopes = pushes_well == (attempt == 0)
             if slopes:
                 dx, dy, dz = slope_step(
                     fx, fy, fz, mx, my, mz, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz
@@ -146,16 +146,16 @@ def refine(
                 va = (xi * wbb * fa - (push + xi * wab) * fb) / det
                 vb = (xi * waa * fb + (push - xi * wab) * fa) / det
                 dx, dy, dz = va * ax + vb * bx, va * ay + vb * by, va * az + vb * bz
-            share = min(1.0, 2.0 * reach / sqrt(dx * dx + dy * dy + dz * dz))
+            scale = min(1.0, 2.0 * reach / sqrt(dx * dx + dy * dy + dz * dz))
             for _ in range(_HALVINGS if attempt == 1 else _FIRST_HALVINGS):
-                x, y, z = cx + share * dx, cy + share * dy, cz + share * dz
-                share *= 0.5
+                x, y, z = cx + scale * dx, cy + scale * dy, cz + scale * dz
+                scale *= 0.5
                 if slopes:
-                    new = entry(size, gauge, inner, reach, fx, fy, fz, x, y, z)
+                    new = line_entry(size, gauge, inner, reach, fx, fy, fz, x, y, z)
                 else:
-                    new = onto(size, gauge, inner, x, y, z)
+                    new = ray_entry(size, gauge, inner, x, y, z)
                 if new[0]:
-                    there = look(
+                    quantities = tangent_quantities(
                         fx,
                         fy,
                         fz,
@@ -175,16 +175,16 @@ def refine(
                         new[11],
                         new[12],
                     )
-                    new_rest = there[9] * there[9] + there[10] * there[10]
-                    if there[15] < 0.0 and new_rest < rest:
-                        better = True
-                        rest = new_rest
+                    new_squared_residual = quantities[9] * quantities[9] + quantities[10] * quantities[10]
+                    if quantities[15] < 0.0 and new_squared_residual < squared_residual:
+                        improved = True
+                        squared_residual = new_squared_residual
                         hit, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz = new
-                        nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, push = there
+                        nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, push = quantities
                         break
-            if better:
+            if improved:
                 break
-    found = hit and push < 0.0 and rest <= 1e4 * enough
+    converged = hit and push < 0.0 and squared_residual <= 1e4 * tolerance
     if push * push > 1e-3 * force * force:
         xi = (fx * mx + fy * my + fz * mz) / push
-    return found, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, waa * wbb - wab * wab
+    return converged, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, waa * wbb - wab * wab

@@ -1,4 +1,4 @@
-"""Any smooth convex body: the contact on the ellipsoid that osculates it, in closed form, again and again.
+"""Iteration on any smooth convex body: the closed-form contact on the osculating ellipsoid.
 
 Divided by the body's extent (x = (c - inner) / extent) a wrench is u, v as on the unit sphere
 (`contactsense.solvers.ellipsoid`). Let N be the body's gauge about the inner point, homogeneous of degree one
@@ -18,10 +18,10 @@ they know that a body has another side, which Newton's linear ones do not.
 from math import inf, sqrt
 from typing import Any
 
-from contactsense.solvers.implicit import evaluate
-from contactsense.solvers.level import Point, look
-from contactsense.solvers.start import bend, first
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.implicit_surfaces import evaluate
+from contactsense.solvers.initial_guess import initial_guess, warped_step
+from contactsense.solvers.level_set import Point, tangent_quantities
+from contactsense.solvers.typed_kernel import kernel
 
 _STEPS = 12
 """Beyond these it is quicker to search carefully."""
@@ -158,7 +158,7 @@ def gauge_at(size: Any, gauge: bool, inner: Point, extent: Point, x: float, y: f
 
 
 @kernel
-def approach(
+def osculating_iteration(
     size: Any,
     gauge: bool,
     inner: Point,
@@ -170,9 +170,9 @@ def approach(
     my: float,
     mz: float,
 ) -> tuple[bool, int, float, float, float, float, float, float, float, float, float]:
-    """Step from osculating ellipsoid to osculating ellipsoid.
+    """Iterate over osculating ellipsoids.
 
-    Nothing is guarded here: where it does not end in a contact within a few steps, `refine` does.
+    There is no safeguard: if it does not converge within a few steps, `newton_iteration` is used.
 
     Args:
         size, gauge: The body.
@@ -181,7 +181,7 @@ def approach(
         fx, fy, fz, mx, my, mz: Wrench.
 
     Returns:
-        As `refine`; the last point where it found nothing.
+        As `newton_iteration`; the last point if it did not converge.
     """
     a, b, c = extent
     ix, iy, iz = inner
@@ -192,13 +192,13 @@ def approach(
         c * (mz - (ix * fy - iy * fx)),
     )
     tau = abs(ux * vx + uy * vy + uz * vz)
-    # What rounding leaves of the moment, squared.
+    # Rounding error of the moment, squared.
     lx = a * (abs(mx) + abs(iy * fz) + abs(iz * fy))
     ly = b * (abs(my) + abs(iz * fx) + abs(ix * fz))
     lz = c * (abs(mz) + abs(ix * fy) + abs(iy * fx))
-    enough = 16e-32 * (lx * lx + ly * ly + lz * lz + 4.0 * (ux * ux + uy * uy + uz * uz))
-    x, y, z = first(size, ux, uy, uz, vx, vy, vz)
-    before = inf
+    tolerance = 16e-32 * (lx * lx + ly * ly + lz * lz + 4.0 * (ux * ux + uy * uy + uz * uz))
+    x, y, z = initial_guess(size, ux, uy, uz, vx, vy, vz)
+    previous = inf
     step = 0
     while True:
         there, x, y, z, gx, gy, gz, qxx, qyy, qzz, qxy, qxz, qyz, off = gauge_at(
@@ -208,16 +208,18 @@ def approach(
             break
         push = ux * gx + uy * gy + uz * gz
         rx, ry, rz = vx - (y * uz - z * uy), vy - (z * ux - x * uz), vz - (x * uy - y * ux)
-        # What no torsion about the normal explains, times the gradient's length.
+        # Tangential moment, times the norm of the gradient.
         ex, ey, ez = ry * gz - rz * gy, rz * gx - rx * gz, rx * gy - ry * gx
-        rest = ex * ex + ey * ey + ez * ez
-        limit = enough * (gx * gx + gy * gy + gz * gz)
-        settled = rest <= limit or (rest <= 1e4 * limit and rest > 0.25 * before)
-        if push < 0.0 and off < _ON and settled:
+        squared_residual = ex * ex + ey * ey + ez * ez
+        limit = tolerance * (gx * gx + gy * gy + gz * gz)
+        converged = squared_residual <= limit or (
+            squared_residual <= 1e4 * limit and squared_residual > 0.25 * previous
+        )
+        if push < 0.0 and off < _ON and converged:
             cx, cy, cz = ix + a * x, iy + b * y, iz + c * z
             ia, ib, ic = 1.0 / a, 1.0 / b, 1.0 / c
             # Along the tangents Q is the gauge's own Hessian.
-            nx, ny, nz, _, _, _, _, _, _, _, _, waa, wab, wbb, xi, fn = look(
+            nx, ny, nz, _, _, _, _, _, _, _, _, waa, wab, wbb, xi, fn = tangent_quantities(
                 fx,
                 fy,
                 fz,
@@ -242,7 +244,7 @@ def approach(
             return True, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, waa * wbb - wab * wab
         if step == _STEPS:
             break
-        before = rest
+        previous = squared_residual
         there, px, py, pz = osculate(qxx, qyy, qzz, qxy, qxz, qyz, ux, uy, uz, vx, vy, vz)
         if not there:
             break
@@ -253,7 +255,7 @@ def approach(
                 qxy * px + qyy * py + qyz * pz,
                 qxz * px + qyz * py + qzz * pz,
             )
-            x, y, z = bend(size, tau, ux, uy, uz, x, y, z, px, py, pz, gx, gy, gz)
+            x, y, z = warped_step(size, tau, ux, uy, uz, x, y, z, px, py, pz, gx, gy, gz)
         else:
             x, y, z = px, py, pz
     return False, step, ix + a * x, iy + b * y, iz + c * z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

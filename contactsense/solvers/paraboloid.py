@@ -1,4 +1,4 @@
-"""Paraboloid: a closed form that divides by nothing that vanishes, the root of a complex number.
+"""Paraboloid: a closed form without division by zero, the root of a complex number.
 
 With (X, Y) = (sqrt(k1) x, sqrt(k2) y) the surface is z = -(X^2 + Y^2) / 2, and the balance is, as on the unit
 sphere (`contactsense.solvers.ellipsoid`), v = K (X, Y, 1) + x x u. Let -l = u . (X, Y, 1) and, as complex
@@ -11,12 +11,12 @@ the root with l > 0, and
 
     P = 2i V / (L + W) = (L - W) / conj(A)
 
-of which that with the larger of L + W and L - W subtracts nothing from nearly itself.
+of which the form with the larger of L + W and L - W has no cancellation.
 """
 
 from math import ldexp, sqrt
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.solution import (
     LARGE,
     MISS,
     OK,
@@ -24,14 +24,14 @@ from contactsense.solvers.answer import (
     SMALL,
     TANGENT,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     unit_exponents,
-    unusable,
 )
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 
 _FLAT, _SHARP = 1e-6, 1e6
 """Between these curvatures a body needs no other unit of length."""
@@ -50,7 +50,7 @@ def _unit(
     aa = ux * ux + uy * uy
     real = uz * uz - vz * vz - 2.0 * (ux * vy - uy * vx)
     size = abs(tau)
-    # The maximum keeps the torsion where its square underflows.
+    # The maximum preserves the torsion if its square underflows.
     rho = max(sqrt(real * real + 4.0 * tau * tau), 2.0 * size)
     status = OK
     if aa == 0.0 and uz > 0.0:
@@ -91,7 +91,7 @@ def _paraboloid(
     trace = (k1 * (ny * ny + nz * nz) + k2 * (nx * nx + nz * nz)) / slope
     det = (rr * nz * nz) ** 2
     cx, cy, cz = px / r1, py / r2, -0.5 * (px * px + py * py)
-    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, k * slope / rr, trace, det)
+    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, k * slope / rr, trace, det)
 
 
 @kernel
@@ -105,7 +105,7 @@ def solve_paraboloid(
         k1, k2: Curvatures at the top.
 
     Returns:
-        See `contactsense.solvers.answer`. There is a pushing solution for every wrench whose force and f.m
+        See `contactsense.solvers.solution`. There is a pushing solution for every wrench whose force and f.m
         are not zero, unless the force is along the axis from within.
     """
     ff = fx * fx + fy * fy + fz * fz
@@ -113,11 +113,11 @@ def solve_paraboloid(
     plain = min(k1, k2) > _FLAT and max(k1, k2) < _SHARP
     if plain and SMALL < ff < LARGE and mm < LARGE:
         return _paraboloid(fx, fy, fz, mx, my, mz, fx * mx + fy * my + fz * mz, k1, k2)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, 1.0 / sqrt(k1 * k2))
-    # An even one has an exact root.
+    # An even exponent has an exact root.
     k -= k & 1
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     k1, k2 = ldexp(k1, k), ldexp(k2, k)
@@ -128,12 +128,12 @@ def solve_paraboloid(
 def wrench_axis_paraboloid(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, k1: float, k2: float
 ) -> Answer:
-    """Where the wrench axis enters the paraboloid."""
-    status = unusable(fx, fy, fz, mx, my, mz)
+    """Point where the wrench axis enters the paraboloid."""
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, 1.0 / sqrt(k1 * k2))
-    # An even one has an exact root.
+    # An even exponent has an exact root.
     k -= k & 1
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     pitch = (fx * mx + fy * my + fz * mz) / (fx * fx + fy * fy + fz * fz)

@@ -2,21 +2,21 @@
 
 from math import frexp, ldexp
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.solution import (
     LARGE,
     OK,
     PARALLEL,
     PULLING,
     SMALL,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     torsion,
-    unusable,
 )
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 
 
 @kernel
@@ -34,13 +34,13 @@ def _plane(
 ) -> Answer:
     push = nx * fx + ny * fy + nz * fz
     if push == 0.0:
-        return nothing(PARALLEL)
+        return no_contact(PARALLEL)
     cx = (ny * mz - nz * my + offset * fx) / push
     cy = (nz * mx - nx * mz + offset * fy) / push
     cz = (nx * my - ny * mx + offset * fz) / push
     xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
     status = OK if push < 0.0 else PULLING
-    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, 0.0, 0.0)
+    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, 0.0, 0.0)
 
 
 @kernel
@@ -75,15 +75,15 @@ def solve_plane(
         offset: Distance of the plane from the origin along the normal.
 
     Returns:
-        See `contactsense.solvers.answer`.
+        See `contactsense.solvers.solution`.
     """
     ff = fx * fx + fy * fy + fz * fz
     mm = mx * mx + my * my + mz * mz
     if SMALL < ff < LARGE and mm < LARGE:
         return _plane(fx, fy, fz, mx, my, mz, nx, ny, nz, offset)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e = frexp(max(abs(fx), abs(fy), abs(fz)))[1]
     k = plane_exponent(mx, my, mz, offset, e)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, e, k)

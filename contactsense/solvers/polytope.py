@@ -1,6 +1,6 @@
 """Rounded convex polytope, a mesh's hull plus a ball: faces, edges and vertices in closed form.
 
-Exactly one patch holds the contact; the kernel goes through them, faces first, and rules most out by one
+Exactly one patch contains the contact. The kernel tests them, faces first, and excludes most by one
 comparison.
 """
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.ellipsoid import unit_sphere
+from contactsense.solvers.solution import (
     LARGE,
     MISS,
     NOT_CONVERGED,
@@ -19,20 +20,19 @@ from contactsense.solvers.answer import (
     SHARP,
     SMALL,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     torsion,
-    unusable,
 )
-from contactsense.solvers.ellipsoid import unit_sphere
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 from contactsense.solvers.wrench_axis import line_moment
 
-_SEAM = 1e-9
+_PATCH_TOLERANCE = 1e-9
 """How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
 
-_PURE = 1e-12
-"""Torsion per force and moment below which a wrench that enters nowhere is a force that passes by."""
+_ZERO_TORSION = 1e-12
+"""Torsion per force and moment below which a wrench that misses counts as a pure force."""
 
 _FAR = 1e300
 
@@ -119,8 +119,7 @@ def hull_of(points: ArrayLike) -> Hull:
 
 
 def _ring(cloud: np.ndarray, normal: np.ndarray, members: list[int]) -> list[int]:
-    """The corners of a face in order around its normal, without those in the middle of an edge or of the
-    face."""
+    """Corners of a face in order around its normal, without those inside an edge or the face."""
     if len(members) > 3:
         axis = np.eye(3)[int(np.argmin(np.abs(normal)))]
         u = np.cross(normal, axis)
@@ -203,18 +202,18 @@ def _polytope(
                     break
     cx, cy, cz = px + r * nx, py + r * ny, pz + r * nz
     status = OK
-    if best > _SEAM * reach:
+    if best > _PATCH_TOLERANCE * reach:
         t = fx * mx + fy * my + fz * mz
         ff = fx * fx + fy * fy + fz * fz
         mm = mx * mx + my * my + mz * mz
-        pure = t * t <= _PURE * _PURE * ff * (mm + reach * reach * ff)
+        pure = t * t <= _ZERO_TORSION * _ZERO_TORSION * ff * (mm + reach * reach * ff)
         status = MISS if pure else (SHARP if r == 0.0 else NOT_CONVERGED)
         if best == _FAR:
-            return nothing(status)
+            return no_contact(status)
     bend = 1.0 / r if bends > 0 else 0.0
     xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
     det = bend * bend if bends == 2 else 0.0
-    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, bends * bend, det)
+    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, bends * bend, det)
 
 
 @kernel
@@ -226,24 +225,24 @@ def solve_polytope(
     Args:
         fx, fy, fz, mx, my, mz: Wrench on the body.
         hull: The polytope.
-        rounding: Radius of the ball. May be zero: a wrench that enters no face is then answered with `SHARP`,
-            at the least wrong face's point.
+        rounding: Radius of the ball. May be zero: the status is `SHARP` for a wrench that enters no face,
+            with the point of the face whose patch it is nearest to.
 
     Returns:
-        See `contactsense.solvers.answer`. A miss is answered at the least wrong patch, not at the nearest
-        point.
+        See `contactsense.solvers.solution`. A miss returns a point on the patch with the smallest
+        violation, not the nearest point.
     """
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     size = max(abs(fx), abs(fy), abs(fz))
     ux, uy, uz, vx, vy, vz = fx / size, fy / size, fz / size, mx / size, my / size, mz / size
     lever = max(abs(vx), abs(vy), abs(vz))
     if not (size > SMALL and lever < LARGE):
-        # Beyond any machine: as faint a force as can be told from none.
+        # Below the range of floats: the smallest force that is distinguished from zero.
         lever = max(lever, 1.0)
         if not lever < LARGE:
-            return nothing(MISS)
+            return no_contact(MISS)
         answer = _polytope(ux, uy, uz, vx, vy, vz, hull, rounding)
         status, cx, cy, cz, nx, ny, nz, xi, residual, condition = answer
         return status, cx, cy, cz, nx, ny, nz, xi * size, residual, condition
@@ -254,18 +253,18 @@ def solve_polytope(
 def wrench_axis_polytope(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull, rounding: float
 ) -> Answer:
-    """Where the wrench axis enters a convex polytope plus a ball: its contact without the moment along the
-    force."""
-    status = unusable(fx, fy, fz, mx, my, mz)
+    """Point where the wrench axis enters a convex polytope plus a ball: the contact without the moment
+    along the force."""
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     size = max(abs(fx), abs(fy), abs(fz))
     fx, fy, fz, mx, my, mz = fx / size, fy / size, fz / size, mx / size, my / size, mz / size
     lx, ly, lz = line_moment(fx, fy, fz, mx, my, mz)
     status, cx, cy, cz, nx, ny, nz, xi, _, _ = solve_polytope(fx, fy, fz, lx, ly, lz, hull, rounding)
-    if status == OK and abs(xi) > _SEAM * (hull.reach + rounding):
-        # Only a torsion that is not there would hold the force at the rim.
+    if status == OK and abs(xi) > _PATCH_TOLERANCE * (hull.reach + rounding):
+        # A contact at the rim would need a torsion that the wrench does not have.
         status = MISS
     if nx == 0.0 and ny == 0.0 and nz == 0.0:
-        return nothing(status)
-    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
+        return no_contact(status)
+    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)

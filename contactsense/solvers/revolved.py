@@ -1,41 +1,41 @@
-"""Bodies of revolution with rounded rims: disc, ball, capsule, cylinder and truncated cone with flat caps.
+"""Bodies of revolution with rounded rims: disc, ball, capsule, cylinder and truncated cone with flat
+caps.
 
-Patches, exactly one of which holds the contact: two caps (planes) and the side (cylinder or cone) in closed
-form, and
-two rims: balls in closed form where a cap has no radius, else parts of a torus. What rounding leaves outside
-of every patch goes to the nearest.
+Exactly one patch contains the contact: two caps (planes) and the side (cylinder or cone) in closed form,
+and two rims: balls in closed form if a cap has no radius, else parts of a torus. If rounding errors place
+the contact outside every patch, the nearest is used.
 """
 
 from math import ldexp, sqrt
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.capsule import ball
+from contactsense.solvers.cylinder import directions, height, on_lateral
+from contactsense.solvers.nearest_point import nearest_to_line
+from contactsense.solvers.solution import (
     LARGE,
     NOT_CONVERGED,
     OK,
     SMALL,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     torsion,
     unit_exponents,
-    unusable,
 )
-from contactsense.solvers.capsule import ball
-from contactsense.solvers.cylinder import directions, height, on_lateral
-from contactsense.solvers.nearest import nearest_to_line
-from contactsense.solvers.rim import refine_rim, search_rim, start_rim
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.torus_rim import refine_rim, search_rim, start_rim
+from contactsense.solvers.typed_kernel import kernel
 
-_SEAM = 1e-9
+_PATCH_TOLERANCE = 1e-9
 """How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
 
 _REVOLVED = 0
-"""Number of this kind in `robots.surface`."""
+"""Number of this kind in `contactsense.robots.surface.convex_primitives`."""
 
-_PURE = 1e-12
-"""Torsion per force and moment below which a wrench that enters nowhere is a force that passes by."""
+_ZERO_TORSION = 1e-12
+"""Torsion per force and moment below which a wrench that misses counts as a pure force."""
 
 _FAR = 1e300
 
@@ -46,7 +46,7 @@ def _on_cap(
 ) -> Answer:
     nz = 1.0 if fz < 0.0 else -1.0
     xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, top, 0.0, 0.0, nz)
-    return finish(OK, fx, fy, fz, mx, my, mz, cx, cy, top, 0.0, 0.0, nz, xi, 0.0, 0.0)
+    return make_answer(OK, fx, fy, fz, mx, my, mz, cx, cy, top, 0.0, 0.0, nz, xi, 0.0, 0.0)
 
 
 @kernel
@@ -73,7 +73,7 @@ def _on_end(
     xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
     bend = 1.0 / r
     around = ca / rho if ring > 0.0 else bend
-    return finish(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, bend + around, bend * around)
+    return make_answer(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, bend + around, bend * around)
 
 
 @kernel
@@ -92,20 +92,19 @@ def _side(
     """Contact on the side, between the heights `low` and `high`: radial direction, height, and how far
     outside."""
     ex = ey = z = 0.0
-    least = _FAR
+    lowest = _FAR
     disc, a, b, u, v = directions(fx, fy, mx, my, mz, radius, taper)
     if disc > 0.0:
-        # Of the two directions on a cylinder only the first is pushed at; on a cone it may be either, or
-        # both.
+        # On a cylinder the force pushes on the first of the two directions only; on a cone on either or both.
         for sign in (-1.0, 1.0):
             ax, ay = a + sign * u, b + sign * v
             at, push = height(fx, fy, fz, mx, my, ax, ay, radius, taper)
             outside = max(at - high, low - at)
-            if push < 0.0 and outside < least:
-                ex, ey, z, least = ax, ay, at, outside
+            if push < 0.0 and outside < lowest:
+                ex, ey, z, lowest = ax, ay, at, outside
             if taper == 0.0:
                 break
-    return ex, ey, z, least
+    return ex, ey, z, lowest
 
 
 @kernel
@@ -136,7 +135,7 @@ def _end(
 
 
 @kernel
-def _nowhere(
+def _global_search(
     fx: float,
     fy: float,
     fz: float,
@@ -150,20 +149,20 @@ def _nowhere(
     cos_beta: float,
     sin_beta: float,
 ) -> Answer:
-    """The rims once more, from all around; where that fails too, the wrench misses."""
+    """Search both rims from starts all around; if that fails too, the wrench misses."""
     reach = half + max(lower, upper) + r
     for side in (1.0, -1.0):
         at, ring = side * half, upper if side > 0.0 else lower
         if ring > 0.0:
             found, ex, ey, ca, sa = search_rim(fx, fy, fz, mx + at * fy, my - at * fx, mz, ring, r)
-            if found and max(side * (sin_beta * ca - sa * cos_beta), -ca) < _SEAM:
+            if found and max(side * (sin_beta * ca - sa * cos_beta), -ca) < _PATCH_TOLERANCE:
                 return _on_end(fx, fy, fz, mx, my, mz, at, ring, r, ex, ey, ca, sa)
     size = (half, lower, upper, r)
     answer = nearest_to_line(_REVOLVED, size, reach, fx, fy, fz, mx, my, mz)
     t = fx * mx + fy * my + fz * mz
     ff = fx * fx + fy * fy + fz * fz
     mm = mx * mx + my * my + mz * mz
-    if t * t > _PURE * _PURE * ff * (mm + reach * reach * ff):
+    if t * t > _ZERO_TORSION * _ZERO_TORSION * ff * (mm + reach * reach * ff):
         return NOT_CONVERGED, *answer[1:]
     return answer
 
@@ -184,7 +183,7 @@ def _revolved(
     reach = half + max(lower, upper) + r
     length = sqrt(4.0 * half * half + (lower - upper) * (lower - upper))
     cos_beta, sin_beta = (2.0 * half / length, (lower - upper) / length) if length > 0.0 else (1.0, 0.0)
-    # The cap that is pushed at.
+    # The cap that the force pushes on.
     up = fz < 0.0
     top, ring = (half + r, upper) if up else (-half - r, lower)
     cap_x = cap_y = 0.0
@@ -212,7 +211,7 @@ def _revolved(
     for turn in range(2):
         at_top = first == (turn == 0)
         a_at, a_ring, sign = (half, upper, 1.0) if at_top else (-half, lower, -1.0)
-        # Start between side and cap, by how far each of them overshoots.
+        # Start between side and cap, in proportion to their violations.
         share = 0.5
         if at_top == up and over_cap < _FAR:
             beside = min(over_side, reach)
@@ -228,7 +227,7 @@ def _revolved(
             if best <= 0.0:
                 break
     if best > 0.0 and min(over_cap, over_side) < reach:
-        # Close outside of cap or side, and the rim's iteration went astray: once more, from their seam.
+        # The iteration on the rim failed near cap or side: restart from their seam.
         at_cap = over_cap <= over_side
         at_top = up if at_cap else first
         a_at, a_ring, sign = (half, upper, 1.0) if at_top else (-half, lower, -1.0)
@@ -238,8 +237,8 @@ def _revolved(
         if found and outside < best:
             best, on_end = outside, True
             at, ring, ex, ey, ca, sa = a_at, a_ring, ax, ay, ac, as_
-    if best > _SEAM * reach:
-        return _nowhere(fx, fy, fz, mx, my, mz, half, lower, upper, r, cos_beta, sin_beta)
+    if best > _PATCH_TOLERANCE * reach:
+        return _global_search(fx, fy, fz, mx, my, mz, half, lower, upper, r, cos_beta, sin_beta)
     if on_end:
         return _on_end(fx, fy, fz, mx, my, mz, at, ring, r, ex, ey, ca, sa)
     if over_cap <= over_side:
@@ -260,7 +259,8 @@ def solve_revolved(
     upper: float,
     rounding: float,
 ) -> Answer:
-    """Contact centroid on a truncated cone about z plus a ball: the `REVOLVED` of `robots.surface`.
+    """Contact centroid on a truncated cone about z plus a ball: the `REVOLVED` of
+    `contactsense.robots.surface.convex_primitives`.
 
     Args:
         fx, fy, fz, mx, my, mz: Wrench on the body.
@@ -269,16 +269,16 @@ def solve_revolved(
         rounding: Radius of the ball.
 
     Returns:
-        See `contactsense.solvers.answer`.
+        See `contactsense.solvers.solution`.
     """
     size = half + max(lower, upper) + rounding
     ff = fx * fx + fy * fy + fz * fz
     mm = mx * mx + my * my + mz * mz
     if rounding * rounding * ff > SMALL and size * size * ff < LARGE and mm < LARGE:
         return _revolved(fx, fy, fz, mx, my, mz, half, lower, upper, rounding)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, size)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     half, lower, upper, rounding = ldexp(half, -k), ldexp(lower, -k), ldexp(upper, -k), ldexp(rounding, -k)

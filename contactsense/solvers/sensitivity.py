@@ -1,10 +1,11 @@
-"""How the contact centroid shifts with the wrench (theory, section 4): its covariance, in closed form."""
+"""Sensitivity of the contact centroid to the wrench (theory, section 4), and its covariance, in closed
+form."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.solvers.level import tangents
+from contactsense.solvers.level_set import tangents
 from contactsense.solvers.solve import Solution
 from contactsense.solvers.surface import Surface
 

@@ -1,4 +1,4 @@
-"""`solve` and `solve_batch`: a surface and a wrench in, the contact out."""
+"""`solve` and `solve_batch`: the contact on a surface from a wrench."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
@@ -7,16 +7,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from contactsense.solvers.answer import Status
+from contactsense.solvers.paper_surfaces import Placed
+from contactsense.solvers.solution import Status
 from contactsense.solvers.surface import Kernel, Problem, Surface
-from contactsense.solvers.surfaces import Placed
 
 Method = Literal["exact", "wrench_axis", "newton", "descent"]
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """A soft-finger contact that balances a wrench, or the nearest to one that there is."""
+    """A soft-finger contact that balances a wrench, or the nearest surface point."""
 
     status: Status
     """What the other fields are worth."""
@@ -29,20 +29,20 @@ class Solution:
     torsion: float
     """Moment on the body about the outward normal [Nm]."""
     residual: float
-    """What of the moment is left unexplained, relative to moment and lever."""
+    """Unbalanced moment, relative to moment and lever."""
     condition: float
     """Shift on the surface for a small shift of the force's line, 1 where it is pressed squarely on a flat,
     infinite where it grazes."""
 
     @property
     def ok(self) -> bool:
-        """Whether this is the contact."""
+        """Whether this is a contact."""
         return self.status == Status.OK
 
 
 @dataclass(frozen=True, slots=True)
 class Solutions:
-    """One solution a row."""
+    """One solution per row."""
 
     status: np.ndarray
     """Numbers of `Status`, shape (N,)."""
@@ -69,10 +69,10 @@ METHODS: tuple[Method, ...] = get_args(Method)
 
 
 def problem_of(surface: Surface, method: Method) -> Problem:
-    """The kernel that solves a surface by a method, and what it takes after the wrench.
+    """The kernel that solves a surface by a method, and its arguments after the wrench.
 
     Raises:
-        ValueError: The method has another name, or cannot solve this surface.
+        ValueError: The method is unknown, or cannot solve this surface.
     """
     if method == "exact":
         return surface.problem()
@@ -118,12 +118,12 @@ def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method 
     )
 
 
-# No cache: a compiled function among the arguments defeats it.
+# Not cached: Numba cannot cache functions that take compiled functions.
 @njit(error_model="numpy")
 def run_kernel(
     solver: Kernel, wrenches: np.ndarray, size: tuple[Any, ...], status: np.ndarray, out: np.ndarray
 ) -> None:
-    """Solve rows of wrenches (N, 6) into `status` (N,) and `out` (N, 9), the rest of each answer."""
+    """Solve rows of wrenches (N, 6) into `status` (N,) and `out` (N, 9), the other fields of each answer."""
     for i in range(wrenches.shape[0]):
         w = wrenches[i]
         s, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(w[0], w[1], w[2], w[3], w[4], w[5], *size)

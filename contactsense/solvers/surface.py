@@ -1,12 +1,12 @@
-"""What all surfaces have in common."""
+"""Interface and helpers common to all surfaces."""
 
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 
-from contactsense.solvers.answer import Answer
-from robots.surface import curvature
+from contactsense.robots.surface.convex_primitives import curvature
+from contactsense.solvers.solution import Answer
 
 Kernel = Callable[..., Answer]
 Problem = tuple[Kernel, tuple[Any, ...]]
@@ -14,7 +14,7 @@ Problem = tuple[Kernel, tuple[Any, ...]]
 
 
 class Surface(Protocol):
-    """Anything that can be solved: a surface with an outward normal, bounding a convex body."""
+    """A surface with an outward normal that bounds a convex body and can be solved."""
 
     def problem(self) -> Problem:
         """The kernel of the exact solution, and the surface's size as that takes it."""
@@ -38,33 +38,33 @@ class Surface(Protocol):
 
 
 def positive(surface: object, **lengths: float) -> None:
-    """Refuse lengths that are not positive and finite."""
+    """Reject lengths that are not positive and finite."""
     for name, value in lengths.items():
         if not 0.0 < value < np.inf:
             raise ValueError(f"{type(surface).__name__}: {name} must be positive and finite, not {value}")
 
 
 def not_negative(surface: object, **lengths: float) -> None:
-    """Refuse lengths that are negative or not finite."""
+    """Reject lengths that are negative or not finite."""
     for name, value in lengths.items():
         if not 0.0 <= value < np.inf:
             raise ValueError(f"{type(surface).__name__}: {name} must not be negative, not {value}")
 
 
 def tangential(bend: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The part of a symmetric matrix, shape (3, 3), that acts in the tangent plane."""
+    """Tangential part of a symmetric matrix, shape (3, 3)."""
     project = np.eye(3) - np.outer(normal, normal)
     return np.asarray(project @ bend @ project)
 
 
 def around_axis(normal: np.ndarray, bend: float) -> np.ndarray:
-    """Shape operator of a surface that bends around z alone, by `bend` [1/m]."""
+    """Shape operator of a surface that is curved around z only, by `bend` [1/m]."""
     along = np.array((-normal[1], normal[0], 0.0)) / np.hypot(normal[0], normal[1])
     return np.asarray(bend * np.outer(along, along))
 
 
 def packed_shape(kind: int, size: tuple[float, ...], point: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Shape operator of a primitive as `robots.surface` packs it."""
+    """Shape operator of a primitive as `contactsense.robots.surface.convex_primitives` packs it."""
     xx, xy, xz, yy, yz, zz = curvature(kind, size, *point, *normal)
     return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
 

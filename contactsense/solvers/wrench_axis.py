@@ -1,31 +1,31 @@
-"""The wrench axis (paper, section 4): where the force's line enters a surface, as if there were no torsion.
+"""Wrench axis (paper, section 4): the point where the force's line enters a surface, without torsion.
 
-The line is that of the wrench less its moment along the force. These answers report no torsion; what the
-wrench has of it shows in their residual.
+The line is that of the wrench without its moment along the force. These answers have no torsion; that of
+the wrench appears in their residual.
 """
 
 from math import frexp, ldexp, sqrt
 
-from contactsense.solvers.answer import (
+from contactsense.solvers.cylinder import solve_cone, solve_cylinder
+from contactsense.solvers.nearest_point import TAPERED, enter
+from contactsense.solvers.plane import plane_exponent, solve_plane
+from contactsense.solvers.solution import (
     LARGE,
     MISS,
     OK,
     SMALL,
     Answer,
-    finish,
-    nothing,
+    input_status,
+    make_answer,
+    no_contact,
     rescaled,
     scaled,
     unit_exponents,
-    unusable,
 )
-from contactsense.solvers.cylinder import solve_cone, solve_cylinder
-from contactsense.solvers.nearest import TAPERED, enter
-from contactsense.solvers.plane import plane_exponent, solve_plane
-from contactsense.solvers.typed import kernel
+from contactsense.solvers.typed_kernel import kernel
 
 _REVOLVED, _BOX = 0, 2
-"""Numbers of kinds in `robots.surface`."""
+"""Numbers of kinds in `contactsense.robots.surface.convex_primitives`."""
 
 
 @kernel
@@ -61,7 +61,7 @@ def _ellipsoid(
         x, y, z = rx / size, ry / size, rz / size
     nx, ny, nz = x / a, y / b, z / c
     slope = sqrt(nx * nx + ny * ny + nz * nz)
-    return finish(
+    return make_answer(
         status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx / slope, ny / slope, nz / slope, 0.0, 0.0, 0.0
     )
 
@@ -78,9 +78,9 @@ def wrench_axis_ellipsoid(
     mm = mx * mx + my * my + mz * mz
     if SMALL < ff < LARGE and mm < LARGE:
         return _ellipsoid(fx, fy, fz, mx, my, mz, a, b, c)
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, max(a, b, c))
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     return rescaled(_ellipsoid(fx, fy, fz, mx, my, mz, ldexp(a, -k), ldexp(b, -k), ldexp(c, -k)), e, g, k)
@@ -98,11 +98,11 @@ def wrench_axis_sphere(
 def _without_torsion(
     answer: Answer, fx: float, fy: float, fz: float, mx: float, my: float, mz: float
 ) -> Answer:
-    """The answer to the line's moment, held against the whole moment."""
+    """Answer for the line's moment, with the residual of the whole moment."""
     status, cx, cy, cz, nx, ny, nz, _, _, _ = answer
     if nx == 0.0 and ny == 0.0 and nz == 0.0:
         return answer
-    return finish(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
+    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
 
 
 @kernel
@@ -110,9 +110,9 @@ def wrench_axis_cylinder(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float
 ) -> Answer:
     """Where the wrench axis enters an infinite cylinder about z."""
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     lx, ly, lz = line_moment(fx, fy, fz, mx, my, mz)
@@ -125,9 +125,9 @@ def wrench_axis_cone(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float, taper: float
 ) -> Answer:
     """Where the wrench axis enters an endless cone about z."""
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     lx, ly, lz = line_moment(fx, fy, fz, mx, my, mz)
@@ -149,9 +149,9 @@ def wrench_axis_plane(
     offset: float,
 ) -> Answer:
     """Where the wrench axis meets the plane n.c = offset."""
-    status = unusable(fx, fy, fz, mx, my, mz)
+    status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
-        return nothing(status)
+        return no_contact(status)
     e = frexp(max(abs(fx), abs(fy), abs(fz)))[1]
     k = plane_exponent(mx, my, mz, offset, e)
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, e, k)

@@ -1,20 +1,23 @@
 """`contactsense bench NAME`: measurements, each printing the numbers that the documentation quotes."""
 
-from service.cli.lazy import LazyGroup
+from contactsense.service.cli.lazy import LazyGroup
 
 BENCHES = {
-    "truth": "service.bench.truth:truth",
-    "motion": "service.bench.motion.command:motion",
-    "hold": "service.bench.hold.command:hold",
-    "calibration": "service.bench.calibration:calibration",
-    "several": "service.bench.several.command:several",
-    "speed": "service.bench.speed:speed",
-    "stream": "service.bench.stream:stream",
-    "latency": "service.bench.latency:latency",
-    "solvers": "service.bench.solvers.command:solvers",
-    "coverage": "service.bench.coverage.command:coverage",
-    "recordings": "service.bench.recordings:recordings",
-    "geometry": "service.bench.geometry:geometry",
+    "truth": "contactsense.benchmarks.accuracy.truth:truth",
+    "motion": "contactsense.benchmarks.motion.command:motion",
+    "smoothing": "contactsense.benchmarks.motion.smoothing:smoothing",
+    "hold": "contactsense.benchmarks.hold.command:hold",
+    "calibration": "contactsense.benchmarks.accuracy.calibration:calibration",
+    "several": "contactsense.benchmarks.multi_contact.command:several",
+    "speed": "contactsense.benchmarks.live.speed:speed",
+    "stream": "contactsense.benchmarks.live.stream:stream",
+    "analyze": "contactsense.benchmarks.live.analysis:analyze",
+    "latency": "contactsense.benchmarks.live.latency:latency",
+    "soak": "contactsense.benchmarks.live.soak:soak",
+    "solvers": "contactsense.benchmarks.solvers.command:solvers",
+    "coverage": "contactsense.benchmarks.calibration.coverage:coverage",
+    "recordings": "contactsense.benchmarks.calibration.recordings:recordings",
+    "geometry": "contactsense.benchmarks.accuracy.geometry:geometry",
 }
 """Name -> where its click command lives."""
 

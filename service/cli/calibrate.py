@@ -15,7 +15,8 @@ from rich.table import Table
 from contactsense.calibration import Calibration, CalibrationError, Settings, default_groups
 from contactsense.calibration import calibrate as run
 from contactsense.scene import Scene, SceneError
-from service.recording import RecordingError, read, stretch_of
+from contactsense.service.recordings.problems import RecordingError
+from contactsense.service.recordings.tables import read, stretch_of
 
 _PARTS = ("joint_torque", "base_wrench", "mounting", "tool", "inertia")
 """Fields of a scene that calibration may change."""
@@ -65,7 +66,7 @@ def calibrate(
         raise click.ClickException(str(error)) from None
     try:
         if report is not None:
-            from service.calibration_report import write_report
+            from contactsense.service.cli.calibration_report import write_report
 
             write_report(report, found, stretches, scene)
         target = path if in_place else out

@@ -12,12 +12,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from robots import Robot, RobotError
+from contactsense.robots import Robot, RobotError
 
 if TYPE_CHECKING:
     import trimesh
 
-    from robots.decompose import Fit, Options
+    from contactsense.robots.decomposition.decompose import Fit, Options
 
 
 @click.command()
@@ -63,8 +63,8 @@ def decompose(
     Without --out the YAML goes to standard output, and the table of errors to standard error.
     """
     try:
-        from robots.decompose import Options, choose
-        from robots.fitting.sources import read_arm
+        from contactsense.robots.decomposition.decompose import Options, choose
+        from contactsense.robots.decomposition.mesh_sources import read_arm
     except ImportError as error:
         raise click.ClickException(
             f"needs the extra packages: pip install contactsense[geometry] ({error})"
@@ -88,7 +88,7 @@ def decompose(
         else:
             out.write_text(text, encoding="utf-8")
         if picture is not None:
-            from robots.fitting.picture import draw_fits
+            from contactsense.robots.decomposition.error_picture import draw_fits
 
             draw_fits(robot, surfaces, {name: fit.bodies for name, fit in best.items()}, picture)
     except OSError as error:
@@ -98,7 +98,7 @@ def decompose(
 def _fit_all(
     robot: Robot, meshes: "dict[str, trimesh.Trimesh]", options: "Options", jobs: int
 ) -> "dict[str, tuple[Fit, ...]]":
-    from robots.decompose import fit_link
+    from contactsense.robots.decomposition.decompose import fit_link
 
     links = [number for number, name in enumerate(robot.link_names) if name in meshes]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -120,7 +120,7 @@ def _fit_all(
 
 
 def _report(best: "dict[str, Fit]") -> None:
-    from robots.fitting.measure import HEADINGS, row, together
+    from contactsense.robots.decomposition.surface_error import HEADINGS, row, together
 
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("link", "primitives", *HEADINGS):
@@ -141,7 +141,7 @@ def _yaml(
     arm: str,
     source: str,
 ) -> str:
-    from robots.fitting.export import primitives, text
+    from contactsense.robots.decomposition.yaml_export import primitives, text
 
     links: dict[str, dict[str, Iterable[Any]]] = {
         name: {

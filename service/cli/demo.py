@@ -10,12 +10,16 @@ import click
 from rich.console import Console
 from rich.text import Text
 
-from service.children import ChildError
-from service.client import Client, ClientError
-from service.mock.arm import Motion, simulate
-from service.mock.script import Script, ScriptError
-from service.scoreboard import Scoreboard, Verdict
-from service.stage import Stage
+from contactsense.robots.jit.compilation import CompilationProgress
+from contactsense.robots.jit.progress_bar import CompilationBar
+from contactsense.service.api.client import Client, ClientError
+from contactsense.service.api.messages import HealthOut
+from contactsense.service.demo.child_process import ChildError
+from contactsense.service.demo.processes import Stage
+from contactsense.service.demo.reaction_table import compare
+from contactsense.service.demo.scoreboard import Scoreboard, Verdict
+from contactsense.service.mock.script import Script, ScriptError
+from contactsense.service.mock.simulated_arm import Motion, simulate
 
 COLUMNS = {
     "at": 7,
@@ -36,7 +40,11 @@ COLUMNS = {
 )
 @click.option("--serve", is_flag=True, help="Stay until interrupted; the arm begins anew again and again.")
 @click.option("--port", default=0, help="Port to serve at.  [default: a free one]")
-def demo(script: Path | None, serve: bool, port: int) -> int:
+@click.option(
+    "--react", is_flag=True, help="Sweep into obstacles without and with a reaction, and compare the forces."
+)
+@click.option("--json", "as_json", is_flag=True, help="With --react: print the comparison as JSON.")
+def demo(script: Path | None, serve: bool, port: int, react: bool, as_json: bool) -> int:
     """Touch a simulated UR arm and print where the service finds each contact, beside the truth.
 
     Starts the service, and a mock robot with a force/torque sensor that speak the real protocols, each in a
@@ -44,6 +52,12 @@ def demo(script: Path | None, serve: bool, port: int) -> int:
     every link was found.
     """
     signal.signal(signal.SIGTERM, _interrupted)
+    if react:
+        if script is not None or serve:
+            raise click.UsageError("--react: expected neither --script nor --serve beside it")
+        return _react(port, as_json)
+    if as_json:
+        raise click.UsageError("--json: expected --react beside it")
     try:
         played = Script.demo() if script is None else Script.load(script)
         motion = simulate(played)
@@ -67,6 +81,15 @@ def demo(script: Path | None, serve: bool, port: int) -> int:
         raise click.Abort from None
 
 
+def _react(port: int, as_json: bool) -> int:
+    try:
+        return compare(Console(highlight=False, soft_wrap=True), port, as_json)
+    except (ChildError, ClientError) as error:
+        raise click.ClickException(str(error)) from None
+    except KeyboardInterrupt:
+        raise click.Abort from None
+
+
 def _start(console: Console, stack: ExitStack, script: Script, port: int, more: list[str]) -> Client:
     noise = script.noise
     console.print(
@@ -76,12 +99,31 @@ def _start(console: Console, stack: ExitStack, script: Script, port: int, more: 
     )
     began = time.monotonic()
     stage = stack.enter_context(Stage(script.robot, port))
-    console.print("The service starts; the very first time it compiles its kernels, a minute or two.")
-    with console.status("starting"):
-        client = stage.start_service()
+    console.print("The service starts; the very first time it compiles its kernels, two or three minutes.")
+    bar = _Loading(console)
+    try:
+        client = stage.start_service(on_health=bar.update)
+    finally:
+        bar.close()
     console.print(f"The service is up after {time.monotonic() - began:.1f} s.")
     stage.start_arm(*more)
     return client
+
+
+class _Loading:
+    """What the service says of its loading, as a bar; a line per tenth where there is no terminal."""
+
+    def __init__(self, console: Console) -> None:
+        self._bar = CompilationBar(console)
+
+    def update(self, health: HealthOut) -> None:
+        """Show this health."""
+        if 0.0 < health.loading < 1.0 and health.loading_left is not None:
+            self._bar.update(CompilationProgress(health.loading, health.loading_left))
+
+    def close(self) -> None:
+        """Take the bar away."""
+        self._bar.close()
 
 
 def _compare(console: Console, client: Client, board: Scoreboard, motion: Motion) -> int:

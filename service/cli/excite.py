@@ -12,10 +12,11 @@ from rich.progress import Progress
 from rich.table import Table
 
 from contactsense.calibration import CalibrationError
-from contactsense.calibration.excite import Proposal, Wishes, propose
+from contactsense.calibration.excitation import ExcitationSettings, Proposal, propose_excitation
+from contactsense.robots import RobotError, load
 from contactsense.scene import Scene, SceneError
-from robots import RobotError, load
-from service.recording import RecordingError, write
+from contactsense.service.recordings.problems import RecordingError
+from contactsense.service.recordings.tables import write
 
 
 @click.command()
@@ -24,13 +25,22 @@ from service.recording import RecordingError, write
     "--scene", "path", type=click.Path(path_type=Path), help="Scene file (YAML): arm, tool and sensors."
 )
 @click.option("--into", type=click.Path(path_type=Path), help="Write the motion into this table.")
-@click.option("--seconds", default=Wishes.seconds, show_default=True, help="Length of the motion [s].")
+@click.option(
+    "--seconds", default=ExcitationSettings.seconds, show_default=True, help="Length of the motion [s]."
+)
 @click.option("--rate", default=125.0, show_default=True, help="Rows a second in the table [Hz].")
 @click.option(
-    "--speed", default=Wishes.speed, show_default=True, help="Highest speed, of each joint's limit."
+    "--speed",
+    default=ExcitationSettings.speed,
+    show_default=True,
+    help="Highest speed, of each joint's limit.",
 )
-@click.option("--floor", default=Wishes.floor, show_default=True, help="Height above the base plane [m].")
-@click.option("--room", default=Wishes.room, show_default=True, help="Distance between links [m].")
+@click.option(
+    "--floor", default=ExcitationSettings.floor, show_default=True, help="Height above the base plane [m]."
+)
+@click.option(
+    "--room", default=ExcitationSettings.clearance, show_default=True, help="Distance between links [m]."
+)
 @click.option("--home", help="Posture to swing about: joint angles in degrees, separated by commas.")
 @click.option("--tries", default=60, show_default=True, type=click.IntRange(2), help="Motions to look at.")
 @click.option("--seed", default=0, show_default=True, help="Of the random numbers.")
@@ -61,10 +71,10 @@ def excite(
         raise click.UsageError(f"--rate above 0 and --speed up to 1 expected, got {rate:g} and {speed:g}")
     try:
         scene = Scene(robot=load(name)) if name is not None else Scene.load(path or "")
-        wishes = Wishes(seconds, speed, floor=floor, room=room, home=_angles(home))
+        settings = ExcitationSettings(seconds, speed, floor=floor, clearance=room, home=_angles(home))
         with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task("motions", total=tries)
-            found = propose(scene, wishes, tries, seed, lambda: progress.advance(task))
+            found = propose_excitation(scene, settings, tries, seed, lambda: progress.advance(task))
         if into is not None:
             write(into, table_of(found, rate))
     except (RobotError, SceneError, CalibrationError, RecordingError) as error:
@@ -106,10 +116,12 @@ def as_plain(found: Proposal) -> dict[str, Any]:
         },
         "condition": expected.condition,
         "parameters": [
-            {"name": entry.name, "unit": entry.unit, "std": float(std) if seen else None}
-            for entry, std, seen in zip(expected.entries, expected.std, expected.seen, strict=True)
+            {"name": entry.name, "unit": entry.unit, "std": float(std) if excited else None}
+            for entry, std, excited in zip(expected.entries, expected.std, expected.excited, strict=True)
         ],
-        "not_excited": [e.name for e, seen in zip(expected.entries, expected.seen, strict=True) if not seen],
+        "not_excited": [
+            e.name for e, excited in zip(expected.entries, expected.excited, strict=True) if not excited
+        ],
         "lowest": found.lowest,
         "nearest": found.nearest if np.isfinite(found.nearest) else None,
         "speed": found.speed.tolist(),
@@ -123,8 +135,8 @@ def _print(found: Proposal, scene: Scene, into: Path | None) -> None:
     for heading in ("parameter", "expected std", "unit"):
         table.add_column(heading, justify="right" if heading == "expected std" else "left")
     expected = found.expected
-    for entry, std, seen in zip(expected.entries, expected.std, expected.seen, strict=True):
-        table.add_row(entry.name, f"{std:.2g}" if seen else "not excited", entry.unit)
+    for entry, std, excited in zip(expected.entries, expected.std, expected.excited, strict=True):
+        table.add_row(entry.name, f"{std:.2g}" if excited else "not excited", entry.unit)
     console.print(table)
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("joint", "from [deg]", "to [deg]", "speed [rad/s]", "torque [Nm]"):

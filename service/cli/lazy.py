@@ -25,5 +25,13 @@ class LazyGroup(click.Group):
         if cmd_name not in self._places:
             return None
         module, _, attribute = self._places[cmd_name].partition(":")
-        command: click.Command = getattr(import_module(module), attribute)
+        try:
+            command: click.Command = getattr(import_module(module), attribute)
+        except ModuleNotFoundError as error:
+            package = (error.name or "").split(".")[0]
+            if package == "contactsense":
+                raise
+            raise click.ClickException(
+                f"{cmd_name} needs {package}: pip install contactsense[geometry,test]"
+            ) from None
         return command

@@ -4,18 +4,21 @@ import sys
 
 import click
 
-from service.cli.lazy import LazyGroup
+from contactsense.service.cli.lazy import LazyGroup
 
 COMMANDS = {
-    "demo": "service.cli.demo:demo",
-    "serve": "service.cli.serve:serve",
-    "mock": "service.cli.mock:mock",
-    "robots": "service.cli.robots:robots",
-    "bench": "service.cli.bench:bench",
-    "calibrate": "service.cli.calibrate:calibrate",
-    "excite": "service.cli.excite:excite",
-    "decompose": "service.cli.decompose:decompose",
-    "paper": "service.cli.paper:paper",
+    "demo": "contactsense.service.cli.demo:demo",
+    "serve": "contactsense.service.cli.serve:serve",
+    "mock": "contactsense.service.cli.mock:mock",
+    "reactions": "contactsense.service.cli.reactions:reactions",
+    "robots": "contactsense.service.cli.robots:robots",
+    "bench": "contactsense.service.cli.bench:bench",
+    "analyze": "contactsense.service.cli.analyze:analyze",
+    "calibrate": "contactsense.service.cli.calibrate:calibrate",
+    "record": "contactsense.service.cli.record:record",
+    "excite": "contactsense.service.cli.excite:excite",
+    "decompose": "contactsense.service.cli.decompose:decompose",
+    "paper": "contactsense.benchmarks.solvers.paper_command:paper",
 }
 """Command name -> where its click command lives."""
 

@@ -7,76 +7,152 @@ from pathlib import Path
 import click
 import numpy as np
 
-from service.mock.arm import Motion, simulate
-from service.mock.script import Script, ScriptError
-from service.mock.servers import MockServers, MockSettings
+from contactsense.scene import Scene, SceneError
+from contactsense.service.mock.cell import Cell
+from contactsense.service.mock.live_servers import InterfacePorts, LiveServers
+from contactsense.service.mock.robot_controller import RobotController
+from contactsense.service.mock.rtde_server import PORT
+from contactsense.service.mock.script import Script, ScriptError
+from contactsense.service.mock.servers import MockSettings
 
 READY = "mock arm at "
 """What the line on stdout begins with that tells the addresses."""
+
+_FURTHER = "  [default: its usual port if RTDE has its own, else none; 0 takes a free one]"
 
 
 @click.command()
 @click.option(
     "--script", type=click.Path(path_type=Path), help="What the arm does (YAML); default: the demo's script."
 )
+@click.option(
+    "--scene",
+    type=click.Path(path_type=Path),
+    help="Scene (YAML) to rehearse: its arm, mounting, tool and sensors.",
+)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at.")
-@click.option("--rtde-port", default=30004, show_default=True, help="RTDE port (TCP); 0 takes a free one.")
+@click.option("--rtde-port", default=PORT, show_default=True, help="RTDE port (TCP); 0 takes a free one.")
 @click.option("--ft-port", default=49152, show_default=True, help="Force/torque sensor's port (UDP).")
 @click.option(
     "--ft-http-port", default=49180, show_default=True, help="Port of its configuration page (TCP)."
 )
+@click.option("--dashboard-port", type=int, help=f"Dashboard server (TCP).{_FURTHER}")
+@click.option("--primary-port", type=int, help=f"Primary client interface (TCP).{_FURTHER}")
+@click.option("--secondary-port", type=int, help=f"Secondary client interface (TCP).{_FURTHER}")
+@click.option("--realtime-port", type=int, help=f"Real-time client interface (TCP).{_FURTHER}")
 @click.option("--loop", is_flag=True, help="Begin anew after the end; the script must end where it begins.")
 @click.option(
     "--sent-log", type=click.Path(path_type=Path), help="File in which to note when each robot packet left."
 )
+@click.option(
+    "--contact-log",
+    type=click.Path(path_type=Path),
+    help="File (JSON) to write at the end: each contact with an obstacle, its peak force and depth.",
+)
+@click.option(
+    "--received-log",
+    type=click.Path(path_type=Path),
+    help="File in which to note when a reaction's registers were written.",
+)
 def mock(
     script: Path | None,
+    scene: Path | None,
     host: str,
     rtde_port: int,
     ft_port: int,
     ft_http_port: int,
+    dashboard_port: int | None,
+    primary_port: int | None,
+    secondary_port: int | None,
+    realtime_port: int | None,
     loop: bool,
     sent_log: Path | None,
+    contact_log: Path | None,
+    received_log: Path | None,
 ) -> int:
-    """Simulate a UR arm and the force/torque sensor under its base.
+    """Simulate a UR arm with its controller, and the force/torque sensor under its base.
 
-    Speaks RTDE and Net F/T as the real devices do, so every client of theirs can read it. Time stamps are
-    seconds since the beginning of the script. Runs until it is interrupted.
+    Speaks RTDE, the dashboard, the client interfaces and Net F/T as the real devices do, so every client of
+    theirs can read it and command it. Time stamps are seconds since the beginning of the script. Runs until
+    it is interrupted.
     """
     try:
-        motion = simulate(Script.demo() if script is None else Script.load(script))
-    except ScriptError as error:
+        robot = simulated_robot(script, scene, loop)
+    except (ScriptError, SceneError) as error:
         raise click.ClickException(str(error)) from None
-    if loop and not motion.loops:
-        raise click.ClickException(
-            "--loop: expected a script that ends where it begins, got "
-            f"{np.round(motion.q[0], 3).tolist()} and {np.round(motion.q[-1], 3).tolist()}"
-        )
-    return _run(
-        motion,
-        MockSettings(
-            host=host,
-            rtde_port=rtde_port,
-            netft_port=ft_port,
-            http_port=ft_http_port,
-            loop=loop,
-            sent_log=sent_log,
-        ),
+    settings = MockSettings(
+        host=host,
+        rtde_port=rtde_port,
+        netft_port=ft_port,
+        http_port=ft_http_port,
+        loop=loop,
+        sent_log=sent_log,
+        received_log=received_log,
     )
+    usual = InterfacePorts() if rtde_port == PORT else InterfacePorts(None, None, None, None)
+    ports = InterfacePorts(
+        usual.dashboard if dashboard_port is None else dashboard_port,
+        usual.primary if primary_port is None else primary_port,
+        usual.secondary if secondary_port is None else secondary_port,
+        usual.realtime if realtime_port is None else realtime_port,
+    )
+    return _run(robot, settings, ports, contact_log)
 
 
-def _run(motion: Motion, settings: MockSettings) -> int:
+def simulated_robot(script: Path | None, scene: Path | None, loop: bool) -> RobotController:
+    """The robot that a script and a scene describe.
+
+    Raises:
+        ScriptError: The script cannot be read, or does not fit the scene.
+        SceneError: The scene cannot be read.
+    """
+    played = Script.demo() if script is None else Script.load(script)
+    if scene is None:
+        cell = Cell.of_script(played)
+    else:
+        described = Scene.load(scene)
+        cell = Cell.of_scene(described)
+        if script is None:
+            # The demo's touches are on a UR5e; another arm only moves.
+            played = played.model_copy(update={"robot": described.robot.name, "contacts": ()})
+        elif played.robot != described.robot.name:
+            raise ScriptError(
+                f"{script}: robot: expected that of the scene, {described.robot.name}, got {played.robot}"
+            )
+    start, end = played.trajectory.start, played.trajectory.end
+    if loop and np.abs(np.subtract(start, end)).max() >= 1e-3:
+        raise ScriptError(
+            f"--loop: expected a script that ends where it begins, got {np.round(start, 3).tolist()} and "
+            f"{np.round(end, 3).tolist()}"
+        )
+    return RobotController(cell, played, loop=loop)
+
+
+def _run(
+    robot: RobotController, settings: MockSettings, ports: InterfacePorts, contact_log: Path | None
+) -> int:
     over = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: over.set())
     try:
-        servers = MockServers(motion, settings)
+        servers = LiveServers(robot, settings, ports)
     except OSError as error:
         raise click.ClickException(f"cannot listen at {settings.host}: {error.strerror or error}") from None
     with servers:
         click.echo(
             f"{READY}{settings.host}: RTDE port {servers.rtde.port}, force/torque port {servers.netft.port}, "
-            f"its configuration page on port {servers.netft.http_port}"
+            f"its configuration page on port {servers.netft.http_port}{_further(servers)}"
         )
         over.wait()
+    if contact_log is not None:
+        try:
+            robot.contacts.save(contact_log)
+        except OSError as error:
+            raise click.ClickException(f"{contact_log}: {error.strerror}") from None
     return 0
+
+
+def _further(servers: LiveServers) -> str:
+    named = {} if servers.dashboard is None else {"dashboard": servers.dashboard.port}
+    named |= {name: server.port for name, server in servers.interfaces.items()}
+    return "".join(f", {name} port {port}" for name, port in named.items())

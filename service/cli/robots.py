@@ -12,8 +12,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-import robots as library
-from robots import Robot, RobotError
+from contactsense import robots as library
+from contactsense.robots import Robot, RobotError
 
 
 @click.command()
@@ -86,7 +86,7 @@ def _show(robot: Robot) -> None:
 
 def _draw(robot: Robot, path: Path, pose: str | None, coarse: bool) -> None:
     try:
-        from robots.picture import draw_arm
+        from contactsense.robots.rendering import draw_arm
     except ImportError as error:
         raise click.ClickException(
             f"pictures need the extra packages: pip install contactsense[geometry] ({error})"

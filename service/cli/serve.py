@@ -9,12 +9,30 @@ from typing import Any
 
 import click
 import uvicorn
+from rich.console import Console
 
-from service.app import create_app
-from service.settings import Settings, SettingsError
+from contactsense.robots.jit.compilation import CompilationProgress
+from contactsense.robots.jit.progress_bar import CompilationBar
+from contactsense.service import logs
+from contactsense.service.api.app import create_app
+from contactsense.service.api.connections import http_protocol, websocket_protocol
+from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.controllers.robot_program_servers import PortError
 
 READY = "serving at "
 """What the line on stdout begins with that tells the address."""
+
+GROUPED = (
+    ("journal", "events", "path"),
+    ("reactions", "reactions", "file"),
+    ("recordings", "recording", "folder"),
+    ("source", "controllers", "source"),
+    ("xmlrpc_port", "controllers", "xmlrpc_port"),
+    ("line_port", "controllers", "line_port"),
+    ("controller_host", "controllers", "host"),
+    ("controller_clients", "controllers", "clients"),
+)
+"""Options that are fields of a group of settings: option, group, field."""
 
 
 @click.command()
@@ -33,6 +51,43 @@ READY = "serving at "
 @click.option("--ft-fields", help="Six RTDE fields that carry its reading, separated by commas.")
 @click.option("--host", help="Address to serve at.  [default: 127.0.0.1]")
 @click.option("--port", type=int, help="Port to serve at; 0 takes a free one.  [default: 8000]")
+@click.option(
+    "--reactions",
+    type=click.Path(path_type=Path),
+    help="Rules of reactions (YAML); default: reactions.yaml beside the scene file, if there is one.",
+)
+@click.option("--recordings", type=click.Path(path_type=Path), help="Folder for clips and recordings.")
+@click.option("--journal", type=click.Path(path_type=Path), help="File for events; default: in memory.")
+@click.option(
+    "--token-file",
+    type=click.Path(path_type=Path),
+    help="File with the token that requests must bring; or CONTACTSENSE_TOKEN in the environment.",
+)
+@click.option("--tls-certificate", type=click.Path(path_type=Path), help="Certificate for TLS (PEM).")
+@click.option("--tls-key", type=click.Path(path_type=Path), help="Its private key (PEM).")
+@click.option("--insecure-no-tls", is_flag=True, default=None, help="Serve other computers without TLS.")
+@click.option("--allowed-host", "allowed_hosts", multiple=True, help="A name under which it is reached.")
+@click.option("--allowed-origin", "allowed_origins", multiple=True, help="A web page that may use it.")
+@click.option("--max-connections", type=int, help="Open connections at most.  [default: 200]")
+@click.option("--max-body", type=int, help="Largest body of a request, in bytes.  [default: 8000000]")
+@click.option(
+    "--constant-readings",
+    is_flag=True,
+    default=None,
+    help="Accept readings that never change, as those of a simulator without noise.",
+)
+@click.option("--log-level", type=click.Choice(["debug", "info", "warning", "error"]), help="[default: info]")
+@click.option("--log-format", type=click.Choice(["text", "json"]), help="[default: text]")
+@click.option("--log-file", type=click.Path(path_type=Path), help="Log to this file, of bounded size.")
+@click.option(
+    "--source",
+    type=click.Choice(["robot", "push"]),
+    help="Where samples come from: read from the robot, or pushed by a controller over WS /v1/track.",
+)
+@click.option("--xmlrpc-port", type=int, help="Port for XML-RPC calls of robot programs; 0 takes a free one.")
+@click.option("--line-port", type=int, help="Port of the line socket for robot programs.")
+@click.option("--controller-host", help="Address of these two ports.  [default: 127.0.0.1]")
+@click.option("--controller-clients", help="Addresses of robots that may connect to them, by commas.")
 @click.option("--queue", type=int, help="Estimates kept for a slow reader.  [default: 500]")
 def serve(**options: Any) -> int:
     """Serve estimates over HTTP and WebSocket.
@@ -40,14 +95,23 @@ def serve(**options: Any) -> int:
     Options that are not given are taken from environment variables (CONTACTSENSE_ROBOT_HOST and so on), then
     from the defaults. GET /docs on the running service describes the interface.
     """
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
+    bar = _loading_display()
     try:
         inherited = Settings.from_environment().model_dump(exclude_unset=True)
-        given = {name: value for name, value in options.items() if value is not None}
-        settings = Settings.checked({**inherited, **given}, "serve")
-        app = create_app(settings)
-    except SettingsError as error:
+        given = {name: value for name, value in options.items() if value not in (None, ())}
+        groups: dict[str, dict[str, Any]] = {}
+        for option, group, field in GROUPED:
+            if option in given:
+                groups.setdefault(group, dict(inherited.get(group, {})))[field] = given.pop(option)
+        settings = Settings.checked({**inherited, **given, **groups}, "serve")
+        settings.check_exposure()
+        logs.configure(settings.log_level, settings.log_format, settings.log_file)
+        app = create_app(settings, on_loading=bar.update)
+        app.state.service.ports.check()
+    except (SettingsError, PortError) as error:
         raise click.ClickException(str(error)) from None
+    except OSError as error:
+        raise click.ClickException(f"log_file: {settings.log_file}: {error.strerror}") from None
     try:
         listener = listen(settings.host, settings.port)
     except OSError as error:
@@ -55,9 +119,17 @@ def serve(**options: Any) -> int:
             f"cannot serve at {settings.host}:{settings.port}: {error.strerror}; --port 0 takes a free port"
         ) from None
     with listener:
-        click.echo(f"{READY}http://{settings.host}:{listener.getsockname()[1]}")
+        scheme = "http" if settings.tls_certificate is None else "https"
+        click.echo(f"{READY}{scheme}://{settings.host}:{listener.getsockname()[1]}")
+        limits = app.state.service.connections
         config = uvicorn.Config(
             app,
+            http=http_protocol(limits),
+            ws=websocket_protocol(limits),
+            ws_max_size=1_000_000,
+            ssl_certfile=settings.tls_certificate,
+            ssl_keyfile=settings.tls_key,
+            server_header=False,
             log_config=None,
             log_level="warning",
             ws_per_message_deflate=False,  # compressing costs more time than it saves here
@@ -68,6 +140,25 @@ def serve(**options: Any) -> int:
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(config).run([listener])
     return 0
+
+
+class _LogLines:
+    """Progress of the first compilation as lines of the log, one per tenth."""
+
+    def __init__(self) -> None:
+        self._step = -1
+
+    def update(self, progress: CompilationProgress) -> None:
+        """Log this progress."""
+        step = int(10.0 * progress.share)
+        if step > self._step:
+            self._step = step
+            logging.getLogger("contactsense").info("%s", progress)
+
+
+def _loading_display() -> "CompilationBar | _LogLines":
+    console = Console(stderr=True)
+    return CompilationBar(console) if console.is_terminal else _LogLines()
 
 
 def listen(host: str, port: int) -> socket.socket:

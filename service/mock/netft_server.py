@@ -1,20 +1,21 @@
 """An ATI Net F/T sensor as clients see it: RDT over UDP and the configuration page over HTTP.
 
-It stands under the base of the simulated arm and serves the same motion on the same clock as the RTDE server.
+It stands under the base of the simulated arm and reads on the same clock as the RTDE server.
 """
 
 import select
 import socket
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 import numpy as np
 
-from service.mock.feed import NS, Feed, Playback, SimClock
-from service.wire import netft as wire
+from contactsense.service.mock.playback import NS, SimClock
+from contactsense.service.wire import netft as wire
 
 
 class _Stream:
@@ -26,17 +27,15 @@ class _Stream:
 
 
 class NetFtServer:
-    """Serves the base wrench of a recorded motion to any number of RDT clients.
+    """Serves a sensor's readings to any number of RDT clients.
 
     Args:
-        feed: The motion.
-        playback: Which sample is due when; values between two samples are interpolated.
+        reading: What the sensor reads at a simulated time [s]: force then moment, shape (6,) [N, Nm].
         clock: Simulated time, shared with the robot.
         host: Address to listen on.
         port: UDP port; 0: any free one, see `port`.
         http_port: TCP port of the configuration page; 0: any free one, see `http_port`.
         rate: Readings a second [Hz].
-        to_sensor: Sensor's reading = `to_sensor` @ base wrench, shape (6, 6); default: both are the same.
         configuration: Counts per unit and units (`N`, `Nm` or `Nmm`).
         limits: Largest force and moment component that can be read [N, Nm]; readings beyond are marked bad.
         delay: How much later than the instant of its values a record leaves [s].
@@ -45,30 +44,26 @@ class NetFtServer:
 
     def __init__(
         self,
-        feed: Feed,
-        playback: Playback,
+        reading: Callable[[float], np.ndarray],
         clock: SimClock,
         *,
         host: str = "127.0.0.1",
         port: int = 49152,
         http_port: int = 0,
         rate: float = 1000.0,
-        to_sensor: np.ndarray | None = None,
         configuration: wire.Configuration | None = None,
         limits: tuple[float, float] = (2000.0, 2000.0),
         delay: float = 0.0,
         clock_scale: float = 1.0,
     ) -> None:
         self.host = host
-        self._playback = playback
+        self._reading = reading
         self._clock = clock
         self._rate = rate * clock_scale
         self._delay_ns = round(delay * NS)
         self._configuration = configuration or wire.Configuration()
-        matrix = np.eye(6) if to_sensor is None else np.asarray(to_sensor, dtype=float)
-        readings = np.asarray(feed.base_wrench, dtype=float) @ matrix.T
-        self._saturated = np.any(np.abs(readings) > np.repeat(limits, 3), axis=1)
-        self._counts = np.rint(readings * self._counts_per_unit())
+        self._limits = np.repeat(limits, 3)
+        self._scale = self._counts_per_unit()
         self._bias = np.zeros(6)
         self.mute = False
         """Set to send no readings and answer no requests."""
@@ -157,16 +152,13 @@ class NetFtServer:
             case wire.Command.STOP:
                 self._streams.pop(address, None)
             case wire.Command.SET_BIAS:
-                self._bias = self._counts[self._playback.index(self._clock.now())].copy()
+                self._bias = np.rint(self._reading(self._clock.now()) * self._scale)
 
     def _send(self, k: int) -> None:
-        position = self._playback.position(k / self._rate)
-        before = min(int(position), len(self._counts) - 1)
-        after = min(before + 1, len(self._counts) - 1)
-        share = position - before
-        value = self._counts[before] + share * (self._counts[after] - self._counts[before]) - self._bias
+        reading = self._reading(k / self._rate)
+        value = np.rint(reading * self._scale) - self._bias
         counts, clipped = wire.to_counts(value.tolist(), 1.0)
-        bad = clipped or bool(self._saturated[before] or self._saturated[after])
+        bad = clipped or bool(np.any(np.abs(reading) > self._limits))
         status = self.status or (wire.SATURATED if bad else 0)
         for address, stream in list(self._streams.items()):
             stream.sequence = (stream.sequence + 1) & 0xFFFFFFFF

@@ -1,10 +1,11 @@
-"""A UR controller's RTDE server as clients see it, serving a recorded motion at 500 Hz.
+"""A UR controller's RTDE server as clients see it, serving a simulated controller at 500 Hz.
 
 Two threads: one accepts clients and answers requests, one sends the packets on absolute deadlines
 (`time.sleep` keeps them within some tenths of a millisecond, asyncio's clock does not). Every packet due is
 sent, late ones at once, so a stall of the host shows up as lateness, never as a missing sample.
 """
 
+import math
 import selectors
 import socket
 import threading
@@ -12,16 +13,21 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from service.mock.controller import Controller
-from service.mock.faults import Fault, mangle
-from service.mock.feed import NS, SimClock
-from service.mock.sent_log import SentLog
-from service.wire import rtde as wire
+from contactsense.service.mock.controller import Controller
+from contactsense.service.mock.playback import NS, SimClock
+from contactsense.service.mock.received_log import ReceivedLog
+from contactsense.service.mock.sent_log import SentLog
+from contactsense.service.mock.wire_faults import Fault, mangle
+from contactsense.service.wire import rtde as wire
+from contactsense.service.wire import rtde_v1
 
+PORT = 30004
+"""Usual port of RTDE."""
 RATE = 500.0
 """Packets a second of an e-Series controller [Hz]."""
 
 _CHUNK = 1 << 16
+_OUTPUT_SETUP = ord("O")
 
 
 class _Client:
@@ -32,7 +38,8 @@ class _Client:
         self.decoder = wire.FrameDecoder()
         self.lock = threading.Lock()
         self.pack: Callable[[float], bytes] | None = None
-        self.every = 1
+        self.version = 1
+        self.frequency = RATE
         self.started = False
         self.inputs: dict[int, wire.Recipe] = {}
         self.backlog = bytearray()
@@ -40,6 +47,12 @@ class _Client:
         self.half_sent = False
         self.rest = b""
         self.gone = False
+
+    def is_due(self, k: int) -> bool:
+        """Whether packet k of the controller's 500 Hz is one that this client gets: as many as it asked for
+        on average, for its frequency need not divide the controller's."""
+        share = self.frequency / RATE
+        return math.floor((k + 1) * share) > math.floor(k * share)
 
     def send(self, data: bytes, now_ns: int) -> None:
         """Send without waiting; what the socket does not take is kept. Call with the lock held."""
@@ -73,6 +86,7 @@ class RtdeServer:
         delay: How much later than the instant of its values a packet leaves [s].
         drop_after: A client that takes nothing for so long is dropped, as UR's controllers do [s].
         sent: Where to note when each packet left.
+        received: Where to note when inputs were written.
     """
 
     def __init__(
@@ -85,10 +99,12 @@ class RtdeServer:
         delay: float = 0.0,
         drop_after: float = 10.0,
         sent: SentLog | None = None,
+        received: ReceivedLog | None = None,
     ) -> None:
         self.controller = controller
         self.host = host
         self.sent = sent or SentLog(rate=RATE)
+        self._received = received
         self._clock = clock
         self._delay_ns = round(delay * NS)
         self._drop_ns = round(drop_after * NS)
@@ -197,7 +213,9 @@ class RtdeServer:
         client.decoder.feed(chunk)
         try:
             while (frame := client.decoder.next_frame()) is not None:
-                self._obey(client, wire.parse_request(frame))
+                old = client.version == 1 and frame.kind == _OUTPUT_SETUP
+                request = rtde_v1.parse_output_setup(frame.payload) if old else wire.parse_request(frame)
+                self._obey(client, request)
         except wire.RtdeProtocolError as error:
             self._send(client, wire.encode(wire.TextMessage(str(error), "RTDE", 0)))
             self._forget(client)
@@ -215,7 +233,9 @@ class RtdeServer:
         reply: wire.Reply | None = None
         match request:
             case wire.ProtocolVersionRequest(version):
-                reply = wire.ProtocolVersionReply(version == wire.PROTOCOL_VERSION)
+                accepted = version in (1, wire.PROTOCOL_VERSION)
+                client.version = version if accepted else client.version
+                reply = wire.ProtocolVersionReply(accepted)
             case wire.ControllerVersionRequest():
                 reply = wire.ControllerVersion(*self.controller.version)
             case wire.OutputSetup():
@@ -233,14 +253,17 @@ class RtdeServer:
             case _:
                 pass  # text messages go to a log that nobody reads here
         if reply is not None:
-            self._send(client, wire.encode(reply))
+            answer = wire.encode(reply)
+            outputs = isinstance(reply, wire.SetupReply) and not reply.inputs
+            old = outputs and client.version == 1
+            self._send(client, rtde_v1.without_recipe_number(answer) if old else answer)
 
     def _set_up_outputs(self, client: _Client, setup: wire.OutputSetup) -> wire.SetupReply:
         types = tuple(self.controller.output_types(setup.names))
         if not setup.names or "NOT_FOUND" in types or not 0.0 < setup.frequency <= RATE:
             return wire.SetupReply(False, 0, types)
         client.pack = self.controller.packer(wire.Recipe(1, setup.names, types))
-        client.every = max(1, round(RATE / setup.frequency))
+        client.frequency = setup.frequency
         return wire.SetupReply(False, 1, types)
 
     def _set_up_inputs(self, client: _Client, names: tuple[str, ...]) -> wire.SetupReply:
@@ -261,9 +284,11 @@ class RtdeServer:
             raise wire.RtdeProtocolError(
                 f"expected data of a recipe out of {sorted(client.inputs)}, got recipe {data.recipe_id}"
             )
+        arrival = time.monotonic_ns()
         values = recipe.unpack(data.payload)
-        for name, where in recipe.slices.items():
-            self.controller.inputs[name] = values[where]
+        self.controller.receive({name: values[where] for name, where in recipe.slices.items()})
+        if self._received is not None:
+            self._received.note(self.controller.inputs, arrival)
 
     def _send(self, client: _Client, data: bytes) -> None:
         with client.lock:
@@ -278,8 +303,9 @@ class RtdeServer:
             while (left := deadline - time.monotonic_ns()) > NS // 5 and not self._stopping.is_set():
                 time.sleep(0.2 if left > NS // 5 else 0.0)
             self._clock.sleep_until(deadline)
+            self.controller.advance(k / RATE)
             with self._clients_lock:
-                due = [c for c in self._clients if c.started and c.pack is not None and k % c.every == 0]
+                due = [c for c in self._clients if c.started and c.pack is not None and c.is_due(k)]
             now = time.monotonic_ns()
             if due:
                 self.sent.note(k, now)
@@ -290,6 +316,8 @@ class RtdeServer:
     def _send_packet(self, client: _Client, k: int, now: int) -> None:
         assert client.pack is not None
         packet = client.pack(k / RATE)
+        if client.version == 1:
+            packet = rtde_v1.without_recipe_number(packet)
         middle = len(packet) // 2
         if self._fault is Fault.HALF and not client.half_sent:
             client.half_sent = True

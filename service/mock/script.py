@@ -1,7 +1,7 @@
 """What the simulated arm does, as a script in YAML: its motion, the contacts on it, its sensors' noise."""
 
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 import yaml
 from pydantic import (
@@ -14,6 +14,8 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+
+from contactsense.service.mock.obstacles import Obstacle
 
 Vector = tuple[float, float, float]
 Posture = Annotated[tuple[float, ...], Field(min_length=1)]
@@ -65,6 +67,11 @@ class Trajectory(_Part):
     """The moves, in order."""
 
     @property
+    def end(self) -> Posture:
+        """Joint positions at the end [rad]."""
+        return self.moves[-1].to if self.moves else self.start
+
+    @property
     def duration(self) -> float:
         """Length of the whole trajectory [s]."""
         return self.dwell + sum(move.duration + move.dwell for move in self.moves)
@@ -108,8 +115,32 @@ class Contact(_Part):
         return self
 
 
+class Watchdog(_Part):
+    """What `rtde_set_watchdog` of URScript sets up."""
+
+    variable: str
+    """RTDE input that has to be written."""
+    min_frequency: PositiveFloat = 10.0
+    """How often at least [Hz]."""
+    action: Literal["pause", "stop", "ignore"] = "pause"
+    """What the controller does to the program when it is not."""
+
+
+class SafetySettings(_Part):
+    """When the simulated controller stops by itself."""
+
+    force_limit: PositiveFloat | None = None
+    """External force at which it makes a protective stop [N]; none: at any force it goes on."""
+    force_delay: NonNegativeFloat = 0.1
+    """How long the force must be above the limit [s]."""
+    deceleration: PositiveFloat = 8.0
+    """Of the fastest joint in a protective stop [rad/s^2]."""
+    position_deviation: PositiveFloat = 0.02
+    """Deviation of a joint from its target that makes a protective stop [rad]."""
+
+
 class Script(_Part):
-    """A simulated arm's robot, motion, contacts and noise."""
+    """A simulated arm's robot, motion, contacts, obstacles and noise."""
 
     robot: str
     """Name of the robot, as `contactsense robots` lists them."""
@@ -123,6 +154,12 @@ class Script(_Part):
     """Joint motion."""
     contacts: tuple[Contact, ...] = ()
     """Touches, in any order; they may overlap in time."""
+    obstacles: tuple[Obstacle, ...] = ()
+    """What stands in the way."""
+    safety: SafetySettings = SafetySettings()
+    """When the controller stops by itself."""
+    watchdog: Watchdog | None = None
+    """An input that clients have to write again and again."""
 
     @property
     def duration(self) -> float:

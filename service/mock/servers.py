@@ -1,4 +1,4 @@
-"""The whole mock arm on the wire: RTDE server and Net F/T server, fed by one motion, on one clock."""
+"""A recorded motion on the wire: RTDE server and Net F/T server, on one clock."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from service.mock.controller import TORQUE_CONSTANTS, Controller
-from service.mock.feed import Feed, Playback, SimClock
-from service.mock.netft_server import NetFtServer
-from service.mock.rtde_server import RATE, RtdeServer
-from service.mock.sent_log import SentLog
+from contactsense.service.mock.cell import TORQUE_CONSTANTS
+from contactsense.service.mock.netft_server import NetFtServer
+from contactsense.service.mock.playback import Feed, Playback, PlaybackWrench, SimClock
+from contactsense.service.mock.playback_controller import PlaybackController
+from contactsense.service.mock.received_log import ReceivedLog
+from contactsense.service.mock.rtde_server import RATE, RtdeServer
+from contactsense.service.mock.sent_log import SentLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,8 @@ class MockSettings:
     """Begin the motion anew after its end, instead of staying there."""
     sent_log: Path | None = None
     """File through which the times at which robot packets left are shared."""
+    received_log: Path | None = None
+    """File through which the times at which reactions' registers were written are shared."""
 
 
 class MockServers:
@@ -63,7 +67,7 @@ class MockServers:
         chosen = settings or MockSettings()
         self.clock = clock or SimClock()
         playback = Playback(feed, loop=chosen.loop)
-        controller = Controller(
+        controller = PlaybackController(
             feed, playback, version=chosen.version, torque_constants=torque_constants, fields=fields
         )
         self.sent = SentLog(chosen.sent_log, rate=RATE, t0=float(feed.t[0]))
@@ -74,17 +78,18 @@ class MockServers:
             port=chosen.rtde_port,
             delay=chosen.rtde_delay,
             sent=self.sent,
+            received=None
+            if chosen.received_log is None
+            else ReceivedLog(chosen.received_log, rate=RATE, t0=float(feed.t[0])),
         )
         try:
             self.netft = NetFtServer(
-                feed,
-                playback,
+                PlaybackWrench(feed, playback, to_sensor),
                 self.clock,
                 host=chosen.host,
                 port=chosen.netft_port,
                 http_port=chosen.http_port,
                 rate=chosen.netft_rate,
-                to_sensor=to_sensor,
                 delay=chosen.netft_delay,
             )
         except BaseException:

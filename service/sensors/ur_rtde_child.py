@@ -1,7 +1,7 @@
 """The process in which ur_rtde's receive interface lives; it may abort or hang without harm to its parent.
 
-Started by `service.sensors.ur_rtde_source`. Arguments: a socket's descriptor, host, frequency, field names.
-Sends datagrams on the socket: `R` and doubles for a record, `E` and text for a failure.
+Started by `contactsense.service.sensors.ur_rtde_client`. Arguments: a socket's descriptor, host, frequency,
+field names. Sends datagrams on the socket: `R` and doubles for a record, `E` and text for a failure.
 """
 
 import ctypes

@@ -129,7 +129,8 @@ def parse_configuration(page: bytes) -> Configuration:
     """
     try:
         root = ElementTree.fromstring(page)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        # Not only bad XML: an encoding that nobody knows, or one of several bytes, raises errors of its own.
         raise RdtProtocolError(
             f"expected the sensor's configuration as XML, got {page[:40]!r}: {error}"
         ) from None

@@ -4,7 +4,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from service.wire.rtde_fields import TYPE_CODES, WIDTHS
+from contactsense.service.wire.rtde_fields import TYPE_CODES, WIDTHS
 
 HEADER = struct.Struct(">HB")
 """Frame header: size of the whole frame including this header, and package type."""

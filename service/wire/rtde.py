@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from service.wire.recipe import HEADER, Number, Recipe, RtdeFieldError, RtdeProtocolError
+from contactsense.service.wire.recipe import HEADER, Number, Recipe, RtdeFieldError, RtdeProtocolError
 
 __all__ = [
     "DATA",

@@ -32,19 +32,23 @@ _OUTPUTS_BY_TYPE = {
         actual_main_voltage actual_robot_voltage actual_robot_current standard_analog_input0
         standard_analog_input1 standard_analog_output0 standard_analog_output1 io_current
         tool_analog_input0 tool_analog_input1 tool_output_current tool_temperature tcp_force_scalar
-        payload""",
+        payload joint_position_deviation_ratio collision_detection_ratio euromap67_24V_voltage
+        euromap67_24V_current actual_robot_energy_consumed actual_robot_braking_energy_dissipated""",
     "VECTOR6D": """target_q target_qd target_qdd target_current target_moment actual_q actual_qd
         actual_current actual_current_window actual_current_as_torque joint_control_output
         actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed
         joint_temperatures actual_joint_voltage ft_raw_wrench payload_inertia tcp_offset
-        target_base_wrench""",
+        target_base_wrench wrench_calc_from_currents target_base_acceleration""",
     "VECTOR3D": "actual_tool_accelerometer elbow_position elbow_velocity payload_cog target_gravity",
     "VECTOR6INT32": "joint_mode",
-    "INT32": "robot_mode safety_mode safety_status tool_output_voltage",
+    "INT32": """robot_mode safety_mode safety_status tool_output_voltage encoder0_raw encoder1_raw
+        time_scale_source""",
+    "UINT8": "tool_output_mode tool_digital_output0_mode tool_digital_output1_mode",
     "UINT32": """runtime_state robot_status_bits safety_status_bits analog_io_types tool_mode
         tool_analog_input_types output_bit_registers0_to_31 output_bit_registers32_to_63
-        input_bit_registers0_to_31 input_bit_registers32_to_63 script_control_line""",
-    "UINT64": "actual_digital_input_bits actual_digital_output_bits",
+        input_bit_registers0_to_31 input_bit_registers32_to_63 script_control_line
+        euromap67_input_bits euromap67_output_bits""",
+    "UINT64": "control_step actual_digital_input_bits actual_digital_output_bits",
 }
 
 _INPUTS_BY_TYPE = {

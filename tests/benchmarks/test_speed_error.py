@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from benchmarks.added import add
-from benchmarks.cases import static_cases
-from benchmarks.mark import Mark, draw, table
-from benchmarks.method import Answers
-from benchmarks.speed_error import mark
-from service.bench.static_cases import COLUMNS
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS
+from contactsense.benchmarks.peers.added_contacts import add
+from contactsense.benchmarks.peers.cases import static_cases
+from contactsense.benchmarks.peers.method import Answers
+from contactsense.benchmarks.pictures.mark import Mark, draw, table
+from contactsense.benchmarks.speed_error import mark
 from tests.shared import shared
 
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from benchmarks.mcp_ep import scene_of, sequence
-from benchmarks.oracle import Oracle
-from benchmarks.touches import Toucher
-from benchmarks.undecided import judge
 from contactsense import Localizer
-from service.bench.static_cases import Noise
+from contactsense.benchmarks.accuracy.static_cases import Noise
+from contactsense.benchmarks.mcp_ep import scene_of, sequence
+from contactsense.benchmarks.multi_contact.perfect_search import Oracle
+from contactsense.benchmarks.peers.touches import Toucher
+from contactsense.benchmarks.undecided import judge
 
 NONE = Noise(0.0, 0.0, 0.0)
 

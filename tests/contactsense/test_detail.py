@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor
-from contactsense.arm import build_arm
+from contactsense.runtime.constants import build_constants
 from tests.plain_arm import plain_ur5e
 from tests.shared import shared, truth
 
@@ -52,7 +52,7 @@ def test_on_the_skin_place_and_normal_are_the_meshs() -> None:
 
 def test_links_that_cannot_be_touched_cost_nothing() -> None:
     scene = Scene(robot=plain_ur5e(), touchable=("forearm",))
-    surfaces = build_arm(scene).surfaces
+    surfaces = build_constants(scene).surfaces
     assert set(surfaces.link.tolist()) == {3}
 
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
-from kinematics.core import inverse_dynamics, place
-from kinematics.model import build_model, empty_motion
-from robots.primitives import Capsule
-from robots.tool import Tool
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.inverse_dynamics import inverse_dynamics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.robots.primitives import Capsule
+from contactsense.robots.tool import Tool
 from tests.plain_arm import contacts, plain_ur5e
 
 ARM = plain_ur5e()
@@ -79,7 +80,7 @@ def test_the_point_in_the_link_frame_is_the_point_in_the_base_frame(precise: Loc
     for i in range(20):
         one = precise.locate(TRUTH.q[i], base_wrench=TRUTH.base_wrench[i], joint_torque=TRUTH.torque[i])
         best = one.contacts[0]
-        place(model, TRUTH.q[i], motion)
+        forward_kinematics(model, TRUTH.q[i], motion)
         back = motion.rotation[best.link_index] @ best.point + motion.origin[best.link_index]
         np.testing.assert_allclose(back, best.point_base, atol=1e-12)
         assert best.link == ARM.link_names[best.link_index]
@@ -89,7 +90,7 @@ def test_the_point_in_the_link_frame_is_the_point_in_the_base_frame(precise: Loc
 
 
 @pytest.mark.parametrize("mounting", ["table", "ceiling", "wall", (0.4, -0.2, 1.0)])
-def test_weight_is_taken_off_for_every_mounting(mounting: str | tuple[float, float, float]) -> None:
+def test_gravity_is_compensated_for_every_mounting(mounting: str | tuple[float, float, float]) -> None:
     scene = PRECISE.model_copy(update={"mounting": mounting})
     localizer = Localizer(scene)
     for i in range(5):
@@ -105,7 +106,7 @@ def test_weight_is_taken_off_for_every_mounting(mounting: str | tuple[float, flo
         assert a.contacts[0].link == b.contacts[0].link
 
 
-def test_turning_everything_about_the_base_axis_turns_the_answer(ordinary: Localizer) -> None:
+def test_rotation_about_the_base_axis_rotates_the_estimate(ordinary: Localizer) -> None:
     angle = 0.7
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -139,7 +140,7 @@ def test_more_force_and_more_noise_in_proportion_change_nothing() -> None:
     np.testing.assert_allclose(1e3 * a.force_base, b.force_base, atol=1e-3)
 
 
-def test_the_geometry_settles_what_the_torques_cannot() -> None:
+def test_geometry_resolves_the_ambiguity_of_the_torques() -> None:
     """At ordinary noise the joint decision finds the link far more often than the torques' evidence alone."""
     chance = np.random.default_rng(8)
     truth = contacts(ARM, 600, seed=9)
@@ -156,7 +157,7 @@ def test_the_geometry_settles_what_the_torques_cannot() -> None:
 
 
 @pytest.mark.parametrize("sensors", ["base", "torques"])
-def test_either_sensor_alone_gives_an_answer(sensors: str) -> None:
+def test_either_sensor_alone_gives_an_estimate(sensors: str) -> None:
     scene = PRECISE.model_copy(update={"joint_torque" if sensors == "base" else "base_wrench": None})
     given = {"base_wrench": TRUTH.base_wrench} if sensors == "base" else {"joint_torque": TRUTH.torque}
     found = Localizer(scene).locate_batch(TRUTH.q, **given)
@@ -171,7 +172,7 @@ def test_either_sensor_alone_gives_an_answer(sensors: str) -> None:
         assert right.mean() > 0.6
 
 
-def test_a_wrist_sensor_tells_tool_from_wrist() -> None:
+def test_a_wrist_sensor_distinguishes_tool_from_wrist() -> None:
     tool = Tool(
         name="finger",
         mass=0.5,
@@ -184,7 +185,7 @@ def test_a_wrist_sensor_tells_tool_from_wrist() -> None:
     localizer = Localizer(scene)
     q = np.array([0.3, -1.2, 1.5, -1.0, -1.4, 0.4])
     motion = empty_motion(6)
-    place(build_model(ARM), q, motion)
+    forward_kinematics(build_model(ARM), q, motion)
     flange = motion.rotation[6] @ ARM.flange_rotation
     origin = motion.rotation[6] @ ARM.flange_translation + motion.origin[6]
     point = flange @ np.array([0.015, 0.0, 0.15]) + origin
@@ -231,7 +232,7 @@ def test_noise_alone_is_no_contact_at_the_stated_rate() -> None:
     assert 8 <= found.detected.sum() <= 78
 
 
-def test_nothing_measured_is_no_contact(ordinary: Localizer) -> None:
+def test_zero_measurement_is_no_contact(ordinary: Localizer) -> None:
     quiet = ordinary.locate(np.zeros(6), base_wrench=np.zeros(6), joint_torque=np.zeros(6))
     assert quiet.status == "none"
     assert quiet.contacts == ()
@@ -252,7 +253,7 @@ class TestStream:
     def _samples(self, count: int, wrench: np.ndarray, link: int, first: int = 100) -> list[Sample]:
         torque, weight = _weight(self.q, PRECISE)
         motion = empty_motion(6)
-        place(build_model(ARM), self.q, motion)
+        forward_kinematics(build_model(ARM), self.q, motion)
         pushed = np.where(np.arange(6) < link, -motion.screw @ wrench, 0.0)
         zero = np.zeros(6)
         return [
@@ -269,7 +270,7 @@ class TestStream:
     def _push(self) -> tuple[np.ndarray, np.ndarray]:
         """A push on the forearm's tube: contact point and wrench, base frame."""
         motion = empty_motion(6)
-        place(build_model(ARM), self.q, motion)
+        forward_kinematics(build_model(ARM), self.q, motion)
         R, o = motion.rotation[3], motion.origin[3]
         point = R @ np.array([-0.2, 0.04, 0.007]) + o
         force = R @ np.array([1.0, -20.0, 0.0])
@@ -279,7 +280,7 @@ class TestStream:
         point, wrench = self._push()
         estimates = list(precise.run(self._samples(400, wrench, 3)))
         assert estimates[0].status == "degraded"
-        assert "settles" in estimates[0].reason
+        assert "settling" in estimates[0].reason
         assert {e.status for e in estimates[45:100]} == {"none"}
         assert estimates[-1].status == "contact"
         assert estimates[-1].contacts[0].link == "forearm"
@@ -327,7 +328,7 @@ class TestStream:
         _, wrench = self._push()
         samples = self._samples(300, wrench, 3)
         again = list(precise.run([*samples, *samples]))
-        assert "settles" in again[300].reason
+        assert "settling" in again[300].reason
         np.testing.assert_array_equal(again[299].contacts[0].point_base, again[-1].contacts[0].point_base)
 
     def test_wrong_shapes_are_named(self, precise: Localizer) -> None:
@@ -374,7 +375,7 @@ def test_samples_may_be_lists_read_only_or_views(precise: Localizer) -> None:
     assert expected[-1] == "none"
 
 
-def test_estimates_of_nothing_cannot_be_changed(precise: Localizer) -> None:
+def test_estimates_without_contact_are_read_only(precise: Localizer) -> None:
     """They share their arrays: a change in one would be a change in all."""
     quiet = precise.locate(np.zeros(6), base_wrench=np.zeros(6), joint_torque=np.zeros(6))
     for array in (quiet.link_probability, quiet.wrench, quiet.covariance):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
-from kinematics.core import place
-from kinematics.model import build_model, empty_motion
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
 from tests.plain_arm import contacts, plain_ur5e
 
 ARM = plain_ur5e()
@@ -27,7 +27,7 @@ def precise() -> Localizer:
 
 def test_a_force_far_beside_the_arm_is_no_contact(precise: Localizer) -> None:
     motion = empty_motion(6)
-    place(build_model(ARM), Q, motion)
+    forward_kinematics(build_model(ARM), Q, motion)
     R, o = motion.rotation[2], motion.origin[2]
     point = R @ np.array([-0.2, 0.0, 0.5]) + o
     force = R @ np.array([0.0, 20.0, 0.0])
@@ -44,6 +44,6 @@ def test_a_couple_is_no_contact(precise: Localizer) -> None:
     assert answer.other > 0.9
 
 
-def test_a_clear_push_leaves_no_doubt(precise: Localizer) -> None:
+def test_a_clear_push_has_little_other_probability(precise: Localizer) -> None:
     answer = precise.locate(TRUTH.q[0], base_wrench=TRUTH.base_wrench[0], joint_torque=TRUTH.torque[0])
     assert answer.other < 0.01

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
-from kinematics.core import place
-from kinematics.model import build_model, empty_motion
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
 from tests.plain_arm import contacts, plain_ur5e
 
 ARM = plain_ur5e()
@@ -46,7 +46,7 @@ def test_a_push_on_a_bump_beside_the_primitive_has_an_answer() -> None:
     """The force passes the upper arm's capsule by 3 mm, six standard deviations of the surface's error."""
     q = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5])
     motion = empty_motion(6)
-    place(build_model(ARM), q, motion)
+    forward_kinematics(build_model(ARM), q, motion)
     R, o = motion.rotation[2], motion.origin[2]
     point = R @ np.array([-0.2, 0.0, 0.138 + 0.05 + 0.003]) + o
     force = R @ np.array([0.0, 20.0, 0.0])

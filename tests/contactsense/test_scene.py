@@ -7,22 +7,22 @@ import pytest
 from pydantic import ValidationError
 
 from contactsense import JointTorqueSensor, Scene, SceneError, WrenchSensor
-from contactsense.arm import base_wrench_from, build_arm
+from contactsense.runtime.constants import base_wrench_from_reading, build_constants
 
 
-def test_a_name_is_enough() -> None:
+def test_the_robot_name_suffices() -> None:
     scene = Scene(robot="ur5e")
     assert scene.robot.name == "ur5e"
     np.testing.assert_allclose(scene.gravity_base, [0.0, 0.0, -9.81])
 
 
-def test_the_surface_is_off_as_measured_unless_said() -> None:
+def test_the_surface_error_defaults_to_the_measured_one() -> None:
     assert Scene(robot="ur5e").surface_deviation == 0.0005
     assert Scene(robot="ur5e", detail="coarse").surface_deviation == 0.004
     assert Scene(robot="ur5e", surface_error=0.001).surface_deviation == 0.001
 
 
-def test_a_file_says_the_same(tmp_path: Path) -> None:
+def test_a_scene_file_gives_the_same_scene(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(
         "robot: ur10e\nmounting: ceiling\nfriction: 0.6\n"
@@ -35,7 +35,7 @@ def test_a_file_says_the_same(tmp_path: Path) -> None:
     scene = Scene.load(path)
     assert scene.link_names[-1] == "tool"
     assert scene.joint_torque == JointTorqueSensor(signal="actual_current", noise=(2, 2, 1, 0.5, 0.5, 0.5))
-    arm = build_arm(scene)
+    arm = build_constants(scene)
     np.testing.assert_array_equal(arm.touchable, [False, False, False, True, False, False, False, True])
     assert arm.model.mass[-1] == pytest.approx(scene.robot.links[-1].inertia.mass + 1.2)
 
@@ -48,6 +48,7 @@ def test_a_file_says_the_same(tmp_path: Path) -> None:
         ("robot: ur5e\nfriction: -1", "friction: Input should be greater than 0, got -1"),
         ("robot: ur5e\nfrictoin: 0.5", "frictoin: Extra inputs are not permitted"),
         ("robot: ur5e\nmounting: floor", "mounting"),
+        ("robot: ur5e\nroom: 0.01", "room: this field is now named clearance"),
         ("robot: ur5e\ntouchable: [elbow]", "touchable: expected links of base, shoulder, .*got 'elbow'"),
         ("robot: ur5e\njoint_torque: {noise: [1, 1]}", "joint_torque.noise: expected 6 numbers, got 2"),
         ("robot: ur5e\nbase_wrench: null\njoint_torque: null", "expected at least one of the two sensors"),
@@ -83,18 +84,18 @@ def test_a_sensors_own_frame_sign_and_place_are_mapped_to_the_base() -> None:
     about_sensor = wrench[3:] - np.cross([0.0, 0.0, -0.04], wrench[:3])
     turn = np.diag([-1.0, -1.0, 1.0])
     reading = -np.concatenate((turn @ wrench[:3], turn @ about_sensor))
-    np.testing.assert_allclose(base_wrench_from(sensor, reading), wrench, atol=1e-12)
+    np.testing.assert_allclose(base_wrench_from_reading(sensor, reading), wrench, atol=1e-12)
     np.testing.assert_allclose(
-        base_wrench_from(sensor, np.stack([reading] * 3)), np.stack([wrench] * 3), atol=1e-12
+        base_wrench_from_reading(sensor, np.stack([reading] * 3)), np.stack([wrench] * 3), atol=1e-12
     )
 
 
 def test_noise_about_the_sensor_is_carried_to_the_base_origin() -> None:
     """Far below the base, force noise becomes moment noise about the base origin."""
     sensor = WrenchSensor(force_noise=1.0, moment_noise=0.1, translation=(0.0, 0.0, -2.0))
-    covariance = build_arm(Scene(robot="ur5e", base_wrench=sensor)).sensors.base_covariance
+    covariance = build_constants(Scene(robot="ur5e", base_wrench=sensor)).sensors.base_covariance
     np.testing.assert_allclose(np.diag(covariance), [1.0, 1.0, 1.0, 4.01, 4.01, 0.01])
-    information = build_arm(Scene(robot="ur5e", base_wrench=sensor)).sensors.base_information
+    information = build_constants(Scene(robot="ur5e", base_wrench=sensor)).sensors.base_information
     np.testing.assert_allclose(information @ covariance, np.eye(6), atol=1e-9)
 
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contactsense.solvers import Sphere, Status, solve
-from service.bench.solvers.paper_tables import (
+from contactsense.benchmarks.solvers.paper_command import four_contacts, paper
+from contactsense.benchmarks.solvers.paper_tables import (
     CORRECTED,
     FORCE_OF_TABLE_3,
     RADIUS_OF_TABLE_1,
     TABLE_1,
     TABLE_3,
 )
-from service.cli.paper import four_contacts, paper
+from contactsense.solvers import Sphere, Status, solve
 
 
 @pytest.mark.parametrize("case", TABLE_1, ids=str)

@@ -4,9 +4,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from kinematics.core import dot6, move
-from kinematics.model import build_model, empty_motion
-from kinematics.regressor import PARAMETERS, arm_regressor, inertia_of, parameters_of
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.kinematics.regressor import PARAMETERS, arm_regressor, inertia_of, parameters_of
+from contactsense.kinematics.spatial import dot6
 from tests.oracles.pinocchio_arm import PinocchioArm
 from tests.oracles.random_arm import random_arm
 
@@ -18,7 +19,7 @@ THETA = np.array([parameters_of(link.inertia) for link in ARM.links])
 
 def _regressors(q: np.ndarray, qd: np.ndarray):  # type: ignore[no-untyped-def]
     motion = empty_motion(6)
-    move(MODEL, q, qd, GRAVITY, motion)
+    kinematics_and_momenta(MODEL, q, qd, GRAVITY, motion)
     shapes = ((6, 7, PARAMETERS),) * 4
     rows = [np.empty(shape) for shape in shapes]
     arm_regressor(MODEL, motion, GRAVITY, 1.0, 1.0, *rows, np.empty(3))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from robots import Robot
+from contactsense.robots import Robot
 
 
 class PinocchioArm:

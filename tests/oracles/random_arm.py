@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robots import Inertia, Joint, Link, Robot
+from contactsense.robots import Inertia, Joint, Link, Robot
 
 
 def random_rotation(chance: np.random.Generator) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from robots.robot import Inertia, Joint, Link, Robot
+from contactsense.robots.robot import Inertia, Joint, Link, Robot
 
 
 def two_links() -> Robot:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import yaml
 
-import robots
-from robots import library
+from contactsense import robots
+from contactsense.robots import library
 from tests.shared import truth
 
 DH = {
@@ -153,6 +153,6 @@ def test_surface_of_a_link_that_is_not_there(tmp_path: Path) -> None:
         robots.load(path)
 
 
-def test_every_file_of_the_library_says_where_its_numbers_are_from() -> None:
+def test_every_file_of_the_library_names_its_sources() -> None:
     for path in Path(library.__file__).parent.glob("*.yaml"):
         assert path.read_text().startswith("#"), path

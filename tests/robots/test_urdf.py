@@ -8,10 +8,10 @@ import pinocchio
 import pytest
 import trimesh
 
-import robots
-from robots.meshes import from_folder
-from robots.posing import link_poses
-from robots.urdf import find_mesh, read_chain
+from contactsense import robots
+from contactsense.robots.link_poses import link_poses
+from contactsense.robots.meshes import from_folder
+from contactsense.robots.urdf import find_mesh, read_chain
 
 LINK = """
   <link name="{name}">

@@ -6,8 +6,8 @@ import time
 import numpy as np
 
 from contactsense import Sample, Scene
-from service.sensors.source import SourceHealth
-from service.sensors.streams import State, StreamHealth
+from contactsense.service.sensors.live_source import SourceHealth
+from contactsense.service.sensors.robot_stream import State, StreamHealth
 
 
 class Steady:
@@ -17,8 +17,8 @@ class Steady:
     error = ""
 
     def __init__(self, scene: Scene) -> None:
-        from service.mock.arm import simulate
-        from service.mock.script import Script
+        from contactsense.service.mock.script import Script
+        from contactsense.service.mock.simulated_arm import simulate
 
         script = {
             "robot": scene.robot.name,
@@ -80,6 +80,15 @@ class Crashing(Steady):
     def poll(self, timeout: float) -> list[Sample]:
         if self._count == 100:
             os._exit(3)
+        return super().poll(timeout)
+
+
+class Hanging(Steady):
+    """Gets stuck after a while."""
+
+    def poll(self, timeout: float) -> list[Sample]:
+        if self._count == 100:
+            time.sleep(3600.0)
         return super().poll(timeout)
 
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from service.mock.controller import Controller
-from service.mock.feed import Playback, SimClock
-from service.mock.rtde_server import RtdeServer
+from contactsense.service.mock.playback import Playback, SimClock
+from contactsense.service.mock.playback_controller import PlaybackController
+from contactsense.service.mock.rtde_server import RtdeServer
 
 
 def _columns(rate: float, n: int) -> np.ndarray:
@@ -52,7 +52,7 @@ FEED = SmallFeed()
 def rtde_server(feed=FEED, *, host="127.0.0.1", port=0, version=(5, 23, 0, 0), fields=None, **options):
     """A mock controller on a free port."""
     playback = Playback(feed, loop=True)
-    controller = Controller(feed, playback, version=version, fields=fields)
+    controller = PlaybackController(feed, playback, version=version, fields=fields)
     with RtdeServer(controller, SimClock(), host=host, port=port, **options) as server:
         yield server
 

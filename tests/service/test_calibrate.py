@@ -8,11 +8,11 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense import JointTorqueSensor, Scene
-from contactsense.calibration.harmonics import Harmonics
-from contactsense.sensing import Friction
-from service.bench.coverage.simulate import simulate
-from service.cli.calibrate import calibrate
-from service.recording import write
+from contactsense.benchmarks.calibration.simulate import simulate
+from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.sensors.settings import Friction
+from contactsense.service.cli.calibrate import calibrate
+from contactsense.service.recordings.tables import write
 
 TRUTH = Scene(
     robot="ur5e",
@@ -29,7 +29,7 @@ TRUTH = Scene(
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("calibrate")
     center = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
-    motion = Harmonics.draw(np.random.default_rng(4), center, np.full(6, 0.7), 6, 8.0)
+    motion = FourierTrajectory.draw(np.random.default_rng(4), center, np.full(6, 0.7), 6, 8.0)
     stretch = simulate(TRUTH, motion, 1, 125.0)
     assert stretch.torque is not None
     columns = {"timestamp": stretch.t}

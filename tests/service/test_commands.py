@@ -10,7 +10,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from service.children import ChildError, child
+from contactsense.service.demo.child_process import ChildError, child
 
 SHORT = """
 robot: ur5e
@@ -28,7 +28,7 @@ contacts:
 
 def contactsense(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "service", *arguments],
+        [sys.executable, "-m", "contactsense.service", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -74,7 +74,9 @@ def test_the_whole_demo() -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_demo_can_be_interrupted(number: signal.Signals) -> None:
     process = contactsense("demo")
-    time.sleep(4.0)
+    assert process.stdout is not None
+    process.stdout.readline()
+    time.sleep(1.0)
     process.send_signal(number)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 1

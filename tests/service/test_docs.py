@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Scene
-from service.messages import LocateOneIn
-from service.mock.arm import simulate
-from service.mock.script import Script
+from contactsense.service.api.messages import LocateOneIn
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.simulated_arm import simulate
 
 PAGE = (Path(__file__).parents[2] / "docs" / "service.md").read_text(encoding="utf-8")
 

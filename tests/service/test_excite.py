@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from service.cli.excite import excite
-from service.recording import read
+from contactsense.service.cli.excite import excite
+from contactsense.service.recordings.tables import read
 
 
 def test_a_motion_is_proposed_and_written(tmp_path: Path) -> None:

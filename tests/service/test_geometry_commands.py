@@ -7,8 +7,8 @@ import pytest
 import yaml
 from click.testing import CliRunner, Result
 
-import robots
-from service.cli.main import cli
+from contactsense import robots
+from contactsense.service.cli.main import cli
 from tests.robots.shapes import two_meshes
 
 URDF = """

@@ -2,7 +2,7 @@
 
 import socket
 
-from service.cli.serve import listen
+from contactsense.service.cli.serve import listen
 
 
 def test_accepted_connections_send_without_delay() -> None:

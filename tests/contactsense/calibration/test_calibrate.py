@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
-from contactsense.calibration import Calibration, CalibrationError, Settings, Stretch, calibrate
-from contactsense.calibration.harmonics import Harmonics
-from contactsense.sensing import Friction
-from robots.tool import Tool
-from service.bench.coverage.simulate import simulate
+from contactsense.benchmarks.calibration.simulate import simulate
+from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, calibrate
+from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.robots.tool import Tool
+from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
 
 CENTER = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
@@ -38,9 +38,9 @@ SEARCHED = Scene(
 )
 
 
-def _motion(seconds: float = 20.0, still: tuple[int, ...] = ()) -> Harmonics:
+def _motion(seconds: float = 20.0, still: tuple[int, ...] = ()) -> FourierTrajectory:
     speed = np.array([0.0 if j in still else 0.7 for j in range(6)])
-    return Harmonics.draw(np.random.default_rng(4), CENTER, speed, 8, seconds)
+    return FourierTrajectory.draw(np.random.default_rng(4), CENTER, speed, 8, seconds)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def found() -> Calibration:
     return calibrate(SEARCHED, [simulate(TRUTH, _motion(), 1, 250.0)], settings)
 
 
-def test_what_was_estimated_is_true_within_its_uncertainty(found: Calibration) -> None:
+def test_estimates_are_within_their_uncertainty(found: Calibration) -> None:
     truth = {
         "coulomb": FRICTION.coulomb,
         "viscous": FRICTION.viscous,
@@ -100,30 +100,30 @@ def test_a_joint_that_does_not_move_is_named_and_kept() -> None:
 
 
 @pytest.mark.parametrize("meaning", ["gravity_free", "external"])
-def test_a_wrong_meaning_of_the_torque_signal_is_said(meaning: str) -> None:
+def test_a_wrong_meaning_of_the_torque_signal_is_reported(meaning: str) -> None:
     other = TRUTH.model_copy(update={"joint_torque": TORQUE.model_copy(update={"meaning": meaning})})
     stretch = simulate(other, _motion(8.0), 3, 100.0)
     result = calibrate(SEARCHED, [stretch], Settings(("bias", "coulomb", "viscous", "rotor"), widths=False))
     assert f"joint_torque.meaning: {meaning}" in result.warnings[0]
 
 
-def test_a_wrong_sign_of_the_torque_signal_is_said() -> None:
+def test_a_wrong_sign_of_the_torque_signal_is_reported() -> None:
     stretch = simulate(TRUTH, _motion(8.0), 3, 100.0)
     assert stretch.torque is not None
-    turned = Stretch(stretch.t, stretch.q, stretch.qd, -stretch.torque)
+    turned = FreeMotion(stretch.t, stretch.q, stretch.qd, -stretch.torque)
     result = calibrate(SEARCHED, [turned], Settings(("bias", "coulomb", "viscous", "rotor"), widths=False))
     assert "joint_torque.sign: on_arm" in result.warnings[0]
 
 
-def test_what_cannot_serve_is_refused() -> None:
+def test_unusable_recordings_are_refused() -> None:
     with pytest.raises(CalibrationError, match="at least one recording"):
         calibrate(SEARCHED, [])
     q = np.zeros((500, 6))
     with pytest.raises(CalibrationError, match="nothing: expected joint torques or base wrenches"):
-        calibrate(SEARCHED, [Stretch(np.arange(500) * 0.01, q, q, name="nothing")])
+        calibrate(SEARCHED, [FreeMotion(np.arange(500) * 0.01, q, q, name="nothing")])
     with pytest.raises(CalibrationError, match=r"brief: expected at least 2 s, got 0\.9"):
-        calibrate(SEARCHED, [Stretch(np.arange(91) * 0.01, q[:91], q[:91], q[:91], name="brief")])
+        calibrate(SEARCHED, [FreeMotion(np.arange(91) * 0.01, q[:91], q[:91], q[:91], name="brief")])
     with pytest.raises(ValueError, match="rough: torque: expected finite numbers, got nan"):
-        Stretch(np.arange(500) * 0.01, q, q, np.full((500, 6), np.nan), name="rough")
-    with pytest.raises(ValueError, match="twice: t: expected 500 rising times"):
-        Stretch(np.zeros(500), q, q, name="twice")
+        FreeMotion(np.arange(500) * 0.01, q, q, np.full((500, 6), np.nan), name="rough")
+    with pytest.raises(ValueError, match="twice: t: expected 500 increasing times"):
+        FreeMotion(np.zeros(500), q, q, name="twice")

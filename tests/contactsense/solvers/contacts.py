@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contactsense.robots.surface.convex_primitives import BOX, REVOLVED, project
 from contactsense.solvers import (
     Box,
     Capsule,
@@ -21,8 +22,7 @@ from contactsense.solvers import (
     Surface,
     TaperedCapsule,
 )
-from contactsense.solvers.implicit import evaluate
-from robots.surface import BOX, REVOLVED, project
+from contactsense.solvers.implicit_surfaces import evaluate
 
 POINTS = {}
 """Type of a surface -> function (surface, rng, count) that draws surface points and their normals."""

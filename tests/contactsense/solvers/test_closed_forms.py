@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from contactsense.robots import primitives
+from contactsense.robots.surface.convex_primitives import body, project
 from contactsense.solvers import (
     Box,
     Capsule,
@@ -22,8 +24,6 @@ from contactsense.solvers import (
     solve_batch,
     solve_primitive,
 )
-from robots import primitives
-from robots.surface import body, project
 from tests.contactsense.solvers.contacts import draw
 
 SURFACES = [
@@ -65,7 +65,7 @@ def test_recovers_contacts(surface: Surface, torsion: float) -> None:
 
 
 @pytest.mark.parametrize("surface", SURFACES, ids=str)
-def test_contacts_that_do_not_graze_are_found_to_nine_digits(surface: Surface) -> None:
+def test_contacts_that_do_not_graze_are_accurate_to_nine_digits(surface: Surface) -> None:
     contacts = draw(surface, np.random.default_rng(5), 4000, 0.1)
     found = solve_batch(surface, contacts.force, contacts.moment)
     error = np.linalg.norm(found.centroid - contacts.centroid, axis=1)
@@ -91,7 +91,7 @@ def test_single_and_batch_agree() -> None:
         )
 
 
-def test_a_placed_surface_is_solved_where_it_stands() -> None:
+def test_a_placed_surface_is_solved_in_its_pose() -> None:
     rng = np.random.default_rng(7)
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     axes *= np.linalg.det(axes)
@@ -109,7 +109,7 @@ def test_a_placed_surface_is_solved_where_it_stands() -> None:
 
 
 @pytest.mark.parametrize("surface", [s for s in SURFACES if not isinstance(s, Ellipsoid)], ids=str)
-def test_without_torsion_the_wrench_axis_says_the_same(surface: Surface) -> None:
+def test_without_torsion_the_wrench_axis_agrees(surface: Surface) -> None:
     contacts = draw(surface, np.random.default_rng(8), 2000, 0.0)
     exact = solve_batch(surface, contacts.force, contacts.moment)
     axis = solve_batch(surface, contacts.force, contacts.moment, "wrench_axis")
@@ -177,7 +177,7 @@ def test_pulling_and_parallel() -> None:
 @pytest.mark.parametrize("surface", SURFACES, ids=str)
 @pytest.mark.parametrize("method", ["exact", "wrench_axis"])
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_not_finite_is_named(surface: Surface, method: str, bad: float) -> None:
+def test_non_finite_wrenches_are_reported(surface: Surface, method: str, bad: float) -> None:
     for i in range(6):
         wrench = np.array((1.0, 2.0, -3.0, 0.1, 0.2, 0.3))
         wrench[i] = bad
@@ -211,7 +211,7 @@ def test_kernels_are_total(surface: Surface) -> None:
             assert not np.any(np.isnan(values_of))
 
 
-def test_a_sharp_box_is_solved_on_its_faces_and_honest_about_its_edges() -> None:
+def test_a_sharp_box_is_solved_on_its_faces_and_sharp_at_its_edges() -> None:
     block = Box(0.1, 0.2, 0.3, 0.0)
     force = np.array((1.0, -2.0, -3.0))
     on_face = solve(block, force, np.cross((0.05, 0.1, 0.3), force) + np.array((0.0, 0.0, 0.01)))
@@ -228,7 +228,7 @@ def test_a_sharp_box_is_solved_on_its_faces_and_honest_about_its_edges() -> None
 
 
 @pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder", "ellipsoid", "box"])
-def test_packed_primitives_are_solved_where_they_stand(kind: str) -> None:
+def test_packed_primitives_are_solved_in_their_pose(kind: str) -> None:
     shapes = {
         "sphere": primitives.Sphere(center=(0.1, 0.2, 0.3), radius=0.05),
         "capsule": primitives.Capsule(a=(0.0, 0.1, 0.0), b=(0.2, 0.1, 0.3), radius=0.05),
@@ -258,7 +258,7 @@ def test_packed_primitives_are_solved_where_they_stand(kind: str) -> None:
         np.testing.assert_allclose(placed.centroid, origin + rotation @ c, atol=1e-8)
 
 
-def test_sizes_must_make_sense() -> None:
+def test_invalid_sizes_are_rejected() -> None:
     with pytest.raises(ValueError, match="radius must be positive"):
         Sphere(0.0)
     with pytest.raises(ValueError, match="one ball holds the other"):

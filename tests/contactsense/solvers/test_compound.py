@@ -61,7 +61,7 @@ def _alone(body: Compound, part: Part) -> Compound:
 
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("torsion", [0.0, 1e-8, 0.3])
-def test_recovers_contacts_and_no_part_has_another(name: str, torsion: float) -> None:
+def test_recovers_contacts_on_exactly_one_part(name: str, torsion: float) -> None:
     body = BODIES[name]
     rng = np.random.default_rng(1)
     centroid, normal = _points(body, rng, 2000)
@@ -116,7 +116,7 @@ def test_six_planes_are_a_sharp_box() -> None:
     np.testing.assert_allclose(found.centroid[touched], expected.centroid[touched], atol=1e-9)
 
 
-def test_a_rigid_touch_on_an_edge_is_found_and_a_torsion_there_is_called_sharp() -> None:
+def test_a_pure_force_on_an_edge_is_found_and_a_torsion_is_sharp() -> None:
     rim = np.array((0.03, 0.04, 0.08))
     force = np.array((-1.0, -0.5, -2.0))
     for method in ("exact", "wrench_axis"):
@@ -148,7 +148,7 @@ def test_statuses(name: str, method: str) -> None:
         assert not np.any(np.isnan(values_of))
 
 
-def test_a_compound_placed_elsewhere_is_solved_there() -> None:
+def test_a_placed_compound_is_solved_in_its_pose() -> None:
     rng = np.random.default_rng(5)
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     axes *= np.linalg.det(axes)
@@ -170,7 +170,7 @@ def test_a_compound_placed_elsewhere_is_solved_there() -> None:
     np.testing.assert_allclose(there.centroid[ordinary], here.centroid[ordinary], atol=1e-11)
 
 
-def test_what_is_no_part_is_refused() -> None:
+def test_invalid_parts_are_rejected() -> None:
     with pytest.raises(ValueError, match="parts must not be empty"):
         Compound([], 1.0)
     with pytest.raises(ValueError, match="reach must be positive"):

@@ -19,7 +19,7 @@ from contactsense.solvers import (
     solve_batch,
 )
 from contactsense.solvers.general import solve_smooth_counted
-from contactsense.solvers.implicit import ELLIPSOID, evaluate
+from contactsense.solvers.implicit_surfaces import ELLIPSOID, evaluate
 from tests.contactsense.solvers.contacts import draw, unit
 
 CUBE = [(x, y, z) for x in (-0.1, 0.1) for y in (-0.04, 0.04) for z in (-0.07, 0.07)]
@@ -69,7 +69,7 @@ def test_recovers_contacts(name: str, torsion: float) -> None:
     assert found.residual.max() < 1e-12
 
 
-def test_newton_finds_on_a_paraboloid_what_the_closed_form_does() -> None:
+def test_newton_and_closed_form_agree_on_a_paraboloid() -> None:
     surface = Paraboloid(20.0, 10.0, 0.1)
     contacts = draw(surface, np.random.default_rng(4), 2000, 0.3)
     expected = solve_batch(surface, contacts.force, contacts.moment)
@@ -98,7 +98,7 @@ def _on_egg(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarra
         ((0.3, 0.02, 0.1), (0.03, 0.02, -0.05)),
     ],
 )
-def test_recovers_contacts_on_a_body_of_ones_own(
+def test_recovers_contacts_on_a_user_defined_body(
     extent: tuple[float, float, float], inner: tuple[float, float, float], torsion: float
 ) -> None:
     """However roughly its extent and its middle are known."""
@@ -114,7 +114,7 @@ def test_recovers_contacts_on_a_body_of_ones_own(
     assert np.all(error <= 1e-15 * (10.0 + found.condition))
 
 
-def test_a_body_of_ones_own_may_be_missed() -> None:
+def test_a_user_defined_body_may_be_missed() -> None:
     body = Convex(egg, (0.08, 0.05), (0.08, 0.05, 0.1))
     missed = solve(body, (0.0, 0.0, -1.0), (0.5, 0.0, 0.0))
     assert missed.status == Status.MISS
@@ -143,7 +143,7 @@ def test_newton_and_closed_form_agree_on_an_ellipsoid() -> None:
     assert np.max(steps) <= 2
 
 
-def test_evaluate_gives_the_derivatives_of_its_value() -> None:
+def test_evaluate_returns_the_derivatives_of_its_value() -> None:
     rng = np.random.default_rng(7)
     for p, q in ((4.0, 4.0), (2.0, 5.0), (3.0, 2.0), (2.5, 2.5)):
         size = Superquadric(0.5, 0.7, 1.0, p, q).problem()[1][0]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from service.bench.solvers import accuracy, iterations, seams
-from service.bench.solvers.cases import Case, catalogue
-from service.bench.solvers.command import solvers
-from service.bench.solvers.judge import judge
-from service.bench.solvers.tables import Table, into, number
+from contactsense.benchmarks.solvers import accuracy, iterations, seams
+from contactsense.benchmarks.solvers.cases import Case, catalogue
+from contactsense.benchmarks.solvers.command import solvers
+from contactsense.benchmarks.solvers.judge import judge
+from contactsense.benchmarks.solvers.tables import Table, into, number
 
 WIDE = np.finfo(np.longdouble).eps < 1e-18
 """Whether this machine has floats wide enough for a reference."""
@@ -59,7 +59,7 @@ def test_seams_have_one_answer_a_million_times() -> None:
         assert row.residual < 1e-12
 
 
-def test_newton_is_quick() -> None:
+def test_newton_needs_few_steps() -> None:
     for row in iterations.rows(2_000, lambda name: None):
         assert row.failures == 0
         assert row.residual < 1e-12
@@ -74,7 +74,7 @@ def test_newton_a_hundred_thousand_times() -> None:
         assert row.p99 <= 8 or row.surface in iterations.HARDEST
 
 
-def test_tables_go_into_a_page() -> None:
+def test_tables_are_written_to_a_page() -> None:
     table = Table(("a", "b"), [("1", "long cell")], [])
     page = "before\n<!-- t -->\nold\n<!-- end -->\nafter"
     new = into(page, [("t", table)])

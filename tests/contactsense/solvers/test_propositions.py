@@ -48,10 +48,10 @@ def test_proposition_1_the_centroid_lies_on_the_side_of_the_contacts(body: Surfa
     points, normals = POINTS[type(body)](body, rng, 60)
     direction = unit(rng.normal(size=3))
     heights = points @ direction
-    beyond = np.argsort(heights)[-rng.integers(2, 6) :]
-    level = float(heights[beyond].min())
-    touched, outward = points[beyond], normals[beyond]
-    forces = -outward * rng.lognormal(size=(len(beyond), 1))
+    outside_distance = np.argsort(heights)[-rng.integers(2, 6) :]
+    level = float(heights[outside_distance].min())
+    touched, outward = points[outside_distance], normals[outside_distance]
+    forces = -outward * rng.lognormal(size=(len(outside_distance), 1))
     sideways = 0.3 * rng.normal(size=forces.shape)
     forces += np.linalg.norm(forces, axis=1, keepdims=True) * (
         sideways - outward * np.sum(sideways * outward, axis=1)[:, None]
@@ -59,7 +59,7 @@ def test_proposition_1_the_centroid_lies_on_the_side_of_the_contacts(body: Surfa
     if np.any(np.sum(forces * outward, axis=1) >= 0.0) or np.any(forces @ direction >= -1e-3):
         return
     # Where each traction's line meets the plane must be inside the body (Proposition 1).
-    feet = touched + forces * ((level - heights[beyond]) / (forces @ direction))[:, None]
+    feet = touched + forces * ((level - heights[outside_distance]) / (forces @ direction))[:, None]
     inside = all(
         np.all((foot - points) @ normals.T < 1.0) and _inside(body, foot, points, normals) for foot in feet
     )

@@ -42,7 +42,7 @@ def test_the_wrench_axis_finds_a_touch_on_a_sharp_edge() -> None:
 
 
 @pytest.mark.parametrize("rounding", [1e-3, 1e-6])
-def test_the_exact_method_on_a_rounded_stand_in_is_as_near_as_its_rounding(rounding: float) -> None:
+def test_the_exact_method_on_a_rounded_body_is_as_accurate_as_its_rounding(rounding: float) -> None:
     points, forces, moments = touched_edges(np.random.default_rng(2), 60)
     found = solve_batch(Polytope(WEDGE, rounding), forces, moments)
     assert np.all(found.ok)
@@ -59,7 +59,7 @@ def test_the_exact_method_on_a_rounded_stand_in_is_as_near_as_its_rounding(round
         (Box(0.1, 0.06, 0.04, 0.0), Box(0.1, 0.06, 0.04, 1e-3)),
     ],
 )
-def test_only_rounding_tells_where_on_an_edge_a_torsion_acts(sharp: Surface, rounded: Surface) -> None:
+def test_a_torsion_on_an_edge_is_located_only_with_rounding(sharp: Surface, rounded: Surface) -> None:
     # Beside the lower edge y = 0.06, z = -0.04, about a normal between those of its faces.
     normal = np.array((0.0, 1.0, -1.0)) / np.sqrt(2.0)
     point, force = np.array((0.01, 0.06, -0.04)) + 1e-3 * normal, np.array((0.0, -2.0, 1.0))

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from contactsense.solvers import Status, Superquadric, solve_batch
-from contactsense.solvers.enclose import enclose
+from contactsense.solvers.ellipsoid_method import bracket_contact
 from contactsense.solvers.general import solve_smooth_counted
-from contactsense.solvers.implicit import evaluate
-from contactsense.solvers.newton import refine
-from contactsense.solvers.osculating import approach, gauge_at, osculate
+from contactsense.solvers.implicit_surfaces import evaluate
+from contactsense.solvers.newton import newton_iteration
+from contactsense.solvers.osculating import gauge_at, osculate, osculating_iteration
 from tests.contactsense.solvers.contacts import Contacts, draw
 
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -84,19 +84,19 @@ def test_cuts_enclose_every_contact(exponents: tuple[float, float]) -> None:
     contacts = draw(surface, np.random.default_rng(3), 100, 0.5)
     found = []
     for force, moment in zip(contacts.force, contacts.moment, strict=True):
-        cuts, *place = enclose(size, inner, max(extent), *force, *moment)
+        cuts, *place = bracket_contact(size, inner, max(extent), *force, *moment)
         assert 0 < cuts <= 300
         found.append(place)
     assert _errors(surface, contacts, np.array(found)).max() < 1e-9
 
 
-def test_the_careful_search_needs_no_good_start() -> None:
+def test_newton_converges_from_any_start() -> None:
     surface = Superquadric(0.05, 0.07, 0.1)
     size, inner, extent, gauge = _parts(surface)
     contacts = draw(surface, np.random.default_rng(4), 300, 0.05)
     found, rows = [], []
     for row, (force, moment) in enumerate(zip(contacts.force, contacts.moment, strict=True)):
-        answer = refine(size, gauge, inner, max(extent), max(extent), *force, *moment, *inner)
+        answer = newton_iteration(size, gauge, inner, max(extent), max(extent), *force, *moment, *inner)
         if answer[0]:
             found.append(answer[2:5])
             rows.append(row)
@@ -109,7 +109,7 @@ def test_the_careful_search_needs_no_good_start() -> None:
     assert _errors(surface, some, np.array(found)).max() < 1e-14
 
 
-def test_what_the_quick_steps_leave_the_others_find() -> None:
+def test_the_fallbacks_solve_what_the_fast_iteration_does_not() -> None:
     """Forces along the edges of a body that is nearly a box, with much torsion: some defeat the quick
     steps."""
     surface = Superquadric(0.05, 0.07, 0.1, 16.0, 16.0)
@@ -120,7 +120,7 @@ def test_what_the_quick_steps_leave_the_others_find() -> None:
     assert found.residual.max() < 1e-12
     left = sure = 0
     for force, moment in zip(contacts.force, contacts.moment, strict=True):
-        if approach(size, gauge, inner, extent, *force, *moment)[0]:
+        if osculating_iteration(size, gauge, inner, extent, *force, *moment)[0]:
             continue
         left += 1
         answer, steps = solve_smooth_counted(*force, *moment, size, inner, extent, gauge)

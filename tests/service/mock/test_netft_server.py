@@ -11,9 +11,9 @@ import numpy as np
 import pynetft
 import pytest
 
-from service.mock.feed import Playback, SimClock
-from service.mock.netft_server import NetFtServer
-from service.wire.netft import SATURATED, Configuration
+from contactsense.service.mock.netft_server import NetFtServer
+from contactsense.service.mock.playback import Playback, PlaybackWrench, SimClock
+from contactsense.service.wire.netft import SATURATED, Configuration
 from tests.service.loopback import SmallFeed, until
 
 SECONDS = np.arange(5000) / 500.0
@@ -23,10 +23,13 @@ WRENCH = np.column_stack(
 FEED = SmallFeed(base_wrench=WRENCH)
 
 
+READINGS = PlaybackWrench(FEED, Playback(FEED))
+
+
 @contextmanager
-def netft_server(feed=FEED, **options):
+def netft_server(feed=FEED, to_sensor=None, **options):
     options = {"port": 0, "http_port": 0} | options
-    with NetFtServer(feed, Playback(feed), SimClock(), **options) as server:
+    with NetFtServer(PlaybackWrench(feed, Playback(feed), to_sensor), SimClock(), **options) as server:
         yield server
 
 
@@ -155,7 +158,7 @@ def test_the_sensor_may_stand_otherwise_than_the_base():
 def test_delay_and_a_fast_clock():
     clock = SimClock(time.monotonic_ns() + 100_000_000)
     with (
-        NetFtServer(FEED, Playback(FEED), clock, port=0, http_port=0, delay=0.1, clock_scale=1.5) as server,
+        NetFtServer(READINGS, clock, port=0, http_port=0, delay=0.1, clock_scale=1.5) as server,
         asking(server, 2) as receive,
     ):
         assert receive()[1] == 0

@@ -10,12 +10,14 @@ import time
 import numpy as np
 import pytest
 
-from service.mock.controller import TORQUE_CONSTANTS, Controller
-from service.mock.faults import Fault
-from service.mock.feed import Playback, SimClock
-from service.mock.rtde_server import RtdeServer
-from service.mock.sent_log import SentLog
+from contactsense.service.mock.cell import TORQUE_CONSTANTS
+from contactsense.service.mock.playback import Playback, SimClock
+from contactsense.service.mock.playback_controller import PlaybackController
+from contactsense.service.mock.rtde_server import RtdeServer
+from contactsense.service.mock.sent_log import SentLog
+from contactsense.service.mock.wire_faults import Fault
 from tests.service.loopback import FEED, SmallFeed, own_address, rtde_server, until
+from tests.service.ur_rtde import ur_rtde_installed
 
 
 class PlainClient:
@@ -123,6 +125,25 @@ def test_several_clients_each_with_its_own_recipe_and_rate():
     assert np.allclose(np.diff(tardy), 0.008)
 
 
+def test_a_frequency_that_does_not_divide_500_is_kept_on_average():
+    with rtde_server() as server, PlainClient(server) as client:
+        client.start("timestamp", 300.0)
+        stamps = np.array([client.data(">Bd")[1] for _ in range(301)])
+    assert stamps[-1] - stamps[0] == pytest.approx(1.0, abs=0.002)
+    assert set(np.round(np.diff(stamps), 6)) == {0.002, 0.004}
+
+
+def test_protocol_version_1():
+    with rtde_server() as server, PlainClient(server) as client:
+        # Not asked for: it is the one that clients speak that ask for nothing.
+        assert client.ask("O", b"timestamp,robot_mode") == b"DOUBLE,INT32"
+        assert client.ask("S") == b"\x01"
+        rows = [client.data(">di") for _ in range(20)]
+        assert client.ask("V", b"\x00\x01") == b"\x01"
+    assert np.allclose(np.diff([stamp for stamp, _ in rows]), 0.008)
+    assert {mode for _, mode in rows} == {7}
+
+
 @pytest.mark.parametrize(
     ("version", "reply"),
     [
@@ -133,14 +154,15 @@ def test_several_clients_each_with_its_own_recipe_and_rate():
 )
 def test_fields_that_a_version_lacks_are_not_found(version, reply):
     with rtde_server(version=version) as server, PlainClient(server) as client:
+        assert client.ask("V", b"\x00\x02") == b"\x01"
         names = b"timestamp,actual_current_as_torque,ft_raw_wrench"
         assert client.ask("O", struct.pack(">d", 125.0) + names) == reply
 
 
 def test_refusals():
     with rtde_server() as server, PlainClient(server) as client:
-        assert client.ask("V", b"\x00\x01") == b"\x00"
         assert client.ask("V", b"\x00\x03") == b"\x00"
+        assert client.ask("V", b"\x00\x02") == b"\x01"
         assert client.ask("S") == b"\x00"
         assert client.ask("O", struct.pack(">d", 1000.0) + b"timestamp")[0] == 0
         assert client.ask("I", b"no_such_input") == b"\x00NOT_FOUND"
@@ -202,7 +224,7 @@ def test_text_messages_and_the_log_of_departures(tmp_path):
 
 def test_simulated_time_may_begin_later_and_packets_may_leave_late():
     clock = SimClock(time.monotonic_ns() + 300_000_000)
-    controller = Controller(FEED, Playback(FEED))
+    controller = PlaybackController(FEED, Playback(FEED))
     with RtdeServer(controller, clock, port=0, delay=0.05) as server, PlainClient(server) as client:
         client.start("timestamp")
         stamp = client.data(">Bd")[1]
@@ -229,9 +251,9 @@ def test_further_fields_and_their_checks():
         assert moment == [1.0] * 6
         assert mode == 5
     with pytest.raises(ValueError, match=r"expected shape \(6,\) or \(5000, 6\), got \(3,\)"):
-        Controller(FEED, Playback(FEED), fields={"target_moment": np.ones(3)})
+        PlaybackController(FEED, Playback(FEED), fields={"target_moment": np.ones(3)})
     with pytest.raises(ValueError, match="expected names of RTDE outputs, got 'torque'"):
-        Controller(FEED, Playback(FEED), fields={"torque": np.ones(6)})
+        PlaybackController(FEED, Playback(FEED), fields={"torque": np.ones(6)})
 
 
 # ur_rtde may abort its process: it is run in one of its own.
@@ -259,6 +281,7 @@ print(json.dumps(dict(values, timestamp=stamp, alive=later() > stamp, connected=
 """
 
 
+@ur_rtde_installed
 @pytest.mark.parametrize("version", [(5, 23, 0, 0), (5, 11, 0, 0), (10, 11, 0, 0), (3, 15, 8, 0)])
 def test_the_unmodified_ur_rtde_reads_it(version):
     host = own_address()
@@ -292,7 +315,7 @@ def test_only_arms_of_six_joints():
     feed = SmallFeed()
     bad = type("Bad", (), {"q": feed.q[:, :4]})()
     with pytest.raises(ValueError, match="expected a motion of 6 joints"):
-        Controller(bad, Playback(feed))
+        PlaybackController(bad, Playback(feed))
 
 
 def test_close_fault_hangs_up_on_old_and_new_clients():

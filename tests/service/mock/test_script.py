@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from service.mock.script import Script, ScriptError
+from contactsense.service.mock.script import Script, ScriptError
 
 GOOD = """
 robot: ur5e

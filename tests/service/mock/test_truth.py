@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import robots
-from service.mock.dynamics import LinkLoad, inverse_dynamics, link_poses
+from contactsense import robots
+from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics, link_poses
 
 SHARED = Path(os.environ.get("CONTACTSENSE_SHARED", Path(__file__).parents[4] / "shared" / "data"))
 CONTACT = ("c_link", "f", "xi", "n_base")

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.wire import rtde as wire
-from service.wire.rtde_fields import INPUTS, OUTPUTS, TYPE_CODES, WIDTHS, available
+from contactsense.service.wire import rtde as wire
+from contactsense.service.wire.rtde_fields import INPUTS, OUTPUTS, TYPE_CODES, WIDTHS, available
 
 NAMES = ("timestamp", "actual_q", "robot_mode")
 TYPES = ("DOUBLE", "VECTOR6D", "INT32")

@@ -1,0 +1,1 @@
+"""Accuracy on static ground truth: errors, link decisions, probabilities."""

@@ -1,0 +1,295 @@
+"""`contactsense bench calibration FOLDER`: calibration of the stated probabilities and credible regions."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+from scipy.stats import binomtest, chi2
+
+from contactsense import Contact, Localizer
+from contactsense.benchmarks.accuracy.credible_regions import distance, level, mixture, within
+from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
+from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
+
+NEAR = 0.02
+"""Distance within which a position counts as found [m]."""
+REGION = 0.9
+"""Probability of the credible region."""
+_EDGE = float(np.sqrt(chi2.isf(1e-3, 2)))
+"""Standard deviations within which a place still belongs to an explanation."""
+STATEMENTS = ("answer", "place", "link")
+"""Probabilities that are checked, see the command's help."""
+
+
+class Verdict(NamedTuple):
+    """What one estimate stated, and what was correct."""
+
+    answer: tuple[float, bool]
+    """Probability of the best candidate; whether it is the true one."""
+    place: tuple[float, bool]
+    """Probability that the mixture gives to places within `NEAR` of the best; whether the truth is there."""
+    link: tuple[float, bool]
+    """Probability of the most probable link; whether it is the touched one."""
+    in_region: bool
+    """Whether the region of highest density that holds `REGION` of the mixture holds the truth."""
+    in_ellipse: bool | None
+    """Whether the best explanation's own ellipse holds the truth; None where it is not the true one."""
+    listed: float
+    """Sum of the probabilities of all candidates."""
+
+
+@click.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--robot", "robots", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
+@click.option(
+    "--sensors",
+    "kinds",
+    type=click.Choice(list(SENSORS)),
+    multiple=True,
+    default=tuple(SENSORS),
+    help="What is measured; may be repeated.  [default: all of these]",
+)
+@click.option(
+    "--detail",
+    type=click.Choice(get_args(Detail)),
+    default="fine",
+    show_default=True,
+    help="Level of detail of the surface.",
+)
+@click.option(
+    "--meshes",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="For --detail skin: folder with ROBOT/LINK.ply.",
+)
+@click.option(
+    "--half",
+    type=click.Choice(list(HALVES)),
+    default="both",
+    show_default=True,
+    help="Which of the contacts: tune on one half, judge on the other.",
+)
+@click.option("--brief", is_flag=True, help="Leave the reliability tables out.")
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def calibration(
+    folder: Path,
+    robots: tuple[str, ...],
+    kinds: tuple[str, ...],
+    detail: Detail,
+    meshes: Path | None,
+    half: str,
+    brief: bool,
+    as_json: bool,
+) -> None:
+    """Compare stated probabilities with what is right, on the static contacts in FOLDER
+    (static_points_ROBOT.npz).
+
+    \b
+    answer  the probability of the best explanation, against whether it is the true one: right link, of that
+            link's explanations the one nearest to the truth, and the truth no farther than 20 mm or inside
+            its 99.9 % ellipse
+    place   the probability of all places within 20 mm of the best one, against whether the truth is there
+    link    the probability of the most probable link, against whether it is the touched one
+    region  how often the smallest region that holds 90 % of the probability holds the truth
+    ellipse the same for the best explanation's own covariance, where that explanation is the true one
+    """
+    if detail == "skin" and meshes is None:
+        raise click.UsageError("--detail skin needs --meshes")
+    points = {robot: select(read(folder, robot), HALVES[half]) for robot in robots}
+    cases = [(robot, kind, noise) for robot in robots for kind in kinds for noise in COLUMNS]
+    results = [
+        summarize(robot, kind, noise, judge(points[robot], noise, kind, detail, meshes))
+        for robot, kind, noise in track(
+            cases, description="locating", console=Console(stderr=True), transient=True
+        )
+    ]
+    if as_json:
+        click.echo(json.dumps({"detail": detail, "half": half, "results": [_plain(r) for r in results]}))
+        return
+    _print_summary(results, f"detail {detail}, contacts: {half}")
+    if not brief:
+        for statement in STATEMENTS:
+            _print_reliability(statement, results)
+
+
+def judge(
+    points: StaticPoints,
+    noise: Noise,
+    sensors: str = "all",
+    detail: Detail = "fine",
+    meshes: Path | None = None,
+) -> list[Verdict | None]:
+    """Locate all points with that noise and judge every estimate; None where there is no answer."""
+    localizer = Localizer(scene_of(points, noise, sensors, detail, meshes))
+    wrench, torque = measured(points, noise, sensors)
+    verdicts = []
+    for i, (q, link, point) in enumerate(zip(points.q, points.link, points.point_base, strict=True)):
+        estimate = localizer.locate(
+            q,
+            base_wrench=None if wrench is None else wrench[i],
+            joint_torque=None if torque is None else torque[i],
+            external=False,
+            detect=False,
+        )
+        verdicts.append(verdict(estimate.contacts, estimate.link_probability, int(link), point))
+    return verdicts
+
+
+def verdict(
+    contacts: Sequence[Contact], link_probability: np.ndarray, link: int, point: np.ndarray
+) -> Verdict | None:
+    """Judge one estimate by the truth; None without an answer.
+
+    Args:
+        contacts: Explanations, most probable first.
+        link_probability: Of each link, shape (links,).
+        link: Number of the touched link.
+        point: True place, base frame, shape (3,) [m].
+    """
+    if not contacts:
+        return None
+    best = contacts[0]
+    stated = mixture(contacts)
+    deviations = distance(stated, link, point[None])[:, 0]
+    meters = np.linalg.norm(stated.mean - point, axis=1)
+    near = best.link_index == link and bool(meters[0] <= NEAR)
+    nearest = int(np.argmin(np.where(stated.link == link, meters, np.inf)))
+    is_true = best.link_index == link and nearest == 0 and bool(near or deviations[0] <= _EDGE)
+    likeliest = int(np.argmax(link_probability))
+    return Verdict(
+        answer=(best.probability, is_true),
+        place=(within(stated, best.link_index, best.point_base, NEAR), near),
+        link=(float(link_probability[likeliest]), likeliest == link),
+        in_region=level(stated, link, point) < REGION,
+        in_ellipse=bool(deviations[0] ** 2 <= chi2.ppf(REGION, 2)) if is_true else None,
+        listed=float(stated.weight.sum()),
+    )
+
+
+class Share(NamedTuple):
+    """A frequency with its confidence interval."""
+
+    found: float
+    """NaN where there was nothing to count."""
+    low: float
+    high: float
+    """Wilson's 95 % interval."""
+
+    @classmethod
+    def of(cls, right: int, samples: int) -> "Share":
+        """`right` of `samples`."""
+        if samples == 0:
+            return cls(*(float("nan"),) * 3)
+        interval = binomtest(right, samples).proportion_ci(method="wilson")
+        return cls(right / samples, float(interval.low), float(interval.high))
+
+    def __str__(self) -> str:
+        return f"{100 * self.found:.1f} ({100 * self.low:.1f}-{100 * self.high:.1f}) %"
+
+
+class Summary(NamedTuple):
+    """All verdicts of one case."""
+
+    robot: str
+    sensors: str
+    noise: Noise
+    samples: int
+    no_answer: float
+    statements: dict[str, Reliability]
+    region: Share
+    """Of all samples, those whose region holds the truth; no answer holds nothing."""
+    ellipse: Share
+    """Of the samples whose best explanation is the true one, those whose ellipse holds the truth."""
+    listed: float
+    """Mean of the listed probability."""
+
+
+def summarize(robot: str, sensors: str, noise: Noise, verdicts: Sequence[Verdict | None]) -> Summary:
+    """Count the correct statements."""
+    judged = [v for v in verdicts if v is not None]
+    ellipses = [v.in_ellipse for v in judged if v.in_ellipse is not None]
+    statements = {}
+    for name in STATEMENTS:
+        stated = np.array([getattr(v, name) for v in judged]).reshape(-1, 2)
+        statements[name] = reliability(stated[:, 0], stated[:, 1] > 0.0)
+    return Summary(
+        robot=robot,
+        sensors=sensors,
+        noise=noise,
+        samples=len(verdicts),
+        no_answer=1.0 - len(judged) / len(verdicts),
+        statements=statements,
+        region=Share.of(sum(v.in_region for v in judged), len(verdicts)),
+        ellipse=Share.of(sum(ellipses), len(ellipses)),
+        listed=float(np.mean([v.listed for v in judged])) if judged else float("nan"),
+    )
+
+
+def _plain(summary: Summary) -> dict[str, Any]:
+    plain = summary._asdict()
+    plain["noise"] = summary.noise._asdict()
+    plain["statements"] = {name: value.as_json() for name, value in summary.statements.items()}
+    for name in ("region", "ellipse"):
+        plain |= {
+            f"{name}{part}": value for part, value in zip(("", "_low", "_high"), plain[name], strict=True)
+        }
+    return {
+        key: None if isinstance(value, float) and np.isnan(value) else value for key, value in plain.items()
+    }
+
+
+def _print_summary(results: Sequence[Summary], what: str) -> None:
+    table = Table(
+        title=f"calibration, static contacts, {what}",
+        caption=(
+            "calibration error of the stated probabilities, in brackets what chance alone makes of it if "
+            "they are true, on average and at most in 19 of 20 cases; region, ellipse: share of the truths "
+            "in those of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
+        ),
+    )
+    for name in ("arm", "sensors", "noise N / Nm / Nm"):
+        table.add_column(name, no_wrap=True)
+    for name in (*STATEMENTS, "region", "ellipse", "listed", "no answer"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for r in results:
+        table.add_row(
+            r.robot,
+            r.sensors,
+            str(r.noise),
+            *(
+                f"{100 * s.error:.1f} ({100 * s.by_chance:.1f}, {100 * s.by_chance_95:.1f}) %"
+                for s in r.statements.values()
+            ),
+            str(r.region),
+            str(r.ellipse),
+            *(f"{100 * share:.1f} %" for share in (r.listed, r.no_answer)),
+        )
+    _console().print(table)
+
+
+def _print_reliability(statement: str, results: Sequence[Summary]) -> None:
+    table = Table(title=f"{statement}: stated -> right in %, and how many, by stated probability")
+    for name in ("arm", "sensors", "noise"):
+        table.add_column(name, no_wrap=True)
+    edges = [(k / 10, (k + 1) / 10) for k in range(10)]
+    for low, high in edges:
+        table.add_column(f"{100 * low:.0f}-{100 * high:.0f}", justify="right")
+    for r in results:
+        cells = {
+            round(entry.low, 1): f"{100 * entry.stated:.0f}->{100 * entry.right:.0f}\n{entry.samples}"
+            for entry in r.statements[statement].bins
+        }
+        table.add_row(
+            r.robot, r.sensors, f"{r.noise.torque:g} Nm", *(cells.get(round(low, 1), "") for low, _ in edges)
+        )
+    _console().print(table)
+
+
+def _console() -> Console:
+    return Console(width=168)

@@ -1,0 +1,142 @@
+"""`contactsense bench geometry MESHES`: distance of each level of detail from the visual meshes."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from contactsense import robots as library
+from contactsense.robots import Robot, RobotError
+from contactsense.robots import yaml_schema as schema
+from contactsense.robots.library import surface_file
+
+LEVELS = ("coarse", "fine", "skin")
+COLUMNS = ("p50", "p95", "max")
+
+
+@click.command()
+@click.argument("meshes", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--robot", "names", multiple=True, help="Arm; may be repeated. All of the library without it.")
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def geometry(meshes: Path, names: tuple[str, ...], as_json: bool) -> None:
+    """Compare every level of detail with the skin of the meshes in MESHES/<robot>/<link>.ply.
+
+    Skin that neighbours or the mounting always cover is left out, and so are primitives there.
+    """
+    rows: list[dict[str, Any]] = []
+    try:
+        for name in track(names or library.names(), console=Console(stderr=True), description="arms"):
+            rows += _measure(library.load(name), meshes / name)
+    except ImportError as error:
+        raise click.ClickException(f"needs the extra packages: contactsense[geometry] ({error})") from error
+    except RobotError as error:
+        raise click.ClickException(str(error)) from error
+    if as_json:
+        click.echo(json.dumps(rows, indent=1))
+    else:
+        _print(rows)
+
+
+def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
+    """One row for each level of one arm."""
+    import trimesh
+
+    from contactsense.robots.decomposition.distance_samples import Shape
+    from contactsense.robots.decomposition.grid_builder import cached
+    from contactsense.robots.decomposition.outer_skin import Surroundings, outer_skin
+    from contactsense.robots.decomposition.surface_error import (
+        Errors,
+        bodies_of,
+        errors,
+        exposed_surface,
+        together,
+    )
+    from contactsense.robots.meshes import from_folder, neighbour_poses
+    from contactsense.robots.surface.signed_distance_grid import project_to_skin, sample
+
+    meshes = from_folder(folder, robot.link_names)
+    grids = cached(robot, meshes)
+    found: dict[str, list[Errors]] = {"coarse": [], "fine": []}
+    skin_level: list[Errors] = []
+    for number, link in enumerate(robot.links):
+        poses = neighbour_poses(robot, meshes, number, seed=1)
+        skin = outer_skin(meshes[link.name], poses, seed=1)
+        shape, around = Shape(skin), Surroundings(meshes[link.name], poses)
+        for name, shapes in (("coarse", link.coarse), ("fine", link.primitives)):
+            found[name].append(errors(bodies_of(shapes), skin, shape, around, seed=1))
+        exposed = skin.exposure > 0.0
+        points, normals = skin.points[exposed], skin.normals[exposed]
+        values = np.array([sample(*grids, number, *point) for point in points])
+        gradient = values[:, 1:] / np.maximum(np.linalg.norm(values[:, 1:], axis=1, keepdims=True), 1e-9)
+        angle = np.arccos(np.clip(np.einsum("ij,ij->i", gradient, normals), -1.0, 1.0))
+        rng = np.random.default_rng(1)
+        start = exposed_surface(bodies_of(link.primitives), 5000, rng)
+        level = np.array([project_to_skin(*grids, number, *point, 3) for point in start])
+        level = level[np.isfinite(level[:, 0])]
+        level = level[around.exposure_of_model(level[:, 1:4], level[:, 4:], rng) > 0.0]
+        back = trimesh.proximity.closest_point(  # type: ignore[no-untyped-call]
+            meshes[link.name], level[:, 1:4]
+        )[1]
+        skin_level.append(Errors(values[:, 0], back, angle, found["fine"][-1].area))
+    seconds = schema.read_surface(surface_file(robot.name)).fit_seconds
+    common = {"robot": robot.name, "fit_seconds": seconds}
+    counts = {
+        "coarse": sum(len(link.coarse) for link in robot.links),
+        "fine": sum(len(link.primitives) for link in robot.links),
+    }
+    rows = [
+        common
+        | {"level": level, "primitives": counts[level], "bytes": counts[level] * 184}
+        | _row(together(parts))
+        for level, parts in found.items()
+    ]
+    size = counts["fine"] * 184 + grids.values.nbytes
+    rows.append(
+        common | {"level": "skin", "primitives": counts["fine"], "bytes": size} | _row(together(skin_level))
+    )
+    return rows
+
+
+def _row(found: Any) -> dict[str, Any]:
+    def lengths(values: np.ndarray) -> dict[str, float]:
+        values = np.abs(values) * 1e3
+        percentiles = np.percentile(values, (50.0, 95.0, 100.0))
+        named = dict(zip(COLUMNS, (round(float(value), 3) for value in percentiles), strict=True))
+        most = round(float(np.percentile(values, 90.0)), 3)
+        return {"mean": round(float(values.mean()), 3), "p90": most} | named
+
+    angle = np.degrees(np.percentile(found.angle, (50.0, 90.0, 95.0)))
+    return {
+        "skin_to_model_mm": lengths(found.skin),
+        "model_to_skin_mm": lengths(found.primitive),
+        "normal_deg": dict(zip(("p50", "p90", "p95"), np.round(angle, 2).tolist(), strict=True)),
+    }
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
+    table = Table(title="distances in mm: mean / p50 / p95 / max; normals in degrees: p50 / p95")
+    for heading in (
+        "arm",
+        "level",
+        "primitives",
+        "skin to model",
+        "model to skin",
+        "normals",
+        "fit [s]",
+        "kB",
+    ):
+        table.add_column(heading, justify="left" if heading in ("arm", "level") else "right")
+    for row in rows:
+        lengths = [
+            " / ".join(f"{row[key][part]:.2f}" for part in ("mean", *COLUMNS))
+            for key in ("skin_to_model_mm", "model_to_skin_mm")
+        ]
+        angles = f"{row['normal_deg']['p50']:.1f} / {row['normal_deg']['p95']:.1f}"
+        seconds, size = f"{row['fit_seconds']:.0f}", f"{row['bytes'] / 1e3:.0f}"
+        table.add_row(row["robot"], row["level"], str(row["primitives"]), *lengths, angles, seconds, size)
+    Console(width=132).print(table)

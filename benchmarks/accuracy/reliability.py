@@ -1,0 +1,76 @@
+"""Reliability of stated probabilities: of the statements with probability p, p should be correct."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+BINS = 10
+"""Number of bins of equal width."""
+_TRIALS = 1000
+"""Number of random outcomes for the range of chance."""
+
+
+class Bin(NamedTuple):
+    """The statements whose probability lies in one bin."""
+
+    low: float
+    high: float
+    samples: int
+    stated: float
+    """Mean of their probabilities."""
+    right: float
+    """Share of them that is right."""
+
+
+class Reliability(NamedTuple):
+    """Stated probabilities compared with outcomes."""
+
+    error: float
+    """Expected calibration error: mean of |stated - right| over bins, weighted by their counts."""
+    by_chance: float
+    """Its mean for these probabilities if they are correct. It is above zero, as gaps of either sign count.
+    """
+    by_chance_95: float
+    """Its 95 % quantile for correct probabilities: a larger error is not chance."""
+    bins: tuple[Bin, ...]
+    """The bins that are not empty."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain numbers."""
+        return {
+            "error": self.error,
+            "by_chance": self.by_chance,
+            "by_chance_95": self.by_chance_95,
+            "bins": [entry._asdict() for entry in self.bins],
+        }
+
+
+def reliability(probability: np.ndarray, right: np.ndarray) -> Reliability:
+    """Compare probabilities with outcomes.
+
+    Args:
+        probability: Stated probability, from 0 to 1, shape (N,).
+        right: Whether it was correct, shape (N,), bool.
+    """
+    number = np.minimum((probability * BINS).astype(int), BINS - 1)
+    bins = []
+    for k in range(BINS):
+        inside = number == k
+        if inside.any():
+            stated, share = float(probability[inside].mean()), float(right[inside].mean())
+            bins.append(Bin(k / BINS, (k + 1) / BINS, int(inside.sum()), stated, share))
+    rng = np.random.default_rng(0)
+    chance = [_error(number, probability, rng.random(len(right)) < probability) for _ in range(_TRIALS)]
+    return Reliability(
+        error=_error(number, probability, right),
+        by_chance=float(np.mean(chance)),
+        by_chance_95=float(np.quantile(chance, 0.95)),
+        bins=tuple(bins),
+    )
+
+
+def _error(number: np.ndarray, probability: np.ndarray, right: np.ndarray) -> float:
+    if len(number) == 0:
+        return float("nan")
+    gap = np.bincount(number, weights=probability - right, minlength=BINS)
+    return float(np.abs(gap).sum() / len(number))

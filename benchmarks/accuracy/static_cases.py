@@ -1,0 +1,79 @@
+"""Cases of the static ground truth for benchmarks: noise levels, sets of sensors, scenes."""
+
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.benchmarks.accuracy.static_points import StaticPoints
+
+SENSORS = {
+    "all": (True, True),
+    "base": (True, False),
+    "torques": (False, True),
+}
+"""Set of sensors -> whether there are a base wrench and joint torques."""
+
+Detail = Literal["coarse", "fine", "skin"]
+
+
+class Noise(NamedTuple):
+    """Standard deviations of one sample."""
+
+    force: float
+    """Base force [N]."""
+    moment: float
+    """Base moment [Nm]."""
+    torque: float
+    """Joint torque [Nm]."""
+
+    def __str__(self) -> str:
+        return " / ".join(f"{level:g}" for level in self)
+
+
+COLUMNS = (Noise(0.0, 0.0, 0.0), Noise(0.05, 0.01, 0.3), Noise(0.25, 0.05, 1.0), Noise(1.0, 0.2, 3.0))
+"""The noise levels of the design's tables."""
+ASSUMED = Noise(0.02, 0.004, 0.02)
+"""Noise that the estimator assumes for sensors without noise: it needs a finite value."""
+EXACT = Noise(0.002, 0.0004, 0.002)
+"""The same for these contacts, which are at rest and exact except for rounding. With 20 N it moves a point by
+0.02 mm, a tenth of the surface error, so that rows without noise show the surface error."""
+
+
+def scene_of(
+    points: StaticPoints,
+    noise: Noise,
+    sensors: str = "all",
+    detail: Detail = "fine",
+    meshes: Path | None = None,
+) -> Scene:
+    """The scene of those contacts, with their noise.
+
+    Args:
+        points: Contacts on one arm.
+        noise: Noise of the sensors; at least `EXACT` is assumed.
+        sensors: Set of sensors, a key of `SENSORS`.
+        detail: Level of detail of the surface.
+        meshes: For `detail` skin: folder with ROBOT/LINK.ply.
+    """
+    stated = Noise(*(max(level, floor) for level, floor in zip(noise, EXACT, strict=True)))
+    has_base, has_torque = SENSORS[sensors]
+    return Scene(
+        robot=points.robot,
+        gravity=points.gravity,
+        detail=detail,
+        meshes=meshes / points.robot if detail == "skin" and meshes is not None else None,
+        base_wrench=WrenchSensor(force_noise=stated.force, moment_noise=stated.moment) if has_base else None,
+        joint_torque=JointTorqueSensor(noise=stated.torque) if has_torque else None,
+    )
+
+
+def measured(
+    points: StaticPoints, noise: Noise, sensors: str = "all"
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Base wrench and joint torques with that noise, shapes (N, 6) and (N, n) [N, Nm]; None where absent."""
+    has_base, has_torque = SENSORS[sensors]
+    wrench = points.base_wrench + points.noise_wrench * np.repeat(noise[:2], 3) if has_base else None
+    torque = points.torque + points.noise_torque * noise.torque if has_torque else None
+    return wrench, torque

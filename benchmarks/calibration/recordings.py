@@ -1,0 +1,160 @@
+"""`contactsense bench recordings FOLDER`: calibration and free-motion residuals on real UR10e recordings.
+
+The files are those of github shamilmamedov/dynamic_calibration: about 100 Hz, no header, columns time, q, qd,
+motor current, and a last group that in collision_* is the authors' own estimate of the external torque.
+"""
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from contactsense import JointTorqueSensor, Localizer, Sample, Scene
+from contactsense.calibration import FreeMotion, Settings, calibrate
+from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.parameters import Group
+from contactsense.calibration.recording_residuals import residuals
+from contactsense.calibration.residual_jacobian import settled_samples
+from contactsense.residuals.sensor_consistency import NO_CONTACT
+from contactsense.service.sensors.signal_mapping import torque_constants
+
+IDENTIFICATION = (
+    "ur-20_01_31-unload",
+    "ur-20_02_05-20sec_8harm",
+    "ur-20_02_10-30sec_12harm",
+    "ur-20_02_19_15harm50sec",
+)
+FREE = ("validation-p1", "validation-p2", "validation-p9", "validation-ptp_10_points", "collision_free")
+TOUCHED = ("collision_forearm", "push_pose_1")
+_GROUPS: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "links")
+_PAUSE = 0.3
+"""Alarms closer together than this belong to one contact [s]."""
+
+
+def read(path: Path, scene: Scene) -> tuple[FreeMotion, np.ndarray]:
+    """One file: motion and torques, and its last group of columns, shape (N, n).
+
+    Truncated lines are skipped (two files end in one).
+    """
+    with gzip.open(path, "rt") as lines:
+        rows = [line.strip().split(",") for line in lines]
+    table = np.array([row for row in rows if len(row) == len(rows[0])], dtype=float)
+    torque = table[:, 13:19] * torque_constants(scene)
+    return FreeMotion(table[:, 0], table[:, 1:7], table[:, 7:13], torque, None, path.name), table[:, 19:25]
+
+
+def measure(folder: Path) -> dict[str, Any]:
+    """Calibrate on the identification files and measure the others."""
+    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+
+    def file(name: str) -> tuple[FreeMotion, np.ndarray]:
+        return read(folder / f"{name}.csv.gz", scene)
+
+    found = calibrate(scene, [file(name)[0] for name in IDENTIFICATION], Settings(_GROUPS))
+    arm = CalibrationModel.of(found.scene)
+    free: dict[str, Any] = {}
+    for name in FREE:
+        recording, authors_estimate = file(name)
+        start = settled_samples(recording, scene.bandwidth)
+        free[name] = _residual_statistics(residuals(arm, recording, scene.bandwidth)[start:, :6])
+        energy, onsets = _stream_energies(found.scene, recording)
+        free[name] |= {"energy": float(energy[start:].max()), "alarms": len(onsets)}
+        if name.startswith("collision"):
+            free[f"{name} (authors)"] = _residual_statistics(authors_estimate[start:])
+    threshold = max(level["energy"] for level in free.values() if "energy" in level)
+    touched = {}
+    for name in TOUCHED:
+        recording, _ = file(name)
+        energy, onsets = _stream_energies(found.scene, recording)
+        t = recording.t - recording.t[0]
+        touched[name] = {"touches": _touches(t, energy, threshold), "onsets": _since(recording, onsets)}
+    onsets_by_name = {}
+    for name in IDENTIFICATION:
+        recording, _ = file(name)
+        onsets_by_name[name] = _since(recording, _stream_energies(found.scene, recording)[1])
+    return {
+        "free": free,
+        "threshold": threshold,
+        "touched": touched,
+        "identification": onsets_by_name,
+        "warnings": list(found.warnings),
+    }
+
+
+def _since(recording: FreeMotion, times: list[float]) -> list[float]:
+    """Times relative to the start of a recording [s]."""
+    return [float(t - recording.t[0]) for t in times]
+
+
+def _residual_statistics(values: np.ndarray) -> dict[str, Any]:
+    return {
+        "rms": np.sqrt(np.mean(values**2, axis=0)).tolist(),
+        "q999": np.quantile(np.abs(values), 0.999, axis=0).tolist(),
+    }
+
+
+def _stream_energies(scene: Scene, recording: FreeMotion) -> tuple[np.ndarray, list[float]]:
+    """Process a recording as a live stream.
+
+    Returns:
+        At every sample the energy of the no-contact hypothesis, and the times of onsets at the scene's
+        false-alarm rate [s].
+    """
+    assert recording.torque is not None
+    localizer, energy, onsets = Localizer(scene), np.zeros(len(recording.t)), []
+    for i, t in enumerate(recording.t):
+        estimate = localizer.step(Sample(float(t), recording.q[i], recording.qd[i], recording.torque[i]))
+        energy[i] = localizer._buffers.state.statistics[NO_CONTACT]
+        onsets += [event.t for event in estimate.events if event.kind == "onset"]
+    return energy, onsets
+
+
+def _touches(t: np.ndarray, energy: np.ndarray, threshold: float) -> list[dict[str, float]]:
+    above = np.flatnonzero(energy > threshold)
+    if not len(above):
+        return []
+    groups = np.split(above, np.flatnonzero(np.diff(t[above]) > _PAUSE) + 1)
+    return [
+        {"start": float(t[g[0]]), "stop": float(t[g[-1]]), "energy": float(energy[g].max())} for g in groups
+    ]
+
+
+@click.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def recordings(folder: Path, as_json: bool) -> None:
+    """Calibrate on the identification files in FOLDER, and print residuals of free motion and the touches
+    that stand out from them."""
+    with Console(stderr=True).status("calibrating and measuring: a minute or two"):
+        try:
+            result = measure(folder)
+        except FileNotFoundError as error:
+            raise click.ClickException(f"{error.filename}: no such recording") from None
+    if as_json:
+        click.echo(json.dumps(result, indent=1))
+        return
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("free motion [Nm]", *(f"joint {j}" for j in range(1, 7)), "highest energy", "alarms"):
+        table.add_column(heading, justify="left" if heading.startswith("free") else "right")
+    for name, level in result["free"].items():
+        pairs = [f"{a:.2f} / {b:.2f}" for a, b in zip(level["rms"], level["q999"], strict=True)]
+        detection = (f"{level['energy']:.1f}", str(level["alarms"])) if "energy" in level else ("", "")
+        table.add_row(name, *pairs, *detection)
+    console = Console(width=150)
+    console.print("RMS / 99.9 % of each joint's residual")
+    console.print(table)
+    for name, found in result["touched"].items():
+        touches, onsets = found["touches"], found["onsets"]
+        console.print(f"{name}: {len(touches)} touches above {result['threshold']:.1f}")
+        console.print(f"  {len(onsets)} onsets in the stream: {', '.join(f'{t:.2f}' for t in onsets)} s")
+        for touch in touches:
+            console.print(f"  {touch['start']:6.2f} to {touch['stop']:6.2f} s, energy {touch['energy']:.0f}")
+    for name, onsets in result["identification"].items():
+        times = ", ".join(f"{t:.2f} s" for t in onsets) or "none"
+        console.print(f"{name}, which calibration has seen: onsets: {times}")

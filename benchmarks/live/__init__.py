@@ -1,0 +1,1 @@
+"""Speed, losses and latency on this machine."""

@@ -1,0 +1,57 @@
+"""Compile times of all kernels that a localizer needs: `robots/jit/compile_times.yaml`, which the progress of
+the first compilation is reckoned by.
+
+`python -m contactsense.benchmarks.live.compile_times` compiles everything anew, beside the cache, and writes
+the table. Only the ratios count, so that any machine that does nothing else will do.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import contactsense.robots.jit
+
+TABLE = Path(contactsense.robots.jit.__path__[0]) / "compile_times.yaml"
+_SHORTEST = 0.01
+"""Shorter compile times are rounded up to this [s]."""
+
+
+def measure() -> dict[str, list[float]]:
+    """Compile in this process, without a look at the cache of others; seconds of each version of each
+    function."""
+    from contactsense import Localizer, Scene
+    from contactsense.localizer import kernels_of
+    from contactsense.robots.jit.compilation import Compilation
+
+    scene = Scene(robot="ur5e", contacts=3)
+    with Compilation(kernels_of(scene)) as compilation:
+        Localizer(scene, progress=False)
+    table: dict[str, list[float]] = {}
+    for name, seconds in compilation.times:
+        if not name.startswith("numba."):
+            table.setdefault(name, []).append(max(round(seconds, 2), _SHORTEST))
+    return table
+
+
+def main() -> None:
+    """Measure in a process whose cache is empty, and write the table."""
+    if "--measure" in sys.argv[1:]:
+        rows = "".join(f"{name}: {times}\n" for name, times in sorted(measure().items()))
+        TABLE.write_text(
+            "# Time to compile each version of a function [s], without the functions that it calls. Written\n"
+            "# by `python -m contactsense.benchmarks.live.compile_times`.\n" + rows,
+            encoding="utf-8",
+        )
+        return
+    with tempfile.TemporaryDirectory() as cache:
+        subprocess.run(
+            [sys.executable, "-m", "contactsense.benchmarks.live.compile_times", "--measure"],
+            env={**os.environ, "NUMBA_CACHE_DIR": cache},
+            check=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

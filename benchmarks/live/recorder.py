@@ -1,0 +1,105 @@
+"""`python -m benchmarks.live.recorder`: what `contactsense record` loses, keeps in memory and writes.
+
+The mock arm is recorded live for some time at 500 Hz. With `--hours`, the writer alone takes samples as fast
+as it can, which tells the size of a long recording and whether its memory grows.
+"""
+
+import json
+import resource
+import tempfile
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import click
+import numpy as np
+
+from contactsense.service.api.settings import Settings
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.servers import MockServers, MockSettings
+from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.recordings.recorder import Recorder
+from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
+from contactsense.service.sensors.live_source import LiveSource
+
+_RATE = 500.0
+_SCRIPT = {
+    "robot": "ur5e",
+    "noise": {"base_force": 0.25, "base_moment": 0.05, "joint_torque": 1.0},
+    "trajectory": {"start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "dwell": 30.0},
+}
+
+
+def live(seconds: float, folder: Path) -> dict[str, float]:
+    """Record the mock arm; samples, losses, megabytes."""
+    motion = simulate(Script.model_validate(_SCRIPT))
+    chosen = MockSettings(rtde_port=0, netft_port=0, http_port=0, loop=True)
+    with MockServers(motion, chosen) as servers:
+        settings = Settings(
+            robot_host=chosen.host,
+            robot_port=servers.rtde.port,
+            ft_host=chosen.host,
+            ft_port=servers.netft.port,
+            ft_http_port=servers.netft.http_port,
+        )
+        scene = settings.load_scene()
+        opener = settings.open_source(scene)
+        assert isinstance(opener, partial)
+        source = LiveSource(scene, replace(opener.keywords["settings"]))
+        recorder = Recorder(folder, scene, rate=_RATE)
+        source.observer = recorder
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            source.poll(0.1)
+        health = source.health
+        source.close()
+    files = recorder.close()
+    return {
+        "seconds": seconds,
+        "samples": recorder.rows,
+        "readings": recorder.readings,
+        "lost_samples": health.robot.lost,
+        "lost_readings": 0 if health.wrench is None else health.wrench.lost,
+        "megabytes": sum(path.stat().st_size for path in files) / 1e6,
+    }
+
+
+def writer(hours: float, folder: Path) -> dict[str, float]:
+    """Write that many hours of random samples as fast as possible; growth of memory, size, speed."""
+    rows = int(hours * 3600.0 * _RATE)
+    columns = [f"value_{i}" for i in range(33)]
+    made = SegmentWriter(folder, "samples", columns, {}, Rotation(megabytes=64.0), rate=_RATE)
+    chance = np.random.default_rng(1).standard_normal((5000, len(columns)))
+    begin, half = time.monotonic(), 0
+    for i in range(rows):
+        made.add(chance[i % len(chance)])
+        if i == rows // 2:
+            half = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    files = made.close()
+    return {
+        "hours": hours,
+        "samples": rows,
+        "megabytes": sum(path.stat().st_size for path in files) / 1e6,
+        "times_real_time": hours * 3600.0 / (time.monotonic() - begin),
+        "memory_growth_second_half_mb": (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - half) / 1e3,
+    }
+
+
+@click.command()
+@click.option("--seconds", default=60.0, show_default=True, help="Length of the live recording.")
+@click.option("--hours", default=1.0, show_default=True, help="Length of the recording of the writer alone.")
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def main(seconds: float, hours: float, as_json: bool) -> None:
+    """Record the mock arm live, then write a long recording faster than real time."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = {"live": live(seconds, Path(folder) / "live"), "writer": writer(hours, Path(folder) / "long")}
+    if as_json:
+        click.echo(json.dumps(found, indent=1))
+        return
+    for name, numbers in found.items():
+        click.echo(f"{name}: " + ", ".join(f"{key} {value:.6g}" for key, value in numbers.items()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+"""`contactsense bench speed`: time per sample, as ratios to Pinocchio's RNEA called from Python in the same
+run."""
+
+import json
+import time
+from collections.abc import Callable
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.simulated_arm import Motion, simulate
+
+ROUNDS = 5
+"""Every measurement and the yardstick are repeated in turn this often; the median of all calls counts."""
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def speed(as_json: bool) -> None:
+    """Time one sample through the localizer on the demonstration's contacts.
+
+    The yardstick is Pinocchio's RNEA of a 6-joint arm, called from Python in turn with what is measured:
+    machines differ and are noisy, ratios carry over. Needs Pinocchio (PyPI: pin).
+    """
+    yardstick = _yardstick()
+    script = Script.demo()
+    motion = simulate(script)
+    scene = Scene(
+        robot=script.robot,
+        base_wrench=WrenchSensor(force_noise=script.noise.base_force, moment_noise=script.noise.base_moment),
+        joint_torque=JointTorqueSensor(noise=script.noise.joint_torque),
+    )
+    localizer = Localizer(scene)
+    touched = np.zeros(len(motion.t), dtype=bool)
+    for touch in motion.touches:
+        touched[touch.first : touch.last] = True
+    times: dict[str, list[float]] = {"rnea": [], "step": [], "step in contact": [], "locate": [], "batch": []}
+    for _ in track(range(ROUNDS), description="timing", console=Console(stderr=True), transient=True):
+        times["rnea"] += _each(yardstick, 20_000)
+        steps = _steps(localizer, motion)
+        times["step"] += steps
+        times["step in contact"] += [s for s, hit in zip(steps, touched, strict=True) if hit]
+        times["locate"] += _locates(localizer, motion, np.flatnonzero(touched)[::5])
+        times["batch"].append(_batch(localizer, motion, touched))
+    p50 = {name: float(np.median(values)) for name, values in times.items()}
+    p99 = {name: float(np.quantile(values, 0.99)) for name, values in times.items()}
+    result = {
+        "microseconds_p50": {name: 1e6 * value for name, value in p50.items()},
+        "microseconds_p99": {name: 1e6 * value for name, value in p99.items()},
+        "multiple_of_rnea_p50": {name: value / p50["rnea"] for name, value in p50.items()},
+        "batch_samples_per_second": 1.0 / p50["batch"],
+    }
+    if as_json:
+        click.echo(json.dumps(result, indent=1))
+        return
+    table = Table(title="one sample on one core, in multiples of Pinocchio's RNEA called from Python")
+    for column in ("what", "p50 [us]", "p99 [us]", "p50 / RNEA"):
+        table.add_column(column, justify="left" if column == "what" else "right")
+    for name in times:
+        table.add_row(
+            name, f"{1e6 * p50[name]:.2f}", f"{1e6 * p99[name]:.2f}", f"{p50[name] / p50['rnea']:.1f}"
+        )
+    console = Console(width=100)
+    console.print(table)
+    console.print(f"locate_batch: {1.0 / p50['batch']:,.0f} samples a second on one core")
+
+
+def _yardstick() -> Callable[[], object]:
+    try:
+        import pinocchio as pin
+    except ImportError:
+        raise click.ClickException("needs Pinocchio: pip install contactsense[test]") from None
+    model = pin.buildSampleModelManipulator()
+    data = model.createData()
+    q = pin.randomConfiguration(model)
+    v = np.ones(model.nv)
+    return lambda: pin.rnea(model, data, q, v, v)
+
+
+def _each(call: Callable[[], object], times: int) -> list[float]:
+    clock = time.perf_counter
+    result = []
+    for _ in range(times):
+        start = clock()
+        call()
+        result.append(clock() - start)
+    return result
+
+
+def _steps(localizer: Localizer, motion: Motion) -> list[float]:
+    clock = time.perf_counter
+    localizer.reset()
+    result = []
+    for t, q, qd, torque, wrench in zip(
+        motion.t.tolist(), motion.q, motion.qd, motion.joint_torque, motion.base_wrench, strict=True
+    ):
+        sample = Sample(t, q, qd, torque, wrench)
+        start = clock()
+        localizer.step(sample)
+        result.append(clock() - start)
+    return result
+
+
+def _locates(localizer: Localizer, motion: Motion, rows: np.ndarray) -> list[float]:
+    clock = time.perf_counter
+    result = []
+    for i in rows:
+        start = clock()
+        localizer.locate(
+            motion.q[i],
+            base_wrench=motion.base_wrench[i],
+            joint_torque=motion.joint_torque[i],
+            external=False,
+        )
+        result.append(clock() - start)
+    return result
+
+
+def _batch(localizer: Localizer, motion: Motion, rows: np.ndarray) -> float:
+    q, wrench, torque = motion.q[rows], motion.base_wrench[rows], motion.joint_torque[rows]
+    start = time.perf_counter()
+    localizer.locate_batch(q, base_wrench=wrench, joint_torque=torque, external=False)
+    return (time.perf_counter() - start) / len(q)

@@ -1,0 +1,40 @@
+"""The same contacts on an arm that stands still: the yardstick for what motion costs."""
+
+import numpy as np
+
+from contactsense import Localizer
+from contactsense.benchmarks.motion.streams import Stream
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
+
+
+def static_error(
+    localizer: Localizer,
+    rows: list[tuple[Stream, int]],
+    noise: tuple[float, float, float],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Locate the contact of each sample from its posture and its true wrench, with that noise.
+
+    Args:
+        localizer: For a scene with the true noise of the sensors.
+        rows: Samples as (stream, number).
+        noise: Standard deviations of base force, base moment and joint torque [N, Nm, Nm].
+
+    Returns:
+        Distance of each answer from the truth, shape (N,) [m], infinite where there is none; whether the
+        link is right, shape (N,).
+    """
+    model, motion = build_model(localizer.scene.robot), empty_motion(6)
+    q = np.array([stream.q[i] for stream, i in rows])
+    wrench = np.array([stream.wrench[i] for stream, i in rows])
+    link = np.array([stream.link[i] for stream, i in rows])
+    torque = np.empty((len(rows), 6))
+    for row in range(len(rows)):
+        forward_kinematics(model, q[row], motion)
+        torque[row] = np.where(np.arange(6) < link[row], -motion.screw @ wrench[row], 0.0)
+    reading = wrench + np.array([stream.noise_wrench[i] for stream, i in rows]) * np.repeat(noise[:2], 3)
+    torque += np.array([stream.noise_torque[i] for stream, i in rows]) * noise[2]
+    batch = localizer.locate_batch(q, base_wrench=reading, joint_torque=torque)
+    error = np.linalg.norm(batch.point_base - np.array([s.point_base[i] for s, i in rows]), axis=1)
+    error[batch.link < 0] = np.inf
+    return error, batch.link == link

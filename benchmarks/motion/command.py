@@ -1,0 +1,251 @@
+"""`contactsense bench motion FOLDER`: contacts on moving arms, as a ratio to the same contacts at rest."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor, robots
+from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, Noise
+from contactsense.benchmarks.motion.at_rest import static_error
+from contactsense.benchmarks.motion.model_error import MASS_ERROR, assumed_friction, friction, heavier
+from contactsense.benchmarks.motion.score import Score
+from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn
+from contactsense.residuals.momentum_observer import noise_variance_ratio
+from contactsense.sensors.settings import Friction
+
+MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
+"""Choice -> whether mass and friction are wrong, one round each."""
+
+
+@click.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--robot", "names", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
+@click.option(
+    "--suite",
+    "suites",
+    multiple=True,
+    type=click.Choice(SUITES),
+    default=SUITES,
+    help="Suite; may be repeated.",
+)
+@click.option(
+    "--level",
+    "levels",
+    multiple=True,
+    type=click.IntRange(0, len(COLUMNS) - 1),
+    default=range(len(COLUMNS)),
+    help="Noise column, 0 (none) to 3; may be repeated.",
+)
+@click.option(
+    "--model",
+    type=click.Choice(list(MODELS)),
+    default="both",
+    show_default=True,
+    help="Masses and friction exact, or 2 % and 5 % wrong.",
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Repetitions of each run, each with other noise; all samples are evaluated together.",
+)
+@click.option("--bandwidth", type=float, help="Cut-off of the observer [Hz]; default: the scene's.")
+@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+def motion(
+    folder: Path,
+    names: tuple[str, ...],
+    suites: tuple[str, ...],
+    levels: tuple[int, ...],
+    model: str,
+    draws: int,
+    bandwidth: float | None,
+    as_json: bool,
+) -> None:
+    """Step through the ground truth of moving arms in FOLDER (motion_ROBOT.npz, probe_ROBOT.npz).
+
+    Errors are those of all samples that were touched at one place by at least 5 N and got an answer; the
+    share of these is printed beside. Ratios are to the same contacts on an arm at rest: the true wrench of
+    each sample with the noise that the observer leaves, located without a stream.
+    """
+    streams = {(name, suite): read(folder, name, suite) for name in names for suite in suites}
+    rounds = [
+        (name, suite, COLUMNS[level], wrong)
+        for wrong in MODELS[model]
+        for name in names
+        for suite in suites
+        for level in levels
+    ]
+    results: list[dict[str, Any]] = []
+    for name, suite, noise, wrong in track(
+        rounds, description="stepping", console=Console(stderr=True), transient=True
+    ):
+        results += measure(streams[name, suite], noise, wrong, bandwidth, draws)
+    if as_json:
+        click.echo(json.dumps({"bandwidth": bandwidth, "draws": draws, "results": results}, indent=1))
+        return
+    for wrong in MODELS[model]:
+        _print_table([r for r in results if r["wrong_model"] == wrong], wrong)
+
+
+def scene_for(stream: Stream, noise: Noise, wrong: bool, bandwidth: float | None = None) -> Scene:
+    """The estimator's scene for a stream: the noise is known; masses and friction may be wrong, within their
+    stated standard deviations."""
+    stated = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
+    robot = robots.load(stream.robot)
+    return Scene(
+        robot=heavier(robot, MASS_ERROR) if wrong else robot,
+        gravity=stream.gravity,
+        base_wrench=WrenchSensor(force_noise=stated.force, moment_noise=stated.moment),
+        joint_torque=JointTorqueSensor(
+            noise=stated.torque, friction=assumed_friction() if wrong else Friction()
+        ),
+        inertia_error=MASS_ERROR if wrong else 0.0,
+        **({} if bandwidth is None else {"bandwidth": bandwidth}),
+    )
+
+
+def samples(stream: Stream, noise: Noise, wrong: bool) -> Iterator[Sample]:
+    """Readings of the sensors with that noise; `wrong`: with joint friction."""
+    torque = stream.torque + noise.torque * stream.noise_torque
+    if wrong:
+        torque = torque + friction(stream.qd)
+    wrench = stream.base_wrench + np.repeat(noise[:2], 3) * stream.noise_wrench
+    for row in zip(stream.t.tolist(), stream.q, stream.qd, torque, wrench, strict=True):
+        yield Sample(*row)
+
+
+def measure(
+    streams: Sequence[Stream], noise: Noise, wrong: bool, bandwidth: float | None = None, draws: int = 1
+) -> list[dict[str, Any]]:
+    """Step through the streams of one arm and suite, `draws` times with noise of its own (once without).
+
+    Returns:
+        One row per kind of motion, plain numbers for a table or JSON; errors in mm, None where there are
+        none.
+    """
+    scene = scene_for(streams[0], noise, wrong, bandwidth)
+    localizer = Localizer(scene)
+    variance_ratio = noise_variance_ratio(scene.bandwidth, float(np.median(np.diff(streams[0].t))))
+    still = tuple(np.sqrt(variance_ratio) * level for level in noise)
+    stated = scene_for(streams[0], noise, wrong=False, bandwidth=bandwidth)
+    assert stated.base_wrench is not None
+    assert stated.joint_torque is not None
+    resting = Localizer(
+        stated.model_copy(
+            update={
+                "base_wrench": WrenchSensor(
+                    force_noise=np.sqrt(variance_ratio) * stated.base_wrench.force_noise,
+                    moment_noise=np.sqrt(variance_ratio) * stated.base_wrench.moment_noise,
+                ),
+                "joint_torque": JointTorqueSensor(noise=np.sqrt(variance_ratio) * stated.joint_torque.noise),
+            }
+        )
+    )
+    results = []
+    for kind in KINDS:
+        score = Score()
+        for stream in streams:
+            for draw in range(draws if any(noise) else 1):
+                if stream.kind == kind:
+                    drawn = redrawn(stream, draw)
+                    score.add(drawn, _estimates(localizer, drawn, noise, wrong))
+        if score.events:
+            results.append(
+                {
+                    "robot": streams[0].robot,
+                    "suite": streams[0].suite,
+                    "kind": kind,
+                    "noise": noise._asdict(),
+                    "wrong_model": wrong,
+                    **_summary(score, resting, (still[0], still[1], still[2])),
+                }
+            )
+    return results
+
+
+def _estimates(localizer: Localizer, stream: Stream, noise: Noise, wrong: bool) -> Iterator[Estimate]:
+    return localizer.run(samples(stream, noise, wrong))
+
+
+def _summary(score: Score, resting: Localizer, noise: tuple[float, float, float]) -> dict[str, Any]:
+    error = 1e3 * np.array(score.error)
+    static, static_right = np.empty(0), np.empty(0)
+    if len(error):
+        static, static_right = static_error(resting, score.rows, noise)
+        static *= 1e3
+    live, rest = _quantiles(error), _quantiles(static)
+    delay = _quantiles(1e3 * np.array(score.delay))
+    return {
+        "touched_samples": score.touched,
+        "answered": len(error) / score.touched if score.touched else None,
+        "link_right": float(np.mean(score.link_right)) if len(error) else None,
+        "link_right_static": float(np.mean(static_right)) if len(error) else None,
+        "clear": float(np.mean(score.clear)) if len(error) else None,
+        "error_mm": live,
+        "error_mm_static": rest,
+        "ratio": {name: _ratio(live[name], rest[name]) for name in live},
+        "events": score.events,
+        "missed": score.missed,
+        "masked": score.masked,
+        "delay_ms": delay,
+        "false_alarms": score.false_alarms,
+        "free_hours": score.free / 3600.0,
+    }
+
+
+def _ratio(live: float | None, rest: float | None) -> float | None:
+    return live / rest if live is not None and rest else None
+
+
+def _quantiles(values: np.ndarray) -> dict[str, float | None]:
+    if len(values) == 0:
+        return {"median": None, "p95": None}
+    found = np.quantile(values, [0.5, 0.95], method="higher")
+    return {
+        name: float(v) if np.isfinite(v) else None for name, v in zip(("median", "p95"), found, strict=True)
+    }
+
+
+def _print_table(results: Sequence[dict[str, Any]], wrong: bool) -> None:
+    model = "masses 2 % and friction 5 % wrong" if wrong else "masses exact, no friction"
+    table = Table(
+        title=f"contacts in motion, {model}; errors in mm",
+        caption=(
+            "x rest: ratio to the same contacts at rest; answered: share of the touched samples with an "
+            "answer; masked: contacts that began during a false alarm; alarms: false ones, and the minutes "
+            "without contact"
+        ),
+    )
+    for name in ("arm", "suite", "noise N", "motion"):
+        table.add_column(name, no_wrap=True)
+    for name in ("link", "rest", "median", "x rest", "p95", "x rest", "answered", "delay", "p95 ms",
+                 "missed", "masked", "alarms"):  # fmt: skip
+        table.add_column(name, justify="right", no_wrap=True)
+    for r in results:
+        events, missed = sum(r["events"].values()), sum(r["missed"].values())
+        table.add_row(
+            r["robot"], r["suite"], f"{r['noise']['force']:g}", r["kind"],
+            _percent(r["link_right"]), _percent(r["link_right_static"]),
+            _number(r["error_mm"]["median"]), _number(r["ratio"]["median"]),
+            _number(r["error_mm"]["p95"]), _number(r["ratio"]["p95"]),
+            _percent(r["answered"]),
+            _number(r["delay_ms"]["median"], 0), _number(r["delay_ms"]["p95"], 0),
+            f"{missed}/{events}", str(r["masked"]), f"{r['false_alarms']} in {60.0 * r['free_hours']:.1f}",
+        )  # fmt: skip
+    Console(width=150).print(table)
+
+
+def _percent(value: float | None) -> str:
+    return "." if value is None else f"{100.0 * value:.1f} %"
+
+
+def _number(value: float | None, digits: int = 2) -> str:
+    return "." if value is None else f"{value:.{digits}f}"

@@ -1,0 +1,84 @@
+"""Compare the estimates of one stream with the truth."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from contactsense import Estimate
+from contactsense.benchmarks.motion.streams import Stream
+
+FORCE = 5.0
+"""Contacts count while their force is at least this [N], the smallest of the static suite."""
+AFTERGLOW = 0.2
+"""Time after the end of a contact during which the observer may still report it [s]."""
+PAUSE = 0.1
+"""Alarms with less than this between them are one alarm [s]."""
+
+
+@dataclass
+class Score:
+    """Sums over any number of streams; `add` counts one in."""
+
+    error: list[float] = field(default_factory=list)
+    """Distance from the truth of each sample with an answer, of those touched by at least `FORCE` [m]."""
+    link_right: list[bool] = field(default_factory=list)
+    """Whether its link is right."""
+    clear: list[bool] = field(default_factory=list)
+    """Whether its status was `contact`."""
+    touched: int = 0
+    """Samples touched at one place by at least `FORCE`."""
+    rows: list[tuple[Stream, int]] = field(default_factory=list)
+    """Where the samples with an answer are, for the comparison with an arm at rest."""
+    delay: list[float] = field(default_factory=list)
+    """From the first sample of a contact to the first answer, of the contacts that were found [s]."""
+    events: dict[str, int] = field(default_factory=dict)
+    """Contacts of each type."""
+    missed: dict[str, int] = field(default_factory=dict)
+    """Those without any answer, of each type."""
+    masked: int = 0
+    """Contacts that began during a false alarm: whether they were detected is undefined."""
+    false_alarms: int = 0
+    """Contacts reported where there is none."""
+    free: float = 0.0
+    """Time without contact [s]."""
+
+    def add(self, stream: Stream, estimates: Iterable[Estimate]) -> None:
+        """Count the estimates of all samples of a stream in."""
+        answered = np.zeros(len(stream.t), dtype=bool)
+        strong = (stream.link >= 0) & (np.linalg.norm(stream.wrench[:, :3], axis=1) >= FORCE)
+        self.touched += int(strong.sum())
+        for i, estimate in enumerate(estimates):
+            if not estimate.contacts:
+                continue
+            answered[i] = True
+            if strong[i]:
+                best = estimate.contacts[0]
+                self.error.append(float(np.linalg.norm(best.point_base - stream.point_base[i])))
+                self.link_right.append(best.link_index == stream.link[i])
+                self.clear.append(estimate.status == "contact")
+                self.rows.append((stream, i))
+        self._add_events(stream, answered)
+        self._add_alarms(stream, answered)
+
+    def _add_events(self, stream: Stream, answered: np.ndarray) -> None:
+        late = round(0.5 * AFTERGLOW / float(np.median(np.diff(stream.t))))
+        for event in stream.events:
+            self.events[event.type] = self.events.get(event.type, 0) + 1
+            found = np.flatnonzero(answered[event.start : event.stop + late])
+            before = max(event.start - 1, 0)
+            if answered[before] and not stream.touched[before]:
+                self.masked += 1
+            elif len(found):
+                self.delay.append(float(stream.t[event.start + found[0]] - stream.t[event.start]))
+            else:
+                self.missed[event.type] = self.missed.get(event.type, 0) + 1
+
+    def _add_alarms(self, stream: Stream, answered: np.ndarray) -> None:
+        dt = float(np.median(np.diff(stream.t)))
+        free = ~stream.touched
+        for event in stream.events:
+            free[event.start : event.stop + round(AFTERGLOW / dt)] = False
+        self.free += dt * float(free.sum())
+        alarms = stream.t[free & answered]
+        self.false_alarms += int(len(alarms) > 0) + int((np.diff(alarms) > PAUSE).sum())

@@ -1,0 +1,181 @@
+"""Upper bound of what a better search could find: the search for several contacts, also started at the
+truth."""
+
+import math
+from collections.abc import Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense import Contact, Estimate, Scene
+from contactsense.localization.candidate_buffers import MAX_CANDIDATES
+from contactsense.localization.posterior import pushing_force
+from contactsense.multi_contact.buffers import MultiContactBuffers, PrimitiveFrames
+from contactsense.multi_contact.contact_set_search import (
+    initialize_known_contact,
+    known_evidence,
+    set_evidence,
+)
+from contactsense.multi_contact.joint_optimization import set_contact
+from contactsense.multi_contact.locator import MultiContactLocator
+from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.convex_primitives import project
+from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.buffers import KernelBuffers
+from contactsense.runtime.constants import build_constants
+from contactsense.runtime.kernels import locate_once
+from contactsense.runtime.result_rows import WIDTH
+from contactsense.runtime.skin_grids import skin_of
+from contactsense.runtime.state import empty_state
+
+MAX_RESTARTS = 10
+"""Maximum number of restarts of the optimization from where it stopped, so that its step limit does not
+matter."""
+SURFACE_TOLERANCE = 0.003
+"""Points this near to a primitive's surface may be on it; all such primitives are tried [m]."""
+MIN_GAIN = 0.01
+"""Minimum gain in log evidence for another restart."""
+
+
+class TruthResult(NamedTuple):
+    """Result of the optimization that starts at the truth."""
+
+    gain: float
+    """Log evidence above that of the best explanation found without knowing the truth."""
+    point_base: np.ndarray
+    """Points, in the order of the true ones, shape (K, 3) [m]."""
+
+
+class Oracle:
+    """Explains a static sample by several contacts, as `Localizer.locate` does, and from the truth."""
+
+    def __init__(self, scene: Scene) -> None:
+        """For a scene with base sensor and joint torques."""
+        constants = build_constants(scene)
+        self._kernel_buffers = KernelBuffers(constants, empty_state(constants))
+        skin = skin_of(scene)
+        self._arrays = (
+            self._kernel_buffers.floats,
+            self._kernel_buffers.integers,
+            self._kernel_buffers.sizes,
+            skin,
+        )
+        self._kernel_arguments = (*self._arrays[:3], *skin)
+        self._estimate_builder = EstimateBuilder(scene, constants.surfaces.start)
+        self._sets = MultiContactLocator(scene, self._kernel_buffers, self._arrays, self._estimate_builder)
+        self._rows = np.zeros((max(len(constants.surfaces.kind), MAX_CANDIDATES), WIDTH))
+
+    def locate(
+        self,
+        q: np.ndarray,
+        base_wrench: np.ndarray,
+        joint_torque: np.ndarray,
+        contacts: int,
+        known: Sequence[Contact],
+        drift: float | None,
+    ) -> Estimate:
+        """The estimate of `Localizer.locate`; arguments as there."""
+        present = (True, True, False)
+        listed, _ = locate_once(
+            *self._kernel_arguments,
+            q,
+            joint_torque,
+            base_wrench,
+            np.zeros(6),
+            True,
+            *present,
+            False,
+            -1.0,
+            self._rows,
+        )
+        if contacts > 1:
+            return self._sets.explain(present, contacts, known, drift)
+        return self._estimate_builder.contacts(0.0, self._kernel_buffers.state, self._rows, listed)
+
+    def from_truth(
+        self, links: np.ndarray, points: np.ndarray, forces: np.ndarray, known_count: int
+    ) -> TruthResult:
+        """Optimize from the true contacts, after `locate` of the same sample.
+
+        Args:
+            links: Indices of the touched links, shape (K,); known contacts first, in their order.
+            points, forces: Base frame, shapes (K, 3) [m, N].
+            known_count: Number of known contacts. They start at their known points.
+        """
+        constants, buffers = self._kernel_buffers.constants, self._sets.buffers
+        m, best = 6 + constants.model.joints, TruthResult(-np.inf, points)
+        explanations = self._sets.explanations
+        reference = explanations.score[explanations.order[0]]
+        choices = [self._primitives(link, point) for link, point in zip(links, points, strict=True)]
+        for primitives in product(*choices):
+            score = _optimize_from(
+                *self._arrays[:3], buffers, m, known_count, np.array(primitives), points, forces
+            )
+            if score - reference > best.gain:
+                best = TruthResult(score - reference, buffers.optimizer.point[: len(links)].copy())
+        return best
+
+    def _primitives(self, link: int, point: np.ndarray) -> list[int]:
+        """Primitives of a link on whose surface a point may lie."""
+        surfaces, motion = self._kernel_buffers.constants.surfaces, self._kernel_buffers.state.motion
+        body = self._kernel_buffers.constants.sensors.depth[link]
+        local = (point - motion.origin[body]) @ motion.rotation[body]
+        indices = range(surfaces.start[link], surfaces.start[link + 1])
+        distances = [
+            abs(project(surfaces.kind[p], surfaces.size[p], *local_point)[0])
+            for p in indices
+            for local_point in [surfaces.rotation[p].T @ (local - surfaces.origin[p])]
+        ]
+        return [
+            p
+            for p, distance in zip(indices, distances, strict=True)
+            if distance < max(SURFACE_TOLERANCE, min(distances) + 1e-9)
+        ]
+
+
+@kernel
+def _optimize_from(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int],
+    buffers: MultiContactBuffers,
+    m: int,
+    known_count: int,
+    primitive: np.ndarray,
+    point: np.ndarray,
+    force: np.ndarray,
+) -> float:
+    """Log evidence of the contacts at which the optimization ends; they remain in `buffers.optimizer`."""
+    constants, state = buffer_views(floats, integers, sizes)
+    surfaces, optimizer, seeding = constants.surfaces, buffers.optimizer, buffers.seeding
+    frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
+    count = primitive.shape[0]
+    for i in range(known_count):
+        initialize_known_contact(surfaces, frames, buffers.known, optimizer, seeding.known_normal[i], 1.0, i)
+    prior_log_evidence = known_evidence(
+        surfaces, constants.prior, frames, buffers.rows, known_count, optimizer
+    )
+    for i in range(count):
+        c, f, T = point[i], force[i], optimizer.frame[i]
+        if i < known_count:
+            initialize_known_contact(
+                surfaces, frames, buffers.known, optimizer, seeding.known_normal[i], 1.0, i
+            )
+        else:
+            set_contact(surfaces, frames, optimizer, i, primitive[i], c[0], c[1], c[2], 0.0, 0.0, 0.0)
+            optimizer.prior_point_information[i] = 0.0
+            optimizer.prior_force_information[i] = 0.0
+        fx, fy, fz = pushing_force(f[0], f[1], f[2], T[0, 0], T[1, 0], T[2, 0])
+        optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = fx, fy, fz
+    best: float = -math.inf
+    for _ in range(MAX_RESTARTS):
+        _, score = set_evidence(
+            surfaces, constants.prior, frames, buffers.rows, m, known_count, count, math.inf, optimizer
+        )
+        if score <= best + MIN_GAIN:
+            break
+        best = score
+    gain: float = best - prior_log_evidence
+    return gain

@@ -1,0 +1,199 @@
+"""The measurements of the solvers as Markdown tables."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import isnan
+from typing import Any
+
+from contactsense.benchmarks.solvers import accuracy, iterations, seams, speed
+from contactsense.benchmarks.solvers.cases import catalogue
+from contactsense.benchmarks.solvers.judge import Verdict, judge
+
+Tick = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table and what it says, for people and for programs."""
+
+    head: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+    data: list[dict[str, Any]]
+
+    def markdown(self) -> str:
+        """The table in Markdown, as the documentation holds it."""
+        ruler = ("-",) * len(self.head)
+        return "\n".join("|" + "|".join(line) + "|" for line in (self.head, ruler, *self.rows))
+
+    def aligned(self) -> str:
+        """The same with columns of equal width, for a terminal."""
+        lines = [self.head, *self.rows]
+        widths = [max(len(line[column]) for line in lines) for column in range(len(self.head))]
+        ruler = tuple("-" * width for width in widths)
+        return "\n".join(
+            "| " + " | ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) + " |"
+            for line in (self.head, ruler, *self.rows)
+        )
+
+
+def number(value: float | None) -> str:
+    """A number with two digits that matter; a dash for none."""
+    if value is None:
+        return "-"
+    if isnan(value):
+        return "fails"
+    return f"{value:.2g}" if value == 0.0 or 1e-3 <= abs(value) < 1e4 else f"{value:.0e}"
+
+
+def _count(value: int | None) -> str:
+    return "-" if value is None else f"{value:,}"
+
+
+def accuracy_table(count: int, tick: Tick) -> Table:
+    """Errors over random contacts."""
+    found = list(accuracy.rows(count, tick))
+    head = ("surface", "wrenches", "not answered", "worst", "99.9 %", "printed: median", "worst", "no number")
+    rows = [
+        (
+            row.surface,
+            _count(row.wrenches),
+            _count(row.failures),
+            number(row.worst),
+            number(row.high),
+            number(row.printed),
+            number(row.printed_worst),
+            _count(row.printed_failures),
+        )
+        for row in found
+    ]
+    return Table(head, rows, [_plain(row) for row in found])
+
+
+def cases_table(count: int, tick: Tick) -> Table:
+    """The hard cases, a line for each group."""
+    groups: dict[str, list[Verdict]] = defaultdict(list)
+    for case in catalogue():
+        if case.group not in groups:
+            tick(case.group)
+        groups[case.group].append(judge(case))
+    rows, data = [], []
+    for name, verdicts in groups.items():
+        wrong = sum(not verdict.as_expected for verdict in verdicts)
+        ours = max((verdict.error for verdict in verdicts if verdict.error is not None), default=None)
+        printed = [verdict.printed for verdict in verdicts if verdict.printed is not None]
+        worst = max((value for value in printed if not isnan(value)), default=None)
+        lost = sum(isnan(value) for value in printed)
+        wrong_printed = sum(not isnan(value) and value > 16.0 for value in printed)
+        rows.append(
+            (
+                name,
+                _count(len(verdicts)),
+                _count(wrong),
+                number(ours),
+                f"{lost} of {len(printed)}" if printed else "-",
+                f"{wrong_printed} of {len(printed)}" if printed else "-",
+                number(worst),
+            )
+        )
+        data += [
+            {
+                "group": name,
+                "name": verdict.case.name,
+                "status": verdict.found.status.name,
+                "as_expected": verdict.as_expected,
+                "error": verdict.error,
+                "printed": verdict.printed,
+            }
+            for verdict in verdicts
+        ]
+    head = ("group", "cases", "wrong status", "worst", "printed: no number", "above 16", "worst")
+    return Table(head, rows, data)
+
+
+def seams_table(count: int, tick: Tick) -> Table:
+    """Gaps and second answers around the seams."""
+    found = list(seams.rows(count, tick))
+    rows = [
+        (row.surface, _count(row.wrenches), _count(row.gaps), _count(row.doubles), number(row.residual))
+        for row in found
+    ]
+    head = ("body", "wrenches", "gaps", "second answers", "worst residual")
+    return Table(head, rows, [_plain(row) for row in found])
+
+
+def iterations_table(count: int, tick: Tick) -> Table:
+    """Steps of Newton's method."""
+    found = list(iterations.rows(max(count // 10, 1), tick))
+    rows = [
+        (
+            row.surface,
+            row.wrenches,
+            _count(row.count),
+            _count(row.failures),
+            f"{row.median:.0f}",
+            f"{row.p99:.0f}",
+            str(row.most),
+            number(row.residual),
+        )
+        for row in found
+    ]
+    head = ("body", "wrenches", "count", "failures", "steps: median", "p99", "most", "worst residual")
+    return Table(head, rows, [_plain(row) for row in found])
+
+
+def speed_table(count: int, tick: Tick) -> Table:
+    """Times as ratios."""
+    found = list(speed.rows(max(count // 10, 1), tick))
+    own = {row.surface: row.ratio for row in found if row.method == "wrench_axis"}
+    rows = [
+        (
+            row.surface,
+            row.method.replace("_", " "),
+            str(row.patches),
+            f"{row.nanoseconds:.0f}",
+            f"{row.nanoseconds / row.patches:.1f}",
+            f"{row.ratio:.2f}",
+            f"{row.ratio / own[row.surface]:.2f}",
+        )
+        for row in found
+    ]
+    head = (
+        "surface",
+        "method",
+        "patches",
+        "ns",
+        "ns per patch",
+        "to the sphere's wrench axis",
+        "to its own wrench axis",
+    )
+    return Table(head, rows, [_plain(row) for row in found])
+
+
+TABLES: dict[str, Callable[[int, Tick], Table]] = {
+    "accuracy": accuracy_table,
+    "cases": cases_table,
+    "seams": seams_table,
+    "iterations": iterations_table,
+    "speed": speed_table,
+}
+"""Name -> how the table is made from a number of wrenches."""
+
+
+def into(text: str, tables: Iterable[tuple[str, Table]]) -> str:
+    """Put tables between the lines `<!-- NAME -->` and `<!-- end -->` of a text.
+
+    Raises:
+        ValueError: The text has no place for a table.
+    """
+    for name, table in tables:
+        start, _, rest = text.partition(f"<!-- {name} -->\n")
+        _, mark, rest = rest.partition("<!-- end -->")
+        if not mark:
+            raise ValueError(f"no lines <!-- {name} --> and <!-- end -->")
+        text = f"{start}<!-- {name} -->\n{table.markdown()}\n{mark}{rest}"
+    return text
+
+
+def _plain(row: Any) -> dict[str, Any]:
+    return {name: getattr(row, name) for name in row.__dataclass_fields__}

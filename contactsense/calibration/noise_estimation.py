@@ -1,0 +1,133 @@
+"""Noise and model error of the joint torques, estimated from the residuals after calibration.
+
+The fast part of a residual is noise, which a lower bandwidth averages out. The slow part is model error and
+does not average out; it is larger at low speed and at reversals, where friction has hysteresis. Tails are
+included: each standard deviation is at least such that one residual in a thousand exceeds 3.29 of them, as
+for a Gaussian.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+_AVERAGING_TIME = 0.5
+"""Averages over this time contain the slow part [s]."""
+_TAIL = 0.999
+_TAIL_SIGMA = 3.29
+_REST_VELOCITIES = (0.01, 0.02, 0.05, 0.1, 0.2)
+"""Candidates for the velocity below which friction is uncertain [rad/s]."""
+_MIN_TAIL_SAMPLES = 200
+"""With fewer samples no tail is evaluated."""
+_FRICTION_VARIATION = 0.1
+"""Prior for the relative standard deviation of friction between days: the effect of a few degrees on the
+viscosity of gear grease."""
+
+
+@dataclass(frozen=True)
+class NoiseLevels:
+    """Standard deviations for a scene. n joints."""
+
+    noise: np.ndarray
+    """Of one sample [Nm], shape (n,)."""
+    friction_error: np.ndarray
+    """Of friction between recordings, relative, shape (n,)."""
+    model_error: np.ndarray
+    """Of the model in motion, in addition to `friction_error` [Nm], shape (n,)."""
+    rest_error: np.ndarray
+    """Of the model at rest and reversals, in addition to `model_error` [Nm], shape (n,); NaN where the joint
+    was never at rest."""
+    rest_velocity: float
+    """Velocity below which `rest_error` applies [rad/s]."""
+
+
+def estimate_noise(
+    residual: list[np.ndarray],
+    qd: list[np.ndarray],
+    friction: list[np.ndarray],
+    dt: float,
+    variance_ratio: float,
+) -> NoiseLevels:
+    """Noise and model error of the joints, from one or more recordings.
+
+    Args:
+        residual: Of all joints, settled, one recording each, shape (N, n) [Nm].
+        qd: Joint velocities, alike [rad/s].
+        friction: What the friction formula says, alike [Nm].
+        dt: Sample time [s].
+        variance_ratio: Variance of the residual over that of white noise in one sample.
+    """
+    slow = [uniform_filter1d(part, max(3, round(_AVERAGING_TIME / dt)), axis=0) for part in residual]
+    error = _between_recordings(residual, friction)
+    residuals, mean = np.vstack(residual), np.vstack(slow)
+    speed = np.abs(np.vstack(qd))
+    noise = np.maximum(1.4826 * np.median(np.abs(residuals - mean), axis=0), 1e-6) ** 2
+    known_variance = noise + (error * np.vstack(friction)) ** 2
+    best: tuple[float, NoiseLevels] | None = None
+    for velocity in _REST_VELOCITIES:
+        model, rest = _model_error(residuals, mean, speed, known_variance, known_variance - noise, velocity)
+        found = NoiseLevels(np.sqrt(noise / variance_ratio), error, model, rest, velocity)
+        variance = known_variance + model**2 + np.nan_to_num(rest) ** 2 / (1.0 + (speed / velocity) ** 2) ** 2
+        score = float(np.mean(residuals**2 / variance + np.log(variance)))
+        if best is None or score < best[0]:
+            best = (score, found)
+    assert best is not None
+    return best[1]
+
+
+def _between_recordings(residual: list[np.ndarray], friction: list[np.ndarray]) -> np.ndarray:
+    """Relative variation of friction between recordings: root mean square of the factors that explain most of
+    each recording's residual, combined with the prior `_FRICTION_VARIATION`."""
+    factors = [
+        np.sum(r * f, axis=0) / np.maximum(np.sum(f**2, axis=0), 1e-12)
+        for r, f in zip(residual, friction, strict=True)
+        if np.sum(f**2) > 0.0
+    ]
+    if not factors:
+        return np.zeros(residual[0].shape[1])
+    # The fit takes one degree of freedom for the factors' mean; the prior counts as two recordings.
+    squares = np.sum(np.square(factors), axis=0) + 2.0 * _FRICTION_VARIATION**2
+    return np.asarray(np.sqrt(squares / (len(factors) - 1.0 + 2.0)))
+
+
+def _model_error(
+    residual: np.ndarray,
+    slow: np.ndarray,
+    speed: np.ndarray,
+    known_variance: np.ndarray,
+    slow_known_variance: np.ndarray,
+    velocity: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Model error in motion and at rest, with that velocity between the two. `known_variance`,
+    `slow_known_variance`: variance of the residual and of its slow part from other sources, shape (N, n)."""
+    joints = residual.shape[1]
+    model, rest = np.empty(joints), np.full(joints, np.nan)
+    for j in range(joints):
+        moving, low = speed[:, j] > 3.0 * velocity, speed[:, j] < velocity
+        used = moving if moving.sum() >= _MIN_TAIL_SAMPLES else ~low
+        if not used.any():
+            used = np.ones(len(speed), dtype=bool)
+        motion_variance = np.mean(slow[used, j] ** 2) - np.mean(slow_known_variance[used, j])
+        model[j] = np.sqrt(
+            max(motion_variance, _excess_variance(residual[used, j], known_variance[used, j]), 0.0)
+        )
+        if low.any():
+            total = max(
+                np.mean(residual[low, j] ** 2) - np.mean(known_variance[low, j]),
+                _excess_variance(residual[low, j], known_variance[low, j]),
+            )
+            # At the limit itself a quarter of the full variance remains: on average about half.
+            rest[j] = np.sqrt(2.0 * max(total - model[j] ** 2, 0.0))
+    return model, rest
+
+
+def _excess_variance(values: np.ndarray, known_variance: np.ndarray) -> float:
+    """Variance to be added to the known one for a Gaussian tail; zero for few values."""
+    if len(values) < _MIN_TAIL_SAMPLES:
+        return 0.0
+    low, high = 0.0, float(np.max(values**2))
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        heavy_tailed = np.mean(np.abs(values) > _TAIL_SIGMA * np.sqrt(known_variance + middle)) > 1.0 - _TAIL
+        low, high = (middle, high) if heavy_tailed else (low, middle)
+    return high

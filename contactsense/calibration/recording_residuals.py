@@ -1,0 +1,103 @@
+"""Residuals of whole recordings by the momentum observer: the errors that calibration minimizes."""
+
+import numpy as np
+
+from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.free_motion import FreeMotion
+from contactsense.kinematics.model import Model, Motion, empty_motion
+from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.kinematics.spatial import dot6
+from contactsense.residuals.equations_of_motion import observe_joints, observe_wrench
+from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque
+from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import kernel
+
+GAP = 0.05
+"""After a longer gap between two samples the observer restarts [s]."""
+
+
+@kernel
+def _observe(
+    model: Model,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    gravity: np.ndarray,
+    t: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    wrench: np.ndarray,
+    bandwidth: float,
+    gap: float,
+    joint_observer: MomentumObserver,
+    base_observer: MomentumObserver,
+    unmodelled_std: np.ndarray,
+    joint_residuals: np.ndarray,
+    base_residuals: np.ndarray,
+) -> None:
+    for i in range(t.shape[0]):
+        dt = 0.0 if i == 0 else t[i] - t[i - 1]
+        if dt > gap:
+            dt = 0.0
+        kinematics_and_momenta(model, q[i], qd[i], gravity, motion)
+        if torque.shape[0] > 0:
+            observe_joints(
+                model, torque_model, motion, qd[i], torque[i], dt, bandwidth, joint_observer, unmodelled_std
+            )
+            copy(joint_observer.residual, joint_residuals[i])
+        if wrench.shape[0] > 0:
+            observe_wrench(motion.momentum[0], motion.gravity[0], wrench[i], dt, bandwidth, base_observer)
+            copy(base_observer.residual, base_residuals[i])
+
+
+def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) -> np.ndarray:
+    """Residuals of joints and base, as a `Localizer` of that scene computes them.
+
+    Args:
+        arm: Parameters of arm and sensors.
+        recording: Contact-free motion.
+        bandwidth: Cut-off frequency of the observer [Hz].
+
+    Returns:
+        Shape (N, n + 6): n joints [Nm], then the wrench on the base [N, Nm]; zeros for a missing sensor.
+    """
+    n = recording.q.shape[1]
+    none = np.empty((0, 1))
+    torque = none if recording.torque is None else recording.torque * arm.gain
+    wrench = none if recording.reading is None else arm.base_wrench(recording.t, recording.reading)
+    joint_residuals, base_residuals = np.zeros((len(recording.t), n)), np.zeros((len(recording.t), 6))
+    _observe(
+        arm.model, arm.torque_model, empty_motion(n), arm.gravity, recording.t, recording.q, recording.qd,
+        torque, wrench, bandwidth, GAP, empty_observer(n), empty_observer(6), np.zeros(n), joint_residuals,
+        base_residuals,
+    )  # fmt: skip
+    return np.hstack((joint_residuals, base_residuals))
+
+
+@kernel
+def _friction_of_rows(
+    model: Model,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    gravity: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    for i in range(q.shape[0]):
+        kinematics_and_momenta(model, q[i], qd[i], gravity, motion)
+        for j in range(q.shape[1]):
+            out[i, j] = friction_torque(
+                torque_model, j, qd[i, j], dot6(motion.screw[j], motion.gravity[j + 1])
+            )
+
+
+def friction(arm: CalibrationModel, recording: FreeMotion) -> np.ndarray:
+    """Friction torque of the model at every sample, shape (N, n) [Nm]."""
+    out = np.empty_like(recording.q)
+    n = recording.q.shape[1]
+    _friction_of_rows(
+        arm.model, arm.torque_model, empty_motion(n), arm.gravity, recording.q, recording.qd, out
+    )
+    return out

@@ -1,0 +1,211 @@
+"""Jacobian of the residuals of a recording with respect to the parameters.
+
+Except for the links' inertial parameters, every column is a finite difference of the observer's residuals:
+nearly all parameters enter linearly, so one large step is exact, and the observer's equations are not
+duplicated. The sixty columns of the links come from the regressor in one pass.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.parameters import PER_JOINT, Entry, Group, apply_step
+from contactsense.calibration.recording_residuals import GAP, residuals
+from contactsense.kinematics.model import Model, Motion, empty_motion
+from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.kinematics.regressor import PARAMETERS, arm_regressor
+from contactsense.residuals.joint_friction import JointTorqueModel
+from contactsense.residuals.momentum_observer import MomentumObserver, advance, empty_observer, start_step
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import kernel
+
+_DIFFERENCE_STEPS: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "payload": 1e-3}
+"""Steps for parameters that enter nonlinearly, in units of their prior standard deviation."""
+_STANDSTILL = 0.5
+_STANDSTILL_PATH = 2e-3
+"""A joint that has moved less than this [rad] within `_STANDSTILL` seconds is at rest."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Residuals of one equation over one recording, and their derivatives. N samples, k parameters."""
+
+    channel: int
+    """Index of the joint, or n + 0..5 for the base wrench."""
+    residual: np.ndarray
+    """Shape (N,) [Nm, or N and Nm]."""
+    columns: np.ndarray
+    """Indices of the parameters that it contains, shape (k,)."""
+    slope: np.ndarray
+    """Derivatives of the residual, shape (N, k)."""
+    moving: np.ndarray
+    """Whether the joint has moved recently, so that its friction is known, shape (N,), bool."""
+    dt: float
+    """Time between rows [s]."""
+
+
+def linearize(
+    arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float, stride: int
+) -> list[Rows]:
+    """Residuals and derivatives of all equations over a recording.
+
+    Args:
+        arm: Point of linearization.
+        recording: Contact-free motion.
+        selected: The parameters.
+        bandwidth: Cut-off frequency of the observer [Hz].
+        stride: Number of samples per row kept: filtered residuals change slowly.
+    """
+    joints = recording.q.shape[1]
+    residual = residuals(arm, recording, bandwidth)
+    keep = slice(settled_samples(recording, bandwidth), None, stride)
+    slopes: list[tuple[int, np.ndarray, int | None]] = []
+    done: set[Group] = set()
+    for number, entry in enumerate(selected):
+        if entry.group == "links" or (recording.reading is None and entry.in_base_only):
+            continue
+        if entry.group in PER_JOINT:
+            if entry.group in done or recording.torque is None:
+                continue
+            done.add(entry.group)
+            slopes += _joint_columns(arm, recording, selected, entry.group, bandwidth, residual, keep)
+        elif entry.group == "delay":
+            h = 0.5 * float(np.median(np.diff(recording.t)))
+            ahead = residuals(apply_step(arm, [entry], np.array([h])), recording, bandwidth)
+            behind = residuals(apply_step(arm, [entry], np.array([-h])), recording, bandwidth)
+            slopes.append((number, ((ahead - behind) / (2.0 * h))[keep], None))
+        else:
+            h = entry.prior_std * _DIFFERENCE_STEPS.get(entry.group, 1.0)
+            shifted = residuals(apply_step(arm, [entry], np.array([h])), recording, bandwidth)
+            slopes.append((number, ((shifted - residual) / h)[keep], None))
+    links = [(number, entry) for number, entry in enumerate(selected) if entry.group == "links"]
+    if links:
+        slopes += _link_columns(arm, recording, links, bandwidth, keep)
+    moving = _moving(recording)[keep]
+    dt = stride * float(np.median(np.diff(recording.t)))
+    rows = []
+    for channel in range(joints + 6):
+        if (recording.torque if channel < joints else recording.reading) is None:
+            continue
+        own = [
+            (number, slope[:, channel]) for number, slope, only in slopes if only is None or only == channel
+        ]
+        own = [(number, column) for number, column in own if np.any(column)]
+        rows.append(
+            Rows(
+                channel,
+                residual[keep, channel],
+                np.array([number for number, _ in own], dtype=np.int64),
+                np.array([column for _, column in own]).reshape(len(own), len(residual[keep])).T.copy(),
+                moving[:, channel] if channel < joints else np.ones(len(moving), dtype=bool),
+                dt,
+            )
+        )
+    return rows
+
+
+def settled_samples(recording: FreeMotion, bandwidth: float) -> int:
+    """First sample at which the observer has settled after its start."""
+    return int(np.searchsorted(recording.t, recording.t[0] + 5.0 / (2.0 * np.pi * bandwidth)))
+
+
+def _joint_columns(
+    arm: CalibrationModel,
+    recording: FreeMotion,
+    selected: tuple[Entry, ...],
+    group: Group,
+    bandwidth: float,
+    residual: np.ndarray,
+    keep: slice,
+) -> list[tuple[int, np.ndarray, int | None]]:
+    """Columns of a group for all joints in one pass, as each joint's own parameters are in its own equation
+    only."""
+    own = [(number, entry) for number, entry in enumerate(selected) if entry.group == group]
+    step = np.array([entry.prior_std for _, entry in own])
+    shifted = residuals(apply_step(arm, [entry for _, entry in own], step), recording, bandwidth)
+    found: list[tuple[int, np.ndarray, int | None]] = []
+    for (number, entry), h in zip(own, step, strict=True):
+        assert entry.joint is not None
+        change = (shifted - residual) / h
+        if group == "gain":
+            # The model's torque instead of the measured one: noise in a regressor would bias the estimate
+            # towards zero.
+            change = change - residual / arm.gain[entry.joint]
+        found.append((number, change[keep], entry.joint))
+    return found
+
+
+@kernel
+def _observe_links(
+    model: Model,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    gravity: np.ndarray,
+    t: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    bandwidth: float,
+    gap: float,
+    state: MomentumObserver,
+    momentum: np.ndarray,
+    drift: np.ndarray,
+    scratch: np.ndarray,
+    start: int,
+    stride: int,
+    out: np.ndarray,
+) -> None:
+    """The observer, applied to the columns of the regressor instead of momenta and drifts."""
+    joints = q.shape[1]
+    row = 0
+    for i in range(t.shape[0]):
+        dt = 0.0 if i == 0 else t[i] - t[i - 1]
+        step = start_step(state, 0.0 if dt > gap else dt, bandwidth)
+        kinematics_and_momenta(model, q[i], qd[i], gravity, motion)
+        arm_regressor(
+            model, motion, gravity, torque_model.gravity, torque_model.inertia,
+            momentum[:joints], drift[:joints], momentum[joints:], drift[joints:], scratch,
+        )  # fmt: skip
+        e = 0
+        for r in range(momentum.shape[0]):
+            for k in range(momentum.shape[1]):
+                for c in range(momentum.shape[2]):
+                    advance(state, e, momentum[r, k, c], drift[r, k, c], step)
+                    e += 1
+        if i >= start and (i - start) % stride == 0:
+            copy(state.residual, out[row])
+            row += 1
+
+
+def _link_columns(
+    arm: CalibrationModel,
+    recording: FreeMotion,
+    links: list[tuple[int, Entry]],
+    bandwidth: float,
+    keep: slice,
+) -> list[tuple[int, np.ndarray, int | None]]:
+    """Columns of all links' inertial parameters, in one pass."""
+    joints = recording.q.shape[1]
+    shape = (joints + 6, joints + 1, PARAMETERS)
+    rows = len(range(*keep.indices(len(recording.t))))
+    out = np.empty((rows, int(np.prod(shape))))
+    _observe_links(
+        arm.model, arm.torque_model, empty_motion(joints), arm.gravity, recording.t, recording.q,
+        recording.qd, bandwidth, GAP, empty_observer(out.shape[1]), np.empty(shape), np.empty(shape),
+        np.empty(3), keep.start, keep.step, out,
+    )  # fmt: skip
+    columns = out.reshape(rows, *shape)
+    return [(number, columns[:, :, entry.index[0], entry.index[1]], None) for number, entry in links]
+
+
+def _moving(recording: FreeMotion) -> np.ndarray:
+    """Whether each joint has moved within the last half second, shape (N, n), bool.
+
+    A joint at rest holds any torque up to Coulomb friction: its samples carry no information on friction.
+    """
+    ago = np.searchsorted(recording.t, recording.t - _STANDSTILL)
+    path = np.vstack(
+        (np.zeros(recording.q.shape[1]), np.cumsum(np.abs(np.diff(recording.q, axis=0)), axis=0))
+    )
+    return np.asarray(path - path[ago] > _STANDSTILL_PATH)

@@ -1,0 +1,1 @@
+"""Isolation: one hypothesis per link, with the fused wrench and its evidence."""

@@ -1,0 +1,1 @@
+"""Localization: where on the surface of each link a wrench enters, and how probable that is."""

@@ -1,0 +1,224 @@
+"""Accessibility: which points of the surface can be touched.
+
+Points inside another body of the arm, points without free height above them, and the mounting face of the
+base cannot.
+"""
+
+import math
+
+from contactsense.localization.posterior import STUDENT_DOF, tangents
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.surface.convex_primitives import out_of_reach, project
+
+QUADRATURE_RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
+"""Radii (in standard deviations) and weights of a quadrature for a normal distribution on a plane.
+
+Six points on each of three rings (Gauss-Laguerre in half the squared radius).
+"""
+HEXAGON = tuple((math.cos(math.pi / 3.0 * k), math.sin(math.pi / 3.0 * k)) for k in range(6))
+"""Directions of the points of a ring."""
+CLEARANCE_SIGMAS = 3.9
+"""A place is fully accessible if its clearance exceeds this many standard deviations.
+
+`CURVATURE_MARGIN` times the radius of the widest ring.
+"""
+CURVATURE_MARGIN = 1.1
+"""Factor on the radius of a ring within which no other primitive may lie; allows for curvature."""
+PENETRATION_SCALE = 4.0
+"""Scale of the tolerated penetration: the surface deviation over this number."""
+FULLY_ACCESSIBLE = 0.98
+"""Accessible share above which point and covariance of a candidate are not changed."""
+
+
+@inlined_fused_kernel
+def clearance(surfaces, frames, excluded, x, y, z, max_distance):  # type: ignore[no-untyped-def]
+    """Distance of a point from the nearest other primitive of the same or a neighbouring link [m].
+
+    Args:
+        surfaces: Primitives.
+        frames: Their body frames in the base frame (`rotation` and `origin`).
+        excluded: Primitive that is ignored: the one on which the point lies.
+        x, y, z: The point, base frame [m].
+        max_distance: Upper bound of the result [m].
+
+    Returns:
+        The distance, negative inside, at most `max_distance`.
+    """
+    link = surfaces.link[excluded]
+    first = surfaces.start[max(link - 1, 0)]
+    last = surfaces.start[min(link + 2, surfaces.start.shape[0] - 1)]
+    distance = max_distance
+    for p in range(first, last):
+        o = frames.origin[p]
+        dx, dy, dz = x - o[0], y - o[1], z - o[2]
+        reach = surfaces.radius[p] + distance
+        if p == excluded or reach <= 0.0 or dx * dx + dy * dy + dz * dz > reach * reach:
+            continue
+        R = frames.rotation[p]
+        kind, size = surfaces.kind[p], surfaces.size[p]
+        ax = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
+        ay = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
+        az = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
+        if not out_of_reach(kind, size, ax, ay, az, distance):
+            distance = min(distance, project(kind, size, ax, ay, az)[0])
+    return distance
+
+
+@fused_kernel
+def accessible_share(margin, prior):  # type: ignore[no-untyped-def]
+    """Probability that a place can be touched, given the clearance `margin` above it [m].
+
+    1 for a positive clearance. For a negative one it falls with the tail of a Student t distribution,
+    because the surfaces are uncertain.
+    """
+    if margin >= 0.0:
+        return 1.0
+    penetration = PENETRATION_SCALE * margin / prior.surface_deviation
+    return (1.0 + penetration * penetration / STUDENT_DOF) ** (-0.5 * (STUDENT_DOF + 1.0))
+
+
+@fused_kernel
+def clearance_above(surfaces, candidates, row, prior):  # type: ignore[no-untyped-def]
+    """Clearance at the height `prior.clearance` above a candidate's point.
+
+    Returns:
+        Clearance [m], at most `CLEARANCE_SIGMAS` times the largest standard deviation of the point; that
+        standard deviation [m]; and the point's covariance along `tangents` (v11, v12, v22) [m^2].
+    """
+    c, n = candidates.point[row], candidates.normal[row]
+    C = candidates.covariance[row]
+    t1x, t1y, t1z, t2x, t2y, t2z = tangents(n[0], n[1], n[2])
+    c1x = C[0, 0] * t1x + C[0, 1] * t1y + C[0, 2] * t1z
+    c1y = C[1, 0] * t1x + C[1, 1] * t1y + C[1, 2] * t1z
+    c1z = C[2, 0] * t1x + C[2, 1] * t1y + C[2, 2] * t1z
+    v11 = t1x * c1x + t1y * c1y + t1z * c1z
+    v12 = t2x * c1x + t2y * c1y + t2z * c1z
+    v22 = (
+        t2x * (C[0, 0] * t2x + C[0, 1] * t2y + C[0, 2] * t2z)
+        + t2y * (C[1, 0] * t2x + C[1, 1] * t2y + C[1, 2] * t2z)
+        + t2z * (C[2, 0] * t2x + C[2, 1] * t2y + C[2, 2] * t2z)
+    )
+    max_deviation = math.sqrt(max(0.5 * (v11 + v22) + math.sqrt(0.25 * (v11 - v22) ** 2 + v12 * v12), 0.0))
+    height = prior.clearance
+    x, y, z = c[0] + height * n[0], c[1] + height * n[1], c[2] + height * n[2]
+    distance = clearance(
+        surfaces, candidates, candidates.primitive[row], x, y, z, CLEARANCE_SIGMAS * max_deviation
+    )
+    return distance, max_deviation, v11, v12, v22
+
+
+@fused_kernel
+def apply_accessibility(surfaces, candidates, row, prior, min_score):  # type: ignore[no-untyped-def]
+    """Condition a candidate on being accessible.
+
+    The candidate's score is lowered by the log of the accessible share of its neighbourhood; its point and
+    covariance become those of that share. If the score cannot exceed `min_score`, it becomes -infinity at
+    once.
+
+    Returns:
+        Whether the whole neighbourhood is accessible, which leaves the candidate unchanged.
+    """
+    distance, max_deviation, v11, v12, v22 = clearance_above(surfaces, candidates, row, prior)
+    if distance >= CLEARANCE_SIGMAS * max_deviation:
+        return True
+    if (
+        candidates.score[row] + math.log(accessible_share(distance + CLEARANCE_SIGMAS * max_deviation, prior))
+        < min_score
+    ):
+        candidates.score[row] = -math.inf
+        return False
+    p, height = candidates.primitive[row], prior.clearance
+    c, n = candidates.point[row], candidates.normal[row]
+    C = candidates.covariance[row]
+    t1x, t1y, t1z, t2x, t2y, t2z = tangents(n[0], n[1], n[2])
+    # Root of the covariance in the tangent plane: v = (a u1, b u1 + d u2).
+    a = math.sqrt(max(v11, 1e-18))
+    b = v12 / a
+    d = math.sqrt(max(v22 - b * b, 0.0))
+    share, mx, my, mz = 0.0, 0.0, 0.0, 0.0
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    R, o = candidates.rotation[p], candidates.origin[p]
+    for radius, weight in QUADRATURE_RINGS:
+        for k in range(6):
+            u1, u2 = radius * HEXAGON[k][0], radius * HEXAGON[k][1]
+            v1, v2 = a * u1, b * u1 + d * u2
+            ex, ey, ez = v1 * t1x + v2 * t2x, v1 * t1y + v2 * t2y, v1 * t1z + v2 * t2z
+            if distance > CURVATURE_MARGIN * radius * max_deviation:
+                # The whole ring is clear.
+                share += weight
+                mx += weight * ex
+                my += weight * ey
+                mz += weight * ez
+                xx += weight * ex * ex
+                xy += weight * ex * ey
+                xz += weight * ex * ez
+                yy += weight * ey * ey
+                yz += weight * ey * ez
+                zz += weight * ez * ez
+                continue
+            dx, dy, dz = c[0] + ex - o[0], c[1] + ey - o[1], c[2] + ez - o[2]
+            _, lx, ly, lz, kx, ky, kz = project(
+                surfaces.kind[p],
+                surfaces.size[p],
+                R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
+                R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
+                R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
+            )
+            hx, hy, hz = lx + height * kx, ly + height * ky, lz + height * kz
+            free = clearance(
+                surfaces,
+                candidates,
+                p,
+                o[0] + R[0, 0] * hx + R[0, 1] * hy + R[0, 2] * hz,
+                o[1] + R[1, 0] * hx + R[1, 1] * hy + R[1, 2] * hz,
+                o[2] + R[2, 0] * hx + R[2, 1] * hy + R[2, 2] * hz,
+                0.0,
+            )
+            share_weight = weight * accessible_share(free, prior)
+            ex = o[0] + R[0, 0] * lx + R[0, 1] * ly + R[0, 2] * lz - c[0]
+            ey = o[1] + R[1, 0] * lx + R[1, 1] * ly + R[1, 2] * lz - c[1]
+            ez = o[2] + R[2, 0] * lx + R[2, 1] * ly + R[2, 2] * lz - c[2]
+            share += share_weight
+            mx += share_weight * ex
+            my += share_weight * ey
+            mz += share_weight * ez
+            xx += share_weight * ex * ex
+            xy += share_weight * ex * ey
+            xz += share_weight * ex * ez
+            yy += share_weight * ey * ey
+            yz += share_weight * ey * ez
+            zz += share_weight * ez * ez
+    candidates.score[row] += math.log(share)
+    if share > FULLY_ACCESSIBLE:
+        return False
+    mx, my, mz = mx / share, my / share, mz / share
+    s = prior.surface_deviation * prior.surface_deviation
+    C[0, 0] = xx / share - mx * mx + s * n[0] * n[0]
+    C[0, 1] = xy / share - mx * my + s * n[0] * n[1]
+    C[0, 2] = xz / share - mx * mz + s * n[0] * n[2]
+    C[1, 1] = yy / share - my * my + s * n[1] * n[1]
+    C[1, 2] = yz / share - my * mz + s * n[1] * n[2]
+    C[2, 2] = zz / share - mz * mz + s * n[2] * n[2]
+    C[1, 0], C[2, 0], C[2, 1] = C[0, 1], C[0, 2], C[1, 2]
+    dx, dy, dz = c[0] + mx - o[0], c[1] + my - o[1], c[2] + mz - o[2]
+    _, lx, ly, lz, kx, ky, kz = project(
+        surfaces.kind[p],
+        surfaces.size[p],
+        R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
+        R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
+        R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
+    )
+    for i in range(3):
+        c[i] = o[i] + R[i, 0] * lx + R[i, 1] * ly + R[i, 2] * lz
+        n[i] = R[i, 0] * kx + R[i, 1] * ky + R[i, 2] * kz
+    return False
+
+
+@fused_kernel
+def is_mounting_face(link, z, nz, spread):  # type: ignore[no-untyped-def]
+    """Whether a point is on the mounting face of the base link, which cannot be touched.
+
+    link: index of the link. z: height above the mounting plane z = 0 of the base frame [m]. nz: z
+    component of the outward normal. spread: tolerance [m].
+    """
+    return link == 0 and z < spread and nz < -0.5

@@ -1,0 +1,120 @@
+"""Arrays for the candidate contacts of one measurement, and how a candidate is stored in them."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.robots.jit.kernel import fused_kernel
+
+MAX_CANDIDATES = 8
+"""Number of candidates that the search over the surface returns at most."""
+TILT_LENGTH = 0.0035
+"""Ratio of the real surface's offset from a primitive to its tilt [m].
+
+Both are standard deviations of normal distributions with the measured 90th percentiles (`contactsense
+bench geometry --json`: 0.8 mm and 16 to 19 degrees).
+"""
+MAX_TILT = 0.33
+"""Upper bound of the tilt, as measured on the `coarse` primitives (36 to 44 degrees) [rad]."""
+
+
+class Candidates(NamedTuple):
+    """Candidate contacts of one measurement, one per row. `order` lists the valid rows. Base frame.
+
+    If the line of action is known, row p belongs to primitive p. If it is not, rows are filled in the
+    order in which candidates are found, and a primitive may have several.
+    """
+
+    order: np.ndarray
+    """Rows by falling probability, shape (R,), int64."""
+    primitive: np.ndarray
+    """Index of the touched primitive, shape (R,), int64."""
+    score: np.ndarray
+    """Log evidence, shape (R,)."""
+    probability: np.ndarray
+    """Probability, set for the rows listed in `order`, shape (R,)."""
+    point: np.ndarray
+    """Contact centroid [m], shape (R, 3)."""
+    normal: np.ndarray
+    """Outward unit normal, shape (R, 3)."""
+    force: np.ndarray
+    """Force on the robot [N], shape (R, 3)."""
+    torsion: np.ndarray
+    """Moment on the robot about the outward normal [Nm], shape (R,)."""
+    covariance: np.ndarray
+    """Covariance of `point` [m^2], shape (R, 3, 3)."""
+    wrench: np.ndarray
+    """Fused wrench of the link hypothesis in the body frame of each primitive, shape (P, 6) [N, Nm]."""
+    information: np.ndarray
+    """Its information matrix, shape (P, 6, 6)."""
+    rotation: np.ndarray
+    """Rotation from the body frame of each primitive to the base frame, shape (P, 3, 3)."""
+    origin: np.ndarray
+    """Origin of the body frame of each primitive, base frame [m], shape (P, 3)."""
+
+
+def empty_candidates(primitives: int) -> Candidates:
+    """Zero-filled arrays for that many primitives."""
+    rows = max(primitives, MAX_CANDIDATES)
+    return Candidates(
+        order=np.zeros(rows, dtype=np.int64),
+        primitive=np.zeros(rows, dtype=np.int64),
+        score=np.zeros(rows),
+        probability=np.zeros(rows),
+        point=np.zeros((rows, 3)),
+        normal=np.zeros((rows, 3)),
+        force=np.zeros((rows, 3)),
+        torsion=np.zeros(rows),
+        covariance=np.zeros((rows, 3, 3)),
+        wrench=np.zeros((primitives, 6)),
+        information=np.zeros((primitives, 6, 6)),
+        rotation=np.zeros((primitives, 3, 3)),
+        origin=np.zeros((primitives, 3)),
+    )
+
+
+@fused_kernel
+def rotate_into(R, x, y, z, out):  # type: ignore[no-untyped-def]
+    """out = R (x, y, z)."""
+    for i in range(3):
+        out[i] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
+
+
+@fused_kernel
+def store_candidate(candidates, row, p, result, buffers, surface_deviation):  # type: ignore[no-untyped-def]
+    """Store a result of `find_posterior_mode` on primitive p in row `row`, in the base frame.
+
+    The covariance of the point is that of the posterior plus the effect of the real surface's tilt: a
+    tilt d of the normal turns the torsion xi, changes the moment by xi d and so moves the point by xi d /
+    F (theory, section 4).
+
+    Args:
+        candidates: Arrays with the body frames filled in.
+        row: Row to write.
+        p: Index of the primitive.
+        result: Return value of `find_posterior_mode`, body frame.
+        buffers: Buffers of that search, with the frame of normal and tangents. `gradient` is overwritten.
+        surface_deviation: Standard deviation of the surface's offset along the normal [m].
+    """
+    _, _, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, v11, v12, v22 = result
+    candidates.primitive[row] = p
+    R, o, T = candidates.rotation[p], candidates.origin[p], buffers.frame
+    rotate_into(R, cx, cy, cz, candidates.point[row])
+    rotate_into(R, nx, ny, nz, candidates.normal[row])
+    rotate_into(R, fx, fy, fz, candidates.force[row])
+    candidates.torsion[row] = xi
+    t1, t2 = buffers.gradient[:3], buffers.gradient[3:]
+    rotate_into(R, T[0, 1], T[1, 1], T[2, 1], t1)
+    rotate_into(R, T[0, 2], T[1, 2], T[2, 2], t2)
+    n = candidates.normal[row]
+    shift = min(surface_deviation / TILT_LENGTH, MAX_TILT) * xi / (fx * nx + fy * ny + fz * nz)
+    v11 += shift * shift
+    v22 += shift * shift
+    for i in range(3):
+        candidates.point[row, i] += o[i]
+        for k in range(3):
+            candidates.covariance[row, i, k] = (
+                t1[i] * (v11 * t1[k] + v12 * t2[k])
+                + t2[i] * (v12 * t1[k] + v22 * t2[k])
+                + n[i] * n[k] * surface_deviation * surface_deviation
+            )

@@ -1,0 +1,143 @@
+"""Search for the contact if the line of action is known: one posterior mode on every primitive near the
+line."""
+
+import math
+
+from contactsense.kinematics.wrench_information import to_body_frame
+from contactsense.localization.candidate_buffers import store_candidate
+from contactsense.localization.line_of_action import enter_surface
+from contactsense.localization.posterior import energy_at, inflate_by_surface_deviation, pushing_force
+from contactsense.localization.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
+from contactsense.robots.jit.kernel import fused_kernel
+
+
+@fused_kernel
+def search_along_line_of_action(surfaces, touchable, hypotheses, prior, buffers, candidates):  # type: ignore[no-untyped-def]
+    """Find the most probable contact on each primitive near the line of action; row p is for primitive p.
+
+    Args:
+        surfaces, touchable, hypotheses, prior, buffers, candidates: As in
+            `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled
+            in.
+
+    Returns:
+        Number of rows in `order`. The `score` of rejected rows is -infinity.
+    """
+    count = _initial_guesses(surfaces, touchable, hypotheses, prior, candidates, buffers)
+    lowest_energy = math.inf
+    for i in range(count):
+        # Lowest energy first, so that the others are rejected early.
+        for k in range(i + 1, count):
+            if candidates.score[candidates.order[k]] < candidates.score[candidates.order[i]]:
+                candidates.order[i], candidates.order[k] = candidates.order[k], candidates.order[i]
+        p = candidates.order[i]
+        link_energy = hypotheses.energy[surfaces.link[p]]
+        if link_energy > lowest_energy + ENERGY_CUTOFF:
+            candidates.score[p] = -math.inf
+            continue
+        w, c, n = candidates.wrench[p], candidates.point[p], candidates.normal[p]
+        fx, fy, fz = pushing_force(w[0], w[1], w[2], n[0], n[1], n[2])
+        result = find_posterior_mode(
+            surfaces.kind[p], surfaces.size[p], w, candidates.information[p], prior,
+            lowest_energy + ENERGY_CUTOFF - link_energy, c[0], c[1], c[2], n[0], n[1], n[2],
+            fx, fy, fz, 0.0, buffers,
+        )  # fmt: skip
+        candidates.score[p] = result[1] - link_energy
+        if result[1] > -math.inf:
+            store_candidate(candidates, p, p, result, buffers, prior.surface_deviation)
+            lowest_energy = min(lowest_energy, link_energy + result[0])
+    return count
+
+
+@fused_kernel
+def _initial_guesses(surfaces, touchable, hypotheses, prior, candidates, buffers):  # type: ignore[no-untyped-def]
+    """Initial guess on every touchable primitive near the line of action.
+
+    The guess is the point where the line enters the primitive, or the nearest point; it is written to
+    `point` and `normal` in the body frame, its energy to `score`, and its row to `order`. Primitives are
+    skipped if the line passes too far from them to be explained by noise.
+
+    Returns:
+        Number of guesses.
+    """
+    ceiling = math.inf
+    count = 0
+    last_link, last_energy = -1, -math.inf
+    for _ in range(touchable.shape[0]):
+        # Links by rising energy: the first ones set a bound that excludes the last ones.
+        link, link_energy = -1, math.inf
+        for k in range(touchable.shape[0]):
+            e = hypotheses.energy[k]
+            unvisited = e > last_energy or (e == last_energy and k > last_link)
+            if touchable[k] and unvisited and (link < 0 or e < link_energy):
+                link, link_energy = k, e
+        if link < 0 or link_energy > ceiling + ENERGY_CUTOFF:
+            break
+        last_link, last_energy = link, link_energy
+        w, P, L = hypotheses.wrench[link], hypotheses.covariance[link], hypotheses.information[link]
+        fx, fy, fz = w[0], w[1], w[2]
+        squared_force = fx * fx + fy * fy + fz * fz
+        if squared_force <= 0.0:
+            continue
+        for p in range(surfaces.start[link], surfaces.start[link + 1]):
+            ox, oy, oz = candidates.origin[p, 0], candidates.origin[p, 1], candidates.origin[p, 2]
+            mx, my, mz = w[3] - oy * fz + oz * fy, w[4] - oz * fx + ox * fz, w[5] - ox * fy + oy * fx
+            ax, ay, az = fy * mz - fz * my, fz * mx - fx * mz, fx * my - fy * mx
+            kind, size, radius = surfaces.kind[p], surfaces.size[p], surfaces.radius[p]
+            limit = ceiling + ENERGY_CUTOFF - link_energy
+            sphere_distance = math.sqrt(ax * ax + ay * ay + az * az) / squared_force - radius
+            if (
+                sphere_distance > 0.0
+                and _shift_energy(sphere_distance, P, ox, oy, oz, squared_force, prior) > limit
+            ):
+                continue
+            v, B = candidates.wrench[p], candidates.information[p]
+            to_body_frame(w, L, candidates.rotation[p], candidates.origin[p], v, B)
+            distance, cx, cy, cz, nx, ny, nz = enter_surface(
+                kind, size, radius, v[0], v[1], v[2], v[3], v[4], v[5]
+            )
+            if distance > 0.0 and _shift_energy(distance, P, ox, oy, oz, squared_force, prior) > limit:
+                continue
+            hx, hy, hz = pushing_force(v[0], v[1], v[2], nx, ny, nz)
+            inflation = inflate_by_surface_deviation(B, prior, nx, ny, nz, hx, hy, hz)
+            energy = link_energy + energy_at(v, B, prior, inflation, cx, cy, cz, nx, ny, nz, hx, hy, hz, 0.0)
+            ceiling = min(ceiling, energy)
+            candidates.point[p, 0], candidates.point[p, 1], candidates.point[p, 2] = cx, cy, cz
+            candidates.normal[p, 0], candidates.normal[p, 1], candidates.normal[p, 2] = nx, ny, nz
+            candidates.score[p] = energy
+            candidates.order[count] = p
+            count += 1
+    return count
+
+
+@fused_kernel
+def _shift_energy(distance, P, ox, oy, oz, squared_force, prior):  # type: ignore[no-untyped-def]
+    """Approximate energy of moving the line of action by `distance` [m] towards the point o.
+
+    The moment about o must change by |f| times the distance. P is the covariance of the wrench,
+    `squared_force` the square of its force [N^2].
+    """
+    return (
+        0.5
+        * squared_force
+        * distance
+        * distance
+        / (moment_variance(P, ox, oy, oz) + prior.surface_deviation * prior.surface_deviation * squared_force)
+    )
+
+
+@fused_kernel
+def moment_variance(P, ox, oy, oz):  # type: ignore[no-untyped-def]
+    """Trace of the covariance of the moment about the point o [Nm^2].
+
+    P: covariance of the wrench about the origin, shape (6, 6). ox, oy, oz: the point [m].
+    """
+    cross = oz * (P[0, 4] - P[1, 3]) + oy * (P[2, 3] - P[0, 5]) + ox * (P[1, 5] - P[2, 4])
+    oo = ox * ox + oy * oy + oz * oz
+    oPo = (
+        ox * (P[0, 0] * ox + 2.0 * P[0, 1] * oy + 2.0 * P[0, 2] * oz)
+        + oy * (P[1, 1] * oy + 2.0 * P[1, 2] * oz)
+        + oz * oz * P[2, 2]
+    )
+    trace = P[3, 3] + P[4, 4] + P[5, 5] - 2.0 * cross + oo * (P[0, 0] + P[1, 1] + P[2, 2]) - oPo
+    return max(trace, 0.0)

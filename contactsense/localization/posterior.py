@@ -1,0 +1,298 @@
+"""Posterior of one contact on one primitive (theory, section 5): energy, gradient and Gauss-Newton
+matrix.
+
+The unknowns are the force f (3), the torsion xi and the contact centroid c on the surface (2). With the
+fused wrench w_k of the link hypothesis, its information matrix L, and the residual d = (f, c x f + xi n)
+- w_k, the energy (negative log posterior) is
+
+    E = 1/2 d^T L' d + 1/2 (xi / (lever F))^2 + (nu + 2)/2 log(1 + rho^2 / nu) + 1/2 log(F / F0)^2
+
+with the normal force F = -f . n and the friction ratio rho = |f_t| / (friction_ratio F).
+
+The second term limits the torsion that a contact patch transmits. The third limits the friction: a force
+that is uniform on the friction disc has the standard deviation friction_ratio = mu / 2 along each tangent.
+The distribution is Student's t with nu degrees of freedom; its heavy tail allows for ribs, steps and screw
+heads that the primitives do not model and where the real normal differs. The last term is a log-normal
+prior of the normal force with median F0 and log standard deviation 1. It matters only if the sensors do
+not determine the force. L' is L with the uncertainty of the surface: an offset of standard deviation s
+along the normal adds s^2 u u^T to the covariance, u = (0, n x f). The 6x6 Gauss-Newton matrix at the mode
+gives the covariance and the evidence (Laplace approximation).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.kinematics.linalg.outer_product import add_outer_product, add_scaled_vector
+from contactsense.kinematics.wrench_information import blocks, dot, matvec, shift_information
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+
+STUDENT_DOF = 4.0
+"""Degrees of freedom nu of the Student t distribution of the friction ratio."""
+MIN_INITIAL_FORCE = 1e-3
+"""Initial force of a search if the fused wrench has none [N]."""
+
+
+class Prior(NamedTuple):
+    """Prior of a contact, before any measurement."""
+
+    friction_ratio: float
+    """Standard deviation of tangential over normal force along each tangent: half the friction
+    coefficient."""
+    torsion_lever: float
+    """Standard deviation of torsion over normal force [m]."""
+    surface_deviation: float
+    """Standard deviation of the real surface's offset from the primitive [m]."""
+    force: float
+    """Median of the normal force [N]; its logarithm has standard deviation 1."""
+    clearance: float
+    """Free height above the surface that a touching object needs [m]."""
+    area: float
+    """Area of the touchable surface, over which the place is uniform [m^2]."""
+
+
+class SearchBuffers(NamedTuple):
+    """Scratch arrays of `find_posterior_mode`, and its matrix results."""
+
+    normal_equations: np.ndarray
+    """Upper triangle: Gauss-Newton matrix of (f, xi, v1, v2), shape (6, 6)."""
+    gradient: np.ndarray
+    """Gradient of the energy, then the step, shape (6,)."""
+    frame: np.ndarray
+    """Columns: outward normal and two tangents, body axes, shape (3, 3)."""
+
+
+def empty_search_buffers() -> SearchBuffers:
+    """Zero-filled buffers, for one thread."""
+    return SearchBuffers(
+        normal_equations=np.zeros((6, 6)),
+        gradient=np.zeros(6),
+        frame=np.zeros((3, 3)),
+    )
+
+
+@fused_kernel
+def inflate_by_surface_deviation(L, prior, nx, ny, nz, fx, fy, fz):  # type: ignore[no-untyped-def]
+    """Low-rank change of the information by the surface's offset: L' = L - s^2 v v^T / (1 + s^2 u . v), v
+    = L u.
+
+    By the Sherman-Morrison formula, with u = (0, n x f) and s the offset's standard deviation.
+
+    Returns:
+        v (tuple of 6 floats), s^2 / (1 + s^2 u . v), and the determinant ratio 1 + s^2 u . v.
+    """
+    ux, uy, uz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
+    v = (
+        L[0, 3] * ux + L[0, 4] * uy + L[0, 5] * uz,
+        L[1, 3] * ux + L[1, 4] * uy + L[1, 5] * uz,
+        L[2, 3] * ux + L[2, 4] * uy + L[2, 5] * uz,
+        L[3, 3] * ux + L[3, 4] * uy + L[3, 5] * uz,
+        L[4, 3] * ux + L[4, 4] * uy + L[4, 5] * uz,
+        L[5, 3] * ux + L[5, 4] * uy + L[5, 5] * uz,
+    )
+    offset_variance = prior.surface_deviation * prior.surface_deviation
+    variance_ratio = 1.0 + offset_variance * (ux * v[3] + uy * v[4] + uz * v[5])
+    return v, offset_variance / variance_ratio, variance_ratio
+
+
+@fused_kernel
+def log_prior(prior, normal_force):  # type: ignore[no-untyped-def]
+    """Log of the prior density at its peak for a normal force [N], times (2 pi)^3.
+
+    The factor is that of Laplace's integral over force, torsion and place.
+    """
+    return math.log(
+        2.0 * math.pi / (prior.friction_ratio * prior.friction_ratio * prior.torsion_lever * prior.area)
+    ) - 4.0 * math.log(normal_force)
+
+
+@fused_kernel
+def energy_at(w, L, prior, inflation, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
+    """Energy of a contact; infinite if the force does not push.
+
+    `inflation` is the result of `inflate_by_surface_deviation`. Other arguments as in
+    `contactsense.localization.posterior_mode.find_posterior_mode`.
+    """
+    normal_force = -(fx * nx + fy * ny + fz * nz)
+    if normal_force <= 0.0:
+        return math.inf
+    d = (
+        fx - w[0],
+        fy - w[1],
+        fz - w[2],
+        cy * fz - cz * fy + xi * nx - w[3],
+        cz * fx - cx * fz + xi * ny - w[4],
+        cx * fy - cy * fx + xi * nz - w[5],
+    )
+    v, gain, _ = inflation
+    dLd = 0.0
+    vd = 0.0
+    for i in range(6):
+        Ld = (
+            L[i, 0] * d[0]
+            + L[i, 1] * d[1]
+            + L[i, 2] * d[2]
+            + L[i, 3] * d[3]
+            + L[i, 4] * d[4]
+            + L[i, 5] * d[5]
+        )
+        dLd += d[i] * Ld
+        vd += v[i] * d[i]
+    torsion_ratio = xi / (prior.torsion_lever * normal_force)
+    squared_ratio = (fx * fx + fy * fy + fz * fz - normal_force * normal_force) / (
+        prior.friction_ratio * normal_force
+    ) ** 2
+    log_force = math.log(normal_force / prior.force)
+    return 0.5 * (
+        dLd
+        - gain * vd * vd
+        + torsion_ratio * torsion_ratio
+        + log_force * log_force
+        + (STUDENT_DOF + 2.0) * math.log(1.0 + squared_ratio / STUDENT_DOF)
+    )
+
+
+@fused_kernel
+def pushing_force(fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """The force, with its normal part raised until it pushes: a valid initial value for the search [N]."""
+    normal_force = -(fx * nx + fy * ny + fz * nz)
+    min_normal_force = 0.1 * max(math.sqrt(fx * fx + fy * fy + fz * fz), MIN_INITIAL_FORCE)
+    missing = max(min_normal_force - normal_force, 0.0)
+    return fx - missing * nx, fy - missing * ny, fz - missing * nz
+
+
+@inlined_fused_kernel
+def tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Two unit tangents, continuous except for one direction.
+
+    Source: Duff et al. 2017, "Building an orthonormal basis, revisited".
+    """
+    sign = 1.0 if nz >= 0.0 else -1.0
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
+
+
+@fused_kernel
+def linearize(w, L, prior, inflation, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, buffers):  # type: ignore[no-untyped-def]
+    """Compute gradient and Gauss-Newton matrix of the energy, written to `buffers`.
+
+    W: shape operator of the surface at c (upper triangle, six floats) [1/m]. Other arguments as in
+    `energy_at`.
+    """
+    t1x, t1y, t1z, t2x, t2y, t2z = tangents(nx, ny, nz)
+    frame, H, g = buffers.frame, buffers.normal_equations, buffers.gradient
+    frame[0, 0], frame[1, 0], frame[2, 0] = nx, ny, nz
+    frame[0, 1], frame[1, 1], frame[2, 1] = t1x, t1y, t1z
+    frame[0, 2], frame[1, 2], frame[2, 2] = t2x, t2y, t2z
+    # How the normal turns with a step along each tangent, and the curvature in the tangent plane.
+    w1x = W[0] * t1x + W[1] * t1y + W[2] * t1z
+    w1y = W[1] * t1x + W[3] * t1y + W[4] * t1z
+    w1z = W[2] * t1x + W[4] * t1y + W[5] * t1z
+    w2x = W[0] * t2x + W[1] * t2y + W[2] * t2z
+    w2y = W[1] * t2x + W[3] * t2y + W[4] * t2z
+    w2z = W[2] * t2x + W[4] * t2y + W[5] * t2z
+    k11 = t1x * w1x + t1y * w1y + t1z * w1z
+    k12 = t1x * w2x + t1y * w2y + t1z * w2z
+    k22 = t2x * w2x + t2y * w2y + t2z * w2z
+    # Change of the moment about c by xi, v1, v2.
+    b0 = (nx, ny, nz)
+    b1 = (t1y * fz - t1z * fy + xi * w1x, t1z * fx - t1x * fz + xi * w1y, t1x * fy - t1y * fx + xi * w1z)
+    b2 = (t2y * fz - t2z * fy + xi * w2x, t2z * fx - t2x * fz + xi * w2y, t2x * fy - t2y * fx + xi * w2z)
+    # H = G^T A G and g = G^T A d with A the information about c, G = diag(1, (b0 b1 b2)) and d the residual
+    # wrench about c.
+    F, D, M = blocks(L)
+    F, D, M = shift_information(F, D, M, cx, cy, cz)
+    p0, p1, p2 = matvec(M, b0), matvec(M, b1), matvec(M, b2)
+    c0, c1, c2 = _transposed_matvec(D, b0), _transposed_matvec(D, b1), _transposed_matvec(D, b2)
+    df = (fx - w[0], fy - w[1], fz - w[2])
+    dm = (
+        xi * nx - w[3] + cy * w[2] - cz * w[1],
+        xi * ny - w[4] + cz * w[0] - cx * w[2],
+        xi * nz - w[5] + cx * w[1] - cy * w[0],
+    )
+    af, am = matvec(F, df), matvec(D, df)
+    bf, bm = _transposed_matvec(D, dm), matvec(M, dm)
+    m = (am[0] + bm[0], am[1] + bm[1], am[2] + bm[2])
+    # Inflation by the surface's offset. u is a pure moment, so v = L u becomes X^T v about c.
+    v, s, _ = inflation
+    vf = (v[0] + v[4] * cz - v[5] * cy, v[1] + v[5] * cx - v[3] * cz, v[2] + v[3] * cy - v[4] * cx)
+    vm = (v[3], v[4], v[5])
+    vb = (dot(b0, vm), dot(b1, vm), dot(b2, vm))
+    a, b, c = s * vf[0], s * vf[1], s * vf[2]
+    H[0, 0], H[0, 1], H[0, 2] = F[0][0] - a * vf[0], F[0][1] - a * vf[1], F[0][2] - a * vf[2]
+    H[0, 3], H[0, 4], H[0, 5] = c0[0] - a * vb[0], c1[0] - a * vb[1], c2[0] - a * vb[2]
+    H[1, 1], H[1, 2] = F[1][1] - b * vf[1], F[1][2] - b * vf[2]
+    H[1, 3], H[1, 4], H[1, 5] = c0[1] - b * vb[0], c1[1] - b * vb[1], c2[1] - b * vb[2]
+    H[2, 2] = F[2][2] - c * vf[2]
+    H[2, 3], H[2, 4], H[2, 5] = c0[2] - c * vb[0], c1[2] - c * vb[1], c2[2] - c * vb[2]
+    a, b, c = s * vb[0], s * vb[1], s * vb[2]
+    H[3, 3], H[3, 4], H[3, 5] = (
+        dot(b0, p0) - a * vb[0],
+        dot(b0, p1) - a * vb[1],
+        dot(b0, p2) - a * vb[2],
+    )
+    H[4, 4], H[4, 5] = dot(b1, p1) - b * vb[1], dot(b1, p2) - b * vb[2]
+    H[5, 5] = dot(b2, p2) - c * vb[2]
+    r = s * (dot(vf, df) + dot(vm, dm))
+    g[0], g[1], g[2] = af[0] + bf[0] - r * vf[0], af[1] + bf[1] - r * vf[1], af[2] + bf[2] - r * vf[2]
+    g[3], g[4], g[5] = dot(b0, m) - r * vb[0], dot(b1, m) - r * vb[1], dot(b2, m) - r * vb[2]
+    # Priors: torsion ratio xi / (lever F), friction ratios (t . f) / (friction_ratio F) and log(F / F0), with
+    # F = -n . f, and their derivatives by (f, xi, v); dF = -n . df - sum_a f_a k_ai dv_i, and the tangents
+    # turn by k_ai F dv_i.
+    normal_force = -(fx * nx + fy * ny + fz * nz)
+    f1 = t1x * fx + t1y * fy + t1z * fz
+    f2 = t2x * fx + t2y * fy + t2z * fz
+    F1 = -(f1 * k11 + f2 * k12)
+    F2 = -(f1 * k12 + f2 * k22)
+    inverse = 1.0 / normal_force
+    unit = inverse / prior.torsion_lever
+    r1 = xi * unit
+    q = r1 * inverse
+    d_torsion = (q * nx, q * ny, q * nz, unit, -q * F1, -q * F2)
+    r2 = math.log(normal_force / prior.force)
+    d_log_force = (-inverse * nx, -inverse * ny, -inverse * nz, 0.0, inverse * F1, inverse * F2)
+    # Weight of the Student t term: the factor that gives a quadratic the same gradient.
+    unit = inverse / prior.friction_ratio
+    unit *= math.sqrt((STUDENT_DOF + 2.0) / (STUDENT_DOF + (f1 * f1 + f2 * f2) * unit * unit))
+    r3, r4 = f1 * unit, f2 * unit
+    q = r3 * inverse
+    d_ratio1 = (
+        t1x * unit + q * nx,
+        t1y * unit + q * ny,
+        t1z * unit + q * nz,
+        0.0,
+        k11 * normal_force * unit - q * F1,
+        k12 * normal_force * unit - q * F2,
+    )
+    q = r4 * inverse
+    d_ratio2 = (
+        t2x * unit + q * nx,
+        t2y * unit + q * ny,
+        t2z * unit + q * nz,
+        0.0,
+        k12 * normal_force * unit - q * F1,
+        k22 * normal_force * unit - q * F2,
+    )
+    _add_prior(H, g, r1, d_torsion)
+    _add_prior(H, g, r2, d_log_force)
+    _add_prior(H, g, r3, d_ratio1)
+    _add_prior(H, g, r4, d_ratio2)
+
+
+@fused_kernel
+def _transposed_matvec(B, a):  # type: ignore[no-untyped-def]
+    """B^T a, for a 3x3 block B given as a tuple of rows."""
+    return (
+        B[0][0] * a[0] + B[1][0] * a[1] + B[2][0] * a[2],
+        B[0][1] * a[0] + B[1][1] * a[1] + B[2][1] * a[2],
+        B[0][2] * a[0] + B[1][2] * a[1] + B[2][2] * a[2],
+    )
+
+
+@fused_kernel
+def _add_prior(H, g, r, row):  # type: ignore[no-untyped-def]
+    """Add a squared residual r with derivatives `row` to the upper triangle of H and to g."""
+    add_scaled_vector(g, r, row)
+    add_outer_product(H, 1.0, row)

@@ -1,0 +1,109 @@
+"""Most probable contact on one primitive, by Gauss-Newton on the surface; see
+`contactsense.localization.posterior`."""
+
+import math
+
+from contactsense.kinematics.linalg.ldl import ldl_solve
+from contactsense.localization.posterior import energy_at, inflate_by_surface_deviation, linearize, log_prior
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import curvature, project
+
+MAX_ITERATIONS = 12
+"""Maximum number of Gauss-Newton steps."""
+LINE_SEARCH_STEPS = 4
+"""Maximum number of step lengths tried in one line search."""
+ENERGY_CUTOFF = 8.0
+"""Candidates whose energy or log evidence is worse than the best by this much are dropped (odds of 3e-4)."""
+ENERGY_TOLERANCE = 5e-3
+"""Converged if a step lowers the energy by less than this: a tenth of a standard deviation."""
+RELATIVE_TOLERANCE = 0.05
+"""Additional tolerance per unit of energy by which a candidate is worse than the best so far."""
+REJECTION_FACTOR = 1.5
+"""A candidate above the limit is rejected unless this many times the predicted decrease brings it below.
+
+If the full step fails to lower the energy, the factor is one.
+"""
+
+
+@fused_kernel
+def find_posterior_mode(  # type: ignore[no-untyped-def]
+    kind, size, w, L, prior, limit, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, buffers
+):
+    """Most probable contact on one primitive, from an initial guess on its surface. Body frame.
+
+    Args:
+        kind, size: The primitive, as in `contactsense.robots.surface.convex_primitives.Surfaces`.
+        w, L: Fused wrench and its information matrix, body frame, shapes (6,) and (6, 6).
+        prior: Prior of contacts.
+        limit: Energy above which the contact is rejected; the search ends as soon as it cannot get below.
+        cx, cy, cz, nx, ny, nz: Initial guess: a point of the surface [m] and the outward normal there.
+        fx, fy, fz, xi: Initial guess: a pushing force [N] and the torsion [Nm].
+        buffers: Scratch; on return `frame` holds normal and tangents at the result.
+
+    Returns:
+        Energy; log evidence of a contact near this mode (Laplace approximation, up to the constant of the
+        noise); point (3) [m]; normal (3); force (3) [N]; torsion [Nm]; and the covariance of the point
+        along the two tangents (v11, v12, v22) [m^2]. The log evidence is -infinity if the energy stays
+        above the limit or the Gauss-Newton matrix is not positive definite.
+    """
+    energy = math.inf
+    H, g, T = buffers.normal_equations, buffers.gradient, buffers.frame
+    log_det, v11, v12, v22 = math.inf, 0.0, 0.0, 0.0
+    variance_ratio = 1.0
+    for iteration in range(MAX_ITERATIONS + 1):
+        # The inflation by the surface's offset varies slowly. It is constant within a step, so that the
+        # gradient is exact.
+        inflation = inflate_by_surface_deviation(L, prior, nx, ny, nz, fx, fy, fz)
+        variance_ratio = inflation[2]
+        energy = energy_at(w, L, prior, inflation, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi)
+        W = curvature(kind, size, cx, cy, cz, nx, ny, nz)
+        linearize(w, L, prior, inflation, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, buffers)
+        log_det, predicted_decrease, v11, v12, v22 = ldl_solve(H, g)
+        if log_det == math.inf or iteration == MAX_ITERATIONS:
+            break
+        # The worse a candidate is, the less its accuracy matters.
+        tolerance = ENERGY_TOLERANCE + RELATIVE_TOLERANCE * max(
+            energy - predicted_decrease - (limit - ENERGY_CUTOFF), 0.0
+        )
+        if predicted_decrease < tolerance or energy - REJECTION_FACTOR * predicted_decrease > limit:
+            break
+        scale = 1.0
+        accepted = False
+        for _ in range(LINE_SEARCH_STEPS):
+            v1, v2 = -scale * g[4], -scale * g[5]
+            _, ax, ay, az, mx, my, mz = project(
+                kind,
+                size,
+                cx + v1 * T[0, 1] + v2 * T[0, 2],
+                cy + v1 * T[1, 1] + v2 * T[1, 2],
+                cz + v1 * T[2, 1] + v2 * T[2, 2],
+            )
+            hx, hy, hz, ti = fx - scale * g[0], fy - scale * g[1], fz - scale * g[2], xi - scale * g[3]
+            trial_energy = energy_at(w, L, prior, inflation, ax, ay, az, mx, my, mz, hx, hy, hz, ti)
+            if trial_energy < energy:
+                accepted = True
+                break
+            if energy - predicted_decrease > limit:
+                # Even the predicted decrease leaves the energy above the limit.
+                break
+            # Minimum of the parabola through both energies with the slope at the start.
+            scale *= min(
+                max(
+                    predicted_decrease * scale / (trial_energy - energy + 2.0 * predicted_decrease * scale),
+                    0.1,
+                ),
+                0.5,
+            )
+        if not accepted:
+            break
+        cx, cy, cz, nx, ny, nz, fx, fy, fz, xi = ax, ay, az, mx, my, mz, hx, hy, hz, ti
+        decrease = energy - trial_energy
+        energy = trial_energy
+        if decrease < tolerance or (scale == 1.0 and abs(decrease - predicted_decrease) < tolerance):
+            # The quadratic model holds: the next step would be negligible.
+            break
+    if log_det == math.inf or energy > limit:
+        return math.inf, -math.inf, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, 0.0, 0.0, 0.0
+    normal_force = -(fx * nx + fy * ny + fz * nz)
+    log_z = log_prior(prior, normal_force) - energy - 0.5 * (log_det + math.log(variance_ratio))
+    return energy, log_z, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, v11, v12, v22

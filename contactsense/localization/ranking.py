@@ -1,0 +1,283 @@
+"""Ranking of all candidate contacts: link and place are decided together, "none of these" included.
+
+If the fused wrench determines a line of action, the search on each primitive starts where the line enters
+it (`contactsense.localization.line_of_action_search`). Otherwise the whole surface is searched
+(`contactsense.localization.surface_search`). The candidates on all links compete by log evidence: fit of
+the torques and of the base wrench, prior of force and torsion, and the width of the posterior (theory,
+sections 3 to 5). So does "none of these": a wrench that is not caused by a single push on a touchable
+link.
+"""
+
+import math
+
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import Hypotheses
+from contactsense.kinematics.linalg.ldl import ldl_solve
+from contactsense.kinematics.model import Motion
+from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
+from contactsense.localization.candidate_buffers import Candidates
+from contactsense.localization.line_of_action_search import moment_variance, search_along_line_of_action
+from contactsense.localization.posterior import Prior, SearchBuffers
+from contactsense.localization.posterior_mode import ENERGY_CUTOFF
+from contactsense.localization.surface_cells import SurfaceCells
+from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
+from contactsense.localization.surface_search import search_surface
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
+
+LINE_OF_ACTION_DEVIATION = 0.008
+"""The line of action counts as known if its position has a smaller standard deviation than this [m]."""
+ROUGH_SURFACE_FACTOR = 4.0
+"""Factor on the surface deviation at ribs, steps and screw heads."""
+ROUGH_SURFACE_PROBABILITY = 0.1
+"""Prior probability of a contact at such a place."""
+NONE_OF_THESE_PROBABILITY = 0.01
+"""Prior probability of "none of these": a pull, a couple, or several contacts."""
+NONE_OF_THESE_FORCE = 2.0
+"""Standard deviation of each force component under "none of these", relative to `Prior.force`."""
+NONE_OF_THESE_LEVER = 0.5
+"""Standard deviation of each moment component about the base origin per force under "none of these" [m]."""
+
+
+@fused_kernel
+def locate_contacts(
+    surfaces: Surfaces,
+    samples: SurfaceSamples,
+    subsamples: SurfaceSubsamples,
+    touchable: np.ndarray,
+    depth: np.ndarray,
+    motion: Motion,
+    hypotheses: Hypotheses,
+    wrench_measured: bool,
+    prior: Prior,
+    buffers: SearchBuffers,
+    cells: SurfaceCells,
+    candidates: Candidates,
+    link_probability: np.ndarray,
+) -> int:
+    """Find and rank all candidate contacts on all links.
+
+    Args:
+        surfaces: Primitives in the frames of their links.
+        samples, subsamples: Samples of their surface.
+        touchable: 1 for links that can be touched, else 0, shape (links,), int64.
+        depth: Number of joints between the base and each link, shape (links,), int64.
+        motion: Poses, see `contactsense.kinematics.forward_kinematics.forward_kinematics`.
+        hypotheses: One fused wrench per link, see `contactsense.isolation.link_hypotheses.isolate`.
+        wrench_measured: Whether all six components of the wrench were measured.
+        prior: Prior of contacts.
+        buffers, cells: Scratch.
+        candidates: Filled; `order` lists the ranked candidates.
+        link_probability: Filled: probability that each link is touched, shape (links,). One minus their
+            sum is the probability of "none of these".
+
+    Returns:
+        Number of candidates; 0 if no link can explain the measurement by a push.
+    """
+    link = _best_link(touchable, hypotheses)
+    if link < 0:
+        link_probability[:] = 0.0
+        return 0
+    place_primitives(surfaces, depth, motion, candidates)
+    line_of_action_known = wrench_measured and _is_line_of_action_known(
+        hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]
+    )
+    none_evidence = _none_of_these_evidence(hypotheses, link, prior, buffers)
+    surface_deviation, log_share = prior.surface_deviation, 0.0
+    for _ in range(2):
+        assumed = Prior(
+            prior.friction_ratio,
+            prior.torsion_lever,
+            surface_deviation,
+            prior.force,
+            prior.clearance,
+            prior.area,
+        )
+        if line_of_action_known:
+            count = search_along_line_of_action(surfaces, touchable, hypotheses, assumed, buffers, candidates)
+            _apply_accessibility(surfaces, candidates, count, assumed)
+            cells.unassigned_evidence[:] = -math.inf
+        else:
+            count = search_surface(
+                surfaces,
+                samples,
+                subsamples,
+                touchable,
+                depth,
+                motion,
+                hypotheses,
+                wrench_measured,
+                assumed,
+                buffers,
+                cells,
+                candidates,
+                cells.unassigned_evidence,
+            )
+        if _add_log_prior(candidates, count, cells.unassigned_evidence, log_share) >= none_evidence:
+            break
+        # Not explained with the usual surface deviation: assume a rough surface.
+        surface_deviation, log_share = (
+            ROUGH_SURFACE_FACTOR * prior.surface_deviation,
+            math.log(ROUGH_SURFACE_PROBABILITY),
+        )
+    ranked: int = _rank(
+        surfaces,
+        candidates,
+        count,
+        2.0 * prior.surface_deviation,
+        cells.unassigned_evidence,
+        none_evidence,
+        link_probability,
+    )
+    return ranked
+
+
+@fused_kernel
+def _add_log_prior(candidates, count, unassigned_evidence, log_share):  # type: ignore[no-untyped-def]
+    """Add a log prior to the evidence of all candidates; returns the best evidence."""
+    best = -math.inf
+    for i in range(count):
+        row = candidates.order[i]
+        candidates.score[row] += log_share
+        best = max(best, candidates.score[row])
+    for link in range(unassigned_evidence.shape[0]):
+        unassigned_evidence[link] += log_share
+    return best
+
+
+@fused_kernel
+def _best_link(touchable, hypotheses):  # type: ignore[no-untyped-def]
+    """Touchable link with the lowest energy, -1 if there is none."""
+    best = -1
+    for link in range(touchable.shape[0]):
+        if touchable[link] and (best < 0 or hypotheses.energy[link] < hypotheses.energy[best]):
+            best = link
+    return best
+
+
+@fused_kernel
+def _is_line_of_action_known(w, P, o):  # type: ignore[no-untyped-def]
+    """Whether the line of action is known accurately near the point o."""
+    squared_force = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    return (
+        moment_variance(P, o[0], o[1], o[2])
+        < LINE_OF_ACTION_DEVIATION * LINE_OF_ACTION_DEVIATION * squared_force
+    )
+
+
+@fused_kernel
+def _none_of_these_evidence(hypotheses, link, prior, buffers):  # type: ignore[no-untyped-def]
+    """Log evidence of "none of these": a wrench with a broad zero-mean normal prior, at `link`."""
+    w, L = hypotheses.wrench[link], hypotheses.information[link]
+    H, g = buffers.normal_equations, buffers.gradient
+    force_information = (NONE_OF_THESE_FORCE * prior.force) ** -2.0
+    moment_information = (NONE_OF_THESE_LEVER * NONE_OF_THESE_FORCE * prior.force) ** -2.0
+    energy = 0.0
+    for i in range(6):
+        g[i] = 0.0
+        for k in range(6):
+            g[i] += L[i, k] * w[k]
+            H[i, k] = L[i, k]
+        energy += 0.5 * w[i] * g[i]
+        H[i, i] += force_information if i < 3 else moment_information
+    log_det, decrease, _, _, _ = ldl_solve(H, g)
+    log_det_prior = 3.0 * (math.log(force_information) + math.log(moment_information))
+    log_odds = math.log(NONE_OF_THESE_PROBABILITY / (1.0 - NONE_OF_THESE_PROBABILITY))
+    return log_odds - hypotheses.energy[link] - (energy - decrease) + 0.5 * (log_det_prior - log_det)
+
+
+@fused_kernel
+def place_primitives(surfaces, depth, motion, candidates):  # type: ignore[no-untyped-def]
+    """Compute the body frames of all primitives in the base frame."""
+    for p in range(surfaces.kind.shape[0]):
+        body = depth[surfaces.link[p]]
+        R, o = motion.rotation[body], motion.origin[body]
+        S, s = surfaces.rotation[p], surfaces.origin[p]
+        for i in range(3):
+            candidates.origin[p, i] = o[i] + R[i, 0] * s[0] + R[i, 1] * s[1] + R[i, 2] * s[2]
+            for k in range(3):
+                candidates.rotation[p, i, k] = R[i, 0] * S[0, k] + R[i, 1] * S[1, k] + R[i, 2] * S[2, k]
+
+
+@fused_kernel
+def _apply_accessibility(surfaces, candidates, count, prior):  # type: ignore[no-untyped-def]
+    """Lower the score of candidates that are not, or only partly, accessible."""
+    best = -math.inf
+    for i in range(count):
+        best = max(best, candidates.score[candidates.order[i]])
+    # Best fully accessible candidate so far: candidates that are much worse are rejected early.
+    accessible_score = -math.inf
+    for i in range(count):
+        p = candidates.order[i]
+        if candidates.score[p] < best - ENERGY_CUTOFF:
+            continue
+        if is_mounting_face(
+            surfaces.link[p], candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation
+        ):
+            candidates.score[p] = -math.inf
+        elif apply_accessibility(surfaces, candidates, p, prior, accessible_score - ENERGY_CUTOFF):
+            accessible_score = max(accessible_score, candidates.score[p])
+
+
+@fused_kernel
+def _rank(surfaces, candidates, count, min_separation, unassigned_evidence, none_evidence, link_probability):  # type: ignore[no-untyped-def]
+    """Sort the candidates, drop duplicates and improbable ones, and normalize scores to probabilities.
+
+    Args:
+        surfaces: Primitives.
+        candidates: The candidates, `order` and `probability` are filled.
+        count: Number of candidates in `order`.
+        min_separation: Candidates on one link closer than this are duplicates [m].
+        unassigned_evidence: Log evidence on each link outside all candidates, shape (links,).
+        none_evidence: Log evidence of "none of these".
+        link_probability: Filled.
+
+    Returns:
+        Number of candidates that remain.
+    """
+    for i in range(count):
+        for k in range(i + 1, count):
+            if candidates.score[candidates.order[k]] > candidates.score[candidates.order[i]]:
+                candidates.order[i], candidates.order[k] = candidates.order[k], candidates.order[i]
+    best = max(none_evidence, candidates.score[candidates.order[0]]) if count > 0 else none_evidence
+    for link in range(unassigned_evidence.shape[0]):
+        best = max(best, unassigned_evidence[link])
+    if best == -math.inf:
+        link_probability[:] = 0.0
+        return 0
+    total = math.exp(none_evidence - best)
+    for link in range(link_probability.shape[0]):
+        link_probability[link] = math.exp(unassigned_evidence[link] - best)
+        total += link_probability[link]
+    count_kept = 0
+    for i in range(count):
+        row = candidates.order[i]
+        if not candidates.score[row] >= best - ENERGY_CUTOFF:
+            break
+        if not _is_duplicate(surfaces, candidates, row, count_kept, min_separation):
+            candidates.order[count_kept] = row
+            candidates.probability[row] = math.exp(candidates.score[row] - best)
+            link_probability[surfaces.link[candidates.primitive[row]]] += candidates.probability[row]
+            total += candidates.probability[row]
+            count_kept += 1
+    for i in range(count_kept):
+        candidates.probability[candidates.order[i]] /= total
+    for link in range(link_probability.shape[0]):
+        link_probability[link] /= total
+    return count_kept
+
+
+@fused_kernel
+def _is_duplicate(surfaces, candidates, p, count_kept, min_separation):  # type: ignore[no-untyped-def]
+    """Whether one of the first `count_kept` candidates is on the same link within `min_separation` [m]."""
+    link = surfaces.link[candidates.primitive[p]]
+    for i in range(count_kept):
+        q = candidates.order[i]
+        if surfaces.link[candidates.primitive[q]] == link:
+            dx = candidates.point[q, 0] - candidates.point[p, 0]
+            dy = candidates.point[q, 1] - candidates.point[p, 1]
+            dz = candidates.point[q, 2] - candidates.point[p, 2]
+            if dx * dx + dy * dy + dz * dz < min_separation * min_separation:
+                return True
+    return False

@@ -1,0 +1,280 @@
+"""Evidence of all surface cells: of all samples first, then of the subsamples of the best cells.
+
+Cells are processed in blocks of `LANES`, all of a block on one link. The bound of
+`contactsense.localization.energy_bound` excludes most cells; those that remain are collected in a second
+block for `contactsense.localization.laplace_evidence`.
+"""
+
+import math
+
+import numpy as np
+
+from contactsense.kinematics.wrench_information import to_body_frame
+from contactsense.localization.energy_bound import exclude_cells
+from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
+from contactsense.localization.line_of_action_search import moment_variance
+from contactsense.localization.posterior_mode import ENERGY_CUTOFF
+from contactsense.localization.simd_layout import EXCLUDED, LANES, NX, NY, NZ, SPREAD, VARIANCE, X, Y, Z
+from contactsense.robots.jit.kernel import fused_kernel
+
+SUBDIVIDE_WITHIN = 3.0
+"""Cells whose log evidence is within this of the best are replaced by their subsamples ..."""
+MAX_SUBDIVIDED = 32
+"""... unless there are more of them than this: a wide posterior does not depend on the cell size."""
+
+
+@fused_kernel
+def evaluate_cells(  # type: ignore[no-untyped-def]
+    surfaces,
+    samples,
+    subsamples,
+    touchable,
+    depth,
+    motion,
+    hypotheses,
+    wrench_measured,
+    prior,
+    cells,
+    candidates,
+):
+    """Fill a row of `cells` for each sample or subsample that is not rejected.
+
+    Args:
+        surfaces, samples, subsamples, touchable, depth, motion, hypotheses, wrench_measured, prior,
+            candidates: As in `contactsense.localization.ranking.locate_contacts`, the body frames of the
+            primitives filled in.
+        cells: Filled, see `contactsense.localization.surface_cells.SurfaceCells`.
+
+    Returns:
+        Number of rows, and the best log evidence (-infinity if there are none).
+    """
+    rows, lowest_energy = _evaluate_samples(
+        surfaces, samples, touchable, depth, motion, hypotheses, wrench_measured, prior, cells, candidates
+    )
+    best = _best_score(cells, rows)
+    if best > -math.inf and _count_above(cells, rows, best - SUBDIVIDE_WITHIN) <= MAX_SUBDIVIDED:
+        rows = _evaluate_subsamples(
+            surfaces, subsamples, depth, motion, hypotheses, prior, cells, rows, best, lowest_energy
+        )
+        best = _best_score(cells, rows)
+    return rows, best
+
+
+@fused_kernel
+def _evaluate_samples(  # type: ignore[no-untyped-def]
+    surfaces, samples, touchable, depth, motion, hypotheses, wrench_measured, prior, cells, candidates
+):
+    """Fill a row of `cells` for each sample that is not rejected; returns their number and the lowest
+    energy."""
+    rows = 0
+    lowest_energy = math.inf
+    links = touchable.shape[0]
+    first = np.argmin(hypotheses.energy)
+    for k in range(links):
+        # The best link first, so that cells on the others are rejected early.
+        link = (first + k) % links
+        link_energy = hypotheses.energy[link]
+        if not touchable[link] or link_energy > lowest_energy + ENERGY_CUTOFF:
+            continue
+        R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+        w, P = hypotheses.wrench[link], hypotheses.covariance[link]
+        squared_force, force_variance = _wrench_in_link(w, P, hypotheses.information[link], R, o, cells)
+        force_measured = force_variance < squared_force
+        bound_count, mode_count = 0, 0
+        for p in range(surfaces.start[link], surfaces.start[link + 1]):
+            if wrench_measured and _is_far_from_line_of_action(
+                w, P, candidates.origin, surfaces.radius, p, prior, squared_force
+            ):
+                continue
+            for s in range(samples.start[p], samples.start[p + 1]):
+                _load_lane(samples, s, cells.bound_block, cells.bound_sample, bound_count)
+                bound_count += 1
+                if bound_count == LANES:
+                    if force_measured:
+                        exclude_cells(
+                            w,
+                            P,
+                            R,
+                            o,
+                            squared_force,
+                            force_variance,
+                            prior.torsion_lever,
+                            lowest_energy + ENERGY_CUTOFF - link_energy,
+                            cells.bound_block,
+                        )
+                    rows, mode_count, lowest_energy = _collect_block(
+                        samples,
+                        bound_count,
+                        mode_count,
+                        force_measured,
+                        prior,
+                        link_energy,
+                        rows,
+                        lowest_energy,
+                        cells,
+                    )
+                    bound_count = 0
+        if force_measured:
+            exclude_cells(
+                w,
+                P,
+                R,
+                o,
+                squared_force,
+                force_variance,
+                prior.torsion_lever,
+                lowest_energy + ENERGY_CUTOFF - link_energy,
+                cells.bound_block,
+            )
+        rows, mode_count, lowest_energy = _collect_block(
+            samples, bound_count, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+        )
+        if mode_count > 0:
+            rows, lowest_energy = _evaluate_block(
+                samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+            )
+    return rows, lowest_energy
+
+
+@fused_kernel
+def _collect_block(  # type: ignore[no-untyped-def]
+    samples, bound_count, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+):
+    """Move the cells that the bound does not exclude to the second block, and evaluate it when it is
+    full.
+
+    Returns:
+        Number of rows, number of cells in the second block, and the lowest energy.
+    """
+    for j in range(bound_count):
+        # Without a measured force the bound excludes nothing.
+        if force_measured and cells.bound_block[EXCLUDED + j] > 0.0:
+            continue
+        _load_lane(samples, cells.bound_sample[j], cells.mode_block, cells.mode_sample, mode_count)
+        mode_count += 1
+        if mode_count == LANES:
+            rows, lowest_energy = _evaluate_block(
+                samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+            )
+            mode_count = 0
+    return rows, mode_count, lowest_energy
+
+
+@fused_kernel
+def _evaluate_subsamples(  # type: ignore[no-untyped-def]
+    surfaces, subsamples, depth, motion, hypotheses, prior, cells, rows, best, lowest_energy
+):
+    """Replace the best cells by their subsamples; returns the new number of rows."""
+    last, mode_count = -1, 0
+    link_energy, force_measured = 0.0, False
+    for row in range(rows):
+        if cells.score[row] < best - SUBDIVIDE_WITHIN:
+            continue
+        link = surfaces.link[cells.primitive[row]]
+        if link != last:
+            if mode_count > 0:
+                rows, lowest_energy = _evaluate_block(
+                    subsamples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                )
+                mode_count = 0
+            last, link_energy = link, hypotheses.energy[link]
+            R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+            w, P = hypotheses.wrench[link], hypotheses.covariance[link]
+            squared_force, force_variance = _wrench_in_link(w, P, hypotheses.information[link], R, o, cells)
+            force_measured = force_variance < squared_force
+        cells.score[row] = -math.inf
+        for s in range(subsamples.start[cells.sample[row]], subsamples.start[cells.sample[row] + 1]):
+            _load_lane(subsamples, s, cells.mode_block, cells.mode_sample, mode_count)
+            mode_count += 1
+            if mode_count == LANES:
+                rows, lowest_energy = _evaluate_block(
+                    subsamples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                )
+                mode_count = 0
+    if mode_count > 0:
+        rows, lowest_energy = _evaluate_block(
+            subsamples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+        )
+    return rows
+
+
+@fused_kernel
+def _wrench_in_link(w, P, L, R, o, cells):  # type: ignore[no-untyped-def]
+    """Transform the fused wrench and its information matrix to the link frame, written to `cells`.
+
+    Returns:
+        Squared force and the trace of its covariance [N^2].
+    """
+    u = cells.wrench
+    to_body_frame(w, L, R, o, u, cells.information)
+    return u[0] * u[0] + u[1] * u[1] + u[2] * u[2], P[0, 0] + P[1, 1] + P[2, 2]
+
+
+@fused_kernel
+def _load_lane(samples, s, block, indices, j):  # type: ignore[no-untyped-def]
+    """Copy sample s into lane j of a block."""
+    c, n = samples.point, samples.normal
+    block[X + j], block[Y + j], block[Z + j] = c[s, 0], c[s, 1], c[s, 2]
+    block[NX + j], block[NY + j], block[NZ + j] = n[s, 0], n[s, 1], n[s, 2]
+    block[SPREAD + j] = samples.spread[s]
+    indices[j] = s
+
+
+@fused_kernel
+def _evaluate_block(samples, count, force_measured, prior, link_energy, rows, lowest_energy, cells):  # type: ignore[no-untyped-def]
+    """Evaluate a block of samples and append those that are not rejected; returns number of rows and
+    lowest energy."""
+    block, limit = cells.mode_block, lowest_energy + ENERGY_CUTOFF - link_energy
+    find_modes(count, cells.wrench, cells.information, prior, force_measured, limit, block)
+    for j in range(count):
+        energy, log_z, px, py, pz, fx, fy, fz = laplace_evidence(j, prior, limit, block)
+        if log_z == -math.inf:
+            continue
+        s = cells.mode_sample[j]
+        cells.sample[rows], cells.primitive[rows] = s, samples.primitive[s]
+        cells.score[rows] = log_z - link_energy + samples.log_share[s]
+        cells.point[rows, 0], cells.point[rows, 1], cells.point[rows, 2] = px, py, pz
+        for i in range(3):
+            cells.normal[rows, i] = samples.normal[s, i]
+        cells.force[rows, 0], cells.force[rows, 1], cells.force[rows, 2] = fx, fy, fz
+        cells.variance[rows] = block[VARIANCE + j]
+        cells.spread[rows] = samples.spread[s]
+        lowest_energy = min(lowest_energy, link_energy + energy)
+        rows += 1
+    return rows, lowest_energy
+
+
+@fused_kernel
+def _count_above(cells, rows, threshold):  # type: ignore[no-untyped-def]
+    """Number of rows with a score above the threshold."""
+    count = 0
+    for s in range(rows):
+        if cells.score[s] > threshold:
+            count += 1
+    return count
+
+
+@fused_kernel
+def _best_score(cells, rows):  # type: ignore[no-untyped-def]
+    """Highest score of all rows, -infinity if there are none."""
+    best = -math.inf
+    for s in range(rows):
+        best = max(best, cells.score[s])
+    return best
+
+
+@fused_kernel
+def _is_far_from_line_of_action(w, P, origin, radius, p, prior, squared_force):  # type: ignore[no-untyped-def]
+    """Whether the line of action passes too far from primitive p to be explained by noise."""
+    ox, oy, oz = origin[p, 0], origin[p, 1], origin[p, 2]
+    mx, my, mz = w[3] - oy * w[2] + oz * w[1], w[4] - oz * w[0] + ox * w[2], w[5] - ox * w[1] + oy * w[0]
+    ax, ay, az = w[1] * mz - w[2] * my, w[2] * mx - w[0] * mz, w[0] * my - w[1] * mx
+    if squared_force == 0.0:
+        return False
+    gap = math.sqrt(ax * ax + ay * ay + az * az) / squared_force - radius[p]
+    if gap <= 0.0:
+        return False
+    variance = (
+        moment_variance(P, ox, oy, oz) + prior.surface_deviation * prior.surface_deviation * squared_force
+    )
+    return 0.5 * squared_force * gap * gap > 2.0 * ENERGY_CUTOFF * variance

@@ -1,0 +1,195 @@
+"""Surface samples: a few hundred points, each with a cell of the touchable surface.
+
+A sum over the samples is an integral over the surface. The surface is that of the union of a link's
+primitives; points inside another primitive are excluded. Every cell is divided into a few subsamples, used
+if the posterior is narrow.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.surface.union import distances
+
+SAMPLES = 480
+"""Approximate number of samples of an arm: cells of some 35 mm on a UR5e."""
+SUBSAMPLES = 4
+"""Maximum number of subsamples of a cell: some 17 mm on a UR5e."""
+MAX_GRID_SPACING = 0.006
+"""Maximum spacing of the grid that measures the surface area [m]."""
+RELATIVE_GRID_SPACING = 0.05
+"""Spacing of that grid on a small link, relative to its radius."""
+MOUNTING_HEIGHT = 0.002
+"""Points of the base link below this height that face down are on the mounting face [m]."""
+
+
+class SurfaceSamples(NamedTuple):
+    """S samples, sorted by primitive; link frames."""
+
+    point: np.ndarray
+    """Point of the surface, shape (S, 3) [m]."""
+    normal: np.ndarray
+    """Outward unit normal, shape (S, 3)."""
+    spread: np.ndarray
+    """Standard deviation of the cell along each tangent, shape (S,) [m]."""
+    log_share: np.ndarray
+    """Logarithm of the cell's share of the touchable area, shape (S,)."""
+    primitive: np.ndarray
+    """Primitive on which it lies, shape (S,), int64."""
+    start: np.ndarray
+    """First sample of each primitive, then the total number, shape (P + 1,), int64."""
+
+
+class SurfaceSubsamples(NamedTuple):
+    """T subsamples of the cells of S samples, sorted by cell; link frames."""
+
+    point: np.ndarray
+    """Point of the surface, shape (T, 3) [m]."""
+    normal: np.ndarray
+    """Outward unit normal, shape (T, 3)."""
+    spread: np.ndarray
+    """Standard deviation of the subcell along each tangent, shape (T,) [m]."""
+    log_share: np.ndarray
+    """Logarithm of the subcell's share of the touchable area, shape (T,)."""
+    primitive: np.ndarray
+    """Primitive on which it lies; may differ from that of the cell's sample, shape (T,), int64."""
+    start: np.ndarray
+    """First subsample of each cell, then the total number, shape (S + 1,), int64."""
+
+
+class Patches(NamedTuple):
+    """N patches of one link's surface, each with a representative point; link frame."""
+
+    point: np.ndarray
+    """Point of the surface, shape (N, 3) [m]."""
+    normal: np.ndarray
+    """Outward unit normal, shape (N, 3)."""
+    primitive: np.ndarray
+    """Primitive on which each lies, shape (N,), int64."""
+    spread: np.ndarray
+    """Standard deviation along each tangent, shape (N,) [m]."""
+    area: np.ndarray
+    """Shape (N,) [m^2]."""
+
+
+def sample_surface(surfaces: Surfaces) -> tuple[SurfaceSamples, SurfaceSubsamples, float]:
+    """Samples of all primitives, their subsamples, and the area of the touchable surface [m^2].
+
+    The area is the volume of a shell around the surface divided by its thickness. Grid points in the
+    shell are weighted by a smooth window, so that the effect of curvature cancels. Each grid point
+    represents the nearest point of the surface.
+    """
+    links = len(surfaces.start) - 1
+    links_patches = [_surface_patches(surfaces, link) for link in range(links)]
+    area = sum(float(patches.area.sum()) for patches in links_patches)
+    edge = math.sqrt(area / SAMPLES)
+    cells: list[Patches] = []
+    subsamples: list[Patches] = []
+    for patches in links_patches:
+        if not len(patches.area):
+            continue
+        count = max(round(float(patches.area.sum()) / edge**2), 1)
+        owner = _assign_to_cells(patches, edge, count)
+        cells.append(_representatives(patches, owner))
+        for i in range(len(cells[-1].area)):
+            member = Patches(*(values[owner == i] for values in patches))
+            subsamples.append(
+                _representatives(member, _assign_to_cells(member, edge / math.sqrt(SUBSAMPLES), SUBSAMPLES))
+            )
+    if not cells:
+        return *_no_samples(len(surfaces.kind)), 1.0
+    cell = Patches(*(np.concatenate(values) for values in zip(*cells, strict=True)))
+    order = np.argsort(cell.primitive, kind="stable")
+    start = np.searchsorted(cell.primitive[order], np.arange(len(surfaces.kind) + 1)).astype(np.int64)
+    point, normal, primitive, spread, weight = (values[order] for values in cell)
+    samples = SurfaceSamples(point, normal, spread, np.log(weight / area), primitive, start)
+    subsamples = [subsamples[i] for i in order]
+    first = np.cumsum([0] + [len(part.area) for part in subsamples]).astype(np.int64)
+    point, normal, primitive, spread, weight = (
+        np.concatenate(values) for values in zip(*subsamples, strict=True)
+    )
+    return samples, SurfaceSubsamples(point, normal, spread, np.log(weight / area), primitive, first), area
+
+
+def _no_samples(primitives: int) -> tuple[SurfaceSamples, SurfaceSubsamples]:
+    vectors, scalars = np.zeros((0, 3)), np.zeros(0)
+    primitive, start = np.zeros(0, dtype=np.int64), np.zeros(primitives + 1, dtype=np.int64)
+    return SurfaceSamples(vectors, vectors, scalars, scalars, primitive, start), SurfaceSubsamples(
+        vectors, vectors, scalars, scalars, primitive, start[:1]
+    )
+
+
+def _surface_patches(surfaces: Surfaces, link: int) -> Patches:
+    """Surface points of a link with their areas; their spread is not set."""
+    first, last = surfaces.start[link], surfaces.start[link + 1]
+    if first == last:
+        return Patches(
+            np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
+        )
+    spacing = min(MAX_GRID_SPACING, RELATIVE_GRID_SPACING * float(surfaces.radius[first:last].max()))
+    half_thickness = 1.5 * spacing
+    reach = surfaces.radius[first:last, None] + half_thickness
+    low = (surfaces.origin[first:last] - reach).min(axis=0)
+    high = (surfaces.origin[first:last] + reach).max(axis=0)
+    axes = [np.arange(low[i], high[i] + spacing, spacing) for i in range(3)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    distance, primitive, normal = distances(surfaces, grid, link)
+    in_shell = np.abs(distance) < half_thickness
+    grid, distance, primitive, normal = (
+        grid[in_shell],
+        distance[in_shell],
+        primitive[in_shell],
+        normal[in_shell],
+    )
+    weight = spacing**3 * (1.0 + np.cos(np.pi * distance / half_thickness)) / (2.0 * half_thickness)
+    point = grid - distance[:, None] * normal
+    exposed = distances(surfaces, point, link)[0] > -spacing / 4
+    if link == 0:
+        exposed &= (point[:, 2] > MOUNTING_HEIGHT) | (normal[:, 2] > -0.5)
+    patches = Patches(point, normal, primitive.astype(np.int64), np.zeros(len(point)), weight)
+    return Patches(*(values[exposed] for values in patches))
+
+
+def _assign_to_cells(patches: Patches, edge: float, count: int) -> np.ndarray:
+    """Assign each patch to one of `count` cells by farthest-point sampling in position and normal.
+
+    A normal that differs by 90 degrees counts as a distance of `edge` [m], the size of a cell.
+
+    Returns:
+        Index of the cell of each patch, shape (N,), int64.
+    """
+    feature = _features(patches, edge)
+    nearest = np.full(len(feature), np.inf)
+    owner = np.zeros(len(feature), dtype=np.int64)
+    chosen = int(np.argmax(np.linalg.norm(patches.point - patches.point.mean(axis=0), axis=1)))
+    for i in range(count):
+        distance = ((feature - feature[chosen]) ** 2).sum(axis=1)
+        closer = distance < nearest
+        nearest[closer], owner[closer] = distance[closer], i
+        chosen = int(np.argmax(nearest))
+        if nearest[chosen] == 0.0:
+            # Fewer distinct points than cells.
+            break
+    return owner
+
+
+def _features(patches: Patches, edge: float) -> np.ndarray:
+    return np.hstack((patches.point, patches.normal * (edge / math.sqrt(2.0))))
+
+
+def _representatives(patches: Patches, owner: np.ndarray) -> Patches:
+    """Each cell as one patch: the member nearest to its centre, the area, and the spread of the members."""
+    area = np.bincount(owner, patches.area)
+    edge = math.sqrt(float(area.mean()))
+    feature = _features(patches, edge)
+    centre = np.stack([np.bincount(owner, patches.area * column) / area for column in feature.T], axis=1)
+    squared_distance = ((feature - centre[owner]) ** 2).sum(axis=1)
+    best = np.lexsort((squared_distance, owner))
+    best = best[np.searchsorted(owner[best], np.arange(len(area)))]
+    displacement = patches.point - patches.point[best][owner]
+    tangential = (displacement**2).sum(axis=1) - (displacement * patches.normal[best][owner]).sum(axis=1) ** 2
+    spread = np.sqrt(np.bincount(owner, patches.area * tangential) / area / 2.0)
+    spread = np.maximum(spread, np.sqrt(area / 12.0) / 2.0)
+    return Patches(patches.point[best], patches.normal[best], patches.primitive[best], spread, area)

@@ -1,0 +1,315 @@
+"""Search over the surface, used if the line of action is not known.
+
+Candidates are clusters of the cells that `contactsense.localization.surface_evidence` evaluates.
+"""
+
+import math
+
+from contactsense.kinematics.wrench_information import to_body_frame
+from contactsense.localization.accessibility import accessible_share, clearance
+from contactsense.localization.candidate_buffers import MAX_CANDIDATES, rotate_into, store_candidate
+from contactsense.localization.posterior import pushing_force
+from contactsense.localization.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
+from contactsense.localization.surface_evidence import evaluate_cells
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import project
+from contactsense.robots.surface.union import nearest
+
+MERGE_DISTANCE = 0.04
+"""Cells within this distance of a candidate's point belong to the candidate [m]."""
+MERGE_SIGMAS = 3.0
+"""Cells within this many standard deviations belong to it, too."""
+MAX_PROJECTIONS = 8
+"""Maximum number of projections onto the surface of a link's union of primitives."""
+SURFACE_TOLERANCE = 1e-7
+"""Points inside the surface by less than this count as on it [m]."""
+NARROW_POSTERIOR_CELLS = 2.0
+"""A posterior narrower than this many cells is represented by its mode (standard deviations).
+
+The mean over so few cells depends on where they happen to lie.
+"""
+MIN_RELATIVE_WEIGHT = 1e-3
+"""Cells below this share of the best candidate's weight do not start a candidate of their own."""
+
+
+@fused_kernel
+def search_surface(  # type: ignore[no-untyped-def]
+    surfaces,
+    samples,
+    subsamples,
+    touchable,
+    depth,
+    motion,
+    hypotheses,
+    wrench_measured,
+    prior,
+    buffers,
+    cells,
+    candidates,
+    unassigned_evidence,
+):
+    """Fill rows of `candidates`; `order` lists them.
+
+    Args:
+        surfaces, samples, subsamples, touchable, depth, motion, hypotheses, wrench_measured, prior,
+            buffers, candidates: As in `contactsense.localization.ranking.locate_contacts`, the body
+            frames of the primitives filled in.
+        cells: Scratch, see `contactsense.localization.surface_cells.SurfaceCells`.
+        unassigned_evidence: Filled: log evidence on each link that is not part of any candidate, shape
+            (links,).
+
+    Returns:
+        Number of candidates.
+    """
+    unassigned_evidence[:] = -math.inf
+    rows, best = evaluate_cells(
+        surfaces,
+        samples,
+        subsamples,
+        touchable,
+        depth,
+        motion,
+        hypotheses,
+        wrench_measured,
+        prior,
+        cells,
+        candidates,
+    )
+    if best == -math.inf:
+        return 0
+    _apply_accessibility(surfaces, depth, motion, prior, cells, candidates, rows, best)
+    count = 0
+    top = -math.inf
+    for _ in range(MAX_CANDIDATES):
+        s = _best_cell(cells, rows)
+        if s < 0 or cells.score[s] < max(best - ENERGY_CUTOFF, top + math.log(MIN_RELATIVE_WEIGHT)):
+            break
+        _build_candidate(
+            surfaces, depth, motion, hypotheses, prior, buffers, cells, rows, candidates, s, count
+        )
+        candidates.order[count] = count
+        top = max(top, candidates.score[count])
+        count += 1
+    for s in range(rows):
+        if cells.score[s] > best - ENERGY_CUTOFF:
+            link = surfaces.link[cells.primitive[s]]
+            unassigned_evidence[link] = _log_add(unassigned_evidence[link], cells.score[s])
+    return count
+
+
+@fused_kernel
+def _log_add(a, b):  # type: ignore[no-untyped-def]
+    """log(exp(a) + exp(b))."""
+    high, low = max(a, b), min(a, b)
+    return high if low == -math.inf else high + math.log1p(math.exp(low - high))
+
+
+@fused_kernel
+def _apply_accessibility(surfaces, depth, motion, prior, cells, candidates, rows, best):  # type: ignore[no-untyped-def]
+    """Lower the score of cells that other primitives cover."""
+    for s in range(rows):
+        if cells.score[s] < best - ENERGY_CUTOFF:
+            continue
+        p = cells.primitive[s]
+        body = depth[surfaces.link[p]]
+        R, o = motion.rotation[body], motion.origin[body]
+        n, height = cells.normal[s], prior.clearance
+        x = cells.point[s, 0] + height * n[0]
+        y = cells.point[s, 1] + height * n[1]
+        z = cells.point[s, 2] + height * n[2]
+        free = clearance(
+            surfaces,
+            candidates,
+            p,
+            o[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+            o[1] + R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+            o[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+            0.0,
+        )
+        cells.score[s] += math.log(accessible_share(free, prior))
+
+
+@fused_kernel
+def _best_cell(cells, rows):  # type: ignore[no-untyped-def]
+    """Row of the best remaining cell, -1 if there is none."""
+    best, best_row = -math.inf, -1
+    for s in range(rows):
+        if cells.score[s] > best:
+            best, best_row = cells.score[s], s
+    return best_row
+
+
+@fused_kernel
+def _build_candidate(  # type: ignore[no-untyped-def]
+    surfaces, depth, motion, hypotheses, prior, buffers, cells, rows, candidates, s, row
+):
+    """Build the candidate in row `row` from cell s: its posterior mode, merged with the cells that belong
+    to it."""
+    p = cells.primitive[s]
+    link = surfaces.link[p]
+    w, L = candidates.wrench[p], candidates.information[p]
+    to_body_frame(
+        hypotheses.wrench[link],
+        hypotheses.information[link],
+        candidates.rotation[p],
+        candidates.origin[p],
+        w,
+        L,
+    )
+    S, t = surfaces.rotation[p], surfaces.origin[p]
+    dx, dy, dz = cells.point[s, 0] - t[0], cells.point[s, 1] - t[1], cells.point[s, 2] - t[2]
+    _, cx, cy, cz, nx, ny, nz = project(
+        surfaces.kind[p],
+        surfaces.size[p],
+        S[0, 0] * dx + S[1, 0] * dy + S[2, 0] * dz,
+        S[0, 1] * dx + S[1, 1] * dy + S[2, 1] * dz,
+        S[0, 2] * dx + S[1, 2] * dy + S[2, 2] * dz,
+    )
+    f = cells.force[s]
+    fx = S[0, 0] * f[0] + S[1, 0] * f[1] + S[2, 0] * f[2]
+    fy = S[0, 1] * f[0] + S[1, 1] * f[1] + S[2, 1] * f[2]
+    fz = S[0, 2] * f[0] + S[1, 2] * f[1] + S[2, 2] * f[2]
+    fx, fy, fz = pushing_force(fx, fy, fz, nx, ny, nz)
+    result = find_posterior_mode(
+        surfaces.kind[p],
+        surfaces.size[p],
+        w,
+        L,
+        prior,
+        math.inf,
+        cx,
+        cy,
+        cz,
+        nx,
+        ny,
+        nz,
+        fx,
+        fy,
+        fz,
+        0.0,
+        buffers,
+    )
+    store_candidate(candidates, row, p, result, buffers, prior.surface_deviation)
+    max_variance = max(result[12], result[14])
+    R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+    x, y, z = (
+        candidates.point[row, 0] - o[0],
+        candidates.point[row, 1] - o[1],
+        candidates.point[row, 2] - o[2],
+    )
+    kx = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
+    ky = R[0, 1] * x + R[1, 1] * y + R[2, 1] * z
+    kz = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
+    converged = result[1] > -math.inf
+    merge_radius = (
+        max(MERGE_DISTANCE, MERGE_SIGMAS * math.sqrt(max_variance)) if converged else MERGE_DISTANCE
+    )
+    total, mean, C = _merge_cells(surfaces, cells, rows, s, kx, ky, kz, merge_radius)
+    candidates.score[row] = total
+    # For a narrow posterior the mode is more accurate than the mean over the cells' tangent planes.
+    blend = (
+        0.0
+        if converged and C[0] + C[3] + C[5] < 2.0 * (NARROW_POSTERIOR_CELLS * cells.spread[s]) ** 2
+        else 1.0
+    )
+    point = _project_onto_link(
+        surfaces,
+        candidates,
+        row,
+        link,
+        R,
+        o,
+        kx + blend * mean[0],
+        ky + blend * mean[1],
+        kz + blend * mean[2],
+    )
+    dx, dy, dz = point[0] - kx, point[1] - ky, point[2] - kz
+    # Second moments about the new point.
+    C = (
+        C[0] - 2.0 * mean[0] * dx + dx * dx,
+        C[1] - mean[0] * dy - mean[1] * dx + dx * dy,
+        C[2] - mean[0] * dz - mean[2] * dx + dx * dz,
+        C[3] - 2.0 * mean[1] * dy + dy * dy,
+        C[4] - mean[1] * dz - mean[2] * dy + dy * dz,
+        C[5] - 2.0 * mean[2] * dz + dz * dz,
+    )
+    _set_covariance(candidates, row, R, C, prior.surface_deviation)
+
+
+@fused_kernel
+def _project_onto_link(surfaces, candidates, row, link, R, o, x, y, z):  # type: ignore[no-untyped-def]
+    """Move a candidate to the point of the link's surface nearest to (x, y, z) [m]; returns that, link
+    frame."""
+    p, nx, ny, nz = -1, 0.0, 0.0, 0.0
+    for _ in range(MAX_PROJECTIONS):
+        # At a concave edge, the surface of one primitive may lie inside another.
+        distance, p, x, y, z, nx, ny, nz = nearest(
+            surfaces.kind,
+            surfaces.rotation,
+            surfaces.origin,
+            surfaces.size,
+            surfaces.radius,
+            surfaces.start[link],
+            surfaces.start[link + 1],
+            x,
+            y,
+            z,
+        )
+        if distance > -SURFACE_TOLERANCE:
+            break
+    candidates.primitive[row] = p
+    rotate_into(R, x, y, z, candidates.point[row])
+    rotate_into(R, nx, ny, nz, candidates.normal[row])
+    for i in range(3):
+        candidates.point[row, i] += o[i]
+    return x, y, z
+
+
+@fused_kernel
+def _merge_cells(surfaces, cells, rows, s, x, y, z, radius):  # type: ignore[no-untyped-def]
+    """Merge cell s and the cells of its link within `radius` [m] of the point (x, y, z); they are marked
+    as used.
+
+    Returns:
+        Log of the total evidence; mean displacement from the point (x, y, z) [m]; and second moments
+        about it (xx, xy, xz, yy, yz, zz) [m^2], link frame.
+    """
+    link = surfaces.link[cells.primitive[s]]
+    top = cells.score[s]
+    mx, my, mz = 0.0, 0.0, 0.0
+    total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(rows):
+        if cells.score[i] == -math.inf or surfaces.link[cells.primitive[i]] != link:
+            continue
+        dx, dy, dz = cells.point[i, 0] - x, cells.point[i, 1] - y, cells.point[i, 2] - z
+        if i != s and dx * dx + dy * dy + dz * dz > radius * radius:
+            continue
+        weight = math.exp(cells.score[i] - top)
+        cells.score[i] = -math.inf
+        n, v = cells.normal[i], cells.variance[i]
+        total += weight
+        mx += weight * dx
+        my += weight * dy
+        mz += weight * dz
+        xx += weight * (dx * dx + v * (1.0 - n[0] * n[0]))
+        xy += weight * (dx * dy - v * n[0] * n[1])
+        xz += weight * (dx * dz - v * n[0] * n[2])
+        yy += weight * (dy * dy + v * (1.0 - n[1] * n[1]))
+        yz += weight * (dy * dz - v * n[1] * n[2])
+        zz += weight * (dz * dz + v * (1.0 - n[2] * n[2]))
+    moments = (xx / total, xy / total, xz / total, yy / total, yz / total, zz / total)
+    return top + math.log(total), (mx / total, my / total, mz / total), moments
+
+
+@fused_kernel
+def _set_covariance(candidates, row, R, C, surface_deviation):  # type: ignore[no-untyped-def]
+    """Covariance of a candidate's point from second moments C (link frame) and the surface deviation."""
+    n = candidates.normal[row]
+    for i in range(3):
+        a = R[i, 0] * C[0] + R[i, 1] * C[1] + R[i, 2] * C[2]
+        b = R[i, 0] * C[1] + R[i, 1] * C[3] + R[i, 2] * C[4]
+        c = R[i, 0] * C[2] + R[i, 1] * C[4] + R[i, 2] * C[5]
+        for k in range(3):
+            candidates.covariance[row, i, k] = (
+                a * R[k, 0] + b * R[k, 1] + c * R[k, 2] + surface_deviation * surface_deviation * n[i] * n[k]
+            )

@@ -1,0 +1,140 @@
+"""Builds the `Estimate` of several simultaneous contacts from result rows."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from contactsense.multi_contact.buffers import MAX_CONTACTS
+from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.runtime.result_rows import PROBABILITY
+from contactsense.scene import Scene
+from contactsense.types import Contact, Estimate, Event, Explanation, Phase, Status
+
+SAME_POINT_DISTANCE = 0.02
+"""Contacts of two explanations on one link within this distance count as the same [m]."""
+UNRESOLVED_DEVIATION = 0.0225
+"""A point with a larger standard deviation is reported as unresolved [m]."""
+POINT_UNKNOWNS, FORCE_UNKNOWNS = 2, 3
+"""Unknowns of a contact that the priors do not determine: point (2) and force (3)."""
+
+
+class ContactSetBuilder:
+    """Builds estimates of several simultaneous contacts for one scene."""
+
+    def __init__(self, scene: Scene, estimate_builder: EstimateBuilder) -> None:
+        """`estimate_builder` builds the single contacts."""
+        self._estimate_builder = estimate_builder
+        self._names = scene.link_names
+        self._clear = scene.clear
+
+    def sets(
+        self,
+        t: float,
+        rows_of_sets: Sequence[np.ndarray],
+        wrench: np.ndarray,
+        covariance: np.ndarray,
+        rank: int,
+        known_count: int,
+        reason: str = "",
+        tracked: Sequence[tuple[int, Phase]] = (),
+        events: tuple[Event, ...] = (),
+    ) -> Estimate:
+        """Estimate from sets of contacts, the most probable first.
+
+        Args:
+            t: Time of the sample [s].
+            rows_of_sets: One array per set, with a row per contact as in
+                `contactsense.runtime.result_rows`; the probability in each row is that of the whole set.
+            wrench, covariance: Sum of the wrenches of the first set, shape (6,), and its covariance, (6,
+                6).
+            rank: Number of independent measurements of the first set's wrenches.
+            known_count: Number of contacts whose points were known before.
+            reason: Why the estimate is `degraded`, empty if it is not.
+            tracked: Number and phase of each contact of a stream, the same in all sets.
+            events: Onsets, holds and releases to report.
+        """
+        if not rows_of_sets:
+            why = "something acts on the arm, but no pushes on touchable links explain it"
+            return self._estimate_builder.without_contacts(
+                t, "degraded" if reason else "ambiguous", f"{reason}; {why}".strip("; ")
+            )
+        labels = tracked or [(0, "")] * MAX_CONTACTS
+        explanations = [
+            Explanation(
+                tuple(
+                    self._estimate_builder.contact(row, *label)
+                    for row, label in zip(rows, labels, strict=False)
+                ),
+                float(rows[0, PROBABILITY]),
+            )
+            for rows in rows_of_sets
+        ]
+        sets = tuple(
+            replace(
+                e,
+                contacts=tuple(
+                    replace(c, probability=_marginal_probability(c, explanations)) for c in e.contacts
+                ),
+            )
+            for e in explanations
+        )
+        best = sets[0]
+        status: Status = "multiple"
+        if len(best.contacts) == 1:
+            status = "contact" if best.probability >= self._clear else "ambiguous"
+        link_probability = [
+            sum(e.probability for e in sets if any(c.link_index == link for c in e.contacts))
+            for link in range(len(self._names))
+        ]
+        parts = [reason] if reason else []
+        if len(best.contacts) > 1:
+            parts += self._unresolved(best.contacts, rank, known_count)
+            if best.probability < self._clear:
+                parts.append(
+                    f"other explanations are not clearly worse ({best.probability:.0%} for this one)"
+                )
+        return Estimate(
+            t,
+            "degraded" if reason else status,
+            best.contacts,
+            np.array(link_probability),
+            wrench.copy(),
+            covariance.copy(),
+            max(1.0 - sum(e.probability for e in sets), 0.0),
+            "; ".join(parts),
+            events,
+            sets,
+        )
+
+    @staticmethod
+    def _unresolved(contacts: Sequence[Contact], rank: int, known_count: int) -> list[str]:
+        """Messages about what the sensors cannot resolve of these contacts."""
+        parts = []
+        links = [contact.link for contact in contacts]
+        shared_links = [name for name in dict.fromkeys(links) if links.count(name) > 1]
+        parts += [f"of the contacts on {name} the sensors measure the sum only" for name in shared_links]
+        needed = FORCE_UNKNOWNS * len(contacts) + POINT_UNKNOWNS * (len(contacts) - known_count)
+        if rank < needed:
+            parts.append(
+                f"cannot be resolved by the sensors alone: {rank} independent measurements for {needed} "
+                "unknowns of point and force, the priors determine the rest"
+            )
+        for contact in contacts:
+            deviation = float(np.sqrt(max(np.linalg.eigvalsh(contact.covariance)[-1], 0.0)))
+            if deviation > UNRESOLVED_DEVIATION:
+                parts.append(f"the point on {contact.link} is uncertain by {1e3 * deviation:.0f} mm")
+        return parts
+
+
+def _marginal_probability(contact: Contact, explanations: Sequence[Explanation]) -> float:
+    """Sum of the probabilities of all explanations that contain this contact."""
+    return sum(
+        explanation.probability
+        for explanation in explanations
+        if any(
+            other.link_index == contact.link_index
+            and float(np.linalg.norm(other.point_base - contact.point_base)) < SAME_POINT_DISTANCE
+            for other in explanation.contacts
+        )
+    )

@@ -1,0 +1,351 @@
+"""Search over sets of one, two or three contacts, with or without contacts that are tracked already.
+
+For every number of contacts, the joint optimization starts from each seed. The results compete by log
+evidence, with a prior for each further contact, so that a second contact is reported only if one contact
+does not explain the measurement.
+"""
+
+import math
+
+from contactsense.kinematics.linalg.cholesky import invert_factored
+from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
+from contactsense.localization.posterior import STUDENT_DOF, Prior, pushing_force
+from contactsense.localization.posterior_mode import ENERGY_CUTOFF
+from contactsense.multi_contact.buffers import UNKNOWNS, MultiContactBuffers, PrimitiveFrames
+from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
+from contactsense.multi_contact.seeding import find_seeds, initial_forces, initialize_seeding
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
+
+FURTHER_CONTACT_ODDS = 0.02
+"""Prior odds of one more contact."""
+MIN_ENERGY = 8.0
+"""Further contacts are searched only if the lowest energy so far exceeds this."""
+ENERGY_MARGIN = 30.0
+"""Energy above the lowest so far at which an optimization is rejected.
+
+More than the energies of explanations may differ, because the energy falls during the optimization.
+"""
+MIN_POINT_DEVIATION = 1e-4
+"""Lower bound of the standard deviation of a known point [m]."""
+
+
+@fused_kernel
+def search_contact_sets(
+    surfaces: Surfaces,
+    prior: Prior,
+    frames: PrimitiveFrames,
+    buffers: MultiContactBuffers,
+    m: int,
+    force_scale: float,
+    known_count: int,
+    max_contacts: int,
+) -> int:
+    """Explain a measurement by the known contacts and further ones.
+
+    Args:
+        surfaces: Primitives.
+        prior: Prior of contacts.
+        frames: Body frames of the primitives.
+        buffers: With the measurement in `rows`, all samples in the base frame in `seeding.point_normal`,
+            and `known` filled. On return `explanations` is filled; in each set the known contacts come
+            first.
+        m: Number of rows.
+        force_scale: Approximate magnitude of the forces [N].
+        known_count: Number of known contacts.
+        max_contacts: Maximum number of contacts in a set, known ones included.
+
+    Returns:
+        Number of ranked explanations.
+    """
+    seed_samples, rows, known_contacts, optimizer, seeding, explanations = buffers
+    for i in range(known_count):
+        initialize_known_contact(
+            surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
+        )
+    initialize_seeding(
+        surfaces.link, prior.friction_ratio, known_contacts, known_count, force_scale, rows, m, seeding
+    )
+    prior_log_evidence = known_evidence(surfaces, prior, frames, rows, known_count, optimizer)
+    stored = 0
+    best = math.inf
+    for further in range(0 if known_count > 0 else 1, max_contacts - known_count + 1):
+        if best < MIN_ENERGY:
+            break
+        seeds = 1
+        if further > 0:
+            seeds = find_seeds(seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding)
+        lowest_energy = math.inf
+        for s in range(seeds):
+            for i in range(known_count):
+                initialize_known_contact(
+                    surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
+                )
+            if further > 0:
+                initial_forces(
+                    seed_samples,
+                    prior.friction_ratio,
+                    s,
+                    further,
+                    force_scale,
+                    rows,
+                    m,
+                    seeding,
+                    seeding.initial_force,
+                )
+                for e in range(further):
+                    _initialize_further_contact(
+                        surfaces,
+                        frames,
+                        seed_samples,
+                        seeding,
+                        optimizer,
+                        seeding.seed[s, e],
+                        seeding.initial_force[e],
+                        known_count + e,
+                    )
+            count = known_count + further
+            energy, score = set_evidence(
+                surfaces, prior, frames, rows, m, known_count, count, lowest_energy + ENERGY_MARGIN, optimizer
+            )
+            if score > -math.inf:
+                _store_explanation(
+                    optimizer,
+                    prior.surface_deviation,
+                    count,
+                    energy,
+                    score - prior_log_evidence,
+                    explanations,
+                    stored,
+                )
+                stored += 1
+                lowest_energy = min(lowest_energy, energy)
+        best = min(best, lowest_energy)
+    ranked: int = _rank_sets(surfaces.link, explanations, stored, 2.0 * prior.surface_deviation)
+    return ranked
+
+
+@fused_kernel
+def known_evidence(surfaces, prior, frames, rows, known_count, optimizer):  # type: ignore[no-untyped-def]
+    """Log evidence of the known contacts before the measurement.
+
+    The optimization uses the same priors for every contact: uniform over the surface, log-normal force.
+    The priors of known contacts are additional factors exp(-d^2 / 2) and not normalized. Subtracting this
+    log evidence normalizes them, so that explanations with different known contacts are comparable.
+    """
+    if known_count == 0:
+        return 0.0
+    _, score = find_joint_mode(surfaces, frames, rows, 0, prior, known_count, math.inf, optimizer)
+    if score == -math.inf:
+        return 0.0
+    for i in range(known_count):
+        if optimizer.prior_force_information[i] == 0.0:
+            # Without a prior of the force, correct Laplace's approximation for the tail of Student's t.
+            score += math.log(1.0 + 2.0 / STUDENT_DOF)
+    return score
+
+
+@fused_kernel
+def set_evidence(surfaces, prior, frames, rows, m, known_count, count, limit, optimizer):  # type: ignore[no-untyped-def]
+    """Optimize the contacts in `optimizer`, the known ones first.
+
+    Arguments as for `contactsense.multi_contact.joint_optimization.find_joint_mode`.
+
+    Returns:
+        Energy, and log evidence with the priors of the further contacts.
+    """
+    energy, score = find_joint_mode(surfaces, frames, rows, m, prior, count, limit, optimizer)
+    if energy < math.inf:
+        score += (count - known_count) * math.log(FURTHER_CONTACT_ODDS)
+        score += _log_accessibility(surfaces, frames, prior, optimizer, known_count, count)
+    return energy, score
+
+
+@fused_kernel
+def initialize_known_contact(surfaces, frames, known_contacts, optimizer, normal, force_scale, i):  # type: ignore[no-untyped-def]
+    """Initialize contact i with known contact i: point, force and their priors.
+
+    Without a prior of the force, the initial force is a push of the given scale [N]. `normal` is filled
+    with the outward normal.
+    """
+    c, f = known_contacts.point[i], known_contacts.force[i]
+    set_contact(
+        surfaces, frames, optimizer, i, known_contacts.primitive[i], c[0], c[1], c[2], f[0], f[1], f[2]
+    )
+    normal[0], normal[1], normal[2] = (
+        optimizer.frame[i, 0, 0],
+        optimizer.frame[i, 1, 0],
+        optimizer.frame[i, 2, 0],
+    )
+    fx, fy, fz = f[0], f[1], f[2]
+    optimizer.prior_force_information[i] = 0.0
+    if known_contacts.drift[i] < math.inf:
+        optimizer.prior_force_information[i] = 1.0 / known_contacts.drift[i] ** 2
+    else:
+        fx, fy, fz = -force_scale * normal[0], -force_scale * normal[1], -force_scale * normal[2]
+    for k in range(3):
+        optimizer.prior_point[i, k] = optimizer.point[i, k]
+        optimizer.prior_force[i, k] = f[k]
+    optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = pushing_force(
+        fx, fy, fz, normal[0], normal[1], normal[2]
+    )
+    _point_information(optimizer.frame[i], known_contacts.covariance[i], optimizer.prior_point_information[i])
+
+
+@fused_kernel
+def _point_information(T, C, out):  # type: ignore[no-untyped-def]
+    """Information matrix of a point: inverse of its covariance C in the tangent plane of the frame T."""
+    aa, ab, bb = MIN_POINT_DEVIATION * MIN_POINT_DEVIATION, 0.0, MIN_POINT_DEVIATION * MIN_POINT_DEVIATION
+    for i in range(3):
+        for k in range(3):
+            aa += T[i, 1] * C[i, k] * T[k, 1]
+            ab += T[i, 1] * C[i, k] * T[k, 2]
+            bb += T[i, 2] * C[i, k] * T[k, 2]
+    det = aa * bb - ab * ab
+    for i in range(3):
+        for k in range(3):
+            out[i, k] = (
+                bb * T[i, 1] * T[k, 1] - ab * (T[i, 1] * T[k, 2] + T[i, 2] * T[k, 1]) + aa * T[i, 2] * T[k, 2]
+            ) / det
+
+
+@fused_kernel
+def _initialize_further_contact(surfaces, frames, seed_samples, seeding, optimizer, sample, force, i):  # type: ignore[no-untyped-def]
+    """Initialize contact i at a sample, with the given force [N], base axes."""
+    c = seeding.point_normal[sample]
+    set_contact(
+        surfaces, frames, optimizer, i, seed_samples.primitive[sample], c[0], c[1], c[2], 0.0, 0.0, 0.0
+    )
+    T = optimizer.frame[i]
+    fx, fy, fz = pushing_force(force[0], force[1], force[2], T[0, 0], T[1, 0], T[2, 0])
+    optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = fx, fy, fz
+    optimizer.prior_point_information[i] = 0.0
+    optimizer.prior_force_information[i] = 0.0
+
+
+@fused_kernel
+def _log_accessibility(surfaces, frames, prior, optimizer, known_count, count):  # type: ignore[no-untyped-def]
+    """Log of the accessible share of the further contacts."""
+    score = 0.0
+    for i in range(known_count, count):
+        c, p, T = optimizer.point[i], optimizer.primitive[i], optimizer.frame[i]
+        if is_mounting_face(surfaces.link[p], c[2], T[2, 0], prior.surface_deviation):
+            return -math.inf
+        height = prior.clearance
+        x, y, z = c[0] + height * T[0, 0], c[1] + height * T[1, 0], c[2] + height * T[2, 0]
+        score += math.log(accessible_share(clearance(surfaces, frames, p, x, y, z, 0.0), prior))
+    return score
+
+
+@fused_kernel
+def _store_explanation(optimizer, surface_deviation, count, energy, score, explanations, t):  # type: ignore[no-untyped-def]
+    """Write the contacts in `optimizer` as explanation t."""
+    explanations.contacts[t] = count
+    explanations.energy[t] = energy
+    explanations.score[t] = score
+    invert_factored(optimizer, count * UNKNOWNS)
+    for k in range(6):
+        explanations.wrench[t, k] = 0.0
+    for i in range(count):
+        explanations.primitive[t, i] = optimizer.primitive[i]
+        explanations.torsion[t, i] = optimizer.torsion[i]
+        for k in range(3):
+            explanations.point[t, i, k] = optimizer.point[i, k]
+            explanations.normal[t, i, k] = optimizer.frame[i, k, 0]
+            explanations.force[t, i, k] = optimizer.force[i, k]
+        for k in range(6):
+            explanations.wrench[t, k] += optimizer.wrench[i, k]
+        _contact_covariance(
+            optimizer,
+            i,
+            surface_deviation,
+            explanations.covariance[t, i],
+            explanations.force_covariance[t, i],
+        )
+    _wrench_covariance(optimizer, count * UNKNOWNS, explanations.wrench_covariance[t])
+
+
+@fused_kernel
+def _contact_covariance(optimizer, i, surface_deviation, point_covariance, force_covariance):  # type: ignore[no-untyped-def]
+    """Covariance of point [m^2] and force [N^2] of contact i."""
+    at = i * UNKNOWNS
+    V, G, T = optimizer.inverse, optimizer.wrench_jacobian, optimizer.saved_frame[i]
+    for k in range(3):
+        for a in range(3):
+            point_covariance[k, a] = surface_deviation * surface_deviation * T[k, 0] * T[a, 0]
+            for b in range(2):
+                for d in range(2):
+                    point_covariance[k, a] += T[k, 1 + b] * V[at + 4 + b, at + 4 + d] * T[a, 1 + d]
+            force_covariance[k, a] = 0.0
+            for b in range(3):
+                for d in range(3):
+                    force_covariance[k, a] += G[k, at + b] * V[at + b, at + d] * G[a, at + d]
+
+
+@fused_kernel
+def _wrench_covariance(optimizer, size, out):  # type: ignore[no-untyped-def]
+    """Covariance of the sum of all wrenches."""
+    V, G = optimizer.inverse, optimizer.wrench_jacobian
+    for a in range(6):
+        for b in range(a + 1):
+            x = 0.0
+            for i in range(size):
+                for k in range(size):
+                    x += G[a, i] * V[i, k] * G[b, k]
+            out[a, b] = x
+            out[b, a] = x
+
+
+@fused_kernel
+def _rank_sets(link, explanations, stored, min_separation):  # type: ignore[no-untyped-def]
+    """Sort the explanations, drop duplicates and improbable ones, normalize; returns how many remain."""
+    order = explanations.order
+    for i in range(stored):
+        order[i] = i
+    count_kept = 0
+    best = 0.0
+    total = 0.0
+    for i in range(stored):
+        for k in range(i + 1, stored):
+            if explanations.score[order[k]] > explanations.score[order[i]]:
+                order[i], order[k] = order[k], order[i]
+        t = order[i]
+        if i == 0:
+            best = explanations.score[t]
+        if not explanations.score[t] >= best - ENERGY_CUTOFF:
+            break
+        if not _is_duplicate_set(link, explanations, t, count_kept, min_separation):
+            order[count_kept] = t
+            explanations.probability[t] = math.exp(explanations.score[t] - best)
+            total += explanations.probability[t]
+            count_kept += 1
+    for i in range(count_kept):
+        explanations.probability[order[i]] /= total
+    return count_kept
+
+
+@fused_kernel
+def _is_duplicate_set(link, explanations, t, count_kept, min_separation):  # type: ignore[no-untyped-def]
+    """Whether one of the first `count_kept` explanations has the same contacts.
+
+    In any order, within `min_separation` [m].
+    """
+    for i in range(count_kept):
+        u = explanations.order[i]
+        if explanations.contacts[u] != explanations.contacts[t]:
+            continue
+        near = 0
+        for a in range(explanations.contacts[t]):
+            for b in range(explanations.contacts[t]):
+                dx = explanations.point[u, b, 0] - explanations.point[t, a, 0]
+                dy = explanations.point[u, b, 1] - explanations.point[t, a, 1]
+                dz = explanations.point[u, b, 2] - explanations.point[t, a, 2]
+                if (
+                    link[explanations.primitive[u, b]] == link[explanations.primitive[t, a]]
+                    and dx * dx + dy * dy + dz * dz < min_separation * min_separation
+                ):
+                    near += 1
+                    break
+        if near == explanations.contacts[t]:
+            return True
+    return False

@@ -1,0 +1,102 @@
+"""The compiled entry point of the search for several contacts."""
+
+import math
+
+import numpy as np
+
+from contactsense.localization.ranking import place_primitives
+from contactsense.multi_contact.buffers import MAX_CONTACTS, MultiContactBuffers, PrimitiveFrames
+from contactsense.multi_contact.contact_set_search import search_contact_sets
+from contactsense.multi_contact.measurement_rows import fill_measurement_rows, rank_of
+from contactsense.multi_contact.seeding import estimate_force_scale, transform_samples
+from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.signed_distance_grid import Grids
+from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.result_rows import MIN_PROBABILITY, write_row
+from contactsense.runtime.sample_pipeline import residual_variance_ratio, update_covariances
+
+
+@kernel
+def explain_contact_sets(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int, int],
+    skin: Grids,
+    buffers: MultiContactBuffers,
+    present: tuple[bool, bool, bool],
+    bandwidth: float,
+    known_count: int,
+    max_contacts: int,
+    rows: np.ndarray,
+) -> tuple[int, int]:
+    """Explain the sample last taken by sets of simultaneous contacts.
+
+    Args:
+        floats, integers, sizes, skin: The localizer's kernel buffers after
+            `contactsense.runtime.kernels.locate_once` or `step`, and the signed distance grids.
+        buffers: With the known contacts filled in.
+        present: Which of base wrench, joint torques and wrist wrench were measured.
+        bandwidth: Cut-off frequency of the observers [Hz]; infinite for an arm at rest, whose external
+            wrench and torques are not filtered.
+        known_count, max_contacts: Number of known contacts, and maximum number of contacts, those
+            included.
+        rows: Filled: contact i of the k-th explanation in row k * MAX_CONTACTS + i, as in
+            `contactsense.runtime.result_rows`, shape (MAX_EXPLANATIONS * MAX_CONTACTS, WIDTH).
+
+    Returns:
+        Number of explanations above the minimum probability, and number of independent measurements of the
+        wrenches of the first one.
+    """
+    constants, state = buffer_views(floats, integers, sizes)
+    scale, lag = 1.0, 0.0
+    external = (state.base_wrench, state.torque, state.wrist_wrench)
+    if bandwidth < math.inf:
+        # The residuals of the observers, not their averages for a single contact.
+        lag = 1.0 / (2.0 * math.pi * bandwidth)
+        external = (
+            state.base_observer.residual[:6],
+            state.joint_observer.residual,
+            state.wrist_observer.residual,
+        )
+        scale = residual_variance_ratio(state, present)
+    update_covariances(constants, state, scale)
+    depth, seed_samples, explanations = constants.sensors.depth, buffers.seed_samples, buffers.explanations
+    place_primitives(constants.surfaces, depth, state.motion, state.candidates)
+    transform_samples(constants.samples, depth, state.motion, seed_samples, buffers.seeding)
+    m = fill_measurement_rows(
+        constants.sensors, state.motion, external, state.base_information, state.torque_variance,
+        state.wrist_origin, present, scale, lag, buffers.rows,
+    )  # fmt: skip
+    frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
+    force_scale = estimate_force_scale(external, present)
+    count = search_contact_sets(
+        constants.surfaces, constants.prior, frames, buffers, m, force_scale, known_count, max_contacts
+    )
+    listed = 0
+    for k in range(count):
+        t = explanations.order[k]
+        if explanations.probability[t] < MIN_PROBABILITY:
+            break
+        for i in range(explanations.contacts[t]):
+            write_row(
+                constants,
+                state,
+                skin,
+                explanations.primitive[t, i],
+                explanations.probability[t],
+                explanations.torsion[t, i],
+                explanations.point[t, i],
+                explanations.normal[t, i],
+                explanations.force[t, i],
+                explanations.covariance[t, i],
+                rows[k * MAX_CONTACTS + i],
+            )
+        listed += 1
+    rank = 0
+    if listed > 0:
+        t = explanations.order[0]
+        links = buffers.optimizer.primitive
+        for i in range(explanations.contacts[t]):
+            links[i] = constants.surfaces.link[explanations.primitive[t, i]]
+        rank = rank_of(buffers.rows, m, links, explanations.contacts[t], buffers.optimizer.jacobian)
+    return listed, rank

@@ -1,0 +1,154 @@
+"""Several contacts from one measurement of an arm at rest, for `Localizer.locate`."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from contactsense.multi_contact.buffers import (
+    MAX_CONTACTS,
+    MAX_EXPLANATIONS,
+    Explanations,
+    empty_multi_contact_buffers,
+)
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
+from contactsense.multi_contact.kernels import explain_contact_sets
+from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.runtime.buffers import KernelBuffers
+from contactsense.runtime.result_rows import WIDTH
+from contactsense.scene import Scene
+from contactsense.types import Contact, Estimate
+
+
+class KnownContact(NamedTuple):
+    """A contact that is known before the measurement, base frame."""
+
+    primitive: int
+    """Index of the primitive among all of the arm."""
+    point: np.ndarray
+    """Point, shape (3,) [m]."""
+    covariance: np.ndarray
+    """Its covariance, shape (3, 3) [m^2]."""
+    force: np.ndarray
+    """Previous force, shape (3,) [N]."""
+    drift: float
+    """Standard deviation of the change of each force component [N]; infinity: no prior of the force."""
+
+
+class MultiContactLocator:
+    """Explains measurements by several contacts; owns the arrays of that search."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        kernel_buffers: KernelBuffers,
+        arrays: tuple[Any, ...],
+        estimate_builder: EstimateBuilder,
+    ) -> None:
+        """For the scene of a `Localizer` and its kernel buffers."""
+        self._constants = kernel_buffers.constants
+        self._arrays = arrays
+        self.buffers = empty_multi_contact_buffers(kernel_buffers.constants)
+        self._rows = np.zeros((MAX_EXPLANATIONS * MAX_CONTACTS, WIDTH))
+        self._builder = ContactSetBuilder(scene, estimate_builder)
+
+    @property
+    def explanations(self) -> Explanations:
+        """Result of the last `fit`."""
+        return self.buffers.explanations
+
+    def rows(self, k: int) -> np.ndarray:
+        """Contacts of the k-th explanation of the last `fit`, as in `contactsense.runtime.result_rows`; a
+        copy."""
+        contacts = int(self.explanations.contacts[self.explanations.order[k]])
+        return self._rows[k * MAX_CONTACTS : k * MAX_CONTACTS + contacts].copy()
+
+    def fit(
+        self,
+        present: tuple[bool, bool, bool],
+        max_contacts: int,
+        known: Sequence[KnownContact],
+        bandwidth: float = math.inf,
+    ) -> tuple[int, int]:
+        """Explain the sample last taken by the kernels; `explanations` and `rows` return the result.
+
+        Args:
+            present: Which of base wrench, joint torques and wrist wrench were measured.
+            max_contacts: Maximum number of contacts in a set, known ones included.
+            known: Contacts known before.
+            bandwidth: Cut-off frequency of the observers [Hz]; infinite for an arm at rest.
+
+        Returns:
+            Number of explanations in `rows`, and number of independent measurements of the wrenches of
+            the first.
+        """
+        known_contacts = self.buffers.known
+        for i, contact in enumerate(known):
+            known_contacts.primitive[i], known_contacts.drift[i] = contact.primitive, contact.drift
+            known_contacts.point[i], known_contacts.force[i] = contact.point, contact.force
+            known_contacts.covariance[i] = contact.covariance
+        listed, rank = explain_contact_sets(
+            *self._arrays, self.buffers, present, bandwidth, len(known), max_contacts, self._rows
+        )
+        return int(listed), int(rank)
+
+    def explain(
+        self, present: tuple[bool, bool, bool], contacts: int, known: Sequence[Contact], drift: float | None
+    ) -> Estimate:
+        """Estimate of at most `contacts` simultaneous contacts from the static sample last taken.
+
+        Arguments as in `Localizer.locate`, already checked.
+        """
+        start = self._constants.surfaces.start
+        known_contacts = [
+            KnownContact(
+                int(start[contact.link_index]) + contact.primitive,
+                contact.point_base,
+                contact.covariance,
+                contact.force_base,
+                math.inf if drift is None else drift,
+            )
+            for contact in known
+        ]
+        listed, rank = self.fit(present, contacts, known_contacts)
+        best = self.explanations.order[0]
+        return self._builder.sets(
+            0.0,
+            [self.rows(k) for k in range(listed)],
+            self.explanations.wrench[best],
+            self.explanations.wrench_covariance[best],
+            rank,
+            len(known),
+        )
+
+    def check(self, contacts: int, known: Sequence[Contact], drift: float | None) -> None:
+        """Check the arguments of `Localizer.locate`.
+
+        Raises:
+            ValueError: the message names the argument, what was expected and what came.
+        """
+        if not isinstance(contacts, int) or not 1 <= contacts <= MAX_CONTACTS:
+            raise ValueError(f"contacts: expected 1 to {MAX_CONTACTS}, got {contacts!r}")
+        if len(known) > contacts:
+            raise ValueError(f"known: expected at most {contacts} (contacts), got {len(known)}")
+        if drift is not None and not (math.isfinite(drift) and drift > 0.0):
+            raise ValueError(f"drift: expected a positive number of N, got {drift!r}")
+        start = self._constants.surfaces.start
+        for i, contact in enumerate(known):
+            if not isinstance(contact, Contact):
+                raise ValueError(f"known[{i}]: expected a Contact, got {contact!r}")
+            if not 0 <= contact.link_index < len(start) - 1:
+                raise ValueError(
+                    f"known[{i}].link_index: expected 0 to {len(start) - 2}, got {contact.link_index}"
+                )
+            count = int(start[contact.link_index + 1] - start[contact.link_index])
+            if not 0 <= contact.primitive < count:
+                expected = f"0 to {count - 1} on {contact.link}"
+                raise ValueError(f"known[{i}].primitive: expected {expected}, got {contact.primitive}")
+            for name, shape in (("point_base", (3,)), ("force_base", (3,)), ("covariance", (3, 3))):
+                value = getattr(contact, name)
+                if np.shape(value) != shape or not np.isfinite(value).all():
+                    raise ValueError(
+                        f"known[{i}].{name}: expected finite numbers of shape {shape}, got {value!r}"
+                    )

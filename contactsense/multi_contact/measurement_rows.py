@@ -1,0 +1,182 @@
+"""The measurement as whitened rows: the linear map from a wrench on each link to the sensor values.
+
+The observers low-pass filter the measurement with the time constant `lag`. A contact that is fixed on
+link k has a wrench w that moves with the link's twist V: dw/dt = V x* w. Its filtered value in base axes
+is (1 + lag V x*)^-1 w. For the torque s_j . w, whose screw moves with link j, it is
+s_j . (1 + lag (V - V_j) x*)^-1 w. Each link therefore has its own rows, and contacts on different links
+of a moving arm are distinguished by their lag.
+"""
+
+import math
+
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import SensorModel
+from contactsense.kinematics.model import Motion
+from contactsense.multi_contact.buffers import MeasurementRows
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import fused_kernel
+
+
+@fused_kernel
+def _twist_cross(a, twist, sensor_twist, out):  # type: ignore[no-untyped-def]
+    """Row c with c . w = a . (V x* w) for all w, V = twist - sensor_twist. Six floats each."""
+    vx, vy, vz = twist[0] - sensor_twist[0], twist[1] - sensor_twist[1], twist[2] - sensor_twist[2]
+    x, y, z = twist[3] - sensor_twist[3], twist[4] - sensor_twist[4], twist[5] - sensor_twist[5]
+    out[0] = a[1] * z - a[2] * y + a[4] * vz - a[5] * vy
+    out[1] = a[2] * x - a[0] * z + a[5] * vx - a[3] * vz
+    out[2] = a[0] * y - a[1] * x + a[3] * vy - a[4] * vx
+    out[3] = a[4] * z - a[5] * y
+    out[4] = a[5] * x - a[3] * z
+    out[5] = a[3] * y - a[4] * x
+
+
+@fused_kernel
+def _lagged_row(row, twist, sensor_twist, lag, scratch, out):  # type: ignore[no-untyped-def]
+    """Row of a link that moves with `twist`, for a sensor that moves with `sensor_twist`.
+
+    row (1 + lag V x*)^-1, to second order in the lag.
+    """
+    copy(row, out)
+    for _ in range(2):
+        _twist_cross(out, twist, sensor_twist, scratch)
+        for i in range(6):
+            out[i] = row[i] - lag * scratch[i]
+
+
+@fused_kernel
+def fill_measurement_rows(
+    sensors: SensorModel,
+    motion: Motion,
+    parts: tuple[np.ndarray, np.ndarray, np.ndarray],
+    base_information: np.ndarray,
+    torque_variance: np.ndarray,
+    wrist_origin: np.ndarray,
+    present: tuple[bool, bool, bool],
+    scale: float,
+    lag: float,
+    rows: MeasurementRows,
+) -> int:
+    """Fill `rows` with the whitened external wrenches and torques; returns the number of rows.
+
+    Args:
+        sensors: Which sensor measures which link, and the noise of the wrist sensor.
+        motion: Poses and twists.
+        parts: External base wrench (6,), joint torques as s_j . w (n,) and wrist wrench (6,), low-pass
+            filtered in base axes.
+        base_information: Inverse covariance of the base wrench times `scale`, shape (6, 6).
+        torque_variance: Variance of each torque, shape (n,) [Nm^2].
+        wrist_origin: Origin of the wrist sensor, base frame, shape (3,) [m].
+        present: Which of the parts were measured.
+        scale: Factor on the variances of the scene's noise.
+        lag: Time constant of the low-pass filter [s]; 0 without one.
+        rows: Filled.
+    """
+    y, seen, row, transformed = rows.value, rows.seen, rows.row, rows.transformed
+    sensor_twist = motion.twist[0]
+    links = seen.shape[0]
+    seen[:] = 0.0
+    rows.matrix[:] = 0.0
+    m = 0
+    if present[0]:
+        # Upper factor U of the information matrix U^T U: U times the noise has unit variance.
+        U = rows.factor
+        for i in range(6):
+            for k in range(6):
+                U[i, k] = 0.0
+            for k in range(i, 6):
+                x = base_information[i, k] / scale
+                for r in range(i):
+                    x -= U[r, i] * U[r, k]
+                U[i, k] = math.sqrt(x) if k == i else x / U[i, i]
+        for i in range(6):
+            y[i] = 0.0
+            for k in range(i, 6):
+                y[i] += U[i, k] * parts[0][k]
+            for link in range(links):
+                seen[link, i] = 1.0
+                twist = motion.twist[sensors.depth[link]]
+                _lagged_row(U[i], twist, sensor_twist, lag, transformed, rows.matrix[link, i])
+        m = 6
+    if present[1]:
+        for j in range(torque_variance.shape[0]):
+            inverse_deviation = 1.0 / math.sqrt(torque_variance[j])
+            for k in range(6):
+                row[k] = motion.screw[j, k] * inverse_deviation
+            y[m] = parts[1][j] * inverse_deviation
+            for link in range(links):
+                if sensors.depth[link] > j:
+                    seen[link, m] = 1.0
+                    twist = motion.twist[sensors.depth[link]]
+                    _lagged_row(row, twist, motion.twist[j], lag, transformed, rows.matrix[link, m])
+            m += 1
+    if present[2]:
+        for i in range(6):
+            _wrist_row(i, wrist_origin, row)
+            inverse_deviation = 1.0 / math.sqrt(sensors.wrist_variance[i // 3] * scale)
+            y[m] = 0.0
+            for k in range(6):
+                row[k] *= inverse_deviation
+                y[m] += row[k] * parts[2][k]
+            for link in range(links):
+                if sensors.beyond_wrist[link]:
+                    seen[link, m] = 1.0
+                    twist = motion.twist[sensors.depth[link]]
+                    _lagged_row(row, twist, sensor_twist, lag, transformed, rows.matrix[link, m])
+            m += 1
+    return m
+
+
+@fused_kernel
+def _wrist_row(i, o, row):  # type: ignore[no-untyped-def]
+    """Component i of a wrench about the wrist sensor's origin o: force, then moment m - o x f."""
+    for k in range(6):
+        row[k] = 0.0
+    row[i] = 1.0
+    if i == 3:
+        row[1], row[2] = o[2], -o[1]
+    elif i == 4:
+        row[0], row[2] = -o[2], o[0]
+    elif i == 5:
+        row[0], row[1] = o[1], -o[0]
+
+
+@fused_kernel
+def rank_of(rows, m, links, count, scratch):  # type: ignore[no-untyped-def]
+    """Rank of the map from the wrenches of contacts on `links` to the rows: the number of independent
+    measurements.
+
+    Args:
+        rows, m: The measurement and the number of its rows.
+        links: Indices of the touched links, shape (>= count,).
+        count: Number of contacts.
+        scratch: Shape (>= m, >= 6 * count).
+    """
+    n = 6 * count
+    for r in range(m):
+        size = 0.0
+        for i in range(count):
+            for k in range(6):
+                size = max(size, abs(rows.matrix[links[i], r, k]))
+        for i in range(count):
+            for k in range(6):
+                scratch[r, 6 * i + k] = rows.matrix[links[i], r, k] / size if size > 0.0 else 0.0
+    rank = 0
+    for _ in range(min(m, n)):
+        # Gaussian elimination with full pivoting.
+        best, row, column = 1e-9, -1, -1
+        for r in range(rank, m):
+            for c in range(n):
+                if abs(scratch[r, c]) > best:
+                    best, row, column = abs(scratch[r, c]), r, c
+        if row < 0:
+            break
+        for c in range(n):
+            scratch[row, c], scratch[rank, c] = scratch[rank, c], scratch[row, c]
+        for r in range(rank + 1, m):
+            factor = scratch[r, column] / scratch[rank, column]
+            for c in range(n):
+                scratch[r, c] -= factor * scratch[rank, c]
+            scratch[r, column] = 0.0
+        rank += 1
+    return rank

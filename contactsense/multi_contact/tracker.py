@@ -1,0 +1,352 @@
+"""Tracks several contacts in a live stream: distinguishes a further contact from a change of the first.
+
+While there is a single contact, its previous estimate is tested against every sample. If the residual
+exceeds the noise, three alternatives compete by log evidence: the contact has slid, it was released and a
+new one has started, or a further contact has started. The previous estimate of the first contact is kept
+until this is decided, because the onset of a further contact looks like a slide of the first.
+
+Several contacts are tracked by a multiple-hypothesis filter. While the force of the newest contact grows,
+its point is searched anew, given the contacts known before its onset. Afterwards the points of each
+hypothesis are the prior of the next samples, the forces may drift, and the log evidence accumulates. The
+noise of the observers is correlated in time, so a prior is updated only every few time constants.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
+from contactsense.multi_contact.locator import MultiContactLocator
+from contactsense.multi_contact.multi_hypothesis_filter import (
+    FORCE_DRIFT,
+    MAX_HYPOTHESES,
+    Hypothesis,
+    HypothesisFit,
+    MultiHypothesisFilter,
+    without_contact,
+)
+from contactsense.multi_contact.tracked_contacts import TrackedContact, tracked_contact
+from contactsense.runtime.buffers import KernelBuffers
+from contactsense.runtime.result_rows import PROBABILITY
+from contactsense.scene import Scene
+from contactsense.tracking.contact_tracker import NEW, NEW_TIME_CONSTANTS, NUMBER, PHASE, restart_windows
+from contactsense.types import Estimate, Event, Phase
+
+PRIOR_INTERVAL = 3.0
+"""Interval between two updates of the prior, in time constants of the observers."""
+SETTLING_TIME = 8.0
+"""Time for which a further contact is searched before a change counts as a slide, in time constants."""
+SEARCH_INTERVAL = 0.5
+"""Interval between two tests of a single contact, or two searches, in time constants."""
+SLIDE_DEVIATION = 0.04
+"""Standard deviation of a slide [m]."""
+FORCE_CHANGE_LOG_ODDS = math.log(0.2)
+"""Log prior odds of forces that change by more than `FORCE_DRIFT`."""
+RELEASE_LOG_ODDS = math.log(0.02)
+"""Log prior odds of a sudden release."""
+WEAK_RELEASE_LOG_ODDS = math.log(0.5)
+"""Log prior odds of the release of a contact that pushes less than `WEAK_FORCE`."""
+LOG_ODDS_MARGIN = 2.0
+"""Log odds by which a change must be more probable than no change."""
+MIN_PROBABILITY = 0.1
+"""Explanations of a single contact that are more probable than this are tested for a further one."""
+FORCE_GROWTH_RATIO = 1.25
+"""The force of the newest contact is growing if it exceeds this many times its last value."""
+MAX_SETTLING_FACTOR = 5.0
+"""A growing contact is searched anew for at most this many times `SETTLING_TIME`."""
+WEAK_FORCE = 5.0
+"""A contact that pushes less than this may have been released [N]."""
+RELEASE_FORCE = 1.0
+"""A contact that pushes less than this for `PRIOR_INTERVAL` is released [N]."""
+
+
+class Member(NamedTuple):
+    """One of several contacts."""
+
+    number: int
+    since: float
+    """Time of its onset [s]."""
+    last_pushing: float
+    """Time at which it last pushed with more than `RELEASE_FORCE` [s]."""
+    phase: Phase
+
+
+class MultiContactTracker:
+    """Tracks several contacts of one stream."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        kernel_buffers: KernelBuffers,
+        locator: MultiContactLocator,
+        builder: ContactSetBuilder,
+    ) -> None:
+        """For the scene and the kernel buffers of a `Localizer`; `locator` and `builder` belong to the
+        same."""
+        self._max_contacts, self._constants, self._state = (
+            scene.contacts,
+            kernel_buffers.constants,
+            kernel_buffers.state,
+        )
+        self._filter, self._builder = MultiHypothesisFilter(scene, kernel_buffers, locator), builder
+        self._tau = 1.0 / (2.0 * math.pi * scene.bandwidth)
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all contacts."""
+        self._members: list[Member] = []
+        self._events: list[Event] = []
+        self._filter.hypotheses = []
+        self._prior_hypotheses: list[Hypothesis] = []
+        self._before_onset: list[Hypothesis] = []
+        self._onset_force = 0.0
+        self._next_prior: list[Hypothesis] = []
+        self._prior_time = self._explained_time = self._next_search = -math.inf
+
+    def end(self, t: float, number: int) -> tuple[Event, ...]:
+        """Release all contacts; returns the release events except that of contact `number`."""
+        released = tuple(Event("release", m.number, t) for m in self._members if m.number != number)
+        self.forget()
+        return released
+
+    def step(
+        self, t: float, present: tuple[bool, bool, bool], number: int, explained: bool, reason: str
+    ) -> tuple[Estimate | None, int]:
+        """Explain the sample last taken by the kernels, while there is contact.
+
+        Args:
+            t: Time of the sample [s].
+            present: Which of base wrench, joint torques and wrist wrench can be used.
+            number: Number of the single contact.
+            explained: Whether a single contact explains the sample.
+            reason: Why the estimate is `degraded`, empty if it is not.
+
+        Returns:
+            The estimate if there are several contacts, else None; and the number of the first contact.
+        """
+        if not self._members and t >= self._next_search:
+            self._next_search = t + SEARCH_INTERVAL * self._tau
+            self._check_single_contact(t, present, number, explained)
+        if not self._members:
+            return None, number
+        estimate = self._update(t, present, reason)
+        if self._members:
+            number = self._members[0].number
+        if len(self._members) == 1:
+            self._return_to_single_contact()
+        return estimate, number
+
+    def _check_single_contact(
+        self, t: float, present: tuple[bool, bool, bool], number: int, explained: bool
+    ) -> None:
+        """Test the previous estimate of a single contact; start tracking if a further one is found."""
+        if self._state.track.scalars[PHASE] == NEW:
+            self._prior_hypotheses = []
+            return
+        now = self._single_contact_hypotheses() if explained else []
+        if not self._prior_hypotheses:
+            self._prior_hypotheses = self._next_prior = now
+            self._prior_time = self._explained_time = t
+            return
+        hypothesis_filter = self._filter
+        unchanged = hypothesis_filter.explain(present, self._prior_hypotheses, 1, math.inf)
+        if unchanged and unchanged[0].energy <= hypothesis_filter.energy_limit(present, 1, math.inf):
+            self._explained_time = t
+            if t - self._prior_time > PRIOR_INTERVAL * self._tau:
+                self._prior_hypotheses, self._next_prior, self._prior_time = self._next_prior, now, t
+            return
+        alternatives = unchanged + hypothesis_filter.explain(
+            present, self._prior_hypotheses, 1, math.inf, SLIDE_DEVIATION
+        )
+        alternatives += hypothesis_filter.explain(present, [Hypothesis((), 0.0)], 1, math.inf)
+        extended = hypothesis_filter.with_further_contact(present, self._prior_hypotheses)
+        if _is_more_probable(extended, alternatives) and extended[0].energy <= hypothesis_filter.energy_limit(
+            present, 2, FORCE_DRIFT
+        ):
+            self._members = [Member(number, -math.inf, t, "hold")]
+            self._add_contact(t, extended, self._prior_hypotheses)
+        elif t - self._explained_time > SETTLING_TIME * self._tau:
+            self._prior_hypotheses = self._next_prior = now
+            self._prior_time = self._explained_time = t
+
+    def _single_contact_hypotheses(self) -> list[Hypothesis]:
+        """The candidates of the single contact that are probable enough, as hypotheses."""
+        candidates, motion = self._state.candidates, self._state.motion
+        hypotheses = []
+        for row in candidates.order[: MAX_HYPOTHESES - 1]:
+            p = float(candidates.probability[row])
+            if p < MIN_PROBABILITY:
+                break
+            contact = (
+                candidates.point[row],
+                candidates.normal[row],
+                candidates.covariance[row],
+                candidates.force[row],
+            )
+            hypotheses.append(
+                Hypothesis(
+                    (tracked_contact(self._constants, motion, int(candidates.primitive[row]), *contact),),
+                    math.log(p),
+                )
+            )
+        return hypotheses
+
+    def _update(self, t: float, present: tuple[bool, bool, bool], reason: str) -> Estimate | None:
+        """Estimate from the hypotheses; None if they explain nothing."""
+        fits = self._filter.evaluate(present)
+        limit = self._filter.energy_limit(present, len(self._members), FORCE_DRIFT)
+        changed = False
+        if self._before_onset:
+            if t - self._prior_time > PRIOR_INTERVAL * self._tau:
+                changed = self._reestimate_newest(t, present, fits, limit)
+        elif fits and fits[0].hypothesis.energy <= limit:
+            self._explained_time = t
+            changed = self._release_unloaded(t, fits[0].hypothesis)
+            if not changed and t - self._prior_time > PRIOR_INTERVAL * self._tau:
+                unchanged = [fit.hypothesis for fit in fits]
+                weak = [i for i, c in enumerate(unchanged[0].contacts) if _normal_force(c) < WEAK_FORCE]
+                changed = self._test_release(t, present, weak, unchanged, FORCE_DRIFT, WEAK_RELEASE_LOG_ODDS)
+                if not changed:
+                    self._set_prior(t, unchanged)
+        elif t >= self._next_search:
+            self._next_search = t + SEARCH_INTERVAL * self._tau
+            changed = self._detect_change(t, present, [fit.hypothesis for fit in fits], limit)
+        if changed:
+            fits = self._filter.evaluate(present)
+        if not fits:
+            self._return_to_single_contact()
+            return None
+        return self._build_estimate(t, fits, reason)
+
+    def _reestimate_newest(
+        self, t: float, present: tuple[bool, bool, bool], fits: Sequence[HypothesisFit], limit: float
+    ) -> bool:
+        """Search the newest contact anew, whose force may have grown; returns whether it was found."""
+        extended = self._filter.with_further_contact(present, self._before_onset)
+        improved = bool(extended) and (
+            not fits or extended[0].energy <= max(limit, fits[0].hypothesis.energy)
+        )
+        if improved:
+            self._filter.set_prior(extended)
+            normal_force = _normal_force(extended[0].contacts[-1])
+            is_growing = normal_force > FORCE_GROWTH_RATIO * self._onset_force
+            self._onset_force = normal_force
+            age = (t - self._members[-1].since) / (SETTLING_TIME * self._tau)
+            if age > (MAX_SETTLING_FACTOR if is_growing else 1.0):
+                self._before_onset = []
+        else:
+            self._before_onset = []
+        self._prior_time = self._explained_time = t
+        return improved
+
+    def _detect_change(
+        self, t: float, present: tuple[bool, bool, bool], unchanged: Sequence[Hypothesis], limit: float
+    ) -> bool:
+        """Search for a change since the prior; returns whether one was found."""
+        hypothesis_filter, count = self._filter, len(self._members)
+        changed_forces = [
+            *unchanged,
+            *hypothesis_filter.explain(
+                present, hypothesis_filter.hypotheses, count, math.inf, odds=FORCE_CHANGE_LOG_ODDS
+            ),
+        ]
+        extended = (
+            hypothesis_filter.with_further_contact(present, hypothesis_filter.hypotheses)
+            if count < self._max_contacts
+            else []
+        )
+        if _is_more_probable(extended, changed_forces) and extended[0].energy <= limit:
+            self._add_contact(t, extended, hypothesis_filter.hypotheses)
+            return True
+        if t - self._explained_time > SETTLING_TIME * self._tau:
+            changed_forces += hypothesis_filter.explain(
+                present, hypothesis_filter.hypotheses, count, math.inf, SLIDE_DEVIATION
+            )
+            if self._test_release(t, present, range(count), changed_forces, math.inf, RELEASE_LOG_ODDS):
+                return True
+        if not changed_forces or not _is_more_probable(changed_forces, unchanged):
+            return False
+        self._set_prior(t, changed_forces)
+        return True
+
+    def _test_release(
+        self,
+        t: float,
+        present: tuple[bool, bool, bool],
+        indices: Sequence[int],
+        unchanged: Sequence[Hypothesis],
+        drift: float,
+        odds: float,
+    ) -> bool:
+        """Release one of these contacts if that is more probable, given the log odds; returns whether."""
+        for i in indices:
+            remaining = without_contact(self._filter.hypotheses, i)
+            reduced = self._filter.explain(present, remaining, len(self._members) - 1, drift, odds=odds)
+            if _is_more_probable(reduced, unchanged):
+                self._release(t, i)
+                self._set_prior(t, reduced)
+                return True
+        return False
+
+    def _release_unloaded(self, t: float, best: Hypothesis) -> bool:
+        """Release a contact that has not pushed for a while; returns whether there was one."""
+        for i, contact in enumerate(best.contacts):
+            if _normal_force(contact) > RELEASE_FORCE:
+                self._members[i] = self._members[i]._replace(last_pushing=t)
+            elif t - self._members[i].last_pushing > PRIOR_INTERVAL * self._tau:
+                self._release(t, i)
+                self._filter.hypotheses = without_contact(self._filter.hypotheses, i)
+                return True
+        return False
+
+    def _add_contact(self, t: float, hypotheses: Sequence[Hypothesis], before: Sequence[Hypothesis]) -> None:
+        """Add a further contact, found in `hypotheses`, given the hypotheses `before` its onset."""
+        self._before_onset, self._onset_force = list(before), math.inf
+        life = self._state.track.scalars
+        life[NUMBER] += 1.0
+        self._members.append(Member(int(life[NUMBER]), t, t, "new"))
+        self._events.append(Event("onset", int(life[NUMBER]), t))
+        self._set_prior(t, hypotheses)
+        self._explained_time = t
+
+    def _release(self, t: float, i: int) -> None:
+        self._events.append(Event("release", self._members[i].number, t))
+        del self._members[i]
+
+    def _set_prior(self, t: float, hypotheses: Sequence[Hypothesis]) -> None:
+        if hypotheses:
+            self._filter.set_prior(hypotheses)
+        self._prior_time = t
+
+    def _return_to_single_contact(self) -> None:
+        """Return to a single contact, whose averaging windows restart."""
+        self._filter.hypotheses, self._members, self._prior_hypotheses, self._before_onset = [], [], [], []
+        restart_windows(self._state.track)
+
+    def _build_estimate(self, t: float, fits: Sequence[HypothesisFit], reason: str) -> Estimate:
+        for i, member in enumerate(self._members):
+            if member.phase == "new" and t - member.since > NEW_TIME_CONSTANTS * self._tau:
+                self._members[i] = member._replace(phase="hold")
+                self._events.append(Event("hold", member.number, t))
+        best = fits[0]
+        odds = [math.exp(fit.hypothesis.log_probability - best.hypothesis.log_probability) for fit in fits]
+        for fit, share in zip(fits, odds, strict=True):
+            fit.rows[:, PROBABILITY] = share / sum(odds)
+        labels: list[tuple[int, Phase]] = [(member.number, member.phase) for member in self._members]
+        estimate = self._builder.sets(
+            t, [fit.rows for fit in fits], best.wrench, best.covariance, best.rank, len(labels), reason,
+            labels, tuple(self._events),
+        )  # fmt: skip
+        self._events = []
+        return estimate
+
+
+def _normal_force(contact: TrackedContact) -> float:
+    """Normal force [N]."""
+    return -float(contact.force @ contact.normal)
+
+
+def _is_more_probable(one: Sequence[Hypothesis], other: Sequence[Hypothesis]) -> bool:
+    """Whether the best of some hypotheses is more probable than the best of others, by a margin."""
+    best = max((hypothesis.log_probability for hypothesis in other), default=-math.inf)
+    return any(hypothesis.log_probability > best + LOG_ODDS_MARGIN for hypothesis in one)

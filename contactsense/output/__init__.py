@@ -1,0 +1,1 @@
+"""From the numbers of the sample path to `Estimate`."""

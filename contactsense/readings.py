@@ -1,0 +1,77 @@
+"""From a contact to what the sensors read: the model that the localizer inverts, for an arm at rest."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.inverse_dynamics import inverse_dynamics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.runtime.constants import model_with_tool
+from contactsense.scene import Scene
+from contactsense.sensors.validation import checked_vector
+
+
+class Readings(NamedTuple):
+    """What the sensors read without noise, see `contactsense.types.Sample`."""
+
+    joint_torque: np.ndarray
+    """Torque that each actuator applies [Nm], shape (n,)."""
+    base_wrench: np.ndarray
+    """Wrench of the arm on the base sensor, base axes, base origin [N, Nm], shape (6,)."""
+
+
+def forward_model(
+    scene: Scene,
+    q: np.ndarray,
+    link: str,
+    point: np.ndarray,
+    force: np.ndarray,
+    torsion: float = 0.0,
+    normal: np.ndarray | None = None,
+    *,
+    external: bool = False,
+) -> Readings:
+    """Readings of an arm at rest that is touched.
+
+    A contact wrench w on link k adds w to the base wrench and -s_j . w to the torque of every joint j below
+    that link (Haddadin, De Luca & Albu-Schaeffer, T-RO 2017).
+
+    Args:
+        scene: The arm in its place.
+        q: Joint positions [rad], shape (n,).
+        link: Name of the touched link.
+        point: Place, link frame [m], shape (3,).
+        force: Force on the robot, base axes [N], shape (3,).
+        torsion: Moment on the robot about `normal` [Nm].
+        normal: Outward unit normal, base axes, shape (3,); needed with `torsion` only.
+        external: Leave the arm's own weight out, as `Localizer.locate` expects by default.
+
+    Raises:
+        ValueError: the link is not known, an argument has the wrong shape, or `normal` is missing.
+    """
+    robot, joints = scene.robot, len(scene.robot.joints)
+    if link not in scene.link_names:
+        raise ValueError(f"link: expected one of {', '.join(scene.link_names)}, got {link!r}")
+    q = checked_vector("q", q, joints, "rad")
+    point, force = checked_vector("point", point, 3, "m"), checked_vector("force", force, 3, "N")
+    if torsion != 0.0 and normal is None:
+        raise ValueError("normal: expected the outward normal that torsion acts about, got none")
+    index = scene.link_names.index(link)
+    body = min(index, joints)
+    model, motion = build_model(robot), empty_motion(joints)
+    forward_kinematics(model, q, motion)
+    if index > joints:
+        point = robot.flange_translation + robot.flange_rotation @ point
+    place = motion.origin[body] + motion.rotation[body] @ point
+    moment = np.cross(place, force)
+    if normal is not None:
+        moment = moment + torsion * checked_vector("normal", normal, 3, "1")
+    wrench = np.concatenate((force, moment))
+    torque, base = np.zeros(joints), np.zeros(6)
+    felt = np.where(np.arange(joints) < body, -motion.screw @ wrench, 0.0)
+    if not external:
+        still = np.zeros(joints)
+        weight = model_with_tool(scene)
+        inverse_dynamics(weight, q, still, still, scene.gravity_base, motion, torque, base)
+    return Readings(torque + felt, base + wrench)

@@ -1,0 +1,1 @@
+"""Residuals: what the sensors measure beyond the arm's own weight, motion and friction."""

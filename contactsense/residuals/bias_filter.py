@@ -1,0 +1,328 @@
+"""Kalman filter for sensor biases and link masses, updated in free motion and held in contact.
+
+Biases of the base sensor and of the joint torques drift; masses are known to a few per cent. Both enter the
+residuals linearly: r = Phi e + noise, with e the error of the biases and masses. The columns of Phi for the
+masses are residuals of the same first-order filter, driven by the momenta and weights of single links
+(theory, section 2). The filter is updated in free motion only. In a contact it is held, and the uncertainty
+that remains, Phi P Phi^T, is added to the covariance of the residuals.
+
+Biases are random walks. Their variance is such that each estimate converges to the average of its residual
+over a time T: sigma^2 dt / T^2 per second for white noise sigma in samples dt apart.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.kinematics.model import Model, Motion
+from contactsense.kinematics.spatial import dot6
+from contactsense.residuals.joint_friction import JointTorqueModel
+from contactsense.residuals.momentum_observer import MomentumObserver, advance, empty_observer, start_step
+from contactsense.robots.jit.kernel import kernel
+
+UPDATE_INTERVAL = 2.0
+"""Time between two updates, in time constants of the observer."""
+PAUSE_AFTER_CONTACT = 5.0
+"""Time from the end of a contact to the next update, in time constants of the observer."""
+MIN_MASS_CHANGE = -0.5
+"""Lower bound of the relative change of a mass in one update."""
+TIME_SINCE_UPDATE, TIME_SINCE_CONTACT, ESTIMATES_MASSES = 0, 1, 2
+"""Indices of `BiasFilter.scalars`."""
+
+
+class BiasFilter(NamedTuple):
+    """State of the filter: 6 biases of the base sensor, n of the torques, n relative masses; N in all."""
+
+    covariance: np.ndarray
+    """Covariance of biases and relative masses, shape (N, N)."""
+    bias: np.ndarray
+    """Bias of the base wrench in addition to the scene's, base axes, base origin, shape (6,) [N, Nm]."""
+    mass_regressor: MomentumObserver
+    """Columns of Phi for the masses: n + 6 equations (joints, then base) for each of n links."""
+    base_covariance: np.ndarray
+    """Covariance of the base wrench due to biases and masses, shape (6, 6)."""
+    torque_variance: np.ndarray
+    """Variance of each torque due to biases and masses, shape (n,)."""
+    residual_mass_covariance: np.ndarray
+    """Scratch: covariance of each residual with the masses, shape (n + 6, n)."""
+    measurement_row: np.ndarray
+    """Scratch: row of Phi for one residual, shape (N,)."""
+    cross_covariance: np.ndarray
+    """Scratch: covariance of all estimates with one residual, P times the row, shape (N,)."""
+    correction: np.ndarray
+    """Scratch: correction of all estimates in an update, shape (N,)."""
+    wrench_correction: np.ndarray
+    """Scratch: correction of base wrench and momentum, shape (2, 6)."""
+    scalars: np.ndarray
+    """Time since the last update and since the last contact [s]; 1 if masses are estimated; shape (3,)."""
+
+
+def empty_bias_filter(joints: int) -> BiasFilter:
+    """State before the first sample, for that many joints; `restart` initializes it."""
+    size = 6 + 2 * joints
+    return BiasFilter(
+        covariance=np.zeros((size, size)),
+        bias=np.zeros(6),
+        mass_regressor=empty_observer((joints + 6) * joints),
+        base_covariance=np.zeros((6, 6)),
+        torque_variance=np.zeros(joints),
+        residual_mass_covariance=np.zeros((joints + 6, joints)),
+        measurement_row=np.zeros(size),
+        cross_covariance=np.zeros(size),
+        correction=np.zeros(size),
+        wrench_correction=np.zeros((2, 6)),
+        scalars=np.zeros(3),
+    )
+
+
+def restart(bias_filter: BiasFilter, inertia_error: float, base_weight: np.ndarray) -> None:
+    """Discard all estimates.
+
+    Args:
+        bias_filter: Changed in place.
+        inertia_error: Relative standard deviation of each link's mass.
+        base_weight: Gravity wrench on the base link, shape (6,) [N, Nm]; an error of it is a bias.
+    """
+    for array in (*bias_filter[:2], *bias_filter.mass_regressor, *bias_filter[3:]):
+        array[:] = 0.0
+    base_weight_error = inertia_error * base_weight
+    bias_filter.covariance[:6, :6] = np.outer(base_weight_error, base_weight_error)
+    masses = np.arange(
+        len(bias_filter.measurement_row) - len(bias_filter.torque_variance), len(bias_filter.measurement_row)
+    )
+    bias_filter.covariance[masses, masses] = inertia_error**2
+    bias_filter.scalars[ESTIMATES_MASSES] = 1.0 if inertia_error > 0.0 else 0.0
+
+
+@kernel
+def predict(
+    bias_filter: BiasFilter,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    base_noise: np.ndarray,
+    torque_noise: np.ndarray,
+    bias_rate: float,
+    dt: float,
+    bandwidth: float,
+) -> None:
+    """Prediction for one sample: mass regressor, random walk of the biases, covariance of the residuals.
+
+    Args:
+        bias_filter: Changed in place.
+        torque_model: Contents of the joint torque signal.
+        motion: After `contactsense.kinematics.momenta.kinematics_and_momenta` for this sample.
+        base_noise: Covariance of the base sensor's noise in one sample, shape (6, 6).
+        torque_noise: Variance of each torque's noise in one sample, shape (n,).
+        bias_rate: 1 / T [1/s]; 0: biases are constant.
+        dt: Time since the last sample [s]; 0 restarts.
+        bandwidth: Cut-off frequency of the observers [Hz].
+    """
+    P, n = bias_filter.covariance, torque_noise.shape[0]
+    bias_filter.scalars[TIME_SINCE_UPDATE] += dt
+    bias_filter.scalars[TIME_SINCE_CONTACT] += dt
+    growth = (bias_rate * dt) ** 2
+    for i in range(6):
+        P[i, i] += growth * base_noise[i, i]
+    for j in range(n):
+        P[6 + j, 6 + j] += growth * torque_noise[j]
+    if bias_filter.scalars[ESTIMATES_MASSES] > 0.0:
+        step = start_step(bias_filter.mass_regressor, dt, bandwidth)
+        H, G = motion.momentum, motion.gravity
+        for k in range(n):
+            last = k + 2 > n
+            # A joint carries the links distal to it only.
+            for j in range(k + 1):
+                s, v = motion.screw[j], motion.screw_rate[j]
+                h, drift = dot6(s, H[k + 1]), dot6(v, H[k + 1])
+                weight = dot6(s, G[k + 1])
+                if not last:
+                    h -= dot6(s, H[k + 2])
+                    drift -= dot6(v, H[k + 2])
+                    weight -= dot6(s, G[k + 2])
+                h *= torque_model.inertia
+                drift = torque_model.inertia * drift + torque_model.gravity * weight
+                advance(bias_filter.mass_regressor, (n + 6) * k + j, h, drift, step)
+            for i in range(6):
+                h = H[k + 1, i] - (0.0 if last else H[k + 2, i])
+                g = G[k + 1, i] - (0.0 if last else G[k + 2, i])
+                advance(bias_filter.mass_regressor, (n + 6) * k + n + i, h, g, step)
+    _residual_covariance(bias_filter, n)
+
+
+@kernel
+def _bias_coefficient(n: int, equation: int) -> float:
+    """Coefficient of a residual's own bias: 1 for a torque, -1 for the base wrench."""
+    return 1.0 if equation < n else -1.0
+
+
+@kernel
+def _bias_index(n: int, equation: int) -> int:
+    """Index of a residual's own bias in the filter's state. The joints' equations come first, then six of the
+    base."""
+    return equation + 6 if equation < n else equation - n
+
+
+@kernel
+def _residual_covariance(bias_filter: BiasFilter, n: int) -> None:
+    """Covariance of the residuals due to biases and masses: `base_covariance`, `torque_variance`.
+
+    With B the covariance of biases, C that of biases with masses, M that of masses, S the bias coefficients
+    and R the mass regressor: S B S + S C R + (S C R)^T + R^T M R = S B S + U R + R^T V with U = S C, V = U^T
+    + M R.
+    """
+    P, base_covariance, torque_variance, residual_mass_covariance = (
+        bias_filter.covariance,
+        bias_filter.base_covariance,
+        bias_filter.torque_variance,
+        bias_filter.residual_mass_covariance,
+    )
+    for a in range(6):
+        for b in range(6):
+            base_covariance[a, b] = P[a, b]
+    for j in range(n):
+        torque_variance[j] = P[6 + j, 6 + j]
+    if bias_filter.scalars[ESTIMATES_MASSES] == 0.0:
+        return
+    r, m = bias_filter.mass_regressor.residual, n + 6
+    for equation in range(m):
+        index, sign = _bias_index(n, equation), _bias_coefficient(n, equation)
+        for k in range(n):
+            total = sign * P[index, m + k]
+            for i in range(n):
+                total += P[m + k, m + i] * r[m * i + equation]
+            residual_mass_covariance[equation, k] = total
+    for j in range(n):
+        for k in range(n):
+            torque_variance[j] += r[m * k + j] * (P[6 + j, m + k] + residual_mass_covariance[j, k])
+    for a in range(6):
+        for b in range(a + 1):
+            total = 0.0
+            for k in range(n):
+                total += (
+                    r[m * k + n + a] * residual_mass_covariance[n + b, k] - P[a, m + k] * r[m * k + n + b]
+                )
+            base_covariance[a, b] += total
+            base_covariance[b, a] = base_covariance[a, b]
+
+
+@kernel
+def update(
+    bias_filter: BiasFilter,
+    equation: int,
+    n: int,
+    residual: float,
+    variance: float,
+) -> None:
+    """Kalman update with one residual; `correction` accumulates the correction of all estimates."""
+    P, measurement_row, cross_covariance = (
+        bias_filter.covariance,
+        bias_filter.measurement_row,
+        bias_filter.cross_covariance,
+    )
+    size = measurement_row.shape[0]
+    measurement_row[:] = 0.0
+    measurement_row[_bias_index(n, equation)] = _bias_coefficient(n, equation)
+    if bias_filter.scalars[ESTIMATES_MASSES] > 0.0:
+        for k in range(n):
+            measurement_row[n + 6 + k] = bias_filter.mass_regressor.residual[(n + 6) * k + equation]
+    innovation_variance = variance
+    innovation = residual
+    for i in range(size):
+        cross_covariance[i] = 0.0
+        for k in range(size):
+            cross_covariance[i] += P[i, k] * measurement_row[k]
+        innovation_variance += cross_covariance[i] * measurement_row[i]
+        innovation += measurement_row[i] * bias_filter.correction[i]
+    for i in range(size):
+        bias_filter.correction[i] -= cross_covariance[i] * innovation / innovation_variance
+        for k in range(size):
+            P[i, k] -= cross_covariance[i] * cross_covariance[k] / innovation_variance
+
+
+@kernel
+def apply_correction(
+    bias_filter: BiasFilter,
+    model: Model,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    bandwidth: float,
+    base_observer: MomentumObserver,
+    torque_difference: MomentumObserver,
+    joint_observer: MomentumObserver,
+    wrist_difference: MomentumObserver,
+) -> None:
+    """Apply `correction` to biases and masses, and shift the observers to the state that they would have had
+    with the corrected model.
+
+    Args:
+        bias_filter: With `correction`, which is reset to zero.
+        model, torque_model: Masses and torque biases, changed in place.
+        motion: Of this sample.
+        bandwidth: Cut-off frequency of the observers [Hz].
+        base_observer, torque_difference, joint_observer, wrist_difference: The observers, changed in place;
+            see `contactsense.runtime.state`.
+    """
+    x, n = bias_filter.correction, torque_model.bias.shape[0]
+    m = n + 6
+    K = 2.0 * math.pi * bandwidth
+    d_wrench, d_momentum = bias_filter.wrench_correction[0], bias_filter.wrench_correction[1]
+    for i in range(6):
+        bias_filter.bias[i] += x[i]
+        d_wrench[i], d_momentum[i] = -x[i], 0.0
+    estimates_masses = bias_filter.scalars[ESTIMATES_MASSES] > 0.0
+    regressor, H = bias_filter.mass_regressor.residual, motion.momentum
+    if estimates_masses:
+        for k in range(n):
+            x[m + k] = max(x[m + k], MIN_MASS_CHANGE)
+            model.mass[k + 1] *= 1.0 + x[m + k]
+            for i in range(3):
+                for j in range(3):
+                    model.inertia[k + 1, i, j] *= 1.0 + x[m + k]
+            for i in range(6):
+                d_wrench[i] += x[m + k] * regressor[m * k + n + i]
+                d_momentum[i] += x[m + k] * (H[k + 1, i] - (H[k + 2, i] if k + 2 <= n else 0.0))
+    for j in range(n):
+        torque_model.bias[j] += x[6 + j]
+        d_torque, d_joint_momentum = x[6 + j], 0.0
+        if estimates_masses:
+            for k in range(n):
+                d_torque += x[m + k] * regressor[m * k + j]
+            for k in range(j, n):
+                link_momentum = dot6(motion.screw[j], H[k + 1])
+                link_momentum -= dot6(motion.screw[j], H[k + 2]) if k + 2 <= n else 0.0
+                d_joint_momentum += torque_model.inertia * x[m + k] * link_momentum
+        _shift_observer(joint_observer, j, d_torque, d_joint_momentum, K)
+        _shift_observer(
+            torque_difference,
+            j,
+            d_torque - dot6(motion.screw[j], d_wrench),
+            d_joint_momentum - dot6(motion.screw[j], d_momentum),
+            K,
+        )
+    for i in range(6):
+        _shift_observer(wrist_difference, i, -d_wrench[i], -d_momentum[i], K)
+    for body in range(n + 1):
+        R, o = motion.rotation[body], motion.origin[body]
+        for i in range(3):
+            d_force, d_moment = 0.0, 0.0
+            d_linear, d_angular = 0.0, 0.0
+            for k in range(3):
+                a, b = (k + 1) % 3, (k + 2) % 3
+                d_force += R[k, i] * d_wrench[k]
+                d_moment += R[k, i] * (d_wrench[3 + k] - o[a] * d_wrench[b] + o[b] * d_wrench[a])
+                d_linear += R[k, i] * d_momentum[k]
+                d_angular += R[k, i] * (d_momentum[3 + k] - o[a] * d_momentum[b] + o[b] * d_momentum[a])
+            _shift_observer(base_observer, 6 * body + i, d_force, d_linear, K)
+            _shift_observer(base_observer, 6 * body + 3 + i, d_moment, d_angular, K)
+    x[:] = 0.0
+
+
+@kernel
+def _shift_observer(state: MomentumObserver, i: int, residual: float, momentum: float, K: float) -> None:
+    """Shift equation i to another model. As the residual changes slowly (dr/dt small), the drift changes by
+    -r."""
+    state.residual[i] += residual
+    state.momentum[i] += momentum
+    for k in range(3):
+        state.integrand[k, i] += K * momentum - residual

@@ -1,0 +1,234 @@
+"""Equations of motion for the momentum observers, as h and drift with dh/dt = drift + external.
+
+A contact at a fixed point of link k has a constant wrench in that link's frame, while the wrench turns and
+travels in base axes. Low-passed in base axes it would lag behind the arm: by 16 mm at 1 m/s and 10 Hz. So the
+base wrench is observed in the frame of every body at once, and each hypothesis "contact on link k" uses its
+own. In a frame that moves with the twist V, with X the wrench transform into that frame,
+
+    d(X H)/dt = X ( dH/dt - V x* H ),
+
+so the same observer applies. The base wrench is subtracted from the torques before both are low-passed: for a
+joint j proximal to the contact, r_j - s_j . y is noise at every instant, however the arm moves, and so is its
+low-pass.
+"""
+
+import numpy as np
+
+from contactsense.kinematics.model import Model, Motion
+from contactsense.kinematics.spatial import dot6
+from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque, unmodelled_torque_std
+from contactsense.residuals.momentum_observer import MomentumObserver, advance, start_step
+from contactsense.robots.jit.kernel import kernel
+
+
+@kernel
+def observe_joints(
+    model: Model,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    state: MomentumObserver,
+    unmodelled_std: np.ndarray,
+) -> None:
+    """Advance the residuals of the joint torques by one sample.
+
+    Args:
+        model, motion: The arm, and its motion after `contactsense.kinematics.momenta.kinematics_and_momenta`
+            for this sample.
+        torque_model: Contents of the joint torque signal.
+        qd: Joint velocities, shape (n,) [rad/s].
+        torque: Torque of each actuator, shape (n,) [Nm].
+        dt: Time since the last sample [s]; 0 restarts.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, n equations.
+        unmodelled_std: Changed in place: standard deviation of each residual's model and friction error,
+            shape (n,) [Nm].
+    """
+    step = start_step(state, dt, bandwidth)
+    for j in range(qd.shape[0]):
+        h, drift = _joint_momentum(model, torque_model, motion, qd, torque, j)
+        advance(state, j, h, drift, step)
+        friction = friction_torque(torque_model, j, qd[j], dot6(motion.screw[j], motion.gravity[j + 1]))
+        std = unmodelled_torque_std(torque_model, j, qd[j], friction)
+        # A systematic error is low-passed in the same way as the residual.
+        unmodelled_std[j] = std + step[0] * (unmodelled_std[j] - std) if dt > 0.0 else std
+
+
+@kernel
+def _joint_momentum(
+    model: Model, torque_model: JointTorqueModel, motion: Motion, qd: np.ndarray, torque: np.ndarray, j: int
+) -> tuple[float, float]:
+    """h and drift of joint j, for the contents of its torque signal."""
+    s, H = motion.screw[j], motion.momentum[j + 1]
+    weight = dot6(s, motion.gravity[j + 1])
+    h = torque_model.inertia * (dot6(s, H) + model.rotor_inertia[j] * qd[j])
+    known = torque_model.inertia * dot6(motion.screw_rate[j], H) + torque_model.gravity * weight
+    bias_and_friction = torque_model.bias[j] + friction_torque(torque_model, j, qd[j], weight)
+    return h, known + torque[j] - bias_and_friction
+
+
+@kernel
+def observe_wrench(
+    momentum: np.ndarray,
+    gravity: np.ndarray,
+    wrench: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    state: MomentumObserver,
+) -> None:
+    """Advance the residual of a force/torque sensor by one sample, in base axes.
+
+    Args:
+        momentum: Linear and angular momentum of the sensor's load about the base origin, shape (6,).
+        gravity: Gravity wrench on the load, shape (6,) [N, Nm].
+        wrench: Wrench of the load on the sensor, shape (6,) [N, Nm].
+        dt: Time since the last sample [s]; 0 restarts.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, six equations.
+    """
+    step = start_step(state, dt, bandwidth)
+    for i in range(6):
+        advance(state, i, momentum[i], gravity[i] - wrench[i], step)
+
+
+@kernel
+def observe_base_in_link_frames(
+    motion: Motion, wrench: np.ndarray, dt: float, bandwidth: float, state: MomentumObserver
+) -> None:
+    """Advance the residual of the base sensor by one sample, in the frame of every body.
+
+    Args:
+        motion: After `contactsense.kinematics.momenta.kinematics_and_momenta` for this sample.
+        wrench: Wrench of the arm on the base sensor, base axes, base origin, shape (6,) [N, Nm].
+        dt: Time since the last sample [s]; 0 restarts.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, six equations per body, base first.
+    """
+    step = start_step(state, dt, bandwidth)
+    H, G = motion.momentum[0], motion.gravity[0]
+    hx, hy, hz, lx, ly, lz = H[0], H[1], H[2], H[3], H[4], H[5]
+    for body in range(motion.rotation.shape[0]):
+        V = motion.twist[body]
+        vx, vy, vz, wx, wy, wz = V[0], V[1], V[2], V[3], V[4], V[5]
+        dx = G[0] - wrench[0] - (wy * hz - wz * hy)
+        dy = G[1] - wrench[1] - (wz * hx - wx * hz)
+        dz = G[2] - wrench[2] - (wx * hy - wy * hx)
+        ex = G[3] - wrench[3] - (wy * lz - wz * ly + vy * hz - vz * hy)
+        ey = G[4] - wrench[4] - (wz * lx - wx * lz + vz * hx - vx * hz)
+        ez = G[5] - wrench[5] - (wx * ly - wy * lx + vx * hy - vy * hx)
+        R, o = motion.rotation[body], motion.origin[body]
+        mx, my, mz = lx - o[1] * hz + o[2] * hy, ly - o[2] * hx + o[0] * hz, lz - o[0] * hy + o[1] * hx
+        ex, ey, ez = ex - o[1] * dz + o[2] * dy, ey - o[2] * dx + o[0] * dz, ez - o[0] * dy + o[1] * dx
+        for i in range(3):
+            a, b, c = R[0, i], R[1, i], R[2, i]
+            at = 6 * body + i
+            advance(state, at, a * hx + b * hy + c * hz, a * dx + b * dy + c * dz, step)
+            advance(state, at + 3, a * mx + b * my + c * mz, a * ex + b * ey + c * ez, step)
+
+
+@kernel
+def wrenches_to_base_frame(motion: Motion, residual: np.ndarray, out: np.ndarray) -> None:
+    """Transform wrenches from the frames of the bodies to base axes, about the base origin.
+
+    Args:
+        motion: Poses.
+        residual: Six numbers per body, base first, shape (6 (n + 1),) [N, Nm].
+        out: Filled, shape (n + 1, 6).
+    """
+    for body in range(motion.rotation.shape[0]):
+        R, o = motion.rotation[body], motion.origin[body]
+        r = residual[6 * body : 6 * body + 6]
+        for i in range(3):
+            out[body, i] = R[i, 0] * r[0] + R[i, 1] * r[1] + R[i, 2] * r[2]
+            out[body, i + 3] = R[i, 0] * r[3] + R[i, 1] * r[4] + R[i, 2] * r[5]
+        fx, fy, fz = out[body, 0], out[body, 1], out[body, 2]
+        out[body, 3] += o[1] * fz - o[2] * fy
+        out[body, 4] += o[2] * fx - o[0] * fz
+        out[body, 5] += o[0] * fy - o[1] * fx
+
+
+@kernel
+def wrench_difference(
+    motion: Motion, first: np.ndarray, second: np.ndarray, body: int, out: np.ndarray
+) -> None:
+    """First minus second of two wrenches given in a body's frame, in base axes, about the base origin.
+
+    Args:
+        motion: Poses.
+        first, second: Six numbers per body, base first; more may follow [N, Nm].
+        body: Index of the body.
+        out: Filled, shape (6,).
+    """
+    R, o = motion.rotation[body], motion.origin[body]
+    at = 6 * body
+    for i in range(3):
+        f, m = 0.0, 0.0
+        for k in range(3):
+            f += R[i, k] * (first[at + k] - second[at + k])
+            m += R[i, k] * (first[at + 3 + k] - second[at + 3 + k])
+        out[i] = f
+        out[i + 3] = m
+    out[3] += o[1] * out[2] - o[2] * out[1]
+    out[4] += o[2] * out[0] - o[0] * out[2]
+    out[5] += o[0] * out[1] - o[1] * out[0]
+
+
+@kernel
+def observe_torque_difference(
+    model: Model,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    wrench: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    state: MomentumObserver,
+) -> None:
+    """Advance by one sample the residual of each joint torque minus the torque that the base wrench predicts.
+
+    Args:
+        model, torque_model, motion, qd, torque: As for `observe_joints`.
+        wrench: As for `observe_base_in_link_frames`.
+        dt: Time since the last sample with both sensors [s]; 0 restarts.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, n equations: low-passed s_j . w_ext - s_j . y_ext.
+    """
+    step = start_step(state, dt, bandwidth)
+    H, G = motion.momentum[0], motion.gravity[0]
+    for j in range(qd.shape[0]):
+        h, drift = _joint_momentum(model, torque_model, motion, qd, torque, j)
+        s = motion.screw[j]
+        h -= dot6(s, H)
+        drift -= dot6(motion.screw_rate[j], H) + dot6(s, G) - dot6(s, wrench)
+        advance(state, j, h, drift, step)
+
+
+@kernel
+def observe_wrist_difference(
+    motion: Motion,
+    tool_momentum: np.ndarray,
+    wrist: np.ndarray,
+    wrench: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    state: MomentumObserver,
+) -> None:
+    """Advance by one sample the residual of the wrist sensor minus that of the base sensor, base axes, base
+    origin.
+
+    Args:
+        motion: After `contactsense.kinematics.momenta.kinematics_and_momenta` for this sample.
+        tool_momentum: Momentum and gravity wrench of the load on the wrist sensor, shape (2, 6).
+        wrist, wrench: Wrenches on the wrist sensor and on the base sensor, shape (6,) [N, Nm].
+        dt: Time since the last sample with both sensors [s]; 0 restarts.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, six equations.
+    """
+    step = start_step(state, dt, bandwidth)
+    for i in range(6):
+        drift = tool_momentum[1, i] - wrist[i] - motion.gravity[0, i] + wrench[i]
+        advance(state, i, tool_momentum[0, i] - motion.momentum[0, i], drift, step)

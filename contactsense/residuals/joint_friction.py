@@ -1,0 +1,98 @@
+"""Model of the joint torque signal apart from rigid-body dynamics: bias and friction.
+
+Friction is a function of velocity and of the gravity torque that the joint carries; the formula is in
+`contactsense.sensors.settings.Friction`. It is inaccurate near a reversal and at rest, where a joint holds
+any torque up to Coulomb friction. So each joint also has a standard deviation of the model error, which grows
+towards rest. That error does not average out at any bandwidth.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.robots.jit.kernel import kernel
+from contactsense.sensors.settings import JointTorqueSensor, per_joint
+
+
+class JointTorqueModel(NamedTuple):
+    """Contents of the joint torque signal. Arrays of shape (n,), for n joints."""
+
+    gravity: float
+    """1 if the signal contains gravity, else 0."""
+    inertia: float
+    """1 if the signal contains inertia and rotors, else 0."""
+    bias: np.ndarray
+    """Reading at zero torque [Nm]."""
+    coulomb: np.ndarray
+    """Coulomb friction [Nm]."""
+    load: np.ndarray
+    """Coulomb friction per gravity torque."""
+    viscous: np.ndarray
+    """Viscous friction [Nms/rad]."""
+    lubricant: np.ndarray
+    """Friction of the lubricant [Nm]."""
+    friction_error: np.ndarray
+    """Relative error of friction, standard deviation."""
+    rest_variance: np.ndarray
+    """Variance of the model error at rest, in addition to `model_variance` [Nm^2]."""
+    model_variance: np.ndarray
+    """Variance of the model error at any velocity [Nm^2]."""
+    velocity: float
+    """Width of Coulomb friction's smooth sign [rad/s]."""
+    lubricant_velocity: float
+    """Velocity at which the lubricant's friction saturates [rad/s]."""
+    rest_velocity: float
+    """Velocity below which `rest_variance` applies [rad/s]."""
+
+
+def joint_torque_model(sensor: JointTorqueSensor, joints: int) -> JointTorqueModel:
+    """Arrays from a scene's setting, for that many joints."""
+    f = sensor.friction
+    frictional = 0.0 if sensor.contains == "external" else 1.0
+    return JointTorqueModel(
+        gravity=1.0 if sensor.contains == "motor" else 0.0,
+        inertia=frictional,
+        bias=per_joint(sensor.bias, joints),
+        coulomb=frictional * per_joint(f.coulomb, joints),
+        load=frictional * per_joint(f.load, joints),
+        viscous=frictional * per_joint(f.viscous, joints),
+        lubricant=frictional * per_joint(f.lubricant, joints),
+        friction_error=per_joint(f.error, joints),
+        rest_variance=per_joint(f.rest_error, joints) ** 2,
+        model_variance=per_joint(sensor.model_error, joints) ** 2,
+        velocity=f.velocity,
+        lubricant_velocity=f.lubricant_velocity,
+        rest_velocity=f.rest_velocity,
+    )
+
+
+@kernel
+def friction_torque(torque_model: JointTorqueModel, j: int, qd: float, gravity_torque: float) -> float:
+    """Friction torque of joint j [Nm] at velocity qd [rad/s] and under that gravity torque [Nm]."""
+    coulomb, lubricant = (
+        torque_model.coulomb[j] + torque_model.load[j] * abs(gravity_torque),
+        torque_model.lubricant[j],
+    )
+    friction = torque_model.viscous[j] * qd
+    # Joints without friction skip the hyperbolic tangent.
+    if coulomb != 0.0:
+        friction += coulomb * math.tanh(qd / torque_model.velocity)
+    if lubricant != 0.0:
+        friction += lubricant * math.tanh(qd / torque_model.lubricant_velocity)
+    return float(friction)
+
+
+@kernel
+def unmodelled_torque_std(torque_model: JointTorqueModel, j: int, qd: float, friction: float) -> float:
+    """Standard deviation of the model and friction error of joint j's torque [Nm].
+
+    Args:
+        torque_model, j: Model and index of the joint.
+        qd: Its velocity [rad/s].
+        friction: Its `friction_torque` [Nm].
+    """
+    x = qd / torque_model.rest_velocity
+    scaled_error = torque_model.friction_error[j] * friction
+    rest = torque_model.rest_variance[j] / (1.0 + x * x) ** 2
+    return math.sqrt(torque_model.model_variance[j] + rest + scaled_error * scaled_error)

@@ -1,0 +1,1 @@
+"""The compiled sample path: constants, state, and the functions that Python calls."""

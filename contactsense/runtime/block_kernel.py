@@ -1,0 +1,103 @@
+"""Many samples of a recording in one call: what `detect` and `localize` find in each, without Python between
+them."""
+
+import math
+
+import numpy as np
+
+from contactsense.residuals.sensor_consistency import NO_CONTACT
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import kernel
+from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.kernels import detect, localize
+from contactsense.sensors.stream_state import REPEATED, RESTARTED, SCALE, TOUCHED, UNUSABLE
+from contactsense.tracking.contact_tracker import NUMBER, PHASE
+
+
+@kernel
+def detect_and_localize_block(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int, int],
+    skin_values: np.ndarray,
+    skin_start: np.ndarray,
+    skin_shape: np.ndarray,
+    skin_low: np.ndarray,
+    skin_cell: float,
+    bandwidth: float,
+    gate: bool,
+    relevant: int,
+    stop_at_touch: bool,
+    first: int,
+    t: np.ndarray,
+    present: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
+    flags: np.ndarray,
+    phases: np.ndarray,
+    residuals: np.ndarray,
+    listed: np.ndarray,
+    best: np.ndarray,
+    link_probability: np.ndarray,
+    rows: np.ndarray,
+) -> int:
+    """Work through samples `first`, `first` + 1, ... of a block.
+
+    Args:
+        floats, integers, sizes, skin_values, skin_start, skin_shape, skin_low, skin_cell, bandwidth, gate,
+            rows: As for `contactsense.runtime.kernels.localize`.
+        relevant: Mask of the flags that can be set for samples of this scene.
+        stop_at_touch: Return after the first sample that touches, ends a contact or restarts the stream;
+            `localize` is not called.
+        first: Sample to begin with.
+        t, present, q, qd, torque, base_wrench, wrist_wrench: As for
+            `contactsense.runtime.kernels.detect`, with a leading axis N.
+        flags: Filled: flags of each sample, shape (N,), int64.
+        phases: Filled: phase and number of the contact, shape (N, 2).
+        residuals: Filled: energy of "nothing touches", consistency levels (3), external base wrench (6) and
+            its standard deviation (6), external joint torques (n) and their standard deviation (n), shape
+            (N, 16 + 2 n).
+        listed: Filled: number of explanations, -1 where nothing touches, shape (N,), int64.
+        best: Filled where there is an explanation: the row of the most probable one, shape (N, WIDTH).
+        link_probability: Filled there too, shape (N, links).
+
+    Returns:
+        Number of the sample after the last one that was taken, negative where `stop_at_touch` ended it.
+    """
+    _, state = buffer_views(floats, integers, sizes)
+    n = state.torque.shape[0]
+    for i in range(first, t.shape[0]):
+        before = state.track.scalars[PHASE]
+        found = relevant & detect(
+            floats, integers, sizes, bandwidth, t[i], present[i], q[i], qd[i], torque[i], base_wrench[i],
+            wrist_wrench[i],
+        )  # fmt: skip
+        flags[i] = found
+        listed[i] = -1
+        if not found & (REPEATED | UNUSABLE):
+            scale = state.stream.scalars[SCALE]
+            row = residuals[i]
+            row[0] = state.statistics[NO_CONTACT]
+            for k in range(3):
+                row[1 + k] = state.consistency.mean_statistic[k]
+            for k in range(6):
+                row[4 + k] = state.base_wrench[k]
+                row[10 + k] = math.sqrt(state.base_covariance[k, k] * scale)
+            for k in range(n):
+                row[16 + k] = state.torque[k]
+                row[16 + n + k] = math.sqrt(state.torque_variance[k])
+        if found & TOUCHED and not stop_at_touch:
+            listed[i] = localize(
+                floats, integers, sizes, skin_values, skin_start, skin_shape, skin_low, skin_cell, bandwidth,
+                gate, rows,
+            )  # fmt: skip
+            if listed[i] > 0:
+                copy(rows[0], best[i])
+                copy(state.link_probability, link_probability[i])
+        phases[i, 0], phases[i, 1] = state.track.scalars[PHASE], state.track.scalars[NUMBER]
+        if stop_at_touch and (found & (TOUCHED | RESTARTED) or before != state.track.scalars[PHASE]):
+            return -i - 1
+    return int(t.shape[0])

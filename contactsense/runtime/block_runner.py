@@ -1,0 +1,148 @@
+"""The arrays of `detect_and_localize_block`, made once for a whole recording."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from contactsense.runtime.block_kernel import detect_and_localize_block
+from contactsense.runtime.result_rows import LINK, POINT, WIDTH
+from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
+from contactsense.scene import Scene
+from contactsense.tracking.contact_tracker import NUMBER, PHASE
+from contactsense.types import Contact, Estimate
+
+MAX_BLOCK = 8192
+"""Most samples in one call of the kernel: the arrays of a block stay small however long the recording is."""
+
+
+class BlockRunner:
+    """Runs the compiled blocks of one localizer."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        scene_sensors: tuple[bool, bool, bool],
+        links: int,
+        first_primitive: np.ndarray,
+        phases: np.ndarray,
+    ) -> None:
+        """Make the arrays.
+
+        Args:
+            scene: The localizer's.
+            scene_sensors: Whether the scene has a base sensor, joint torques, a wrist sensor.
+            links: Number of links that can be told apart.
+            first_primitive: Number of each link's first primitive.
+            phases: The view of the localizer's state, see
+                `contactsense.tracking.contact_tracker.ContactTrack.scalars`.
+        """
+        joints = len(scene.robot.joints)
+        self._joints, self._scene_sensors, self._first, self._track_scalars = (
+            joints,
+            scene_sensors,
+            first_primitive,
+            phases,
+        )
+        self._flange = (scene.robot.flange_rotation, scene.robot.flange_translation)
+        self._flags = np.zeros(MAX_BLOCK, dtype=np.int64)
+        self._listed = np.zeros(MAX_BLOCK, dtype=np.int64)
+        self._phases = np.zeros((MAX_BLOCK, 2))
+        self._residuals = np.zeros((MAX_BLOCK, 16 + 2 * joints))
+        self._best = np.zeros((MAX_BLOCK, WIDTH))
+        self._link_probability = np.zeros((MAX_BLOCK, links))
+
+    def run(
+        self,
+        parts: tuple[object, ...],
+        settings: tuple[float, bool, int],
+        block: SampleBlock,
+        rows: np.ndarray,
+        estimate: Callable[[float, int], Estimate] | None,
+    ) -> BlockEstimates:
+        """Work through a block of at most `MAX_BLOCK` samples.
+
+        Args:
+            parts: Workspace and skin, as the kernel takes them.
+            settings: Bandwidth [Hz], whether the link is chosen first, mask of the relevant flags.
+            block: The samples.
+            rows: Scratch for explanations.
+            estimate: Called with time and flags of each sample that touches or ends a contact, where that
+                takes more than the kernel; None where the kernel does all of it.
+        """
+        count = len(block)
+        inputs = self._inputs(block)
+        flags, listed = self._flags[:count], self._listed[:count]
+        phases, residuals = self._phases[:count], self._residuals[:count]
+        residuals[:] = np.nan
+        estimates: dict[int, Estimate] = {}
+        at = 0
+        while at < count:
+            after = detect_and_localize_block(
+                *parts, *settings, estimate is not None, at, *inputs, flags, phases, residuals, listed,
+                self._best, self._link_probability, rows,
+            )  # fmt: skip
+            at = abs(after)
+            if after < 0 and estimate is not None:
+                estimates[at - 1] = estimate(float(block.t[at - 1]), int(flags[at - 1]))
+                phases[at - 1, 0], phases[at - 1, 1] = self._track_scalars[PHASE], self._track_scalars[NUMBER]
+        return self._collect(block, estimates)
+
+    def _inputs(self, block: SampleBlock) -> tuple[np.ndarray, ...]:
+        """The samples as the kernel takes them."""
+        present = np.zeros(len(block), dtype=np.int64)
+        values = []
+        sensors = (block.base_wrench, block.joint_torque, block.wrist_wrench)
+        for i, (value, size) in enumerate(zip(sensors, (6, self._joints, 6), strict=True)):
+            if value is None or not self._scene_sensors[i]:
+                value = np.zeros((len(block), size))
+            else:
+                present += (~np.isnan(value).all(axis=1)).astype(np.int64) << i
+            values.append(value)
+        return block.t, present, block.q, block.qd, values[1], values[0], values[2]
+
+    def _collect(self, block: SampleBlock, estimates: dict[int, Estimate]) -> BlockEstimates:
+        count, n = len(block), self._joints
+        residuals = self._residuals[:count].copy()
+        located = np.flatnonzero(self._listed[:count] > 0)
+        sample, contact = located, self._phases[located, 1].astype(np.int64)
+        rows, link_probability = self._best[located], self._link_probability[located]
+        # A tool's own frame is the flange's, not that of the body that carries it.
+        tool = rows[:, LINK] > self._joints
+        rows[tool, POINT] = (rows[tool, POINT] - self._flange[1]) @ self._flange[0]
+        if estimates:
+            found = [(i, one, estimate) for i, estimate in estimates.items() for one in _acting(estimate)]
+            sample = np.array([i for i, _, _ in found], dtype=np.int64)
+            contact = np.array([one.id for _, one, _ in found], dtype=np.int64)
+            rows = np.array([self._row(one) for _, one, _ in found]).reshape(-1, WIDTH)
+            link_probability = np.array([estimate.link_probability for _, _, estimate in found]).reshape(
+                len(found), link_probability.shape[1]
+            )
+        return BlockEstimates(
+            t=block.t,
+            flags=self._flags[:count].copy(),
+            phase=self._phases[:count, 0].astype(np.int64),
+            energy=residuals[:, 0],
+            consistency=residuals[:, 1:4],
+            base_wrench=residuals[:, 4:10],
+            base_wrench_std=residuals[:, 10:16],
+            joint_torque=residuals[:, 16 : 16 + n],
+            joint_torque_std=residuals[:, 16 + n :],
+            sample=sample,
+            contact=contact,
+            rows=rows,
+            link_probability=link_probability,
+            estimates=estimates,
+        )
+
+    def _row(self, contact: Contact) -> np.ndarray:
+        numbers = (
+            contact.link_index, contact.primitive + self._first[contact.link_index], contact.probability,
+            contact.torsion,
+        )  # fmt: skip
+        vectors = (contact.point, contact.point_base, contact.normal_base, contact.force_base)
+        return np.concatenate((numbers, *vectors, contact.covariance.ravel()))
+
+
+def _acting(estimate: Estimate) -> tuple[Contact, ...]:
+    """Contacts that act at the same time, of the best explanation."""
+    return estimate.contacts if estimate.status == "multiple" else estimate.contacts[:1]

@@ -1,0 +1,44 @@
+"""Statistics of the residuals: each sensor against the model, and the two sensors against each other."""
+
+import math
+
+from contactsense.kinematics.spatial import dot6
+from contactsense.residuals.sensor_consistency import AGREEMENT, BASE, FORCE, TORQUE
+from contactsense.robots.jit.kernel import inlined_kernel
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.state import State
+
+
+@inlined_kernel
+def consistency_statistics(constants: Constants, state: State, variance_ratio: float) -> None:
+    """Fill `State.statistics`: mean squared residuals in units of their variance (1 where model and noise are
+    as stated), and `FORCE`, the external force at the base sensor [N].
+
+    `BASE` and `TORQUE` are meaningful in free motion. `AGREEMENT` is meaningful in contact too: joints
+    proximal to some link measure the wrench that the base sensor measures, the distal ones measure nothing
+    (theory, section 3); the statistic is that of the link that fits best.
+
+    Args:
+        constants, state: After `contactsense.runtime.sample_pipeline.energy_without_contact` for this sample.
+        variance_ratio: Variance of the residuals over that of one sample's noise.
+    """
+    w, C, n = state.base_wrench, state.base_information, state.torque.shape[0]
+    total = 0.0
+    for i in range(6):
+        total += w[i] * dot6(C[i], w) / variance_ratio
+    state.statistics[BASE] = total / 6.0
+    state.statistics[FORCE] = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    distal = 0.0
+    for j in range(n):
+        distal += state.torque[j] ** 2 / state.torque_variance[j]
+    state.statistics[TORQUE] = distal / n
+    best, proximal = distal, 0.0
+    for j in range(n):
+        s = state.motion.screw[j]
+        variance = state.torque_variance[j]
+        for i in range(6):
+            variance += s[i] * dot6(state.base_covariance[i], s) * variance_ratio
+        proximal += state.torque_difference.residual[j] ** 2 / variance
+        distal -= state.torque[j] ** 2 / state.torque_variance[j]
+        best = min(best, proximal + distal)
+    state.statistics[AGREEMENT] = best / n

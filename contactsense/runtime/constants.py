@@ -1,0 +1,188 @@
+"""The scene as the kernels use it: everything about arm, tool, sensors and surface that does not change with
+a sample."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.detection.thresholds import stream_thresholds
+from contactsense.isolation.link_hypotheses import SensorModel
+from contactsense.kinematics.model import Model, build_model
+from contactsense.localization.posterior import Prior
+from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
+from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
+from contactsense.robots import Inertia, Link, Robot
+from contactsense.robots.surface.convex_primitives import Surfaces, pack
+from contactsense.robots.tool import join_inertia, move_inertia
+from contactsense.scene import Scene
+from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
+
+
+class Constants(NamedTuple):
+    """Constant arrays of the sample path, built once from a `Scene`."""
+
+    model: Model
+    """Kinematics and inertia, the tool joined to the last link."""
+    surfaces: Surfaces
+    """Touchable surface; the primitives of a tool are given in the frame of the last link."""
+    samples: SurfaceSamples
+    """Samples of that surface, in the same frames."""
+    subsamples: SurfaceSubsamples
+    """Subsamples of each sample's surface cell."""
+    sensors: SensorModel
+    """Which sensor measures a contact on which link, and the noise."""
+    prior: Prior
+    """Prior distribution of contacts."""
+    touchable: np.ndarray
+    """1 for links that can be touched, else 0, shape (links,), int64."""
+    gravity: np.ndarray
+    """Gravity, base axes, shape (3,) [m/s^2]."""
+    tool_mass: float
+    """Mass beyond the wrist sensor [kg]."""
+    tool_com: np.ndarray
+    """Its centre of mass, last link's frame, shape (3,) [m]."""
+    tool_inertia: np.ndarray
+    """Its inertia about that, last link's axes, shape (3, 3) [kg m^2]."""
+    wrist_rotation: np.ndarray
+    """Orientation of the wrist sensor in the last link's frame, shape (3, 3)."""
+    wrist_origin: np.ndarray
+    """Origin of the wrist sensor in the last link's frame, shape (3,) [m]."""
+    torque_model: JointTorqueModel
+    """Bias and friction in the joint torque signal."""
+    bias_rate: float
+    """Inverse of the averaging time of biases [1/s]; 0: biases are constant."""
+    thresholds: np.ndarray
+    """Onset and release thresholds, see `contactsense.detection.thresholds.stream_thresholds`."""
+
+
+def build_constants(scene: Scene) -> Constants:
+    """Constant arrays for the kernels."""
+    flange_rotation, flange_origin = scene.robot.flange_rotation, scene.robot.flange_translation
+    tool = tool_in_last_link(scene)
+    torque = scene.joint_torque or JointTorqueSensor()
+    wrist = scene.wrist_wrench or WrenchSensor()
+    surfaces = _surfaces(scene)
+    samples, subsamples, area = sample_surface(surfaces)
+    return Constants(
+        model=model_with_tool(scene),
+        surfaces=surfaces,
+        samples=samples,
+        subsamples=subsamples,
+        sensors=_sensors(scene),
+        prior=Prior(
+            friction_ratio=scene.friction / 2.0,
+            torsion_lever=scene.torsion,
+            surface_deviation=scene.surface_deviation,
+            force=scene.force,
+            clearance=scene.clearance,
+            area=area,
+        ),
+        touchable=np.array(
+            [scene.touchable is None or name in scene.touchable for name in scene.link_names], dtype=np.int64
+        ),
+        gravity=scene.gravity_base,
+        tool_mass=tool.mass,
+        tool_com=tool.com,
+        tool_inertia=tool.tensor,
+        wrist_rotation=flange_rotation @ wrist.rotation,
+        wrist_origin=flange_rotation @ np.array(wrist.translation) + flange_origin,
+        torque_model=joint_torque_model(torque, len(scene.robot.joints)),
+        bias_rate=0.0 if scene.bias_time is None else 1.0 / scene.bias_time,
+        thresholds=stream_thresholds(scene, (6, len(scene.robot.joints), 6)),
+    )
+
+
+def tool_in_last_link(scene: Scene) -> Inertia:
+    """Inertia of the tool in the last link's frame; zero without a tool."""
+    if scene.tool is None:
+        return Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    return move_inertia(scene.tool.inertia, scene.robot.flange_rotation, scene.robot.flange_translation)
+
+
+def model_with_tool(scene: Scene) -> Model:
+    """Kinematics and inertia of the scene's arm, the tool joined to the last link."""
+    robot = scene.robot
+    calibrated = scene.inertia or {}
+    inertia = [calibrated[x.name].inertia if x.name in calibrated else x.inertia for x in robot.links]
+    inertia[-1] = join_inertia(inertia[-1], tool_in_last_link(scene))
+    robot_with_tool = Robot(
+        name=robot.name,
+        links=tuple(Link(link.name, body) for link, body in zip(robot.links, inertia, strict=True)),
+        joints=robot.joints,
+    )
+    model = build_model(robot_with_tool)
+    if scene.joint_torque is not None and scene.joint_torque.rotor_inertia is not None:
+        model = model._replace(rotor_inertia=np.array(scene.joint_torque.rotor_inertia))
+    return model
+
+
+def _surfaces(scene: Scene) -> Surfaces:
+    """Primitives of all touchable links at the scene's level of detail; other links have none."""
+    links = list(scene.robot.links)
+    if len(scene.link_names) > len(links):
+        assert scene.tool is not None
+        links.append(Link(scene.tool.name, scene.tool.inertia, scene.tool.primitives))
+    surfaces = pack([_at_detail(link, scene) for link in links])
+    if len(links) > len(scene.robot.links):
+        first = surfaces.start[-2]
+        R, o = scene.robot.flange_rotation, scene.robot.flange_translation
+        surfaces.rotation[first:] = R @ surfaces.rotation[first:]
+        surfaces.origin[first:] = surfaces.origin[first:] @ R.T + o
+    return surfaces
+
+
+def _at_detail(link: Link, scene: Scene) -> Link:
+    if scene.touchable is not None and link.name not in scene.touchable:
+        return Link(link.name, link.inertia)
+    if scene.detail == "coarse" and link.coarse:
+        return Link(link.name, link.inertia, link.coarse)
+    return link
+
+
+def _sensors(scene: Scene) -> SensorModel:
+    joints = len(scene.robot.joints)
+    links = len(scene.link_names)
+    base = scene.base_wrench or WrenchSensor()
+    transfer = wrench_transform(np.eye(3), np.array(base.translation))
+    noise = np.array([base.force_noise] * 3 + [base.moment_noise] * 3)
+    torque_noise = scene.joint_torque.noise if scene.joint_torque is not None else 1.0
+    wrist = scene.wrist_wrench or WrenchSensor()
+    return SensorModel(
+        depth=np.minimum(np.arange(links), joints).astype(np.int64),
+        beyond_wrist=(np.arange(links) > joints).astype(np.int64),
+        # The sensor's noise is isotropic, so its orientation does not matter here.
+        base_covariance=transfer @ np.diag(noise**2) @ transfer.T,
+        base_information=np.linalg.inv(transfer).T @ np.diag(noise**-2.0) @ np.linalg.inv(transfer),
+        torque_variance=per_joint(torque_noise, joints) ** 2,
+        wrist_variance=np.array([wrist.force_noise**2, wrist.moment_noise**2]),
+    )
+
+
+def wrench_transform(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """6x6 matrix that transforms a wrench from a sensor's frame to base axes about the base origin.
+
+    Args:
+        rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
+        translation: Its origin in the base frame, shape (3,) [m].
+    """
+    x, y, z = translation
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[rotation, np.zeros((3, 3))], [cross @ rotation, rotation]])
+
+
+def base_wrench_from_reading(sensor: WrenchSensor, reading: np.ndarray) -> np.ndarray:
+    """Convert readings of the base sensor to the wrench of the arm on it, base axes, about the base origin.
+
+    Args:
+        sensor: Pose, sign and bias of the sensor.
+        reading: Force and moment as the sensor reports them, shape (..., 6) [N, Nm].
+
+    Returns:
+        Shape (..., 6) [N, Nm].
+    """
+    sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
+    return np.asarray(
+        sign
+        * (reading - np.array(sensor.bias))
+        @ wrench_transform(sensor.rotation, np.array(sensor.translation)).T
+    )

@@ -1,0 +1,351 @@
+"""The compiled functions that Python calls, once per sample or once per batch. Each first makes views of the
+flat buffers."""
+
+import math
+
+import numpy as np
+
+from contactsense.detection.thresholds import threshold_index
+from contactsense.residuals.bias_filter import TIME_SINCE_CONTACT
+from contactsense.residuals.equations_of_motion import wrench_difference
+from contactsense.residuals.friction_at_rest import reset_friction_at_rest
+from contactsense.residuals.sensor_consistency import NO_CONTACT, exclude_inconsistent, update_consistency
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.surface.signed_distance_grid import Grids
+from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.consistency_statistics import consistency_statistics
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.result_rows import write_candidates
+from contactsense.runtime.sample_pipeline import (
+    energy_at_rest,
+    energy_without_contact,
+    explain,
+    residual_variance_ratio,
+    set_external,
+    take_static_sample,
+    update_bias_filter,
+    update_residuals,
+)
+from contactsense.runtime.state import State
+from contactsense.sensors.stream_state import (
+    BASE,
+    INCONSISTENT,
+    REPEATED,
+    RESTARTED,
+    SCALE,
+    SETTLING,
+    STEP,
+    TORQUE,
+    TOUCHED,
+    UNUSABLE,
+    USUAL_STEP,
+    WRONG_SIZE,
+    register_sample,
+    store_sample,
+    usable_sensors,
+    usable_sensors_code,
+)
+from contactsense.tracking.contact_tracker import (
+    ABOVE_ONSET,
+    NONE,
+    PHASE,
+    WINDOW,
+    average_windows,
+    choose_window,
+    end_contact,
+    update_phase,
+)
+from contactsense.tracking.sliding import extrapolate_sliding
+
+
+@kernel
+def detect(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int, int],
+    bandwidth: float,
+    t: float,
+    sensor_bits: int,
+    q: np.ndarray,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
+) -> int:
+    """Detect a contact in one sample of a live stream.
+
+    Without a contact the bias filter is updated.
+
+    Args:
+        floats, integers, sizes: See `contactsense.runtime.buffers.KernelBuffers`.
+        bandwidth: Cut-off frequency of the observers [Hz].
+        t: Time of the sample [s].
+        sensor_bits: Which sensors have a value, see `contactsense.sensors.stream_state.register_sample`.
+        q, qd, torque, base_wrench, wrist_wrench: As in `contactsense.types.Sample`; any values for a sensor
+            without a value.
+
+    Returns:
+        Flags of the sample, see `contactsense.sensors.stream_state`.
+    """
+    constants, state = buffer_views(floats, integers, sizes)
+    track, stream, consistency = state.track, state.stream, state.consistency
+    if not store_sample(stream, q, qd, torque, base_wrench, wrist_wrench):
+        return WRONG_SIZE
+    flags: int = register_sample(stream, t, sensor_bits, bandwidth)
+    if flags & (REPEATED | UNUSABLE):
+        return flags
+    if flags & RESTARTED:
+        end_contact(track)
+    update_residuals(constants, state, bandwidth)
+    base_settled, torque_settled = stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0
+    exclude_inconsistent(consistency, stream.usable)
+    has_base, has_torque, has_wrist = usable_sensors(stream)
+    if not (has_base or has_torque):
+        end_contact(track)
+        reset_friction_at_rest(state.friction_at_rest)
+        return flags | SETTLING
+    variance_ratio = residual_variance_ratio(state, (has_base, has_torque, has_wrist))
+    stream.scalars[SCALE] = variance_ratio
+    sensor_set = 1 * has_base + 2 * has_torque + 4 * has_wrist
+    thresholds = constants.thresholds[sensor_set, threshold_index(stream.scalars[USUAL_STEP])]
+    no_contact_energy = energy_without_contact(
+        constants, state, has_base, has_torque, has_wrist, variance_ratio
+    )
+    # With a base sensor, friction does not limit detection.
+    if not has_base:
+        no_contact_energy = max(
+            no_contact_energy,
+            energy_at_rest(constants, state, variance_ratio, (thresholds[0], thresholds[1]), bandwidth),
+        )
+    consistency_statistics(constants, state, variance_ratio)
+    state.statistics[NO_CONTACT] = no_contact_energy
+    # Onset needs two samples in a row above the threshold: sensors have outliers.
+    above_threshold, no_contact_yet = not no_contact_energy <= thresholds[0], track.scalars[PHASE] == NONE
+    touched = (
+        above_threshold and track.scalars[ABOVE_ONSET] > 0.0
+        if no_contact_yet
+        else not no_contact_energy <= thresholds[1]
+    )
+    if update_consistency(
+        consistency, state.statistics, touched, base_settled, torque_settled, stream.scalars[STEP]
+    ):
+        flags |= INCONSISTENT
+    if touched:
+        return flags | TOUCHED
+    end_contact(track)
+    if above_threshold and no_contact_yet:
+        track.scalars[ABOVE_ONSET] = 1.0
+    else:
+        update_bias_filter(constants, state, has_base, has_torque, variance_ratio, bandwidth)
+    return flags
+
+
+@kernel
+def localize(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int, int],
+    skin_values: np.ndarray,
+    skin_start: np.ndarray,
+    skin_shape: np.ndarray,
+    skin_low: np.ndarray,
+    skin_cell: float,
+    bandwidth: float,
+    gate: bool,
+    rows: np.ndarray,
+) -> int:
+    """Average the residuals over windows and `explain` them, after `detect` has detected a contact.
+
+    Args:
+        floats, integers, sizes: See `contactsense.runtime.buffers.KernelBuffers`.
+        skin_values, skin_start, skin_shape, skin_low, skin_cell: The fields of
+            `contactsense.robots.surface.signed_distance_grid.Grids`; a named tuple would take longer to pass.
+        bandwidth: Cut-off frequency of the observers [Hz].
+        gate: As for `explain`.
+        rows: Filled with the candidates.
+
+    Returns:
+        Number of candidates in `rows`.
+    """
+    constants, state = buffer_views(floats, integers, sizes)
+    skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
+    track, stream = state.track, state.stream
+    dt = stream.scalars[STEP]
+    state.bias_filter.scalars[TIME_SINCE_CONTACT] = 0.0
+    average_windows(
+        track,
+        state.base_observer,
+        state.torque_difference,
+        state.joint_observer,
+        state.wrist_difference,
+        state.wrist_observer,
+        stream.scalars[SCALE],
+        usable_sensors_code(stream),
+        dt,
+        bandwidth,
+    )
+    has_base, has_torque, has_wrist = usable_sensors(stream)
+    slid = choose_window(constants.sensors, track, state.motion, has_base, dt, bandwidth)
+    update_phase(track, slid, dt, bandwidth)
+    window = int(track.scalars[WINDOW])
+    if window > 0:
+        _use_window_mean(state, window)
+    count, _ = explain(
+        constants, state, has_base, has_torque, has_wrist, track.variance_ratio[window], gate, -1.0
+    )
+    listed: int = write_candidates(constants, state, skin, count, rows)
+    if listed > 0:
+        if has_base:
+            extrapolate_sliding(track, state.motion, constants.sensors.depth[int(rows[0, 0])], rows[0])
+            if window > 0:
+                _update_to_newest(constants, state, window, rows[:listed])
+        _store_last_contact(constants, state, rows[0])
+    return listed
+
+
+@kernel
+def is_finite_vector(vector: np.ndarray, size: int) -> bool:
+    """Whether a vector has `size` numbers, all finite. NumPy takes ten times as long for six of them."""
+    if len(vector) != size:
+        return False
+    for value in vector:  # noqa: SIM110 (a generator cannot be compiled)
+        if not math.isfinite(value):
+            return False
+    return True
+
+
+@inlined_kernel
+def _use_window_mean(state: State, window: int) -> None:
+    """Replace the observers' residuals by a window's mean."""
+    n = state.torque.shape[0]
+    mean = state.track.mean[window]
+    a = 6 * (n + 1)
+    b = a + n
+    c = b + n
+    set_external(state, mean[:a], mean[a:b], mean[b:c], mean[c : c + 6], mean[c + 6 :])
+
+
+@inlined_kernel
+def _store_last_contact(constants: Constants, state: State, row: np.ndarray) -> None:
+    """Store body, point and normal of the best candidate for the next sample."""
+    body = constants.sensors.depth[int(row[0])]
+    R = state.motion.rotation[body]
+    last_contact = state.track.last_contact
+    last_contact[0] = body
+    for i in range(3):
+        last_contact[1 + i] = row[4 + i]
+        last_contact[4 + i] = R[0, i] * row[10] + R[1, i] * row[11] + R[2, i] * row[12]
+
+
+@inlined_kernel
+def _update_to_newest(constants: Constants, state: State, window: int, rows: np.ndarray) -> None:
+    """Update force, torsion and wrench from the window mean to the newest residual; point and link remain
+    those of the window mean."""
+    track = state.track
+    wrench_change = state.wrench_change
+    for k in range(rows.shape[0]):
+        row = rows[k]
+        body = constants.sensors.depth[int(row[0])]
+        wrench_difference(state.motion, track.mean[0], track.mean[window], body, wrench_change)
+        fx, fy, fz = wrench_change[0], wrench_change[1], wrench_change[2]
+        cx, cy, cz = row[7], row[8], row[9]
+        row[13] += fx
+        row[14] += fy
+        row[15] += fz
+        row[3] += (
+            row[10] * (wrench_change[3] - cy * fz + cz * fy)
+            + row[11] * (wrench_change[4] - cz * fx + cx * fz)
+            + row[12] * (wrench_change[5] - cx * fy + cy * fx)
+        )
+    wrench, covariance = state.hypotheses.wrench, state.hypotheses.covariance
+    covariance_factor = track.variance_ratio[0] / track.variance_ratio[window]
+    for link in range(wrench.shape[0]):
+        wrench_difference(
+            state.motion, track.mean[0], track.mean[window], constants.sensors.depth[link], wrench_change
+        )
+        for i in range(6):
+            wrench[link, i] += wrench_change[i]
+            for j in range(6):
+                covariance[link, i, j] *= covariance_factor
+
+
+@kernel
+def locate_once(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int, int],
+    skin_values: np.ndarray,
+    skin_start: np.ndarray,
+    skin_shape: np.ndarray,
+    skin_low: np.ndarray,
+    skin_cell: float,
+    q: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
+    external: bool,
+    has_base: bool,
+    has_torque: bool,
+    has_wrist: bool,
+    gate: bool,
+    threshold: float,
+    rows: np.ndarray,
+) -> tuple[int, float]:
+    """One sample of an arm at rest: `take_static_sample` and `explain`.
+
+    Returns:
+        Number of candidates in `rows`, and the energy of the no-contact hypothesis; -1 and 0 where a vector
+        has the wrong size or is not finite.
+    """
+    constants, state = buffer_views(floats, integers, sizes)
+    skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
+    n = sizes[0]
+    if not (
+        is_finite_vector(q, n)
+        and is_finite_vector(torque, n)
+        and is_finite_vector(base_wrench, 6)
+        and is_finite_vector(wrist_wrench, 6)
+    ):
+        return -1, 0.0
+    take_static_sample(constants, state, q, torque, base_wrench, wrist_wrench, external)
+    count, no_contact_energy = explain(
+        constants, state, has_base, has_torque, has_wrist, 1.0, gate, threshold
+    )
+    return write_candidates(constants, state, skin, count, rows), no_contact_energy
+
+
+@kernel
+def batch(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int, int],
+    skin: Grids,
+    q: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
+    external: bool,
+    has_base: bool,
+    has_torque: bool,
+    has_wrist: bool,
+    gate: bool,
+    no_contact_energy: np.ndarray,
+    link_probability: np.ndarray,
+    best: np.ndarray,
+    rows: np.ndarray,
+) -> None:
+    """`locate_once` for N samples. The best candidate of each is written to a row of `best`, whose first
+    number is -1 if there is none."""
+    constants, state = buffer_views(floats, integers, sizes)
+    for i in range(q.shape[0]):
+        take_static_sample(constants, state, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
+        count, no_contact_energy[i] = explain(
+            constants, state, has_base, has_torque, has_wrist, 1.0, gate, -1.0
+        )
+        copy(state.link_probability, link_probability[i])
+        if write_candidates(constants, state, skin, min(count, 1), rows) > 0:
+            copy(rows[0], best[i])
+        else:
+            best[i] = 0.0
+            best[i, 0] = -1.0

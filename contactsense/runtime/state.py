@@ -1,0 +1,139 @@
+"""What changes with a sample: observers, poses, hypotheses and candidates, in arrays that are reused for
+every sample."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import Hypotheses, empty_hypotheses
+from contactsense.kinematics.model import Model, Motion, empty_motion
+from contactsense.localization.candidate_buffers import Candidates, empty_candidates
+from contactsense.localization.posterior import SearchBuffers, empty_search_buffers
+from contactsense.localization.surface_cells import SurfaceCells, empty_surface_cells
+from contactsense.residuals.bias_filter import BiasFilter, empty_bias_filter
+from contactsense.residuals.friction_at_rest import FrictionAtRest, empty_friction_at_rest
+from contactsense.residuals.joint_friction import JointTorqueModel
+from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer
+from contactsense.residuals.sensor_consistency import SensorConsistency, empty_consistency
+from contactsense.runtime.constants import Constants
+from contactsense.sensors.stream_state import StreamState, empty_stream_state
+from contactsense.tracking.contact_tracker import ContactTrack, empty_contact_track
+
+
+class State(NamedTuple):
+    """Everything that a sample changes: observers and the arrays that hold results."""
+
+    model: Model
+    """The arm's model with the masses that `bias_filter` has estimated."""
+    torque_model: JointTorqueModel
+    """The joint torque model with the biases that `bias_filter` has estimated."""
+    bias_filter: BiasFilter
+    """Filter for sensor biases and link masses."""
+    friction_at_rest: FrictionAtRest
+    """Reference torques of joints at rest."""
+    motion: Motion
+    hypotheses: Hypotheses
+    candidates: Candidates
+    search_buffers: SearchBuffers
+    surface_cells: SurfaceCells
+    link_probability: np.ndarray
+    """Probability of each link, shape (links,)."""
+    joint_observer: MomentumObserver
+    """Residual of each joint torque, n equations."""
+    base_observer: MomentumObserver
+    """Residual of the base sensor in the frame of each body, 6 (n + 1) equations."""
+    torque_difference: MomentumObserver
+    """Residual of each joint torque minus the torque that the base wrench predicts, n equations."""
+    wrist_observer: MomentumObserver
+    """Residual of the wrist sensor, base axes, six equations."""
+    wrist_difference: MomentumObserver
+    """Residual of the wrist sensor minus that of the base sensor, six equations."""
+    track: ContactTrack
+    """The current contact."""
+    stream: StreamState
+    """The newest sample and the state of its sensors."""
+    consistency: SensorConsistency
+    """Consistency of the sensors with the model and with each other."""
+    tool_momentum: np.ndarray
+    """Momentum and gravity wrench of the load on the wrist sensor, shape (2, 6)."""
+    wrist_origin: np.ndarray
+    """Origin of the wrist sensor, base frame, shape (3,) [m]."""
+    unbiased_wrench: np.ndarray
+    """Scratch: base wrench minus its bias, shape (6,) [N, Nm]."""
+    base_covariance: np.ndarray
+    """Covariance of `base_wrench` from noise and model, divided by the residuals' variance ratio, shape (6,
+    6)."""
+    base_information: np.ndarray
+    """Its inverse."""
+    base_wrench: np.ndarray
+    """External wrench on the base sensor, shape (6,) [N, Nm]."""
+    body_wrench: np.ndarray
+    """The same, low-passed in the frame of each body, shape (n + 1, 6)."""
+    torque: np.ndarray
+    """External part of each joint's torque as s_j . w, shape (n,) [Nm]."""
+    proximal_torque: np.ndarray
+    """The same for joints proximal to the contact, consistent with `base_wrench` while the arm moves, shape
+    (n,)."""
+    wrist_wrench: np.ndarray
+    """External wrench on the wrist sensor, base axes, about the base origin, shape (6,) [N, Nm]."""
+    proximal_wrist_wrench: np.ndarray
+    """The same for contacts distal to the sensor, consistent with `base_wrench` while the arm moves, shape
+    (6,)."""
+    wrench_change: np.ndarray
+    """Scratch: difference between the newest wrench and its window mean, shape (6,) [N, Nm]."""
+    unmodelled_std: np.ndarray
+    """Standard deviation of each joint torque's model and friction error, low-passed as the torque is, shape
+    (n,) [Nm]."""
+    torque_variance: np.ndarray
+    """Variance of `torque` from noise and model, shape (n,) [Nm^2]."""
+    statistics: np.ndarray
+    """Statistics of the residuals, see `contactsense.runtime.consistency_statistics`, shape (5,)."""
+    zero_velocity: np.ndarray
+    """Zero joint velocities, shape (n,)."""
+    candidate_links: np.ndarray
+    """1 for links on which the contact is searched, else 0, shape (links,), int64."""
+
+
+def empty_state(constants: Constants) -> State:
+    """State before the first sample."""
+    joints = constants.model.joints
+    links = len(constants.touchable)
+    return State(
+        model=Model(*(array.copy() for array in constants.model)),
+        torque_model=constants.torque_model._replace(bias=constants.torque_model.bias.copy()),
+        bias_filter=empty_bias_filter(joints),
+        friction_at_rest=empty_friction_at_rest(joints),
+        motion=empty_motion(joints),
+        hypotheses=empty_hypotheses(links),
+        candidates=empty_candidates(len(constants.surfaces.kind)),
+        search_buffers=empty_search_buffers(),
+        surface_cells=empty_surface_cells(
+            len(constants.samples.spread), len(constants.subsamples.spread), links
+        ),
+        link_probability=np.zeros(links),
+        joint_observer=empty_observer(joints),
+        base_observer=empty_observer(6 * (joints + 1)),
+        torque_difference=empty_observer(joints),
+        wrist_observer=empty_observer(6),
+        wrist_difference=empty_observer(6),
+        track=empty_contact_track(joints),
+        stream=empty_stream_state(joints),
+        consistency=empty_consistency(),
+        tool_momentum=np.zeros((2, 6)),
+        wrist_origin=np.zeros(3),
+        unbiased_wrench=np.zeros(6),
+        base_covariance=np.zeros((6, 6)),
+        base_information=np.zeros((6, 6)),
+        base_wrench=np.zeros(6),
+        body_wrench=np.zeros((joints + 1, 6)),
+        torque=np.zeros(joints),
+        proximal_torque=np.zeros(joints),
+        wrist_wrench=np.zeros(6),
+        proximal_wrist_wrench=np.zeros(6),
+        wrench_change=np.zeros(6),
+        unmodelled_std=np.zeros(joints),
+        torque_variance=np.zeros(joints),
+        statistics=np.zeros(5),
+        zero_velocity=np.zeros(joints),
+        candidate_links=np.zeros(links, dtype=np.int64),
+    )

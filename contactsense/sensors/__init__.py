@@ -1,0 +1,1 @@
+"""Settings of each sensor, one sample as it arrives, and what can be used of it."""

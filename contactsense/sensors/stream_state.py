@@ -1,0 +1,165 @@
+"""State of one live stream in the kernels: its newest sample, and which sensors can be used in it."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.robots.jit.kernel import kernel
+from contactsense.sensors.timing import has_settled, is_silent, reset_timing, time_since_last
+
+SETTLING_TIME_CONSTANTS = 5.0
+"""Time constants of the observer from a start until its residual is used: it is within 1 % of its value by
+then."""
+BASE, TORQUE, WRIST, TORQUE_DIFFERENCE, WRIST_DIFFERENCE = 0, 1, 2, 3, 4
+"""Indices of `StreamState.timing`, `steps` and `usable`: the three sensors, and the differences of torques
+and wrist wrench to the base wrench."""
+T, STEP, USUAL_STEP, SCALE = 0, 1, 2, 3
+"""Indices of `StreamState.scalars`."""
+_STEP_SMOOTHING = 0.05
+"""Weight of the newest step in the stream's usual one."""
+_LARGEST_VALUE = 1e6
+"""Larger positions, velocities, forces and torques are implausible; their squares could overflow [rad, rad/s,
+N, Nm]."""
+_LONGEST_STEP = 86400.0
+"""Longest step that enters the random walk of the biases [s]."""
+
+MISSING, INVALID, INCONSISTENT, SETTLING, TOUCHED, RESTARTED = 1, 8, 64, 128, 256, 512
+REPEATED, UNUSABLE, WRONG_SIZE = 1024, 2048, 4096
+"""Flags of a sample, bits of one number; 0: sensors in order and no contact. `MISSING` and `INVALID` (a value
+is not finite or implausible) have three bits each, one per sensor in their order. `INCONSISTENT`: see
+`contactsense.residuals.sensor_consistency`. `SETTLING`: no sensor can be used yet. `TOUCHED`: a contact is
+detected. `RESTARTED`: time has jumped back, a new stream begins. `REPEATED`, `UNUSABLE` and `WRONG_SIZE` (a
+field has the wrong size): the sample was not used."""
+DEGRADED = 7 * MISSING | 7 * INVALID | INCONSISTENT | SETTLING
+"""Flags of used samples for which the estimate is `degraded`."""
+
+
+class StreamState(NamedTuple):
+    """State of a stream apart from its residuals."""
+
+    q: np.ndarray
+    """These five: the newest sample, see `contactsense.types.Sample`; shape (n,)."""
+    qd: np.ndarray
+    torque: np.ndarray
+    base_wrench: np.ndarray
+    wrist_wrench: np.ndarray
+    timing: np.ndarray
+    """See `contactsense.sensors.timing`, shape (5, 3)."""
+    steps: np.ndarray
+    """Step of each observer [s]: 0 restarts it, negative: no value; shape (5,)."""
+    usable: np.ndarray
+    """1 where a residual can be used, shape (5,)."""
+    scalars: np.ndarray
+    """Time of the newest sample, step to it, usual step [s]; variance ratio of the residuals; shape (4,)."""
+
+
+def empty_stream_state(joints: int) -> StreamState:
+    """State before the first sample; `restart` initializes it."""
+    return StreamState(
+        q=np.zeros(joints),
+        qd=np.zeros(joints),
+        torque=np.zeros(joints),
+        base_wrench=np.zeros(6),
+        wrist_wrench=np.zeros(6),
+        timing=np.zeros((5, 3)),
+        steps=np.zeros(5),
+        usable=np.zeros(5),
+        scalars=np.zeros(4),
+    )
+
+
+@kernel
+def restart(stream: StreamState) -> None:
+    """Reset to the state before the first sample."""
+    reset_timing(stream.timing)
+    stream.scalars[:] = 0.0
+    stream.scalars[T] = -math.inf
+
+
+@kernel
+def store_sample(
+    stream: StreamState,
+    q: np.ndarray,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
+) -> bool:
+    """Store a sample's values; returns False if one has the wrong size."""
+    values = (q, qd, torque, base_wrench, wrist_wrench)
+    targets = (stream.q, stream.qd, stream.torque, stream.base_wrench, stream.wrist_wrench)
+    for i in range(5):
+        if len(values[i]) != len(targets[i]):
+            return False
+    for i in range(5):
+        for k in range(len(targets[i])):
+            targets[i][k] = values[i][k]
+    return True
+
+
+@kernel
+def _is_plausible(vector: np.ndarray) -> bool:
+    for value in vector:  # noqa: SIM110 (a generator cannot be compiled)
+        if not abs(value) < _LARGEST_VALUE:
+            return False
+    return True
+
+
+@kernel
+def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: float) -> int:
+    """Update the timing with a new sample: step of each observer, and which residuals can be used.
+
+    Args:
+        stream: With the sample's values; changed in place.
+        t: Time of the sample [s].
+        sensor_bits: Which sensors have a value in it: 1 base wrench, 2 torques, 4 wrist wrench.
+        bandwidth: Cut-off frequency of the observers [Hz].
+
+    Returns:
+        Flags of the sample.
+    """
+    scalars, timing, steps, usable = stream.scalars, stream.timing, stream.steps, stream.usable
+    if not (math.isfinite(t) and _is_plausible(stream.q) and _is_plausible(stream.qd)):
+        return UNUSABLE
+    if t == scalars[T]:
+        return REPEATED
+    flags = 0
+    if t < scalars[T]:
+        restart(stream)
+        flags = RESTARTED
+    scalars[STEP] = min(t - scalars[T], _LONGEST_STEP) if scalars[T] > -math.inf else 0.0
+    scalars[USUAL_STEP] += (_STEP_SMOOTHING if scalars[USUAL_STEP] > 0.0 else 1.0) * (
+        scalars[STEP] - scalars[USUAL_STEP]
+    )
+    scalars[T] = t
+    values = (stream.base_wrench, stream.torque, stream.wrist_wrench)
+    for i in range(3):
+        has_value = sensor_bits >> i & 1 == 1
+        valid = has_value and _is_plausible(values[i])
+        steps[i] = time_since_last(timing[i], t, valid)
+        if is_silent(timing[i], t):
+            flags |= MISSING << i
+        elif has_value and not valid:
+            flags |= INVALID << i
+    for i in (TORQUE_DIFFERENCE, WRIST_DIFFERENCE):
+        steps[i] = time_since_last(timing[i], t, steps[BASE] >= 0.0 and steps[i - 2] >= 0.0)
+    settling_time = SETTLING_TIME_CONSTANTS / (2.0 * math.pi * bandwidth)
+    for i in range(5):
+        usable[i] = 1.0 if has_settled(timing[i], t, settling_time) else 0.0
+    return flags
+
+
+@kernel
+def usable_sensors(stream: StreamState) -> tuple[bool, bool, bool]:
+    """Which of base wrench, torques and wrist wrench can be used."""
+    return stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0, stream.usable[WRIST] > 0.0
+
+
+@kernel
+def usable_sensors_code(stream: StreamState) -> float:
+    """A number that identifies the set of usable residuals."""
+    code = 0.0
+    for i in range(5):
+        code = 2.0 * code + stream.usable[i]
+    return float(code)

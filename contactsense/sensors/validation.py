@@ -1,0 +1,50 @@
+"""Checks of arguments; errors name the argument, what was expected and what was given."""
+
+import numpy as np
+
+
+def checked_vector(name: str, value: object, size: int, unit: str) -> np.ndarray:
+    """`value` as a contiguous float array of shape (size,).
+
+    Raises:
+        ValueError: it has another shape or type, or contains NaN or infinity; the message names the argument.
+    """
+    return checked_array(name, value, (size,), unit)
+
+
+def checked_rows(name: str, value: object, rows: int | None, size: int, unit: str) -> np.ndarray:
+    """`value` as a contiguous float array of shape (rows, size); any number of rows with `rows=None`.
+
+    Raises:
+        ValueError: it has another shape or type, or contains NaN or infinity; the message names the argument.
+    """
+    array = as_floats(name, value)
+    if array.ndim != 2 or array.shape[1] != size or (rows is not None and len(array) != rows):
+        expected = f"({'N' if rows is None else rows}, {size})"
+        raise ValueError(f"{name}: expected shape {expected} in {unit}, got shape {array.shape}")
+    _finite(name, array)
+    return array
+
+
+def checked_array(name: str, value: object, shape: tuple[int, ...], unit: str) -> np.ndarray:
+    """`value` as a contiguous float array of that shape, all finite; otherwise a ValueError that names the
+    argument."""
+    array = as_floats(name, value)
+    if array.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape} in {unit}, got shape {array.shape}")
+    _finite(name, array)
+    return array
+
+
+def as_floats(name: str, value: object) -> np.ndarray:
+    """`value` as a contiguous float array of any shape; otherwise a ValueError that names the argument."""
+    try:
+        return np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected numbers, got {value!r}") from None
+
+
+def _finite(name: str, array: np.ndarray) -> None:
+    if not np.isfinite(array).all():
+        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f"{name}: expected finite numbers, got {array[first]} at index {list(first)}")

@@ -1,0 +1,113 @@
+"""Convex bodies composed of parts, solved by `contactsense.solvers.compound`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from contactsense.solvers import compound
+from contactsense.solvers.paper_surfaces import Cone, Cylinder, Ellipsoid, Placed, Plane, Sphere
+from contactsense.solvers.surface import Problem, positive
+
+Simple = Sphere | Ellipsoid | Cylinder | Cone | Plane | Placed
+"""A surface with a closed form, or one of these placed."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Part of a surface that is bounded by other surfaces."""
+
+    surface: Simple
+    """The complete surface."""
+    behind: tuple[Simple, ...]
+    """The surfaces at which the part ends; it lies on the body's side of all of them."""
+
+
+class Compound:
+    """A convex body whose surface is composed of parts (paper, section 7), with or without edges."""
+
+    def __init__(self, parts: Sequence[Part], reach: float) -> None:
+        """Put a body together.
+
+        Args:
+            parts: Parts that bound a convex body, each with its outward normal, and together leave no gap.
+                This is not checked.
+            reach: Size of the body [m], of which a contact may lie 1e-9 beside its part by rounding.
+
+        Raises:
+            ValueError: There is no part, a surface has no closed form, or `reach` is not positive.
+        """
+        positive(self, reach=reach)
+        if not parts:
+            raise ValueError("Compound: parts must not be empty")
+        self.parts = tuple(parts)
+        self.reach = float(reach)
+        surfaces: list[Simple] = [part.surface for part in self.parts]
+        border = np.full((len(self.parts), max(1, *(len(part.behind) for part in self.parts))), -1)
+        for row, part in enumerate(self.parts):
+            for column, other in enumerate(part.behind):
+                border[row, column] = len(surfaces)
+                surfaces.append(other)
+        packed = [_packed(surface) for surface in surfaces]
+        self._size = (
+            np.array([kind for kind, _, _, _ in packed]),
+            np.array([size for _, size, _, _ in packed]),
+            np.array([rotation for _, _, rotation, _ in packed]),
+            np.array([origin for _, _, _, origin in packed]),
+            border,
+            self.reach,
+        )
+
+    @classmethod
+    def common(cls, surfaces: Sequence[Simple], reach: float) -> Self:
+        """Intersection of convex bodies, with edges where their surfaces meet.
+
+        Args:
+            surfaces: Surfaces of the bodies.
+            reach: Size of the body [m].
+        """
+        parts = [
+            Part(surface, tuple(other for other in surfaces if other is not surface)) for surface in surfaces
+        ]
+        return cls(parts, reach)
+
+    def problem(self) -> Problem:
+        """Closed forms of its parts."""
+        return compound.solve_compound, self._size
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return compound.wrench_axis_compound, self._size
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3): that of the part on which the point is."""
+        kind, size, rotation, origin, border, _ = self._size
+        distances = []
+        for row in range(len(self.parts)):
+            ends = [row, *(k for k in border[row] if k >= 0)]
+            outside = [
+                compound.outside_distance(kind[k], size[k], rotation[k], origin[k], *point) for k in ends
+            ]
+            distances.append(max(abs(outside[0]), *outside[1:]) if len(outside) > 1 else abs(outside[0]))
+        return self.parts[int(np.argmin(distances))].surface.shape_operator(point, normal)
+
+
+def _packed(surface: Simple) -> tuple[int, tuple[float, ...], np.ndarray, np.ndarray]:
+    """Kind, size, axes and origin of a surface."""
+    rotation, origin = np.eye(3), np.zeros(3)
+    inner: object = surface
+    if isinstance(surface, Placed):
+        rotation, origin, inner = surface.rotation, surface.origin, surface.surface
+    if isinstance(inner, Plane):
+        size = inner.problem()[1]
+        return compound.PLANE, size, rotation, origin
+    if isinstance(inner, Sphere):
+        return compound.ELLIPSOID, (inner.radius, inner.radius, inner.radius, 0.0), rotation, origin
+    if isinstance(inner, Ellipsoid):
+        return compound.ELLIPSOID, (inner.a, inner.b, inner.c, 0.0), rotation, origin
+    if isinstance(inner, Cylinder):
+        return compound.CYLINDER, (inner.radius, 0.0, 0.0, 0.0), rotation, origin
+    if isinstance(inner, Cone):
+        return compound.CONE, (inner.radius, inner.taper, 0.0, 0.0), rotation, origin
+    raise ValueError(f"Compound: {type(inner).__name__} has no closed form of one surface")

@@ -1,0 +1,189 @@
+"""Surfaces of the paper: each selects the kernel that solves it.
+
+Every surface is described in its own frame; `Placed` moves it to another.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactsense.solvers import cylinder, ellipsoid, general, plane, wrench_axis
+from contactsense.solvers import gradient_descent as descent
+from contactsense.solvers.implicit_surfaces import ELLIPSOID
+from contactsense.solvers.surface import Problem, Surface, around_axis, positive, tangential
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere about the origin (paper, section 5.1.1)."""
+
+    radius: float
+    """Radius [m]."""
+
+    def __post_init__(self) -> None:
+        positive(self, radius=self.radius)
+
+    def problem(self) -> Problem:
+        """Closed form."""
+        return ellipsoid.solve_sphere, (float(self.radius),)
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return wrench_axis.wrench_axis_sphere, self.problem()[1]
+
+    def newton_problem(self) -> Problem:
+        """As any smooth convex body."""
+        return Ellipsoid(self.radius, self.radius, self.radius).newton_problem()
+
+    def descent_problem(self) -> Problem:
+        """The paper's section 6."""
+        return Ellipsoid(self.radius, self.radius, self.radius).descent_problem()
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        return tangential(np.eye(3) / self.radius, normal)
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """An ellipsoid about the origin, its axes along those of the frame (paper, section 5)."""
+
+    a: float
+    """Semi-axis along x [m]."""
+    b: float
+    """Semi-axis along y [m]."""
+    c: float
+    """Semi-axis along z [m]."""
+
+    def __post_init__(self) -> None:
+        positive(self, a=self.a, b=self.b, c=self.c)
+
+    def problem(self) -> Problem:
+        """Closed form."""
+        return ellipsoid.solve_ellipsoid, (float(self.a), float(self.b), float(self.c))
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return wrench_axis.wrench_axis_ellipsoid, self.problem()[1]
+
+    def newton_problem(self) -> Problem:
+        """As any smooth convex body."""
+        a, b, c = self.problem()[1]
+        return general.solve_smooth, (
+            (ELLIPSOID, 1.0 / a, 1.0 / b, 1.0 / c, 0.0, 0.0),
+            (0.0, 0.0, 0.0),
+            (a, b, c),
+            True,
+        )
+
+    def descent_problem(self) -> Problem:
+        """The paper's section 6."""
+        return descent.descent_ellipsoid, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        square = np.array((self.a, self.b, self.c)) ** 2
+        return tangential(np.diag(1.0 / square), normal) / float(np.linalg.norm(point / square))
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """An infinite cylinder about z (paper, section 5.1.2)."""
+
+    radius: float
+    """Radius [m]."""
+
+    def __post_init__(self) -> None:
+        positive(self, radius=self.radius)
+
+    def problem(self) -> Problem:
+        """Closed form."""
+        return cylinder.solve_cylinder, (float(self.radius),)
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return wrench_axis.wrench_axis_cylinder, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        return around_axis(normal, 1.0 / self.radius)
+
+
+@dataclass(frozen=True)
+class Cone:
+    """An infinite cone about z, of radius `radius` - `taper` z, up to its apex."""
+
+    radius: float
+    """Radius at z = 0 [m]."""
+    taper: float
+    """Tangent of the angle between its side and the axis; not zero."""
+
+    def __post_init__(self) -> None:
+        positive(self, radius=self.radius)
+        if self.taper == 0.0 or not np.isfinite(self.taper):
+            raise ValueError(f"Cone: taper must be finite and not zero, not {self.taper}; use Cylinder")
+
+    def problem(self) -> Problem:
+        """Closed form."""
+        return cylinder.solve_cone, (float(self.radius), float(self.taper))
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return wrench_axis.wrench_axis_cone, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        rho = self.radius - self.taper * point[2]
+        return around_axis(normal, 1.0 / (rho * float(np.sqrt(1.0 + self.taper**2))))
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane normal . c = offset, with the body behind it (paper, section 5.1.3)."""
+
+    normal: tuple[float, float, float]
+    """Outward normal, of any length but zero."""
+    offset: float
+    """Distance from the origin along the normal [m]."""
+
+    def problem(self) -> Problem:
+        """Closed form."""
+        size = float(np.linalg.norm(self.normal))
+        if not 0.0 < size < np.inf:
+            raise ValueError(f"Plane: normal must not be zero, not {self.normal}")
+        nx, ny, nz = (float(component) / size for component in self.normal)
+        return plane.solve_plane, (nx, ny, nz, float(self.offset))
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return wrench_axis.wrench_axis_plane, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        return np.zeros((3, 3))
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A surface at a given pose."""
+
+    surface: Surface
+    """What is placed."""
+    origin: np.ndarray
+    """Origin of the surface's frame [m], shape (3,)."""
+    rotation: np.ndarray
+    """Axes of the surface's frame as columns, shape (3, 3)."""
+
+    def problem(self) -> Problem:
+        """That of the surface, in its own frame."""
+        return self.surface.problem()
+
+    def line_problem(self) -> Problem:
+        """That of the surface, in its own frame."""
+        return self.surface.line_problem()
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        local = self.rotation.T @ (point - self.origin)
+        own = self.surface.shape_operator(local, self.rotation.T @ normal)
+        return np.asarray(self.rotation @ own @ self.rotation.T)

@@ -1,0 +1,122 @@
+"""Smooth convex bodies other than the ellipsoid, most of them solved by Newton's method."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from contactsense.solvers import general, paraboloid
+from contactsense.solvers import implicit_surfaces as implicit
+from contactsense.solvers.surface import Problem, level_shape, positive
+
+
+@dataclass(frozen=True)
+class Superquadric:
+    """((|x|/a)^p + (|y|/b)^p)^(q/p) + (|z|/c)^q = 1: from ellipsoid (p = q = 2) towards box."""
+
+    a: float
+    """Semi-axis along x [m]."""
+    b: float
+    """Semi-axis along y [m]."""
+    c: float
+    """Semi-axis along z [m]."""
+    p: float = 4.0
+    """Exponent across z, at least 2."""
+    q: float = 4.0
+    """Exponent along z, at least 2."""
+
+    def __post_init__(self) -> None:
+        positive(self, a=self.a, b=self.b, c=self.c)
+        if not (2.0 <= self.p < np.inf and 2.0 <= self.q < np.inf):
+            raise ValueError(f"Superquadric: exponents must be at least 2, not {self.p} and {self.q}")
+
+    def problem(self) -> Problem:
+        """Newton's method."""
+        axes = (float(self.a), float(self.b), float(self.c))
+        size = (implicit.SUPERQUADRIC, *(1.0 / axis for axis in axes), float(self.p), float(self.q))
+        return general.solve_smooth, (size, (0.0, 0.0, 0.0), axes, True)
+
+    def newton_problem(self) -> Problem:
+        """The same: there is no closed form."""
+        return self.problem()
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return general.wrench_axis_smooth, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        return level_shape(implicit.evaluate(self.problem()[1][0], *point), normal)
+
+
+@dataclass(frozen=True)
+class Paraboloid:
+    """z = -(k1 x^2 + k2 y^2) / 2, the body below."""
+
+    k1: float
+    """Curvature along x at the top [1/m]."""
+    k2: float
+    """Curvature along y at the top [1/m]."""
+    depth: float
+    """Depth below the top to which it is touched, about [m]; only Newton's method asks."""
+
+    def __post_init__(self) -> None:
+        positive(self, k1=self.k1, k2=self.k2, depth=self.depth)
+
+    def problem(self) -> Problem:
+        """Closed form."""
+        return paraboloid.solve_paraboloid, (float(self.k1), float(self.k2))
+
+    def newton_problem(self) -> Problem:
+        """As any smooth convex body."""
+        size = (implicit.PARABOLOID, float(self.k1), float(self.k2), 0.0, 0.0, 0.0)
+        half = 0.5 * float(self.depth)
+        extent = (float(np.sqrt(self.depth / self.k1)), float(np.sqrt(self.depth / self.k2)), half)
+        return general.solve_smooth, (size, (0.0, 0.0, -half), extent, False)
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return paraboloid.wrench_axis_paraboloid, self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        return level_shape(implicit.evaluate(self.newton_problem()[1][0], *point), normal)
+
+
+@dataclass(frozen=True)
+class Convex:
+    """Any smooth convex body, given by a function that is zero on its surface and negative inside.
+
+    The function is compiled with numba and takes (size, x, y, z); it returns value, gradient (x, y, z) and
+    Hessian (xx, yy, zz, xy, xz, yz), ten floats. It should be convex, not only the body.
+    """
+
+    function: Callable[..., Any]
+    """The compiled function."""
+    size: tuple[float, ...]
+    """What it takes before the point."""
+    extent: tuple[float, float, float]
+    """Half the body's size along each axis, about [m]."""
+    inner: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """A point well inside [m]."""
+
+    def __post_init__(self) -> None:
+        if not self.function(self.size, *self.inner)[0] < 0.0:
+            raise ValueError(f"Convex: the function is not negative at the inner point {self.inner}")
+
+    def problem(self) -> Problem:
+        """Newton's method."""
+        return general.solvers_for(self.function)[0], (self.size, self.inner, self.extent, False)
+
+    def newton_problem(self) -> Problem:
+        """The same: there is no closed form."""
+        return self.problem()
+
+    def line_problem(self) -> Problem:
+        """Its wrench axis."""
+        return general.solvers_for(self.function)[1], self.problem()[1]
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3)."""
+        return level_shape(self.function(self.size, *point), normal)

@@ -1,0 +1,1 @@
+"""Tracking: one contact over time."""

@@ -1,0 +1,393 @@
+"""Contact tracker: averages the residuals while a contact keeps its position, and follows it when it moves.
+
+The residuals of a contact are averaged over windows of growing length: the observer's own and five longer
+ones, the last unbounded. Base wrenches are averaged in the frame of each body. As a moment is linear in the
+force at a fixed point, the mean of many wrenches through one point is a wrench through that point, however
+the force varies and the arm moves. The torque of a proximal joint minus the prediction of the base wrench,
+and the torque of a distal joint, are zero-mean noise at every instant. So a window's mean is explained by a
+contact just as one sample is, with a variance that decreases with the window's length: position and link
+probability sharpen as long as the contact holds.
+
+Which windows can be used is decided by Lepski's rule: up to the longest one whose position agrees with those
+of all shorter windows to within their noise. A long window that clearly disagrees restarts from the longest
+usable one: the contact has moved. Of the usable windows, the one with the least noise relative to its force
+is explained: while a force rises, a mean over all of it has more noise and less force than the newest
+residual.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import SensorModel
+from contactsense.kinematics.model import Motion
+from contactsense.residuals.momentum_observer import MomentumObserver
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import kernel
+
+WINDOWS = 6
+"""Number of windows, including the observer's own."""
+WINDOW_GROWTH = 3.0
+"""Ratio of the lengths of consecutive windows; the last is unbounded."""
+AGREE, AGREE_HOLDING, DISAGREE = 1.5, 4.0, 9.0
+"""Distance below which windows agree, the same for a holding contact, and distance above which they disagree,
+as (x - d) / sqrt(2 d) of a chi-square variable x with d degrees of freedom. For the two of a position: x = 5,
+10 and 20, which noise exceeds with probability 8e-2, 7e-3 and 5e-5."""
+SHORT_WINDOWS = 3
+"""Shorter windows are not restarted, as they forget soon enough. The difference of their positions is the
+velocity of a sliding contact."""
+POSITION_TOLERANCE = 1e-4
+"""A position may change by this much without counting as moved: skin deforms, contact patches roll [m]."""
+NEW_TIME_CONSTANTS = 9.0
+"""A contact is new for this many time constants of the observer; then it holds or slides."""
+HOLD_TIME_CONSTANTS = 20.0
+"""A sliding contact holds again when it has not moved for this many time constants."""
+NONE, NEW, HOLD, SLIDE = 0, 1, 2, 3
+"""Phases of a contact."""
+
+
+class ContactTrack(NamedTuple):
+    """State of the current contact."""
+
+    mean: np.ndarray
+    """Window means of the residuals, shape (WINDOWS, m): base wrench in the frame of each body, torque
+    differences, torques, wrist difference, wrist wrench."""
+    variance_ratio: np.ndarray
+    """Variance of each window's mean over that of one sample's white noise, shape (WINDOWS,)."""
+    residual_covariance: np.ndarray
+    """Covariance of each mean with the newest residual, in the same unit, shape (WINDOWS,)."""
+    samples: np.ndarray
+    """Number of samples in each window, shape (WINDOWS,)."""
+    age: np.ndarray
+    """Mean age of the content of each window, the observer's lag included, shape (WINDOWS,) [s]."""
+    last_contact: np.ndarray
+    """Last estimate: index of the body or -1, point and outward normal in its frame, shape (7,) [m]."""
+    window_point: np.ndarray
+    """Scratch: each window's point in the tangent plane [m] and its normal force [N], shape (WINDOWS, 3)."""
+    moment_covariance: np.ndarray
+    """Scratch: covariance of the moment about the last point, tangential components, as xx, xy, yy, shape
+    (3,)."""
+    scalars: np.ndarray
+    """Phase; contact id; age [s]; time since it last moved [s]; index of the window in use; code of the
+    sensors whose residuals are in the windows; whether the last sample was above the onset threshold; shape
+    (7,)."""
+
+
+PHASE, NUMBER, AGE, TIME_SINCE_SLIDE, WINDOW, SENSORS, ABOVE_ONSET = 0, 1, 2, 3, 4, 5, 6
+"""Indices of `ContactTrack.scalars`."""
+
+
+def empty_contact_track(joint_observer: int) -> ContactTrack:
+    """State before the first contact."""
+    return ContactTrack(
+        mean=np.zeros((WINDOWS, 6 * (joint_observer + 1) + 2 * joint_observer + 12)),
+        variance_ratio=np.zeros(WINDOWS),
+        residual_covariance=np.zeros(WINDOWS),
+        samples=np.zeros(WINDOWS),
+        age=np.zeros(WINDOWS),
+        last_contact=np.full(7, -1.0),
+        window_point=np.zeros((WINDOWS, 3)),
+        moment_covariance=np.zeros(3),
+        scalars=np.zeros(7),
+    )
+
+
+@kernel
+def end_contact(track: ContactTrack) -> None:
+    """End the contact; ids continue."""
+    track.scalars[PHASE] = NONE
+    track.scalars[AGE] = 0.0
+    track.scalars[TIME_SINCE_SLIDE] = 0.0
+    track.scalars[WINDOW] = 0.0
+    track.scalars[ABOVE_ONSET] = 0.0
+    track.last_contact[0] = -1.0
+
+
+@kernel
+def restart_windows(track: ContactTrack) -> None:
+    """Restart all windows from the newest residual, after a change of contact."""
+    for i in range(1, WINDOWS):
+        copy(track.mean[0], track.mean[i])
+        track.variance_ratio[i] = track.variance_ratio[0]
+        track.residual_covariance[i] = track.residual_covariance[0]
+        track.samples[i] = 1.0
+
+
+@kernel
+def _concatenate_residuals(
+    out: np.ndarray,
+    base_observer: MomentumObserver,
+    torque_difference: MomentumObserver,
+    joint_observer: MomentumObserver,
+    wrist_difference: MomentumObserver,
+    wrist_observer: MomentumObserver,
+) -> None:
+    """Concatenate the observers' residuals."""
+    index = 0
+    for part in (
+        base_observer.residual,
+        torque_difference.residual,
+        joint_observer.residual,
+        wrist_difference.residual,
+        wrist_observer.residual,
+    ):
+        for i in range(part.shape[0]):
+            out[index] = part[i]
+            index += 1
+
+
+@kernel
+def average_windows(
+    track: ContactTrack,
+    base_observer: MomentumObserver,
+    torque_difference: MomentumObserver,
+    joint_observer: MomentumObserver,
+    wrist_difference: MomentumObserver,
+    wrist_observer: MomentumObserver,
+    variance_ratio: float,
+    sensors: float,
+    dt: float,
+    bandwidth: float,
+) -> None:
+    """Add the observers' residuals to all windows. The first sample of a contact initializes them, and so
+    does a sample with other sensors than before.
+
+    Args:
+        track: Changed in place.
+        base_observer, torque_difference, joint_observer, wrist_difference, wrist_observer: The observers.
+        variance_ratio: Variance of their residuals over that of one sample's white noise.
+        sensors: Code of the usable sensors, see `contactsense.sensors.stream_state.usable_sensors_code`.
+        dt: Time since the last sample [s].
+        bandwidth: Cut-off frequency of the observers [Hz].
+    """
+    residual = track.mean[0]
+    _concatenate_residuals(
+        residual, base_observer, torque_difference, joint_observer, wrist_difference, wrist_observer
+    )
+    track.variance_ratio[0] = variance_ratio
+    track.residual_covariance[0] = variance_ratio
+    K = 2.0 * math.pi * bandwidth
+    track.age[0] = 1.0 / K
+    restart = track.scalars[PHASE] == NONE or track.scalars[SENSORS] != sensors
+    track.scalars[SENSORS] = sensors
+    decay = math.exp(-K * dt)
+    length = WINDOW_GROWTH / K
+    for i in range(1, WINDOWS):
+        if restart:
+            copy(residual, track.mean[i])
+            track.variance_ratio[i] = variance_ratio
+            track.residual_covariance[i] = variance_ratio
+            track.samples[i] = 1.0
+            track.age[i] = track.age[0]
+            continue
+        track.samples[i] += 1.0
+        weight = 1.0 / track.samples[i]
+        if i < WINDOWS - 1:
+            weight = max(weight, min(dt / length, 1.0))
+            length *= WINDOW_GROWTH
+        mean = track.mean[i]
+        for k in range(residual.shape[0]):
+            mean[k] += weight * (residual[k] - mean[k])
+        # The residuals' noise is correlated from sample to sample.
+        residual_covariance = decay * track.residual_covariance[i]
+        keep = 1.0 - weight
+        track.variance_ratio[i] = (
+            keep * keep * track.variance_ratio[i]
+            + 2.0 * weight * keep * residual_covariance
+            + weight * weight * variance_ratio
+        )
+        track.residual_covariance[i] = keep * residual_covariance + weight * variance_ratio
+        track.age[i] = keep * (track.age[i] + dt) + weight * track.age[0]
+
+
+@kernel
+def choose_window(
+    sensors: SensorModel, track: ContactTrack, motion: Motion, has_base: bool, dt: float, bandwidth: float
+) -> bool:
+    """Choose the window to use; returns whether the contact has moved.
+
+    Args:
+        sensors: Noise of one sample.
+        track: Changed in place: the chosen window, and windows that are restarted.
+        motion: Poses.
+        has_base: Whether the base sensor's residual can be used. Without it windows agree as long as the
+            torques do: while neither force nor arm changes.
+        dt: Time since the last sample [s].
+        bandwidth: Cut-off frequency of the observers [Hz].
+    """
+    track.scalars[WINDOW] = 0.0
+    if track.last_contact[0] < 0.0:
+        return False
+    longest = 0
+    slid = False
+    agreement = AGREE_HOLDING if track.scalars[PHASE] == HOLD else AGREE
+    if has_base:
+        _position_covariance(sensors, motion, track)
+        for i in range(WINDOWS):
+            _window_position(track, i)
+    for i in range(1, WINDOWS):
+        max_distance = -1.0
+        for j in range(i):
+            distance = _position_distance(track, i, j) if has_base else _torque_distance(sensors, track, i, j)
+            max_distance = max(max_distance, distance)
+        if max_distance > DISAGREE:
+            slid = slid or has_base
+            if i < SHORT_WINDOWS:
+                continue
+            max_samples = WINDOW_GROWTH**longest / (2.0 * math.pi * bandwidth * max(dt, 1e-9))
+            copy(track.mean[longest], track.mean[i])
+            track.variance_ratio[i] = track.variance_ratio[longest]
+            track.residual_covariance[i] = track.residual_covariance[longest]
+            track.age[i] = track.age[longest]
+            track.samples[i] = min(max(track.samples[longest], 1.0), max_samples) if longest > 0 else 1.0
+            copy(track.window_point[longest], track.window_point[i])
+        elif max_distance <= agreement and longest == i - 1:
+            longest = i
+    track.scalars[WINDOW] = _most_precise_window(track, longest) if has_base else longest
+    return slid
+
+
+@kernel
+def _most_precise_window(track: ContactTrack, longest_window: int) -> int:
+    """The window up to `longest_window`, all of which agree, whose mean gives the most precise position."""
+    best = 0
+    if track.window_point[0, 2] < 0.0:
+        for i in range(1, longest_window + 1):
+            normal_force, best_force = track.window_point[i, 2], track.window_point[best, 2]
+            if (
+                normal_force < 0.0
+                and track.variance_ratio[i] * best_force * best_force
+                <= track.variance_ratio[best] * normal_force * normal_force
+            ):
+                best = i
+    return best
+
+
+@kernel
+def tangents(nx: float, ny: float, nz: float) -> tuple[float, float, float, float, float, float]:
+    """Two unit vectors that span the plane perpendicular to the unit vector n."""
+    if abs(nx) < 0.6:
+        length = math.sqrt(ny * ny + nz * nz)
+        ax, ay, az = 0.0, nz / length, -ny / length
+    else:
+        length = math.sqrt(nx * nx + ny * ny)
+        ax, ay, az = ny / length, -nx / length, 0.0
+    return ax, ay, az, ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
+
+
+@kernel
+def _window_position(track: ContactTrack, i: int) -> None:
+    """Intersection of window i's line of action with the tangent plane, and its normal force.
+
+    With r = m - c x f the moment about the point c, shifting the contact by v in the tangent plane changes r
+    by -v x f; the tangential part of r vanishes at v = (n x r) / (f . n), n being the normal.
+    """
+    p = track.last_contact
+    index = 6 * int(p[0])
+    w = track.mean[i]
+    fx, fy, fz = w[index], w[index + 1], w[index + 2]
+    rx = w[index + 3] - p[2] * fz + p[3] * fy
+    ry = w[index + 4] - p[3] * fx + p[1] * fz
+    rz = w[index + 5] - p[1] * fy + p[2] * fx
+    ax, ay, az, bx, by, bz = tangents(p[4], p[5], p[6])
+    normal_force = fx * p[4] + fy * p[5] + fz * p[6]
+    track.window_point[i, 0] = -(bx * rx + by * ry + bz * rz) / normal_force
+    track.window_point[i, 1] = (ax * rx + ay * ry + az * rz) / normal_force
+    track.window_point[i, 2] = normal_force
+
+
+@kernel
+def _position_covariance(sensors: SensorModel, motion: Motion, track: ContactTrack) -> None:
+    """Covariance of (n x r) in the tangent plane, for the noise of one sample of the base sensor."""
+    p = track.last_contact
+    body = int(p[0])
+    R, o = motion.rotation[body], motion.origin[body]
+    cx = o[0] + R[0, 0] * p[1] + R[0, 1] * p[2] + R[0, 2] * p[3]
+    cy = o[1] + R[1, 0] * p[1] + R[1, 1] * p[2] + R[1, 2] * p[3]
+    cz = o[2] + R[2, 0] * p[1] + R[2, 1] * p[2] + R[2, 2] * p[3]
+    t = tangents(p[4], p[5], p[6])
+    C = sensors.base_covariance
+    track.moment_covariance[:] = 0.0
+    for k in range(3):
+        u = _moment_row(R, t, 1 if k < 2 else 0, cx, cy, cz)
+        v = _moment_row(R, t, 1 if k < 1 else 0, cx, cy, cz)
+        total = 0.0
+        for i in range(6):
+            for j in range(6):
+                total += u[i] * C[i, j] * v[j]
+        track.moment_covariance[k] = total if k != 1 else -total
+
+
+@kernel
+def _moment_row(
+    R: np.ndarray,
+    t: tuple[float, float, float, float, float, float],
+    axis: int,
+    cx: float,
+    cy: float,
+    cz: float,
+) -> tuple[float, float, float, float, float, float]:
+    """Row u with u . (f, m) = tangent . (m - c x f); tangent 0 or 1 of `tangents`, in base axes."""
+    x, y, z = (t[0], t[1], t[2]) if axis == 0 else (t[3], t[4], t[5])
+    tx = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z
+    ty = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z
+    tz = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z
+    return cy * tz - cz * ty, cz * tx - cx * tz, cx * ty - cy * tx, tx, ty, tz
+
+
+@kernel
+def _position_distance(track: ContactTrack, i: int, j: int) -> float:
+    """Distance between the positions of two windows, in the unit of `AGREE`; the noise is that of the less
+    precise one."""
+    normal_force = track.window_point[j, 2]
+    if not normal_force < 0.0 or not track.window_point[i, 2] < 0.0:
+        return 0.5 * (AGREE + DISAGREE)  # no force into the surface: the position is undefined
+    weight = max(
+        track.variance_ratio[j] / (normal_force * normal_force),
+        track.variance_ratio[i] / (track.window_point[i, 2] * track.window_point[i, 2]),
+    )
+    xx = weight * track.moment_covariance[0] + POSITION_TOLERANCE * POSITION_TOLERANCE
+    xy = weight * track.moment_covariance[1]
+    yy = weight * track.moment_covariance[2] + POSITION_TOLERANCE * POSITION_TOLERANCE
+    dx, dy = (
+        track.window_point[i, 0] - track.window_point[j, 0],
+        track.window_point[i, 1] - track.window_point[j, 1],
+    )
+    squared_distance = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
+    return float(0.5 * (squared_distance - 2.0))
+
+
+@kernel
+def _torque_distance(sensors: SensorModel, track: ContactTrack, i: int, j: int) -> float:
+    """Distance between the torques of two windows, in the unit of `AGREE`."""
+    n = sensors.torque_variance.shape[0]
+    index = 6 * (n + 1) + n
+    squared_distance = 0.0
+    for k in range(n):
+        d = track.mean[i, index + k] - track.mean[j, index + k]
+        squared_distance += d * d / (sensors.torque_variance[k] * track.variance_ratio[j])
+    return float((squared_distance - n) / math.sqrt(2.0 * n))
+
+
+@kernel
+def update_phase(track: ContactTrack, slid: bool, dt: float, bandwidth: float) -> None:
+    """Update the phase of the current contact; `slid`: result of `choose_window`."""
+    scalars = track.scalars
+    time_constant = 1.0 / (2.0 * math.pi * bandwidth)
+    if scalars[PHASE] == NONE:
+        scalars[PHASE] = NEW
+        scalars[NUMBER] += 1.0
+        scalars[AGE] = 0.0
+        scalars[TIME_SINCE_SLIDE] = 0.0
+        return
+    scalars[AGE] += dt
+    scalars[TIME_SINCE_SLIDE] = 0.0 if slid else scalars[TIME_SINCE_SLIDE] + dt
+    if scalars[AGE] < NEW_TIME_CONSTANTS * time_constant:
+        return
+    if scalars[PHASE] == NEW:
+        scalars[PHASE] = HOLD
+    if slid:
+        scalars[PHASE] = SLIDE
+    elif scalars[PHASE] == SLIDE and scalars[TIME_SINCE_SLIDE] >= HOLD_TIME_CONSTANTS * time_constant:
+        scalars[PHASE] = HOLD

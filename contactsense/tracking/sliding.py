@@ -1,0 +1,68 @@
+"""Extrapolate a sliding contact: window means lag behind it.
+
+The point of each window is where the contact was at the mean age of its content. From two windows with
+different points follows the velocity; the newer point plus the velocity times its age is where a contact with
+constant velocity is now.
+"""
+
+import numpy as np
+
+from contactsense.kinematics.model import Motion
+from contactsense.robots.jit.kernel import kernel
+from contactsense.tracking.contact_tracker import PHASE, SLIDE, WINDOW, WINDOWS, ContactTrack, tangents
+
+_MIN_AGE_RATIO = 0.5
+"""The age difference of the two windows must be at least this fraction of the newer one's age."""
+_MAX_SHIFT = 0.01
+"""Largest shift of a point; above, nothing is shifted [m]."""
+
+
+@kernel
+def extrapolate_sliding(track: ContactTrack, motion: Motion, body: int, row: np.ndarray) -> None:
+    """Shift the point of a candidate to the present position of a sliding contact.
+
+    Args:
+        track: After `contactsense.tracking.contact_tracker.choose_window` and `update_phase` for this sample.
+        motion: Poses.
+        body: Index of the candidate's body; on another body than before the velocity is unknown.
+        row: The candidate, see `contactsense.runtime.result_rows`; its point is changed in place.
+    """
+    i = int(track.scalars[WINDOW])
+    if track.scalars[PHASE] != SLIDE or int(track.last_contact[0]) != body or i + 1 >= WINDOWS:
+        return
+    age_difference = track.age[i + 1] - track.age[i]
+    normal_force = track.window_point[i, 2]
+    if (
+        age_difference < _MIN_AGE_RATIO * track.age[i]
+        or not normal_force < 0.0
+        or not track.window_point[i + 1, 2] < 0.0
+    ):
+        return
+    lead = track.age[i] / age_difference
+    a = lead * (track.window_point[i, 0] - track.window_point[i + 1, 0])
+    b = lead * (track.window_point[i, 1] - track.window_point[i + 1, 1])
+    squared_distance = a * a + b * b
+    noise = (
+        lead
+        * lead
+        * track.variance_ratio[i]
+        * (track.moment_covariance[0] + track.moment_covariance[2])
+        / (normal_force * normal_force)
+    )
+    if not 0.0 < squared_distance < _MAX_SHIFT * _MAX_SHIFT:
+        return
+    # Shrinkage by the noise (W. James, C. Stein, 1961).
+    weight = max(0.0, 1.0 - noise / squared_distance)
+    p = track.last_contact
+    t = tangents(p[4], p[5], p[6])
+    R = motion.rotation[body]
+    for k in range(3):
+        row[4 + k] += weight * (a * t[k] + b * t[3 + k])
+    for k in range(3):
+        step = 0.0
+        for m in range(3):
+            step += R[k, m] * (a * t[m] + b * t[3 + m])
+        row[7 + k] += weight * step
+    # The shift is as uncertain as the velocity.
+    for k in range(3):
+        row[16 + 4 * k] += 0.5 * min(noise, squared_distance)

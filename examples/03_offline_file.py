@@ -1,0 +1,61 @@
+"""What touched the arm, from a recording. Run it: python examples/03_offline_file.py [RECORDING SCENE.yaml]
+
+A recording is a CSV or Parquet file with one row per sample: `timestamp`, `actual_q_0..5`, `actual_qd_0..5`,
+`joint_torque_0..5` (or the RTDE columns that the scene names) and `base_wrench_0..5`. Without arguments a
+simulated recording is made first.
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from contactsense import Contact, Localizer, Sample, Scene
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.recordings.tables import read, samples_of, table_of, write
+
+
+def report(recording: Path, scene: Scene) -> None:
+    """Print each contact of a recording: when, where, how hard."""
+    localizer = Localizer(scene)
+    begun: dict[int, float] = {}  # number of the contact -> when it began [s]
+    strongest: dict[int, Contact] = {}  # the same -> its estimate under the largest force
+    # `run` starts a new stream and yields one estimate per sample; nothing is kept in memory.
+    for estimate in localizer.run(samples_of(read(recording), scene)):
+        for contact in estimate.contacts[:1]:
+            before = strongest.get(contact.id)
+            if before is None or force(contact) > force(before):
+                strongest[contact.id] = contact
+        for event in estimate.events:
+            if event.kind == "onset":
+                begun[event.contact] = event.t
+            elif event.kind == "release":
+                best = strongest[event.contact]
+                print(
+                    f"{begun[event.contact]:7.3f} to {event.t:7.3f} s  {best.link:10} "
+                    f"{force(best):5.1f} N at {np.round(best.point, 3)} m in the link's frame"
+                )
+
+
+def force(contact: Contact) -> float:
+    """Magnitude of the contact force [N]."""
+    return float(np.linalg.norm(contact.force_base))
+
+
+def simulated(path: Path, scene: Scene) -> Path:
+    """Record the simulated arm of the demonstration."""
+    motion = simulate(Script.demo())
+    columns = zip(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench, strict=True)
+    write(path, table_of([Sample(float(t), *rest) for t, *rest in columns], scene))
+    return path
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 3:
+        report(Path(sys.argv[1]), Scene.load(sys.argv[2]))
+    else:
+        example = Scene(robot="ur5e")
+        with tempfile.TemporaryDirectory() as folder:
+            report(simulated(Path(folder) / "demo.parquet", example), example)

@@ -1,0 +1,88 @@
+"""From a link's skin to samples of the signed distance that a union of primitives shall have."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from contactsense.robots.decomposition.least_squares_fit import AT_LEAST, AT_MOST, EQUAL, Target
+from contactsense.robots.decomposition.outer_skin import Skin, Surroundings
+
+_HIDDEN = 0.05
+"""Weight of skin that neighbours always cover, against 1 for skin that can be touched."""
+
+_HIDDEN_AIR = 0.3
+"""The same for the room above it: a primitive that sticks out there is in the way of the neighbour's skin."""
+
+_SEES_OUT = 0.42
+"""Part of all directions that are free from a point that counts as outside; at the mouth of a tube it is a
+half."""
+
+
+class Shape:
+    """Signed distance to a skin, from its samples: exact to second order in their spacing near the skin."""
+
+    def __init__(self, skin: Skin) -> None:
+        self._skin = skin
+        self._tree = cKDTree(skin.points)
+        self._spacing = 2.5 * float(np.sqrt(skin.area / len(skin.points)))
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Signed distance of points to the skin, negative inside, shape (N,) [m]."""
+        far, near = self._nearest(points, 3)
+        offset = points[:, None, :] - self._skin.points[near]
+        height = np.einsum("nkj,nkj->nk", offset, self._skin.normals[near])
+        sign = np.where(height.sum(axis=1) >= 0.0, 1.0, -1.0)
+        # Near the skin the height above the facet, away from it the distance to the sample.
+        on_facet = np.abs(height[:, 0]) > 0.7 * far[:, 0]
+        return np.asarray(np.where(on_facet | (far[:, 0] > self._spacing), sign * far[:, 0], height[:, 0]))
+
+    def exposure(self, points: np.ndarray) -> np.ndarray:
+        """Exposure of the skin nearest to each point, shape (N,)."""
+        return np.asarray(self._skin.exposure[self._nearest(points, 1)[1][:, 0]])
+
+    def _nearest(self, points: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        far, near = self._tree.query(points, k=list(range(1, count + 1)))
+        return np.asarray(far), np.asarray(near)
+
+
+def make_target(skin: Skin, around: Surroundings, count: int, rng: np.random.Generator) -> Target:
+    """Samples on the skin, above it, below it and around it, in random order.
+
+    On the skin the distance is asked to be zero. Above it must not be smaller than it is, else a primitive
+    sticks out, and below not positive, else there is a void whose walls a contact could be put on. Shells are
+    often open where a neighbour is mounted: inside and outside are distinguished there by visibility.
+    """
+    shape = Shape(skin)
+    air = np.maximum(skin.exposure, _HIDDEN_AIR)
+    weight = np.maximum(skin.exposure, _HIDDEN)
+    chosen = rng.choice(len(skin.points), size=min(count, len(skin.points)), replace=False)
+    points, normals = skin.points[chosen], skin.normals[chosen]
+    parts = [(points, np.zeros(len(points)), EQUAL, weight[chosen])]
+    for height in (rng.uniform(0.001, 0.01, len(points)), 10.0 ** rng.uniform(-2.3, -1.2, len(points))):
+        above = points + height[:, None] * normals
+        d = shape.distance(above)
+        keep = d > 0.9 * height
+        parts.append((above[keep], d[keep], AT_LEAST, 0.3 * air[chosen][keep]))
+    for depth in (rng.uniform(0.001, 0.006, len(points)), rng.uniform(0.004, 0.02, len(points))):
+        below = points - depth[:, None] * normals
+        keep = shape.distance(below) < -0.8 * depth
+        wanted = -np.minimum(depth[keep] / 2.0, 0.003)
+        parts.append((below[keep], wanted, AT_MOST, 0.5 * weight[chosen][keep]))
+    low, high = skin.points.min(axis=0) - 0.03, skin.points.max(axis=0) + 0.03
+    places = rng.uniform(low, high, size=(2 * count, 3))
+    d = shape.distance(places)
+    far = np.abs(d) > 0.003
+    places, d = places[far], d[far]
+    outside = (d > 0.0) | (around.freedom(places, rng) > _SEES_OUT)
+    exposed = shape.exposure(places)
+    free = np.maximum(exposed[outside], _HIDDEN_AIR)
+    parts.append((places[outside], np.abs(d[outside]), AT_LEAST, 0.2 * free))
+    exposed = np.maximum(exposed, _HIDDEN)
+    parts.append((places[~outside], np.full((~outside).sum(), -0.001), AT_MOST, 0.2 * exposed[~outside]))
+    order = rng.permutation(sum(len(part[0]) for part in parts))
+    weights = np.concatenate([part[3] for part in parts])[order]
+    return Target(
+        points=np.concatenate([part[0] for part in parts])[order],
+        value=np.concatenate([part[1] for part in parts])[order],
+        mode=np.concatenate([np.full(len(part[0]), part[2], dtype=np.int64) for part in parts])[order],
+        weight=weights / weights.sum(),
+    )

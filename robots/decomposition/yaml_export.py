@@ -1,0 +1,101 @@
+"""Fitted primitives as the text of a `<name>.surface.yaml`."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from contactsense.robots.decomposition.least_squares_fit import Bodies
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere, Vector
+from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED
+
+_TINY = 2e-5
+"""Dimensions of a core below this count as zero [m]."""
+
+
+def primitives(bodies: Bodies) -> tuple[Primitive, ...]:
+    """Bodies as primitives, rounded to hundredths of a millimetre."""
+    return tuple(
+        primitive(int(kind), rotation, origin, size)
+        for kind, rotation, origin, size in zip(*bodies, strict=True)
+    )
+
+
+def primitive(kind: int, rotation: np.ndarray, origin: np.ndarray, size: np.ndarray) -> Primitive:
+    """One body of `contactsense.robots.surface.convex_primitives` as the plainest primitive that describes
+    it."""
+    if kind == REVOLVED:
+        return _revolved(rotation[:, 2], origin, size)
+    if kind == ELLIPSOID:
+        a, b, c = (round(float(value), 5) for value in size[:3])
+        return Ellipsoid(center=_vector(origin), rpy=_rpy(rotation), radii=(a, b, c))
+    ball = round(float(size[3]), 5)
+    x, y, z = (round(max(float(value), 0.0) + ball, 5) for value in size[:3])
+    return Box(center=_vector(origin), rpy=_rpy(rotation), half=(x, y, z), rounding=ball)
+
+
+def _revolved(axis: np.ndarray, origin: np.ndarray, size: np.ndarray) -> Primitive:
+    h, R0, R1, r = (float(value) for value in size[:4])
+    if max(R0, R1) < _TINY:
+        if h < _TINY:
+            return Sphere(center=_vector(origin), radius=round(r, 5))
+        return Capsule(a=_vector(origin - h * axis), b=_vector(origin + h * axis), radius=round(r, 5))
+    if h < _TINY:
+        R0 = R1 = max(R0, R1)
+    slope = (R1 - R0) / (2.0 * h) if R0 != R1 else 0.0
+    grown = r * np.hypot(1.0, slope)
+    # The ball is rounded down, so that it fits into the rounded cone.
+    ball = np.floor((r - 2e-5) * 1e5) / 1e5
+    return Cylinder(
+        a=_vector(origin - (h + r) * axis),
+        b=_vector(origin + (h + r) * axis),
+        radius_a=round(R0 - slope * r + grown, 5),
+        radius_b=round(R1 + slope * r + grown, 5),
+        rounding=round(float(ball), 5),
+    )
+
+
+def _vector(values: Iterable[float]) -> Vector:
+    x, y, z = (round(float(value), 5) + 0.0 for value in values)
+    return x, y, z
+
+
+def _rpy(rotation: np.ndarray) -> Vector:
+    """Roll, pitch, yaw about fixed axes of a rotation matrix [rad]."""
+    pitch = float(np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0])))
+    roll = float(np.arctan2(rotation[2, 1], rotation[2, 2]))
+    yaw = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+    return round(roll, 4) + 0.0, round(pitch, 4) + 0.0, round(yaw, 4) + 0.0
+
+
+def text(
+    robot: str,
+    links: Mapping[str, Mapping[str, Iterable[Primitive]]],
+    comments: Iterable[str],
+    seconds: float,
+) -> str:
+    """The YAML file: comments, then one primitive a line under link and level.
+
+    Args:
+        robot: Name of the robot.
+        links: Link name -> level (`coarse`, `fine`) -> primitives.
+        comments: Lines for the head of the file.
+        seconds: Time that the fit took [s].
+    """
+    lines = [f"# {comment}".rstrip() for comment in comments]
+    lines += [f"robot: {robot}", f"fit_seconds: {seconds:.0f}", "links:"]
+    for link, levels in links.items():
+        lines.append(f"  {link}:")
+        for level, shapes in levels.items():
+            lines.append(f"    {level}:")
+            for shape in shapes:
+                fields = ", ".join(f"{name}: {_plain(value)}" for name, value in shape.model_dump().items())
+                lines.append(f"      - {{{fields}}}")
+    return "\n".join(lines) + "\n"
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_plain(entry) for entry in value) + "]"
+    if isinstance(value, float):
+        return f"{value:.5f}".rstrip("0").rstrip(".") if value else "0"
+    return str(value)

@@ -1,0 +1,1 @@
+"""How all compiled functions of this project are made."""

@@ -1,0 +1,170 @@
+"""How all kernels of this project are compiled, and how their machine code is cached.
+
+Numba caches machine code on disk and checks only the source file of the function itself. But a function's
+machine code also contains the kernels that it calls and the constants that it uses from other files. `kernel`
+extends the check to all of them, so that editing or updating one file never leaves stale code in use.
+"""
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba import njit
+from numba.core.caching import IndexDataCacheFile
+
+_FUSED = frozenset({"contract", "reassoc", "nsz", "arcp"})
+_INLINED = "inlined"
+_ALLOCATING = "allocating"
+_ROOT = str(Path(__file__).parents[2])
+_SOURCES: dict[Any, tuple[Callable[..., Any], frozenset[str]]] = {}
+"""Compiled function -> its source and its compile options."""
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile `function` on first use, with division by zero as in IEEE 754, and cache the machine code on
+    disk.
+
+    Without a writable cache folder, the function is compiled anew in each process. `NUMBA_CACHE_DIR` sets the
+    folder; `NUMBA_DISABLE_JIT=1` leaves plain Python for debugging.
+
+    A kernel cannot allocate: one that would, even for `out[:] = values`, fails to compile (use
+    `contactsense.robots.jit.array_views.copy` for that). Nor can it return arrays, least of all to Python. As
+    nothing has to be released, compiled code does not count references to arrays, which saves a quarter of
+    the time of a sample; the caller keeps the arrays alive.
+    """
+    return _compile(function, frozenset())
+
+
+def inlined_kernel(function: Callable[..., Any]) -> Any:
+    """Like `kernel`, but inlined into each kernel that calls it.
+
+    For functions that take the whole `Constants` and `State`: a call passes each array as seven numbers or
+    more, and with a hundred arrays that takes longer than the work of most functions. An inlined function
+    accesses only the arrays that it uses.
+    """
+    return _compile(function, frozenset({_INLINED}))
+
+
+def fused_kernel(function: Callable[..., Any]) -> Any:
+    """Like `kernel`, but sums may be reordered and multiplications fused into them.
+
+    For statistical estimates, where the last digits do not matter and speed does. Infinities and NaN are
+    still handled correctly.
+    """
+    return _compile(function, _FUSED)
+
+
+def inlined_fused_kernel(function: Callable[..., Any]) -> Any:
+    """`fused_kernel` and `inlined_kernel` combined."""
+    return _compile(function, _FUSED | {_INLINED})
+
+
+def allocating_kernel(function: Callable[..., Any]) -> Any:
+    """Like `kernel`, but may allocate arrays and draw random numbers: for benchmarks and offline work."""
+    return _compile(function, frozenset({_ALLOCATING}))
+
+
+def allocating_fused_kernel(function: Callable[..., Any]) -> Any:
+    """`allocating_kernel` and `fused_kernel` combined."""
+    return _compile(function, _FUSED | {_ALLOCATING})
+
+
+def disable_compilation(compiled: Any) -> None:
+    """Compile no further signatures of a kernel. Calls with arguments of other types then raise a TypeError
+    instead of blocking a stream for a minute."""
+    if hasattr(compiled, "disable_compile"):
+        compiled.disable_compile()
+
+
+def _compile(function: Callable[..., Any], compile_options: frozenset[str]) -> Any:
+    options: dict[str, Any] = {
+        "error_model": "numpy",
+        "fastmath": set(compile_options & _FUSED) or False,
+        "forceinline": _INLINED in compile_options,
+        # Numba's run-time, which allocates and counts references.
+        "_nrt": _ALLOCATING in compile_options,
+    }
+    try:
+        compiled: Any = njit(cache=True, **options)(function)
+    except RuntimeError:
+        return njit(**options)(function)
+    if compiled is function:
+        return compiled
+    _SOURCES[compiled] = function, compile_options
+    # Numba has no public interface to extend the check.
+    index = compiled._cache._cache_file
+    index.__class__ = _Index
+    index.compiled = compiled
+    return compiled
+
+
+class _Index(IndexDataCacheFile):
+    """Numba's index of machine code on disk, with a version that covers everything compiled into the code.
+
+    The version precedes everything else in the file and is compared before the rest is read, which may refer
+    to classes that have moved since. It is computed when the function is first called: by then all functions
+    that it calls are defined.
+    """
+
+    compiled: Any
+
+    @property
+    def _version(self) -> str:
+        dependencies: set[tuple[str, ...]] = set()
+        _dependencies(self.compiled, dependencies, set())
+        stamps = repr([(*item, *_stamp(item)) for item in sorted(dependencies)])
+        return f"{numba.__version__} {hashlib.sha256(stamps.encode()).hexdigest()}"
+
+    @_version.setter
+    def _version(self, numbers: str) -> None:
+        """Numba's own version is part of ours."""
+
+    def _load_index(self) -> Any:
+        """The content of the index; empty if it refers to a class that no longer exists."""
+        try:
+            return super()._load_index()  # type: ignore[no-untyped-call]
+        except (AttributeError, ImportError):
+            return {}
+
+
+def _dependencies(compiled: Any, dependencies: set[tuple[str, ...]], seen: set[Any]) -> None:
+    """Add the source files and constants that are compiled into a function's machine code."""
+    dependencies.add(("file", _relative_path(__file__)))
+    if compiled in seen:
+        return
+    seen.add(compiled)
+    if compiled not in _SOURCES:
+        # Not compiled by `_compile`, such as an overload.
+        if hasattr(compiled, "__code__"):
+            dependencies.add(("file", _relative_path(compiled.__code__.co_filename)))
+        return
+    function, compile_options = _SOURCES[compiled]
+    dependencies.add(("liberties", *sorted(compile_options)))
+    dependencies.add(("file", _relative_path(function.__code__.co_filename)))
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
+        if isinstance(value, int | float | str | tuple):
+            dependencies.add(("constant", name, repr(value)))
+        elif isinstance(value, type):
+            path = getattr(sys.modules[value.__module__], "__file__", None)
+            if path is not None:
+                dependencies.add(("file", _relative_path(path)))
+        elif callable(value):
+            _dependencies(value, dependencies, seen)
+
+
+def _relative_path(path: str) -> str:
+    """Path of a source file; of our own files relative to the package, so that the cache stays valid when the
+    installation is moved."""
+    return os.path.relpath(path, _ROOT) if path.startswith(_ROOT + os.sep) else path
+
+
+def _stamp(item: tuple[str, ...]) -> tuple[float, int]:
+    if item[0] != "file":
+        return 0.0, 0
+    status = os.stat(os.path.join(_ROOT, item[1]))
+    return status.st_mtime, status.st_size

@@ -1,0 +1,87 @@
+"""The kinematics of one real arm, on top of a model's."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from contactsense.robots.robot import Robot
+from contactsense.robots.rotations import rotation_from_rpy
+from contactsense.robots.yaml_schema import RobotError, check, read_yaml
+
+FAR = 0.05
+"""A calibrated joint that is further than this from the model's place is another arm's [m]."""
+
+
+class _Place(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+
+
+class _Calibration(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    kinematics: dict[str, _Place | str]
+
+
+def calibrated(robot: Robot, path: str | Path) -> Robot:
+    """A model with the joint places of one real arm, as UR's driver exports them (`calibration_correction`).
+
+    Masses and surfaces stay the model's; they differ from the real arm's by much less than the joints do.
+
+    Args:
+        robot: The model.
+        path: YAML with `kinematics: {<link>: {x, y, z, roll, pitch, yaw}}`, the joint that carries each link
+            in the link before it [m, rad].
+
+    Raises:
+        RobotError: the file is unusable, a link is missing or unknown, or a joint is so far off that the file
+            must be another arm's.
+    """
+    path = Path(path)
+    places = check(_Calibration, read_yaml(path), path).kinematics
+    given = {name: place for name, place in places.items() if not isinstance(place, str)}
+    names = robot.link_names[1:]
+    for name in given:
+        if name not in names:
+            raise RobotError(
+                f"{path}: kinematics.{name}: {robot.name} has no such link; it has {', '.join(names)}"
+            )
+    joints = []
+    for name, joint in zip(names, robot.joints, strict=True):
+        if name not in given:
+            raise RobotError(f"{path}: kinematics.{name}: missing")
+        place = given[name]
+        translation = np.array([place.x, place.y, place.z])
+        rotation = rotation_from_rpy((place.roll, place.pitch, place.yaw))
+        joints.append(replace(joint, translation=translation, rotation=rotation))
+    _check_near(robot, replace(robot, joints=tuple(joints)), path)
+    return replace(robot, joints=tuple(joints))
+
+
+def _check_near(model: Robot, real: Robot, path: Path) -> None:
+    """Compare joint axes as lines at zero angles: a calibration may slide a joint's frame along its axis by
+    metres
+    where two axes are nearly parallel, without moving the arm."""
+    pose = [np.eye(4), np.eye(4)]
+    for joints in zip(model.joints, real.joints, strict=True):
+        for i, joint in enumerate(joints):
+            step = np.eye(4)
+            step[:3, :3], step[:3, 3] = joint.rotation, joint.translation
+            pose[i] = pose[i] @ step
+        axis = pose[0][:3, :3] @ joints[0].axis
+        apart = pose[1][:3, 3] - pose[0][:3, 3]
+        off = float(np.linalg.norm(apart - (apart @ axis) * axis))
+        turned = float(np.degrees(np.arccos(np.clip(axis @ pose[1][:3, :3] @ joints[1].axis, -1.0, 1.0))))
+        if off > FAR or turned > 5.0:
+            where = f"{path}: {joints[1].name}"
+            raise RobotError(
+                f"{where}: {off * 1e3:.0f} mm and {turned:.1f} deg off {model.name}: another arm's file?"
+            )

@@ -1,0 +1,38 @@
+"""Where the links are at given joint angles: plain and slow, for pictures and for fitting."""
+
+import numpy as np
+
+from contactsense.robots.robot import Joint, Robot
+
+
+def joint_pose(joint: Joint, angle: float) -> np.ndarray:
+    """Pose (4, 4) of the link that a joint carries, in the link before it.
+
+    Args:
+        joint: The joint.
+        angle: Its angle [rad].
+    """
+    x, y, z = joint.axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = joint.rotation @ turn, joint.translation
+    return pose
+
+
+def link_poses(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Poses of all links in the base frame, shape (links, 4, 4).
+
+    Args:
+        robot: The arm.
+        q: Joint angles, shape (n,) [rad].
+
+    Raises:
+        ValueError: not one angle for each joint.
+    """
+    if np.shape(q) != (len(robot.joints),):
+        raise ValueError(f"{robot.name} has {len(robot.joints)} joints, got {np.size(q)} angles")
+    poses = [np.eye(4)]
+    for joint, angle in zip(robot.joints, q, strict=True):
+        poses.append(poses[-1] @ joint_pose(joint, float(angle)))
+    return np.array(poses)

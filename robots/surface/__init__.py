@@ -1,0 +1,1 @@
+"""Compiled geometry of link surfaces: convex primitives, their union, signed-distance grids."""

@@ -1,0 +1,161 @@
+"""Signed-distance grids of the links' skin: corrections of some tenths of a millimetre to the primitives.
+
+The grids are built once from the meshes on the user's machine, stored in a file and memory-mapped; about one
+second and one megabyte per link. `contactsense.robots.decomposition.grid_builder` builds them and is not
+needed to use them.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.yaml_schema import RobotError
+
+BAND = 0.02
+"""Distances are clipped to this range on both sides [m]; the skin is searched from points near it."""
+
+_FORMAT = 1
+
+
+class Grids(NamedTuple):
+    """Grids of all links of a robot, in one array of values."""
+
+    values: np.ndarray
+    """Signed distance at the nodes, negative inside, x slowest, link after link, float32 [m]."""
+    start: np.ndarray
+    """Index of the first node of each link, and the total at the end, shape (links + 1,), int64; a link may
+    have no nodes."""
+    shape: np.ndarray
+    """Nodes of each link along x, y, z, shape (links, 3), int64."""
+    low: np.ndarray
+    """First node of each link, link frame, shape (links, 3) [m]."""
+    cell: float
+    """Spacing of the nodes [m]."""
+
+
+@kernel
+def sample(values, start, shape, low, cell, link, x, y, z):  # type: ignore[no-untyped-def]
+    """Signed distance to the skin of a link and its gradient, trilinear between nodes.
+
+    Args:
+        values, start, shape, low, cell: Fields of `Grids`.
+        link: Number of the link.
+        x, y, z: Point, link frame [m].
+
+    Returns:
+        Distance (inf outside of the grid) [m], and its three derivatives.
+    """
+    fx, fy, fz = (x - low[link, 0]) / cell, (y - low[link, 1]) / cell, (z - low[link, 2]) / cell
+    nx, ny, nz = shape[link, 0], shape[link, 1], shape[link, 2]
+    if not (0.0 <= fx < nx - 1 and 0.0 <= fy < ny - 1 and 0.0 <= fz < nz - 1):
+        return np.inf, 0.0, 0.0, 0.0
+    i, j, k = int(fx), int(fy), int(fz)
+    u, v, w = fx - i, fy - j, fz - k
+    at = start[link] + (i * ny + j) * nz + k
+    row, plane = nz, ny * nz
+    a, b = float(values[at]), float(values[at + 1])
+    c, d = float(values[at + row]), float(values[at + row + 1])
+    e, f = float(values[at + plane]), float(values[at + plane + 1])
+    g, h = float(values[at + plane + row]), float(values[at + plane + row + 1])
+    ab, cd, ef, gh = a + w * (b - a), c + w * (d - c), e + w * (f - e), g + w * (h - g)
+    near, far = ab + v * (cd - ab), ef + v * (gh - ef)
+    across = (1.0 - u) * (cd - ab) + u * (gh - ef)
+    up = (1.0 - u) * ((1.0 - v) * (b - a) + v * (d - c)) + u * ((1.0 - v) * (f - e) + v * (h - g))
+    return near + u * (far - near), (far - near) / cell, across / cell, up / cell
+
+
+@kernel
+def project_to_skin(values, start, shape, low, cell, link, x, y, z, steps):  # type: ignore[no-untyped-def]
+    """Move a point near the skin onto it.
+
+    Args:
+        values, start, shape, low, cell: Fields of `Grids`.
+        link: Index of the link.
+        x, y, z: Point, link frame [m].
+        steps: Newton steps along the gradient; three are enough from a few millimetres.
+
+    Returns:
+        Remaining distance (inf without skin nearby) [m], the point (3 floats) [m], and the outward unit
+        normal there (3 floats), link frame.
+    """
+    d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
+    for _ in range(steps):
+        square = gx * gx + gy * gy + gz * gz
+        # The gradient vanishes where distances are clipped and at a medial surface.
+        if not (d < 0.9 * BAND and d > -0.9 * BAND and square > 0.1):
+            return np.inf, x, y, z, 0.0, 0.0, 0.0
+        x, y, z = x - d * gx / square, y - d * gy / square, z - d * gz / square
+        d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
+    norm = np.sqrt(gx * gx + gy * gy + gz * gz)
+    if not (norm > 0.3 and d < 0.9 * BAND and d > -0.9 * BAND):
+        return np.inf, x, y, z, 0.0, 0.0, 0.0
+    return d, x, y, z, gx / norm, gy / norm, gz / norm
+
+
+@kernel
+def intersect_skin(values, start, shape, low, cell, link, x, y, z, dx, dy, dz, steps):  # type: ignore[no-untyped-def]
+    """Move a point near the skin onto it along a given line, such as the line of action of a contact force.
+
+    A contact found on a primitive slightly off the skin is moved to where its line of action meets the skin:
+    the moment c x f is the same at every point of that line.
+
+    Args:
+        values, start, shape, low, cell: Fields of `Grids`.
+        link: Index of the link.
+        x, y, z: Point, link frame [m].
+        dx, dy, dz: Direction of the line, either sign, any length but zero, link frame.
+        steps: Newton steps along the line; four are enough from a few millimetres.
+
+    Returns:
+        As `project_to_skin`; nothing is found where the line is nearly tangent to the skin.
+    """
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    dx, dy, dz = dx / length, dy / length, dz / length
+    d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
+    for _ in range(steps):
+        slope = gx * dx + gy * dy + gz * dz
+        if not (d < 0.9 * BAND and d > -0.9 * BAND and (slope > 0.2 or slope < -0.2)):
+            return np.inf, x, y, z, 0.0, 0.0, 0.0
+        step = min(max(-d / slope, -0.5 * BAND), 0.5 * BAND)
+        x, y, z = x + step * dx, y + step * dy, z + step * dz
+        d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
+    norm = np.sqrt(gx * gx + gy * gy + gz * gz)
+    if not (norm > 0.3 and d < 0.1 * BAND and d > -0.1 * BAND):
+        return np.inf, x, y, z, 0.0, 0.0, 0.0
+    return d, x, y, z, gx / norm, gy / norm, gz / norm
+
+
+def write(grids: Grids, path: Path) -> None:
+    """Write grids as two files: `path` with the nodes, and the same with `.head.npz`.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    head = path.with_suffix(".head.npz")
+    np.savez(head, format=_FORMAT, start=grids.start, shape=grids.shape, low=grids.low, cell=grids.cell)
+    # The nodes last, and by an atomic rename: readers never find a partial file.
+    part = path.with_suffix(".part.npy")
+    np.save(part, grids.values.astype(np.float32))
+    part.replace(path)
+
+
+def read(path: Path) -> Grids:
+    """Read grids written by `write`; the nodes are memory-mapped.
+
+    Raises:
+        RobotError: the files are missing, damaged, or of another version.
+    """
+    try:
+        with np.load(path.with_suffix(".head.npz")) as head:
+            if int(head["format"]) != _FORMAT:
+                raise RobotError(f"{path}: written by another version; delete it to rebuild it")
+            start, shape, low, cell = head["start"], head["shape"], head["low"], float(head["cell"])
+        values = np.load(path, mmap_mode="r")
+    except (OSError, ValueError, KeyError) as error:
+        raise RobotError(f"{path}: no readable grid: {error}") from error
+    if values.shape != (start[-1],):
+        raise RobotError(f"{path}: damaged: {len(values)} nodes, expected {start[-1]}; delete it")
+    return Grids(values, start, shape, low, cell)

@@ -1,0 +1,217 @@
+"""Schema of a robot's YAML files, validated field by field, and the `Robot` built from them.
+
+Two files an arm: `<name>.yaml` with kinematics, inertia and limits, and `<name>.surface.yaml` with the convex
+primitives of each link, which `contactsense decompose` writes.
+"""
+
+from collections import Counter
+from dataclasses import replace
+from math import inf, radians
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+
+from contactsense.robots.primitives import Primitive, Vector
+from contactsense.robots.robot import Inertia, Joint, Link, Robot
+from contactsense.robots.rotations import rotation_from_rpy
+
+Tensor = tuple[float, float, float, float, float, float]
+Entry = TypeVar("Entry", bound=BaseModel)
+Rotor = Annotated[float, Field(ge=0.0)]
+
+
+class RobotError(ValueError):
+    """A description of a robot that cannot be used: the message names the file, the element, the fault."""
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class LinkEntry(_Entry):
+    """One link: `tensor` as ixx, ixy, ixz, iyy, iyz, izz about the com, in axes turned by `rpy`."""
+
+    name: str
+    mass: PositiveFloat
+    com: Vector
+    rpy: Vector = (0.0, 0.0, 0.0)
+    tensor: Tensor
+
+    @model_validator(mode="after")
+    def _is_a_body(self) -> "LinkEntry":
+        """Principal moments of real bodies are positive and no one exceeds the sum of the others."""
+        moments = np.linalg.eigvalsh(symmetric(self.tensor))
+        if moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6):
+            raise ValueError(f"tensor: no real body has principal moments {moments.tolist()} kg m^2")
+        return self
+
+    def inertia(self) -> Inertia:
+        """Mass distribution in the link frame."""
+        turn = rotation_from_rpy(self.rpy)
+        return Inertia(self.mass, np.array(self.com), turn @ symmetric(self.tensor) @ turn.T)
+
+
+class JointEntry(_Entry):
+    """One revolute joint: its frame in the link before it; limits in degrees, degrees per second and Nm."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=True)
+
+    name: str
+    xyz: Vector
+    rpy: Vector
+    axis: Vector = (0.0, 0.0, 1.0)
+    position_limits: tuple[float, float] = (-inf, inf)
+    velocity_limit: PositiveFloat
+    torque_limit: PositiveFloat
+    rotor_inertia: Rotor | None = None
+    torque_constant: PositiveFloat | None = None
+
+    @model_validator(mode="after")
+    def _has_range(self) -> "JointEntry":
+        low, high = self.position_limits
+        if not low < high:
+            raise ValueError(f"position_limits: expected the lower first, got {low}, {high}")
+        return self
+
+    def joint(self) -> Joint:
+        """The joint, in SI units."""
+        low, high = self.position_limits
+        return Joint(
+            name=self.name,
+            rotation=rotation_from_rpy(self.rpy),
+            translation=np.array(self.xyz),
+            axis=np.array(self.axis) / np.linalg.norm(self.axis),
+            position_limits=(radians(low), radians(high)),
+            velocity_limit=radians(self.velocity_limit),
+            torque_limit=self.torque_limit,
+            rotor_inertia=self.rotor_inertia or 0.0,
+            torque_constant=self.torque_constant,
+        )
+
+
+class FrameEntry(_Entry):
+    """A frame in another: origin and roll, pitch, yaw about fixed axes."""
+
+    xyz: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
+
+
+class RobotEntry(_Entry):
+    """`<name>.yaml`: links from the base outward, and the joints between them."""
+
+    name: str
+    maker: str = ""
+    links: tuple[LinkEntry, ...] = Field(min_length=2)
+    joints: tuple[JointEntry, ...]
+    flange: FrameEntry = FrameEntry()
+
+    @model_validator(mode="after")
+    def _is_a_chain(self) -> "RobotEntry":
+        if len(self.links) != len(self.joints) + 1:
+            raise ValueError(f"{len(self.joints)} joints need one link more, got {len(self.links)}")
+        for entries in (self.links, self.joints):
+            name, times = Counter(entry.name for entry in entries).most_common(1)[0]
+            if times > 1:
+                raise ValueError(f"{name}: the name is given {times} times")
+        return self
+
+
+class LinkSurface(_Entry):
+    """The surface of one link at two levels of detail."""
+
+    fine: tuple[Primitive, ...] = Field(min_length=1)
+    coarse: tuple[Primitive, ...] = Field(min_length=1)
+
+
+class SurfaceEntry(_Entry):
+    """`<name>.surface.yaml`: primitives by link."""
+
+    robot: str
+    fit_seconds: float = 0.0
+    """How long the fit took on the machine that made it [s]."""
+    links: dict[str, LinkSurface]
+
+
+def symmetric(tensor: Tensor) -> np.ndarray:
+    """Matrix (3, 3) of ixx, ixy, ixz, iyy, iyz, izz."""
+    xx, xy, xz, yy, yz, zz = tensor
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def read_yaml(path: Path) -> Any:
+    """What a YAML file says.
+
+    Raises:
+        RobotError: the file cannot be read, or is no YAML.
+    """
+    try:
+        with path.open(encoding="utf-8") as stream:
+            return yaml.load(stream, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except OSError as error:
+        raise RobotError(f"{path}: {error.strerror}") from error
+    except yaml.YAMLError as error:
+        raise RobotError(f"{path}: no valid YAML: {' '.join(str(error).split())}") from error
+
+
+def check(entry: type[Entry], content: Any, path: Path) -> Entry:
+    """Read `content` of the file at `path` as `entry`.
+
+    Raises:
+        RobotError: the first field that is wrong, with the file's name.
+    """
+    try:
+        return entry.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "file"
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise RobotError(f"{path}: {place}: {first['msg']}{more}") from error
+
+
+def robot(path: Path) -> Robot:
+    """Read a robot from `<name>.yaml`, with its surface where `<name>.surface.yaml` lies beside it.
+
+    Raises:
+        RobotError: a file is missing or wrong.
+    """
+    entry = check(RobotEntry, read_yaml(path), path)
+    bare = Robot(
+        name=entry.name,
+        links=tuple(Link(link.name, link.inertia()) for link in entry.links),
+        joints=tuple(joint.joint() for joint in entry.joints),
+        flange_rotation=rotation_from_rpy(entry.flange.rpy),
+        flange_translation=np.array(entry.flange.xyz),
+    )
+    beside = path.with_suffix(".surface.yaml")
+    return with_surface(bare, beside) if beside.exists() else bare
+
+
+def with_surface(bare: Robot, path: Path) -> Robot:
+    """A robot with the primitives of a `.surface.yaml`; links that it does not name get none.
+
+    Raises:
+        RobotError: the file is missing or wrong, or names a link that the robot does not have.
+    """
+    surface = read_surface(path).links
+    for name in surface:
+        if name not in bare.link_names:
+            raise RobotError(f"{path}: links.{name}: {bare.name} has no such link")
+    links = (
+        replace(link, primitives=surface[link.name].fine, coarse=surface[link.name].coarse)
+        if link.name in surface
+        else link
+        for link in bare.links
+    )
+    return replace(bare, links=tuple(links))
+
+
+def read_surface(path: Path) -> SurfaceEntry:
+    """What a `.surface.yaml` says.
+
+    Raises:
+        RobotError: the file is missing or wrong.
+    """
+    return check(SurfaceEntry, read_yaml(path), path)

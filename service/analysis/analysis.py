@@ -1,0 +1,208 @@
+"""`analyze`: what touched the arm in a recording."""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from contactsense import BlockEstimates, Localizer, SampleBlock
+from contactsense.runtime.block_runner import MAX_BLOCK
+from contactsense.scene import Scene
+from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.contact_summary import ContactSummary
+from contactsense.service.analysis.contact_table import contact_table
+from contactsense.service.analysis.force_limits import ForceLimits
+from contactsense.service.analysis.residual_statistics import ResidualStatistics, ResidualSummary
+from contactsense.service.analysis.sample_table import sample_table
+from contactsense.service.analysis.smoothing import ContactSmoother
+from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.recordings import Recording, read
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """What touched the arm in one recording, and how well the model fits it."""
+
+    scene: Scene
+    """The scene it was analysed with."""
+    recording: str
+    """The file."""
+    samples: int
+    """Number of samples."""
+    start: float
+    """Time of the first sample on the robot's clock [s]."""
+    duration: float
+    """From the first sample to the last [s]."""
+    gaps: int
+    """Places where time is missing."""
+    problems: tuple[str, ...]
+    """What is wrong with the file, a sentence each."""
+    contacts: tuple[ContactSummary, ...]
+    """The contacts, in the order in which they began."""
+    residuals: ResidualSummary
+    """Residuals and their noise."""
+    limits: ForceLimits | None = None
+    """The limits that forces are compared with."""
+    estimates: pa.Table | None = None
+    """Estimates and residuals of every sample, where they were asked for, see
+    `contactsense.service.analysis.sample_table.sample_table`."""
+
+    def __repr__(self) -> str:
+        return (
+            f"<analysis of {self.recording}: {self.samples} samples, {self.duration:.1f} s, "
+            f"{len(self.contacts)} contacts>"
+        )
+
+    def to_arrow(self) -> pa.Table:
+        """The contacts as an Arrow table, see `contactsense.service.analysis.contact_table.SCHEMA`."""
+        return contact_table(self.contacts)
+
+    def to_pandas(self) -> Any:
+        """The contacts as a pandas table; needs pandas."""
+        return self.to_arrow().to_pandas()
+
+    def plot(self) -> Any:
+        """The timeline of forces as a Matplotlib figure."""
+        from contactsense.service.drawing.timeline_figure import timeline_figure
+
+        return timeline_figure(self)
+
+
+def analyze(
+    recording: Recording | str | Path,
+    scene: Scene,
+    *,
+    estimates: bool = False,
+    limits: ForceLimits | None = None,
+    smooth: bool = True,
+    progress: Callable[[int], None] | None = None,
+    localizer: Localizer | None = None,
+) -> Analysis:
+    """Find the contacts of a recording.
+
+    Args:
+        recording: The recording, or its file.
+        scene: The arm in its place.
+        estimates: Keep the estimates and residuals of every sample, some 400 bytes each.
+        limits: Limits to compare forces with.
+        smooth: Decide link and place of each contact from all of its samples together.
+        progress: Called with the number of samples done since it was last called.
+        localizer: One of the same scene to use again.
+
+    Raises:
+        RecordingError: the file cannot be read or lacks a column.
+    """
+    if not isinstance(recording, Recording):
+        recording = read(recording, scene)
+    tables: list[pa.Table] = []
+
+    def keep(table: pa.Table) -> None:
+        tables.append(table)
+
+    run = AnalysisRun(scene, localizer, smooth)
+    contacts = tuple(run.contacts(recording, keep if estimates else None, progress))
+    return Analysis(
+        scene=scene,
+        recording=recording.name,
+        samples=len(recording),
+        start=float(recording.t[0]) if len(recording) else 0.0,
+        duration=recording.seconds,
+        gaps=len(recording.gaps),
+        problems=tuple(str(problem) for problem in recording.problems),
+        contacts=contacts,
+        residuals=run.residuals.summary(),
+        limits=limits,
+        estimates=pa.concat_tables(tables) if tables else None,
+    )
+
+
+class AnalysisRun:
+    """One way through a recording; keeps the localizer for the next one."""
+
+    residuals: ResidualStatistics
+    """Of the recording that was last gone through."""
+    biases: tuple[np.ndarray, np.ndarray]
+    """What the localizer took for the biases of base wrench (6,) and joint torques (n,) at its end."""
+
+    def __init__(self, scene: Scene, localizer: Localizer | None = None, smooth: bool = True) -> None:
+        """Prepare for `scene`."""
+        self.localizer = localizer or Localizer(scene)
+        self._scene = scene
+        self._summarizer = Summarizer(scene)
+        self._smooth = smooth
+        self._smoother: ContactSmoother | None = None
+
+    def contacts(
+        self,
+        recording: Recording,
+        keep: Callable[[pa.Table], None] | None = None,
+        progress: Callable[[int], None] | None = None,
+        *,
+        cuts: Sequence[int] | None = None,
+        statistics: ResidualStatistics | None = None,
+        own: tuple[int, int] | None = None,
+    ) -> Iterator[ContactSummary]:
+        """The contacts of a recording, each when it has ended.
+
+        Args:
+            recording: The recording.
+            keep: Given the tables of all samples.
+            progress: Given the number of samples done since the last time.
+            cuts: Where blocks end, all samples from 0 to N.
+            statistics: Takes in the residuals instead of `residuals`.
+            own: Samples of which residuals are taken in, whole blocks; after them only a contact that is on
+                is followed.
+        """
+        name, joints = recording.name, len(self._scene.robot.joints)
+        span = (float(recording.t[0]), float(recording.t[-1])) if len(recording) else (0.0, 0.0)
+        self.residuals = statistics or ResidualStatistics(*span, joints)
+        first, last = own or (0, len(recording))
+        collector = ContactCollector()
+        at = 0
+        for block, found in self._blocks(recording, cuts):
+            rows = recording.rows[at : at + len(found)]
+            if first <= at < last:
+                self.residuals.add(found)
+                self.biases = self.localizer.biases
+            at += len(found)
+            if keep is not None:
+                keep(sample_table(rows, found, self._scene))
+            for history in collector.add(rows, block, found):
+                yield self._finish(history, name)
+            if progress is not None:
+                progress(len(found))
+            if at >= last and at > first and not collector.is_open:
+                break
+        for history in collector.end():
+            yield self._finish(history, name)
+
+    def _blocks(
+        self, recording: Recording, cuts: Sequence[int] | None
+    ) -> Iterator[tuple[SampleBlock, BlockEstimates]]:
+        """Each block with what is found in it."""
+        taken: deque[SampleBlock] = deque()
+
+        def blocks() -> Iterator[SampleBlock]:
+            at = 0
+            for block in recording.sample_blocks(MAX_BLOCK):
+                inside = [cut - at for cut in cuts or () if at < cut < at + len(block)]
+                for a, b in pairwise([0, *inside, len(block)]):
+                    taken.append(block[a:b])
+                    yield taken[-1]
+                at += len(block)
+
+        for found in self.localizer.run_blocks(blocks()):
+            yield taken.popleft(), found
+
+    def _finish(self, history: ContactHistory, name: str) -> ContactSummary:
+        contact = self._summarizer.summarize(history, name)
+        if not self._smooth:
+            return contact
+        self._smoother = self._smoother or ContactSmoother(self._scene)
+        smoothed = self._smoother.smooth(history)
+        return contact if smoothed is None else self._summarizer.with_place(contact, history, smoothed)

@@ -1,0 +1,42 @@
+"""What an analysis takes for granted, in words."""
+
+from contactsense.scene import Scene
+
+
+def assumptions(scene: Scene) -> list[str]:
+    """What the scene says, a sentence each."""
+    mounting = scene.mounting if isinstance(scene.mounting, str) else f"rpy {scene.mounting} rad"
+    found = [
+        f"Robot {scene.robot.name}, mounting {mounting}, gravity {scene.gravity:g} m/s².",
+        f"Tool: {scene.tool.name if scene.tool is not None else 'none'}.",
+    ]
+    base, torque = scene.base_wrench, scene.joint_torque
+    if base is None:
+        found.append("No sensor under the base: places are known only as far as joint torques tell them.")
+    else:
+        found.append(
+            f"Base sensor: white noise of {base.force_noise:g} N and {base.moment_noise:g} Nm per sample."
+        )
+    if torque is None:
+        found.append("Joint torques are not used.")
+    else:
+        found.append(f"Joint torques: signal {torque.signal}, white noise of {_numbers(torque.noise)} Nm.")
+    most = "one contact" if scene.contacts == 1 else f"up to {scene.contacts} contacts"
+    found += [
+        f"Contacts push on the surface; friction coefficient {scene.friction:g}; forces of about "
+        f"{scene.force:g} N are usual; torsion of about {1e3 * scene.torsion:g} mm times the normal force.",
+        f"Surface: detail {scene.detail}, off the real one by {1e3 * scene.surface_deviation:g} mm (standard "
+        "deviation).",
+        f"At most {most} at a time.",
+        f"Forces are low-passed at {scene.bandwidth:g} Hz: shorter impacts appear smaller and longer.",
+        f"False alarms from noise alone: {scene.false_alarms_per_hour:g} per hour.",
+    ]
+    if scene.touchable is not None:
+        found.append(f"Only these links can be touched: {', '.join(scene.touchable)}.")
+    return found
+
+
+def _numbers(value: object) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(f"{x:g}" for x in value)
+    return f"{value:g}"

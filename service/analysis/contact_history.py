@@ -1,0 +1,193 @@
+"""The samples of a contact that is on, until it ends."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactsense import BlockEstimates, SampleBlock
+from contactsense.runtime.result_rows import FORCE
+from contactsense.sensors.stream_state import REPEATED, RESTARTED, UNUSABLE
+from contactsense.tracking.contact_tracker import NONE
+
+MAX_SAMPLES = 30_000
+"""A history that grows longer keeps every other sample, so that memory is bounded."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactHistory:
+    """N samples of one contact, of which K have an explanation."""
+
+    contact: int
+    """Number of the contact."""
+    row: np.ndarray
+    """Row of each sample in the file, shape (N,), int64."""
+    block: SampleBlock
+    """The samples."""
+    phase: np.ndarray
+    """Phase in each, shape (N,), int64."""
+    energy: np.ndarray
+    """Energy of "nothing touches", shape (N,)."""
+    base_wrench: np.ndarray
+    """External base wrench, low-passed, shape (N, 6) [N, Nm]."""
+    base_wrench_std: np.ndarray
+    """Standard deviation, shape (N, 6)."""
+    joint_torque: np.ndarray
+    """External joint torques, low-passed, shape (N, n) [Nm]."""
+    joint_torque_std: np.ndarray
+    """Standard deviation, shape (N, n)."""
+    sample: np.ndarray
+    """Sample of each explanation, shape (K,), int64."""
+    rows: np.ndarray
+    """Explanations, see `contactsense.runtime.result_rows`, shape (K, WIDTH)."""
+    link_probability: np.ndarray
+    """Probability of each link, shape (K, links)."""
+    complete: bool
+    """Whether the contact ended within the recording."""
+
+    @property
+    def force(self) -> np.ndarray:
+        """Size of the force in each explanation [N], shape (K,)."""
+        return np.asarray(np.linalg.norm(self.rows[:, FORCE], axis=1))
+
+    @property
+    def t(self) -> np.ndarray:
+        """Times of the samples [s], shape (N,)."""
+        return self.block.t
+
+
+class ContactCollector:
+    """Cuts a stream of blocks into contacts."""
+
+    def __init__(self) -> None:
+        """No contact is on."""
+        self._open: list[ContactHistory] = []
+        self._count = 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a contact is on."""
+        return bool(self._open)
+
+    def add(self, rows: np.ndarray, block: SampleBlock, found: BlockEstimates) -> Iterator[ContactHistory]:
+        """Take in a block; gives the contacts that have ended in it.
+
+        Args:
+            rows: Rows of the file, shape (N,).
+            block: The samples.
+            found: What the localizer says of them.
+        """
+        used = (found.flags & (REPEATED | UNUSABLE)) == 0
+        on = (found.phase != NONE) & used
+        cut = np.flatnonzero(found.flags & RESTARTED).tolist()
+        # A contact lasts while the phase is not "none"; samples that were not used do not end it.
+        known = np.flatnonzero(used)
+        edges = np.flatnonzero(np.diff(on[known].astype(np.int8)) != 0) + 1
+        starts = sorted({0, *known[edges].tolist(), *cut})
+        for first, last in zip(starts, [*starts[1:], len(found)], strict=True):
+            here = np.flatnonzero(on[first:last]) + first
+            if first in cut or not (len(here) or not used[first:last].any()):
+                yield from self._end(True)
+            if len(here):
+                self._take(here, rows, block, found)
+
+    def end(self) -> Iterator[ContactHistory]:
+        """The recording is over; gives the contact that is still on."""
+        yield from self._end(False)
+
+    def _take(self, here: np.ndarray, rows: np.ndarray, block: SampleBlock, found: BlockEstimates) -> None:
+        inside = np.flatnonzero((found.sample >= here[0]) & (found.sample <= here[-1]))
+        if len(inside):
+            strongest = np.linalg.norm(found.rows[inside][:, FORCE], axis=1)
+            # Of contacts that act at the same time a sample is listed once for each: the strongest counts.
+            order = np.lexsort((-strongest, found.sample[inside]))
+            _, once = np.unique(found.sample[inside][order], return_index=True)
+            inside = inside[order][once]
+        self._open.append(
+            ContactHistory(
+                contact=self._count + 1,
+                row=rows[here],
+                block=_at(block, here),
+                phase=found.phase[here],
+                energy=found.energy[here],
+                base_wrench=found.base_wrench[here],
+                base_wrench_std=found.base_wrench_std[here],
+                joint_torque=found.joint_torque[here],
+                joint_torque_std=found.joint_torque_std[here],
+                sample=np.searchsorted(here, found.sample[inside]),
+                rows=found.rows[inside],
+                link_probability=found.link_probability[inside],
+                complete=False,
+            )
+        )
+        if sum(len(part.row) for part in self._open) > MAX_SAMPLES:
+            self._open = [_thin(_join(self._open, False))]
+
+    def _end(self, complete: bool) -> Iterator[ContactHistory]:
+        if self._open:
+            self._count += 1
+            yield _join(self._open, complete)
+            self._open = []
+
+
+def _at(block: SampleBlock, rows: np.ndarray) -> SampleBlock:
+    sensors = (
+        None if value is None else value[rows]
+        for value in (block.joint_torque, block.base_wrench, block.wrist_wrench)
+    )
+    return SampleBlock(block.t[rows], block.q[rows], block.qd[rows], *sensors)
+
+
+def _join(parts: list[ContactHistory], complete: bool) -> ContactHistory:
+    offsets = np.concatenate(([0], np.cumsum([len(part.row) for part in parts])))
+
+    def stack(name: str) -> np.ndarray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    def sensor(name: str) -> np.ndarray | None:
+        values = [getattr(part.block, name) for part in parts]
+        return None if values[0] is None else np.concatenate(values)
+
+    return ContactHistory(
+        contact=parts[0].contact,
+        row=stack("row"),
+        block=SampleBlock(
+            np.concatenate([part.block.t for part in parts]),
+            np.concatenate([part.block.q for part in parts]),
+            np.concatenate([part.block.qd for part in parts]),
+            sensor("joint_torque"),
+            sensor("base_wrench"),
+            sensor("wrist_wrench"),
+        ),
+        phase=stack("phase"),
+        energy=stack("energy"),
+        base_wrench=stack("base_wrench"),
+        base_wrench_std=stack("base_wrench_std"),
+        joint_torque=stack("joint_torque"),
+        joint_torque_std=stack("joint_torque_std"),
+        sample=np.concatenate([part.sample + offsets[i] for i, part in enumerate(parts)]),
+        rows=stack("rows"),
+        link_probability=stack("link_probability"),
+        complete=complete,
+    )
+
+
+def _thin(history: ContactHistory) -> ContactHistory:
+    """Every other sample."""
+    kept = np.arange(0, len(history.row), 2)
+    explained = np.flatnonzero(history.sample % 2 == 0)
+    return ContactHistory(
+        contact=history.contact,
+        row=history.row[kept],
+        block=_at(history.block, kept),
+        phase=history.phase[kept],
+        energy=history.energy[kept],
+        base_wrench=history.base_wrench[kept],
+        base_wrench_std=history.base_wrench_std[kept],
+        joint_torque=history.joint_torque[kept],
+        joint_torque_std=history.joint_torque_std[kept],
+        sample=history.sample[explained] // 2,
+        rows=history.rows[explained],
+        link_probability=history.link_probability[explained],
+        complete=history.complete,
+    )

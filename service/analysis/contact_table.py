@@ -1,0 +1,100 @@
+"""Contacts as a table: Parquet for programs, CSV for people."""
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pa_parquet
+
+from contactsense.service.analysis.contact_summary import ContactSummary
+
+_AXES = ("x", "y", "z")
+_PAIRS = (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2))
+SCHEMA = pa.schema(
+    [
+        ("recording", pa.string()),
+        ("row", pa.int64()),
+        ("row_end", pa.int64()),
+        ("contact", pa.int64()),
+        ("begin", pa.float64()),
+        ("duration", pa.float64()),
+        ("complete", pa.bool_()),
+        ("link", pa.string()),
+        ("link_index", pa.int64()),
+        ("probability", pa.float64()),
+        ("link_probability", pa.list_(pa.float64())),
+        *[(f"point_{a}", pa.float64()) for a in _AXES],
+        *[(f"point_base_{a}", pa.float64()) for a in _AXES],
+        *[(f"normal_base_{a}", pa.float64()) for a in _AXES],
+        *[(f"covariance_{name}", pa.float64()) for name, _, _ in _PAIRS],
+        *[(f"force_base_{a}", pa.float64()) for a in _AXES],
+        ("peak_force", pa.float64()),
+        ("peak_time", pa.float64()),
+        ("transient_force", pa.float64()),
+        ("quasi_static_force", pa.float64()),
+        ("impulse", pa.float64()),
+        ("torsion", pa.float64()),
+        ("speed", pa.float64()),
+        ("slides", pa.bool_()),
+        ("energy", pa.float64()),
+        ("q", pa.list_(pa.float64())),
+        ("smoothed", pa.bool_()),
+    ]
+)
+"""Columns of the table of contacts; units and frames as in
+`contactsense.service.analysis.contact_summary.ContactSummary`."""
+
+
+def contact_rows(contacts: Iterable[ContactSummary]) -> list[dict[str, Any]]:
+    """One dictionary per contact, with the columns of `SCHEMA`; numbers that are not known are None."""
+    rows = [_row(contact) for contact in contacts]
+    return [{name: None if isinstance(x, float) and x != x else x for name, x in row.items()} for row in rows]
+
+
+def contact_table(contacts: Iterable[ContactSummary]) -> pa.Table:
+    """One row per contact, with the columns of `SCHEMA`."""
+    return pa.Table.from_pylist([_row(contact) for contact in contacts], schema=SCHEMA)
+
+
+def write_contacts(table: pa.Table, folder: Path) -> None:
+    """Write `contacts.parquet` and `contacts.csv`; files that are there already are replaced at once."""
+    replace_parquet(table, folder / "contacts.parquet")
+    flat = table
+    for name in ("link_probability", "q"):
+        texts = [" ".join(f"{x:.6g}" for x in values) for values in table[name].to_pylist()]
+        index = flat.schema.get_field_index(name)
+        flat = flat.set_column(index, name, pa.array(texts, pa.string()))
+    replace(folder / "contacts.csv", lambda path: pa_csv.write_csv(flat, path))
+
+
+def replace_parquet(table: pa.Table, path: Path) -> None:
+    """Write a table as Parquet; a file that is there already is replaced at once."""
+    replace(path, lambda temporary: pa_parquet.write_table(table, temporary, compression="zstd"))
+
+
+def replace(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write(temporary)` make a file, then move it to its name: no reader sees half a file."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        write(temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _row(contact: ContactSummary) -> dict[str, object]:
+    plain = (
+        "recording", "row", "row_end", "contact", "begin", "duration", "complete", "link", "link_index",
+        "probability", "peak_force", "peak_time", "transient_force", "quasi_static_force", "impulse",
+        "torsion", "speed", "slides", "energy", "smoothed",
+    )  # fmt: skip
+    row: dict[str, object] = {name: getattr(contact, name) for name in plain}
+    for name in ("point", "point_base", "normal_base", "force_base"):
+        row |= {f"{name}_{a}": float(x) for a, x in zip(_AXES, getattr(contact, name), strict=True)}
+    row |= {f"covariance_{name}": float(contact.covariance[i, k]) for name, i, k in _PAIRS}
+    row["link_probability"] = contact.link_probability.tolist()
+    row["q"] = contact.q.tolist()
+    return row

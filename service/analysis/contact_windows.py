@@ -1,0 +1,68 @@
+"""The measurements of one contact, cut into windows: what each sensor felt on average, without its low-pass.
+
+The observer's residual r follows the external part x by dr/dt = K (x - r). So the mean of x over a window of
+length T is mean(r) + (r(end) - r(begin)) / (K T), and the white noise of one sample is divided by the samples
+of the window: windows are independent of each other, which residuals of neighbouring samples are not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactsense.service.analysis.contact_history import ContactHistory
+
+SHORTEST = 0.02
+"""Windows are at least so long [s]."""
+MOST = 48
+"""Windows of a contact, where the arm does not move too fast for so few."""
+LARGEST_TURN = 0.05
+"""No joint turns farther within a window [rad]."""
+LIMIT = 400
+"""Most windows, however the arm moves."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactWindows:
+    """W windows of one contact."""
+
+    t: np.ndarray
+    """Middle of each [s], shape (W,)."""
+    samples: np.ndarray
+    """Samples in each, shape (W,)."""
+    q: np.ndarray
+    """Joint positions in the middle [rad], shape (W, n)."""
+    base_wrench: np.ndarray
+    """Mean external base wrench, base axes, base origin [N, Nm], shape (W, 6)."""
+    joint_torque: np.ndarray
+    """Mean external torque about each joint [Nm], shape (W, n)."""
+
+
+def contact_windows(history: ContactHistory, bandwidth: float) -> ContactWindows | None:
+    """Cut a contact into windows; None where it is too short for one.
+
+    Args:
+        history: The contact.
+        bandwidth: Cut-off of the observers [Hz].
+    """
+    t = history.t
+    duration = float(t[-1] - t[0])
+    if len(t) < 4 or duration < SHORTEST:
+        return None
+    fastest = float(np.max(np.abs(history.block.qd), initial=0.0))
+    length = min(duration / MOST, LARGEST_TURN / max(fastest, 1e-9))
+    length = max(length, SHORTEST, duration / LIMIT)
+    count = max(int(duration / length), 1)
+    edges = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], count + 1)))
+    # Time within a step is not split, and a window needs a begin and an end.
+    edges = edges[np.concatenate(([True], np.diff(edges) >= 1))]
+    begin, end = edges[:-1], edges[1:]
+    whole = t[end] - t[begin]
+    K = 2.0 * np.pi * bandwidth
+    means = []
+    for r in (history.base_wrench, history.joint_torque):
+        steps = np.diff(t)[:, None] * 0.5 * (r[1:] + r[:-1])
+        total = np.concatenate((np.zeros((1, r.shape[1])), np.cumsum(steps, axis=0)))
+        means.append(((total[end] - total[begin]) + (r[end] - r[begin]) / K) / whole[:, None])
+    middle = 0.5 * (t[begin] + t[end])
+    q = np.column_stack([np.interp(middle, t, column) for column in history.block.q.T])
+    return ContactWindows(middle, (end - begin).astype(np.float64), q, means[0], means[1])

@@ -1,0 +1,1 @@
+"""Many recordings of many robots: in segments, on many processes, resumable."""

@@ -1,0 +1,113 @@
+"""The work on one segment: a function of its arguments that writes its results once."""
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from contactsense import Localizer
+from contactsense.scene import Scene
+from contactsense.service.analysis.analysis import AnalysisRun
+from contactsense.service.analysis.contact_table import contact_table, replace, replace_parquet
+from contactsense.service.analysis.fleet.segments import Segment
+from contactsense.service.analysis.residual_statistics import ResidualStatistics
+from contactsense.service.recordings import Recording, RecordingError, read
+
+HANDOVER = 1.0
+"""A contact that begins so shortly after a segment's end is kept by both: which of them saw it first is
+decided when all are put together [s]."""
+
+
+@dataclass(frozen=True)
+class SegmentTask:
+    """What a worker needs."""
+
+    segment: Segment
+    """The segment."""
+    scene: str
+    """Path of the scene file."""
+    parts: str
+    """Folder of the results of all segments."""
+
+
+def part_path(task: SegmentTask) -> Path:
+    """The file that tells that a segment is done."""
+    segment = task.segment
+    return Path(task.parts) / f"{segment.key}-{segment.index:05d}.json"
+
+
+def run_segment(task: SegmentTask) -> dict[str, Any]:
+    """Analyse a segment, unless that has been done; returns what its JSON file says.
+
+    A recording that cannot be read is a result as well: `problem` says why.
+    """
+    path = part_path(task)
+    if path.exists():
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    segment = task.segment
+    try:
+        recording = read(segment.file.path, _scene(task.scene), first=segment.begin, last=segment.end)
+        result, table = _analyze(recording, segment, _run(task.scene))
+    except RecordingError as error:
+        result, table = {"problem": str(error)}, contact_table([])
+    result |= {
+        "name": segment.file.name,
+        "robot": segment.file.robot,
+        "date": segment.file.date,
+        "index": segment.index,
+        "segments": segment.count,
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # The JSON file comes last: where it is, the table is complete.
+    replace_parquet(table, path.with_suffix(".parquet"))
+    replace(path, lambda temporary: temporary.write_text(json.dumps(result), encoding="utf-8"))
+    return result
+
+
+@lru_cache(maxsize=1)
+def _scene(path: str) -> Scene:
+    return Scene.load(path)
+
+
+@lru_cache(maxsize=1)
+def _run(path: str) -> AnalysisRun:
+    """One localizer for all segments of a worker."""
+    return AnalysisRun(_scene(path), Localizer(_scene(path)))
+
+
+def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[dict[str, Any], pa.Table]:
+    """Statistics and contacts of the rows that are the segment's own."""
+    rows, t = recording.rows, recording.t
+    first = int(np.searchsorted(rows, segment.first))
+    last = len(rows) if segment.last is None else int(np.searchsorted(rows, segment.last))
+    if last <= first:
+        raise RecordingError(f"{recording.name}: expected samples from row {segment.first} on, got none")
+    own = (float(t[first]), float(t[last - 1]))
+    statistics = ResidualStatistics(*own, recording.q.shape[1])
+    contacts = [
+        contact
+        for contact in run.contacts(recording, cuts=(first, last), statistics=statistics, own=(first, last))
+        if segment.first <= contact.row and (segment.last is None or contact.begin < own[1] + HANDOVER)
+    ]
+    found = statistics.summary()
+    base, torque = run.biases
+    result = {
+        "begin": own[0],
+        "end": own[1],
+        "samples": last - first,
+        "problems": [str(problem) for problem in recording.problems],
+        "free": found.free,
+        "touched": found.touched,
+        "degraded": found.degraded,
+        "base_ratio": found.base_ratio.tolist(),
+        "joint_ratio": found.joint_ratio.tolist(),
+        "base_bias": base.tolist(),
+        "joint_bias": torque.tolist(),
+    }
+    table = contact_table(contacts)
+    names = pa.array([segment.file.name] * table.num_rows, pa.string())
+    return result, table.set_column(0, "recording", names)

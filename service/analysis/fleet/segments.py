@@ -1,0 +1,133 @@
+"""Recordings of a dataset, and the segments in which they are analysed.
+
+Where a recording is cut depends on the recording alone, never on who works on it: any number of workers, and
+any run that was interrupted and resumed, gives the same contacts. Each segment is read from some time before
+its begin, so that biases and observers have settled, and to some time after its end, so that a contact that
+is on then is seen to its end.
+"""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+
+SEGMENT_TIME = 600.0
+"""Length of a segment [s]."""
+WARM_UP = 60.0
+"""Time before a segment from which on it is read [s]: six times the memory of the bias filter."""
+TAIL = 60.0
+"""Time after a segment up to which a contact is followed [s]."""
+SUFFIXES = (".parquet", ".csv", ".csv.gz")
+
+
+@dataclass(frozen=True)
+class RecordingFile:
+    """One recording of a dataset."""
+
+    path: Path
+    """Where it is."""
+    name: str
+    """Its path within the dataset."""
+    robot: str
+    """Which robot, from a folder `robot=NAME`; empty without one."""
+    date: str
+    """When, from a folder `date=YYYY-MM-DD`; empty without one."""
+
+    @property
+    def key(self) -> str:
+        """A name for its results: of this path, size and time of change."""
+        status = self.path.stat()
+        text = f"{self.name} {status.st_size} {status.st_mtime_ns}"
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Rows of one recording that are analysed as one task."""
+
+    file: RecordingFile
+    """The recording."""
+    key: str
+    """Its key."""
+    index: int
+    """Number of the segment in the recording."""
+    count: int
+    """Number of segments of the recording."""
+    first: int
+    """Its first row."""
+    last: int | None
+    """Row after its last; None: to the end."""
+    begin: int
+    """Row from which on it is read."""
+    end: int | None
+    """Row up to which it is read; None: to the end."""
+
+
+def find_recordings(paths: tuple[Path, ...]) -> list[RecordingFile]:
+    """All recordings among files and below folders, in the order of their names.
+
+    Raises:
+        FileNotFoundError: a path does not exist, or there is no recording; the message names it.
+    """
+    found = []
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(p for p in path.rglob("*") if p.is_file() and p.name.endswith(SUFFIXES))
+            found += [_file(p, p.relative_to(path)) for p in inside if not p.name.startswith(".")]
+        elif path.exists():
+            found.append(_file(path, Path(path.name)))
+        else:
+            raise FileNotFoundError(f"{path}: expected a recording or a folder of recordings, found nothing")
+    if not found:
+        raise FileNotFoundError(
+            f"{', '.join(map(str, paths))}: expected recordings ({', '.join(SUFFIXES)}), found none"
+        )
+    return found
+
+
+def segments(file: RecordingFile, length: float = SEGMENT_TIME) -> Iterator[Segment]:
+    """The segments of a recording; a CSV file is one segment.
+
+    Args:
+        file: The recording.
+        length: Length of a segment [s].
+    """
+    rows, rate = _rows_and_rate(file.path) if file.path.suffix == ".parquet" else (0, 0.0)
+    size = max(round(length * rate), 1)
+    if rate <= 0.0 or rows <= 1.5 * size:
+        yield Segment(file, file.key, 0, 1, 0, None, 0, None)
+        return
+    count, key = -(-rows // size), file.key
+    for index in range(count):
+        first, last = index * size, (index + 1) * size
+        yield Segment(
+            file,
+            key,
+            index,
+            count,
+            first,
+            last if last < rows else None,
+            max(first - round(WARM_UP * rate), 0),
+            last + round(TAIL * rate) if last < rows else None,
+        )
+
+
+def _rows_and_rate(path: Path) -> tuple[int, float]:
+    """Number of rows of a Parquet file, and how many there are in a second; (0, 0) where it cannot be told:
+    reading it will say why."""
+    try:
+        file = pa_parquet.ParquetFile(path)
+        rows = file.metadata.num_rows
+        times = file.read_row_group(0, columns=["timestamp"])["timestamp"].to_numpy()
+        span = float(times[-1] - times[0])
+    except (OSError, pa.ArrowException, KeyError, IndexError):
+        return 0, 0.0
+    return rows, (len(times) - 1) / span if span > 0.0 else 0.0
+
+
+def _file(path: Path, name: Path) -> RecordingFile:
+    keys = dict(part.split("=", 1) for part in name.parts[:-1] if "=" in part)
+    return RecordingFile(path.resolve(), name.as_posix(), keys.get("robot", ""), keys.get("date", ""))

@@ -1,0 +1,143 @@
+"""Tasks on worker processes that may die: a task whose worker died is given to another one.
+
+`run_tasks` is all that the rest sees: one process, several on this machine, or a Dask cluster.
+"""
+
+import multiprocessing
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+MOST_DEATHS = 3
+"""A task during which so many workers have died is given up."""
+
+
+class WorkerPoolError(RuntimeError):
+    """The work cannot be done; the message says why."""
+
+
+def run_tasks(
+    function: Callable[[Any], Any], tasks: Sequence[Any], workers: int = 1, scheduler: str | None = None
+) -> Iterator[tuple[Any, Any]]:
+    """Results of `function(task)` as (task, result), in the order in which they come.
+
+    Args:
+        function: At the top level of a module, so that other processes can import it.
+        tasks: Picklable arguments.
+        workers: Processes on this machine; 1: this one.
+        scheduler: Address of a Dask scheduler, which is used instead.
+
+    A task that failed gives an exception as its result.
+
+    Raises:
+        WorkerPoolError: Dask is not installed or its scheduler does not answer.
+    """
+    if scheduler is not None:
+        yield from _on_dask(function, tasks, scheduler)
+    elif workers <= 1 or len(tasks) <= 1:
+        for task in tasks:
+            yield task, _outcome(function, task)
+    else:
+        yield from _on_processes(function, tasks, min(workers, len(tasks)))
+
+
+def _outcome(function: Callable[[Any], Any], task: Any) -> Any:
+    """The result, or the exception that came instead."""
+    try:
+        return function(task)
+    except Exception as error:
+        return error
+
+
+class _Worker:
+    """One process, and the task it works on."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, other = context.Pipe()
+        self.process = context.Process(target=_serve, args=(other, function), daemon=True)
+        self.process.start()
+        other.close()
+        self.task: int | None = None
+
+    def give(self, number: int, task: Any) -> bool:
+        """Hand a task over; False where the worker is gone."""
+        try:
+            self.pipe.send(task)
+        except OSError:
+            return False
+        self.task = number
+        return True
+
+    def stop(self) -> None:
+        """End the process."""
+        self.pipe.close()
+        self.process.terminate()
+        self.process.join()
+
+
+def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
+    """The life of a worker process."""
+    while True:
+        try:
+            task = pipe.recv()
+        except (EOFError, OSError):
+            return
+        pipe.send(_outcome(function, task))
+
+
+def _on_processes(
+    function: Callable[[Any], Any], tasks: Sequence[Any], count: int
+) -> Iterator[tuple[Any, Any]]:
+    waiting, deaths = deque(range(len(tasks))), [0] * len(tasks)
+    workers = [_Worker(function) for _ in range(count)]
+    try:
+        while True:
+            for i in range(count):
+                while workers[i].task is None and waiting:
+                    if workers[i].give(waiting[0], tasks[waiting[0]]):
+                        waiting.popleft()
+                    else:
+                        workers[i].stop()
+                        workers[i] = _Worker(function)
+            busy = {worker.pipe: i for i, worker in enumerate(workers) if worker.task is not None}
+            if not busy:
+                return
+            for pipe in wait(list(busy)):
+                i = busy[pipe]  # type: ignore[index]
+                number = workers[i].task
+                assert number is not None
+                try:
+                    result = workers[i].pipe.recv()
+                except (EOFError, OSError):
+                    workers[i].stop()
+                    workers[i] = _Worker(function)
+                    deaths[number] += 1
+                    if deaths[number] < MOST_DEATHS:
+                        waiting.append(number)
+                        continue
+                    result = WorkerPoolError(f"{MOST_DEATHS} worker processes died over this task")
+                workers[i].task = None
+                yield tasks[number], result
+    finally:
+        for worker in workers:
+            worker.stop()
+
+
+def _on_dask(
+    function: Callable[[Any], Any], tasks: Sequence[Any], scheduler: str
+) -> Iterator[tuple[Any, Any]]:
+    try:
+        from distributed import Client, as_completed
+    except ImportError:
+        raise WorkerPoolError("--scheduler needs Dask: pip install contactsense[fleet]") from None
+    try:
+        client = Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TimeoutError) as error:
+        raise WorkerPoolError(f"{scheduler}: cannot reach the Dask scheduler: {error}") from None
+    with client:
+        futures = {client.submit(function, task, pure=False, retries=MOST_DEATHS): task for task in tasks}
+        for future in as_completed(list(futures)):  # type: ignore[no-untyped-call]
+            failure = future.exception()
+            yield futures[future], future.result() if failure is None else failure

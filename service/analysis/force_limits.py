@@ -1,0 +1,82 @@
+"""Forces against limits that the user brings. No norm's table is shipped, and this is no conformity test."""
+
+from pathlib import Path
+from typing import Any, Self
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+
+from contactsense.scene import describe
+from contactsense.service.analysis.contact_summary import ContactSummary
+
+DISCLAIMER = (
+    "Forces are estimates from sensors of the arm; pressure is not measured. This is no conformity test."
+)
+
+
+class LimitsError(ValueError):
+    """A file of limits that cannot be used: the message names the file, the field, what was expected."""
+
+
+class RegionLimit(BaseModel):
+    """Limits for one region of the body."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    name: str
+    """The region, such as `hand`."""
+    quasi_static: PositiveFloat
+    """Largest force that lasts [N]."""
+    transient: PositiveFloat
+    """Largest force of the first half second [N]."""
+
+
+class ForceLimits(BaseModel):
+    """Limits by region of the body, and where they come from."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    provenance: str = Field(min_length=1)
+    """Where the limits come from; printed with every result."""
+    regions: tuple[RegionLimit, ...] = Field(min_length=1)
+    """The regions."""
+
+    @model_validator(mode="after")
+    def _has_distinct_names(self) -> Self:
+        names = [region.name for region in self.regions]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"regions: expected distinct names, got {twice[0]!r} twice")
+        return self
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read limits from a YAML file.
+
+        Raises:
+            LimitsError: the file is missing, is no YAML, or a field is wrong; the message names it.
+        """
+        try:
+            content: Any = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise LimitsError(f"{path}: cannot read the limits: {error.strerror}") from None
+        except yaml.YAMLError as error:
+            raise LimitsError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+        if not isinstance(content, dict):
+            raise LimitsError(f"{path}: expected provenance and regions, got {type(content).__name__}")
+        try:
+            return cls(**content)
+        except ValidationError as error:
+            raise LimitsError(f"{path}: {describe(error)}") from None
+
+    def exceeded(self, contact: ContactSummary) -> list[str]:
+        """Regions whose limits the contact exceeds, a phrase each."""
+        found = []
+        for region in self.regions:
+            for kind, force, limit in (
+                ("transient", contact.transient_force, region.transient),
+                ("quasi-static", contact.quasi_static_force, region.quasi_static),
+            ):
+                if force > limit:
+                    found.append(f"{region.name}: {force:.1f} N above {limit:g} N ({kind})")
+        return found

@@ -1,0 +1,50 @@
+"""What a recording says of model and sensors."""
+
+import numpy as np
+
+from contactsense.service.analysis.analysis import Analysis
+
+TOO_LARGE = 1.3
+"""Residuals larger than this many standard deviations tell that model or noise are wrong."""
+_COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+_SENSORS = ("base_wrench", "joint_torque", "wrist_wrench")
+
+
+def health(analysis: Analysis) -> list[tuple[bool, str]]:
+    """Findings as (is it well, sentence)."""
+    found, scene = analysis.residuals, analysis.scene
+    findings = [(False, problem) for problem in analysis.problems]
+    count = max(analysis.samples, 1)
+    if analysis.gaps:
+        findings.append((False, f"Time is missing in {analysis.gaps} places."))
+    for i, name in enumerate(_SENSORS):
+        if getattr(scene, name) is not None and found.missing[i]:
+            findings.append(
+                (False, f"{name} was missing in {_share(found.missing[i], count)} of the samples.")
+            )
+    if found.degraded:
+        findings.append(
+            (
+                found.degraded < 0.05 * count,
+                f"Estimates were degraded in {_share(found.degraded, count)} of the samples: a sensor was "
+                "missing, invalid or inconsistent, or the observers settled.",
+            )
+        )
+    groups: list[tuple[str, tuple[str, ...], np.ndarray]] = []
+    if scene.base_wrench is not None:
+        groups.append(("base_wrench", _COMPONENTS, found.base_ratio))
+    if scene.joint_torque is not None:
+        groups.append(("joint_torque", tuple(joint.name for joint in scene.robot.joints), found.joint_ratio))
+    if found.free == 0:
+        findings.append((False, "No sample is free of contact: model and noise cannot be checked."))
+        return findings
+    for name, parts, ratio in groups:
+        text = ", ".join(f"{part} {x:.2f}" for part, x in zip(parts, ratio, strict=True))
+        well = bool(np.all(ratio <= TOO_LARGE))
+        advice = "" if well else " Calibrate on contact-free motion, or state more noise."
+        findings.append((well, f"{name}: residuals without contact in standard deviations: {text}.{advice}"))
+    return findings
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{100.0 * part / whole:.2g} %"

@@ -1,0 +1,224 @@
+"""The report on a recording: one HTML file that needs no internet, and the same as Markdown."""
+
+import json
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from contactsense.detection.thresholds import stream_thresholds
+from contactsense.scene import Scene
+from contactsense.service.analysis.analysis import Analysis
+from contactsense.service.analysis.assumptions import assumptions
+from contactsense.service.analysis.contact_summary import ContactSummary
+from contactsense.service.analysis.force_limits import DISCLAIMER
+from contactsense.service.analysis.health import health
+from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, region_outline, view_script
+from contactsense.service.drawing.palette import link_colour
+from contactsense.service.drawing.timeline_svg import Curve, panel
+
+DETAILED = 40
+"""Contacts that are shown one by one: those with the largest force. All are in the table."""
+
+_templates = jinja2.Environment(
+    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+    autoescape=jinja2.select_autoescape(["html.j2"]),
+    trim_blocks=True,
+    lstrip_blocks=True,
+    undefined=jinja2.StrictUndefined,
+)
+
+
+def write_report(analysis: Analysis, folder: Path) -> None:
+    """Write `report.html` and `report.md` into a folder.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    content = _content(analysis)
+    (folder / "report.html").write_text(render("report.html.j2", content), encoding="utf-8")
+    (folder / "report.md").write_text(render("report.md.j2", content), encoding="utf-8")
+
+
+def render(template: str, content: dict[str, Any]) -> str:
+    """One of the templates beside this file, filled in."""
+    return _templates.get_template(template).render(content)
+
+
+def _content(analysis: Analysis) -> dict[str, Any]:
+    """What the templates show."""
+    scene = analysis.scene
+    strongest = sorted(analysis.contacts, key=lambda contact: -contact.peak_force)[:DETAILED]
+    chosen = {contact.contact for contact in strongest}
+    links = sorted({(c.link_index, c.link or "no single place") for c in analysis.contacts})
+    return {
+        "analysis": analysis,
+        "name": Path(analysis.recording).name,
+        "robot": scene.robot.name,
+        "legend": [(link_colour(index), name) for index, name in links],
+        "timeline": _timeline(analysis),
+        "residuals": _residual_panels(analysis),
+        "contacts": [_contact(contact, analysis) for contact in analysis.contacts],
+        "detailed": [_contact(c, analysis) for c in analysis.contacts if c.contact in chosen],
+        "hidden": len(analysis.contacts) - len(chosen),
+        "health": health(analysis),
+        "assumptions": assumptions(scene),
+        "disclaimer": DISCLAIMER,
+        "script": view_script(),
+        "data": json.dumps(_views(analysis, chosen), separators=(",", ":")).replace("</", "<\\/"),
+    }
+
+
+def _contact(contact: ContactSummary, analysis: Analysis) -> dict[str, Any]:
+    """One contact, its numbers as text."""
+    names = analysis.scene.link_names
+    others = [
+        (names[i], float(p))
+        for i, p in enumerate(contact.link_probability)
+        if i != contact.link_index and p >= 0.01
+    ]
+    none = 1.0 - float(np.sum(contact.link_probability))
+    explained = contact.link_index >= 0
+    tangential = _place_deviation(contact) if explained else None
+    texts = [f"{name} ({_percent(p)})" for name, p in sorted(others, key=lambda item: -item[1])]
+    if none >= 0.01:
+        texts.append(f"no single push on a touchable link ({_percent(none)})")
+    return {
+        "number": contact.contact,
+        "begin": f"{contact.begin:.3f}",
+        "duration": f"{contact.duration:.2f}",
+        "link": contact.link or "no single place",
+        "colour": link_colour(contact.link_index),
+        "probability": _percent(contact.probability),
+        "point": ", ".join(f"{1e3 * x:.0f}" for x in contact.point) if explained else "",
+        "point_base": ", ".join(f"{1e3 * x:.0f}" for x in contact.point_base) if explained else "",
+        "deviation": "" if tangential is None else f"{1e3 * tangential:.1f}",
+        "peak_force": f"{contact.peak_force:.1f}",
+        "quasi_static_force": f"{contact.quasi_static_force:.1f}",
+        "transient_force": f"{contact.transient_force:.1f}",
+        "impulse": f"{contact.impulse:.2f}",
+        "torsion": f"{contact.torsion:.3f}",
+        "speed": f"{contact.speed:.2f}",
+        "slides": contact.slides,
+        "complete": contact.complete,
+        "explained": explained,
+        "smoothed": contact.smoothed,
+        "others": texts,
+        "row": contact.row,
+        "exceeded": [] if analysis.limits is None else analysis.limits.exceeded(contact),
+        "curve": panel(
+            [Curve(contact.curve.t, contact.curve.force, link_colour(contact.link_index), filled=True)],
+            (contact.begin, contact.begin + contact.duration),
+            "force / N",
+            f"force of contact {contact.contact}",
+            150,
+        ),
+    }
+
+
+def _place_deviation(contact: ContactSummary) -> float:
+    """Largest standard deviation of the place along the surface [m]."""
+    n = contact.normal_base
+    P = np.eye(3) - np.outer(n, n)
+    return float(np.sqrt(max(np.linalg.eigvalsh(P @ contact.covariance @ P)[-1], 0.0)))
+
+
+def _timeline(analysis: Analysis) -> str:
+    span = (analysis.start, analysis.start + analysis.duration)
+    curves = [
+        Curve(
+            contact.curve.t,
+            contact.curve.force,
+            link_colour(contact.link_index),
+            f"contact {contact.contact}: {contact.link or 'no single place'}, {contact.peak_force:.1f} N",
+            filled=True,
+        )
+        for contact in analysis.contacts
+    ]
+    return panel(curves, span, "force / N", "forces of the contacts over time", 240)
+
+
+def _residual_panels(analysis: Analysis) -> list[tuple[str, str]]:
+    """Residuals beside their noise: heading and picture."""
+    found, scene = analysis.residuals, analysis.scene
+    span = (analysis.start, analysis.start + analysis.duration)
+    threshold = _threshold(scene, analysis)
+    panels = [
+        (
+            'Energy of "nothing touches" (logarithm to base 10), dashed: where a contact begins',
+            panel(
+                [
+                    Curve(found.t, np.log10(1.0 + found.energy), "#37474f", 'energy of "nothing touches"'),
+                    Curve(np.array(span), np.full(2, np.log10(1.0 + threshold)), "#d50000", dashed=True),
+                ],
+                span,
+                "log10(1 + energy)",
+                'energy of "nothing touches"',
+            ),
+        )
+    ]
+    if scene.base_wrench is not None:
+        panels.append(
+            (
+                "External force on the base sensor, dashed: three standard deviations without contact",
+                panel(
+                    [
+                        Curve(found.t, found.base_force, "#1565c0", "external force on the base sensor"),
+                        Curve(found.t, 3.0 * found.base_force_std, "#d50000", dashed=True),
+                    ],
+                    span,
+                    "force / N",
+                    "external force on the base sensor",
+                ),
+            )
+        )
+    if scene.joint_torque is not None:
+        for j, joint in enumerate(scene.robot.joints):
+            panels.append(
+                (
+                    f"External torque about {escape(joint.name)}, dashed: three standard deviations",
+                    panel(
+                        [
+                            Curve(found.t, found.joint_torque[:, j], "#00695c"),
+                            Curve(found.t, 3.0 * found.joint_torque_std[:, j], "#d50000", dashed=True),
+                        ],
+                        span,
+                        "torque / Nm",
+                        f"external torque about {joint.name}",
+                        130,
+                    ),
+                )
+            )
+    return panels
+
+
+def _threshold(scene: Scene, analysis: Analysis) -> float:
+    """Energy at which a contact begins where all sensors of the scene have a value."""
+    joints = len(scene.robot.joints)
+    sensors = (scene.base_wrench, scene.joint_torque, scene.wrist_wrench)
+    chosen = sum(1 << i for i, sensor in enumerate(sensors) if sensor is not None)
+    step = round(1e3 * analysis.duration / max(analysis.samples - 1, 1))
+    return float(stream_thresholds(scene, (6, joints, 6))[chosen, min(max(step, 1), 20) - 1, 0])
+
+
+def _views(analysis: Analysis, chosen: set[int]) -> dict[str, Any]:
+    """The 3D drawings as data."""
+    scene = analysis.scene
+    summarizer = Summarizer(scene)
+    up = -scene.gravity_base / np.linalg.norm(scene.gravity_base)
+    views = {}
+    for contact in analysis.contacts:
+        if contact.contact in chosen:
+            poses = [summarizer.link_pose(contact.q, link) for link in range(len(scene.link_names))]
+            region = None
+            if contact.link_index >= 0:
+                region = region_outline(contact.point_base, contact.normal_base, contact.covariance)
+            views[contact.contact] = arm_view(poses, up, contact.point_base, contact.force_base, region)
+    return {"geometry": arm_geometry(scene) if views else [], "views": views}
+
+
+def _percent(probability: float) -> str:
+    return f"{100.0 * probability:.0f} %" if probability < 0.995 else "> 99 %"

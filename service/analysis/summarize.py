@@ -1,0 +1,179 @@
+"""From the samples of a contact to its summary."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.runtime.result_rows import (
+    COVARIANCE,
+    FORCE,
+    LINK,
+    NORMAL,
+    POINT,
+    POINT_BASE,
+    PROBABILITY,
+    TORSION,
+)
+from contactsense.scene import Scene
+from contactsense.service.analysis.contact_history import ContactHistory
+from contactsense.service.analysis.contact_summary import ContactSummary, ForceCurve
+from contactsense.service.analysis.smoothing import SmoothedContact
+from contactsense.tracking.contact_tracker import SLIDE
+
+TRANSIENT_TIME = 0.5
+"""What lasts longer than this is no transient contact but a quasi-static one [s]."""
+CURVE_POINTS = 400
+"""Most points of a force curve."""
+
+
+class Summarizer:
+    """For the contacts of one scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Prepare the arm's kinematics."""
+        self._scene = scene
+        self._model = build_model(scene.robot)
+        self._motion = empty_motion(len(scene.robot.joints))
+
+    def summarize(self, history: ContactHistory, recording: str) -> ContactSummary:
+        """The contact as the live estimates tell it: the link that most force speaks for, and of its places
+        the most precise one."""
+        t, rows = history.t, history.rows
+        if len(rows) == 0:
+            return self._unexplained(history, recording)
+        force = history.force
+        peak = int(np.argmax(force))
+        share = force**2 @ history.link_probability / np.sum(force**2)
+        link = int(np.argmax(share))
+        on_link = np.flatnonzero(rows[:, LINK] == link)
+        if len(on_link) == 0:
+            on_link = np.arange(len(rows))
+            link = int(rows[peak, LINK])
+        spread = rows[on_link][:, COVARIANCE].reshape(-1, 3, 3).trace(axis1=1, axis2=2)
+        best = rows[on_link[np.argmin(spread)]]
+        at_peak = int(history.sample[peak])
+        here, turn = self.link_pose(history.block.q[at_peak], link)
+        there, turned = self.link_pose(history.block.q[history.sample[on_link[np.argmin(spread)]]], link)
+        relative = turn @ turned.T
+        point_base = here + relative @ (best[POINT_BASE] - there)
+        times, early = t[history.sample], t[history.sample] - t[0] <= TRANSIENT_TIME
+        return ContactSummary(
+            **self._frame(history, recording),
+            link=self._scene.link_names[link],
+            link_index=link,
+            probability=float(best[PROBABILITY]),
+            link_probability=share,
+            point=best[POINT].copy(),
+            point_base=point_base,
+            normal_base=relative @ best[NORMAL],
+            covariance=relative @ best[COVARIANCE].reshape(3, 3) @ relative.T,
+            force_base=rows[peak, FORCE].copy(),
+            peak_force=float(force[peak]),
+            peak_time=float(times[peak]),
+            transient_force=float(np.max(force[early], initial=0.0)),
+            quasi_static_force=float(np.max(force[~early], initial=0.0)),
+            impulse=float(np.trapezoid(force, times)),
+            torsion=float(rows[peak, TORSION]),
+            speed=self.speed(history.block.q[0], history.block.qd[0], link, best[POINT]),
+            q=history.block.q[at_peak].copy(),
+            curve=_thinned(times, force),
+        )
+
+    def with_place(
+        self, contact: ContactSummary, history: ContactHistory, smoothed: SmoothedContact
+    ) -> ContactSummary:
+        """The summary with link and place from all samples of the contact, at the time of the largest
+        force."""
+        best, link = smoothed.best, smoothed.best.link
+        point, normal, covariance = smoothed.at(contact.peak_time)
+        body = min(link, len(contact.q))
+        origin, rotation = self.link_pose(contact.q, body)
+        point_base = origin + rotation @ point
+        frame_origin, frame = self.link_pose(contact.q, link)
+        place = (point_base - frame_origin) @ frame
+        return replace(
+            contact,
+            link=self._scene.link_names[link],
+            link_index=link,
+            probability=float(smoothed.probability[0]),
+            link_probability=smoothed.link_probability,
+            point=place,
+            point_base=point_base,
+            normal_base=rotation @ normal,
+            covariance=rotation @ covariance @ rotation.T,
+            speed=self.speed(history.block.q[0], history.block.qd[0], link, place),
+            slides=best.sliding,
+            smoothed=True,
+        )
+
+    def link_pose(self, q: np.ndarray, link: int) -> tuple[np.ndarray, np.ndarray]:
+        """Origin (3,) [m] and rotation (3, 3) of a link's frame in the base frame."""
+        forward_kinematics(self._model, q, self._motion)
+        body = min(link, len(q))
+        rotation, origin = self._motion.rotation[body].copy(), self._motion.origin[body].copy()
+        if link > len(q):
+            origin = origin + rotation @ self._scene.robot.flange_translation
+            rotation = rotation @ self._scene.robot.flange_rotation
+        return origin, rotation
+
+    def speed(self, q: np.ndarray, qd: np.ndarray, link: int, point: np.ndarray) -> float:
+        """Speed of a point of a link, link frame [m], at positions q [rad] and velocities qd [rad/s]: m/s."""
+        origin, rotation = self.link_pose(q, link)
+        place = origin + rotation @ point
+        below = min(link, len(q))
+        screw = self._motion.screw[:below]
+        return float(np.linalg.norm(qd[:below] @ (screw[:, :3] + np.cross(screw[:, 3:], place))))
+
+    def _frame(self, history: ContactHistory, recording: str) -> dict[str, Any]:
+        """What is known of any contact."""
+        t = history.t
+        return {
+            "recording": recording,
+            "row": int(history.row[0]),
+            "row_end": int(history.row[-1]) + 1,
+            "contact": history.contact,
+            "begin": float(t[0]),
+            "duration": float(t[-1] - t[0]),
+            "complete": history.complete,
+            "slides": bool(np.mean(history.phase == SLIDE) > 0.5),
+            "energy": float(np.max(history.energy)),
+        }
+
+    def _unexplained(self, history: ContactHistory, recording: str) -> ContactSummary:
+        """Something acts on the arm that is no single push on a touchable link."""
+        force = np.linalg.norm(history.base_wrench[:, :3], axis=1)
+        if self._scene.base_wrench is None:
+            force = np.zeros(len(force))
+        peak, nowhere = int(np.argmax(force)), np.full(3, np.nan)
+        early = history.t - history.t[0] <= TRANSIENT_TIME
+        return ContactSummary(
+            **self._frame(history, recording),
+            link="",
+            link_index=-1,
+            probability=0.0,
+            link_probability=np.zeros(len(self._scene.link_names)),
+            point=nowhere,
+            point_base=nowhere,
+            normal_base=nowhere,
+            covariance=np.full((3, 3), np.nan),
+            force_base=history.base_wrench[peak, :3].copy() if force[peak] > 0.0 else nowhere,
+            peak_force=float(force[peak]),
+            peak_time=float(history.t[peak]),
+            transient_force=float(np.max(force[early])),
+            quasi_static_force=float(np.max(force[~early], initial=0.0)),
+            impulse=float(np.trapezoid(force, history.t)),
+            torsion=0.0,
+            speed=0.0,
+            q=history.block.q[peak].copy(),
+            curve=_thinned(history.t, force),
+        )
+
+
+def _thinned(t: np.ndarray, force: np.ndarray) -> ForceCurve:
+    """The largest force of each of at most `CURVE_POINTS` stretches."""
+    size = max(1, -(-len(t) // CURVE_POINTS))
+    starts = np.arange(0, len(t), size)
+    return ForceCurve(t[starts].copy(), np.maximum.reduceat(force, starts))

@@ -1,0 +1,1 @@
+"""HTTP and WebSocket: routes, messages, errors, settings, a client."""

@@ -1,0 +1,169 @@
+"""Who may use the service: by token, by the Host that was asked for, by the Origin of a web page.
+
+A web page in somebody's browser can reach a service on that person's own computer. The Host check stops a
+name that an attacker points at 127.0.0.1 (DNS rebinding), the Origin check stops foreign pages, WebSockets
+included, for which browsers make no exception by themselves.
+"""
+
+import asyncio
+import contextlib
+import hmac
+import ipaddress
+import json
+from dataclasses import dataclass
+from urllib.parse import parse_qs, urlsplit
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+SUBPROTOCOL = "contactsense"
+"""What a WebSocket that brings its token as a subprotocol is answered with."""
+TOKEN_PREFIX = "bearer."
+"""In front of the token, where it comes as a WebSocket subprotocol."""
+OPEN_PATHS = ("/v1/ready", "/docs", "/openapi.json")
+"""What needs no token: whether the service is ready, and the description of the interface."""
+_LINGER = 2.0
+"""Longest time for which a body that nobody wants is thrown away [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class AccessRules:
+    """Who may come in."""
+
+    token: str | None = None
+    """Expected with each request; None: nobody needs one."""
+    hosts: tuple[str, ...] = ()
+    """Names besides localhost under which the service is reached; addresses in numbers always are."""
+    origins: tuple[str, ...] = ()
+    """Web pages besides the service's own that may use it, such as https://panel.example."""
+
+
+class Access:
+    """ASGI middleware: refuses with 400 a foreign Host, with 403 a foreign Origin, with 401 a wrong token."""
+
+    def __init__(self, app: ASGIApp, rules: AccessRules) -> None:
+        self._app = app
+        self._rules = rules
+        self._hosts = {"localhost", *(host.lower() for host in rules.hosts)}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on what may come in."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {
+            name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]
+        }
+        refusal = self._refusal(scope, headers)
+        if refusal is not None:
+            await refuse(scope, receive, send, *refusal)
+            return
+        offered = scope.get("subprotocols", [])
+        await self._app(scope, receive, _choosing(send) if SUBPROTOCOL in offered else send)
+
+    def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str, str] | None:
+        host = headers.get("host", "")
+        if not self._known(host):
+            return (
+                400,
+                "Host",
+                "expected localhost, an address in numbers, or a name given by --allowed-host, got "
+                f"{host!r:.80}",
+            )
+        origin = headers.get("origin")
+        if origin is not None and not self._welcome(origin, host):
+            return (
+                403,
+                "Origin",
+                f"expected a page of this service or one given by --allowed-origin, got {origin!r:.80}",
+            )
+        if self._rules.token is None or scope["path"].startswith(OPEN_PATHS):
+            return None
+        token = _token(scope, headers)
+        if token is None:
+            return 401, "Authorization", "expected Authorization: Bearer and the service's token, got none"
+        if not hmac.compare_digest(token.encode(), self._rules.token.encode()):
+            return 401, "Authorization", "the token is wrong"
+        return None
+
+    def _known(self, host: str) -> bool:
+        name = _hostname(host)
+        return name in self._hosts or _is_address(name)
+
+    def _welcome(self, origin: str, host: str) -> bool:
+        try:
+            own = urlsplit(origin).netloc.lower() == host.lower()
+        except ValueError:
+            return False
+        return own or origin in self._rules.origins
+
+
+async def refuse(
+    scope: Scope, receive: Receive, send: Send, status: int, field: str, reason: str, retry: int | None = None
+) -> None:
+    """Answer a request, or a WebSocket before its handshake, with an error, and close the connection."""
+    body = json.dumps({"errors": [{"field": field, "reason": reason}]}).encode()
+    headers = [
+        (b"content-type", b"application/json"),
+        (b"content-length", str(len(body)).encode()),
+        (b"connection", b"close"),
+    ]
+    if status == 401:
+        headers.append((b"www-authenticate", b"Bearer"))
+    if retry is not None:
+        headers.append((b"retry-after", str(retry).encode()))
+    kind = "http.response"
+    if scope["type"] == "websocket":
+        await receive()
+        if "websocket.http.response" not in scope.get("extensions", {}):
+            await send({"type": "websocket.close", "code": 1008})
+            return
+        kind = "websocket.http.response"
+    await send({"type": f"{kind}.start", "status": status, "headers": headers})
+    if scope["type"] == "http":
+        # Closing at once would reset the connection of a client that is still sending, answer and all.
+        await send({"type": f"{kind}.body", "body": body, "more_body": True})
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_LINGER):
+                while (await receive()).get("more_body"):
+                    pass
+        body = b""
+    await send({"type": f"{kind}.body", "body": body})
+
+
+def _choosing(send: Send) -> Send:
+    """Answers the handshake with our subprotocol: browsers give up where none of theirs is chosen."""
+
+    async def choose(message: Message) -> None:
+        if message["type"] == "websocket.accept" and not message.get("subprotocol"):
+            message = {**message, "subprotocol": SUBPROTOCOL}
+        await send(message)
+
+    return choose
+
+
+def _token(scope: Scope, headers: dict[str, str]) -> str | None:
+    scheme, _, token = headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer" and token:
+        return token.strip()
+    if scope["type"] == "websocket":
+        for name in scope.get("subprotocols", []):
+            if name.startswith(TOKEN_PREFIX):
+                return str(name.removeprefix(TOKEN_PREFIX))
+        found = parse_qs(scope["query_string"].decode("latin-1")).get("token")
+        return found[0] if found else None
+    return None
+
+
+def _hostname(host: str) -> str:
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name.partition("%")[0])
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,86 @@
+"""A client of the service, in a few lines: its health, and its stream of estimates."""
+
+import json
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+from websockets.exceptions import ConnectionClosed, WebSocketException
+from websockets.sync.client import ClientConnection, connect
+
+from contactsense.service.api.messages import EstimateOut, HealthOut, LostOut
+
+SILENCE = 15.0
+"""Longest time without an estimate [s]."""
+
+
+class ClientError(RuntimeError):
+    """The service does not answer."""
+
+
+class Client:
+    """Reads a running service; subscribes to its stream at once, so that nothing is missed."""
+
+    def __init__(self, url: str) -> None:
+        """Connect to the service at `url`, as http://127.0.0.1:8000.
+
+        Raises:
+            ClientError: There is none.
+        """
+        self.url = url
+        """Where the service is."""
+        self.stream_url = url.replace("http", "ws", 1) + "/v1/stream"
+        """Where its stream is."""
+        try:
+            self._open = ExitStack()
+            self._stream: ClientConnection = self._open.enter_context(
+                connect(self.stream_url, compression=None, close_timeout=0.5)
+            )
+        except (OSError, WebSocketException) as error:
+            raise ClientError(f"{self.stream_url} cannot be reached: {error}") from None
+
+    def health(self) -> HealthOut:
+        """How the service fares.
+
+        Raises:
+            ClientError: It does not say.
+        """
+        try:
+            with urllib.request.urlopen(f"{self.url}/v1/health", timeout=SILENCE) as answer:
+                return HealthOut.model_validate_json(answer.read())
+        except (OSError, urllib.error.URLError) as error:
+            raise ClientError(f"{self.url}/v1/health: {error}") from None
+
+    def receive(self) -> str | bytes:
+        """The next message of the stream.
+
+        Raises:
+            ClientError: None for too long, with what the service has to say; or the service has gone.
+        """
+        try:
+            return self._stream.recv(timeout=SILENCE)
+        except TimeoutError:
+            raise ClientError(f"no estimate for {SILENCE:g} s: {self.health().message}") from None
+        except ConnectionClosed as error:
+            raise ClientError(f"the service has gone: {error}") from None
+
+    def stream(self) -> Iterator[EstimateOut | int]:
+        """Estimates as they come, and, as plain numbers, how many were lost on the way.
+
+        Raises:
+            ClientError: As for `receive`.
+        """
+        while True:
+            content = json.loads(self.receive())
+            yield LostOut(**content).lost if "lost" in content else EstimateOut.model_validate(content)
+
+    def close(self) -> None:
+        """Leave."""
+        self._open.close()
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,130 @@
+"""Clips of the last minutes, and recording on request, over HTTP."""
+
+import itertools
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection
+
+from contactsense.service.recordings.clip_listener import RecordingSettings
+
+router = APIRouter()
+_MOST = 1000
+
+
+class ClipIn(BaseModel):
+    """What to keep."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    before: float | None = Field(None, gt=0.0, description="Time before now [s]; default: the service's.")
+    after: float | None = Field(None, gt=0.0, description="Time after now [s]; default: the service's.")
+    reason: str = Field("", max_length=500, description="Why; goes into the file's metadata.")
+
+
+class ClipOut(BaseModel):
+    """One clip."""
+
+    number: int = Field(description="Number of the clip since the service began.")
+    reason: str = Field("", description="Why it was asked for.")
+    file: str | None = Field(None, description="Name of the file; null while it is still being recorded.")
+    samples: int | None = Field(None, description="Samples in it.")
+
+
+class ClipsOut(BaseModel):
+    """Clips since the service began, the newest last."""
+
+    folder: str = Field(description="Where the files are, on the service's host.")
+    clips: list[ClipOut]
+
+
+class RecordingIn(BaseModel):
+    """Begin or end a recording."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    on: bool
+
+
+class RecordingOut(BaseModel):
+    """The recording on the service's host."""
+
+    folder: str
+    on: bool
+    rows: int = Field(0, description="Samples written so far.")
+    error: str = Field("", description="Why it stopped, if it did not by request.")
+
+
+class Clips:
+    """What the service knows of its clips and recording."""
+
+    def __init__(self, settings: RecordingSettings) -> None:
+        self.settings = settings
+        self._numbers = itertools.count(1)
+        self.clips: dict[int, ClipOut] = {}
+        self.recording = RecordingOut(folder=str(settings.folder), on=False)
+
+    def request(self, before: float | None, after: float | None, reason: str) -> dict[str, Any]:
+        """Number a new clip; the command for the pipeline."""
+        number = next(self._numbers)
+        self.clips[number] = ClipOut(number=number, reason=reason)
+        while len(self.clips) > _MOST:
+            del self.clips[next(iter(self.clips))]
+        return {"type": "clip", "number": number, "before": before, "after": after, "reason": reason}
+
+    def hear(self, report: dict[str, Any]) -> None:
+        """Take a report of the pipeline."""
+        if report["type"] == "clip" and report["number"] in self.clips:
+            clip = self.clips[report["number"]]
+            clip.file, clip.samples = report["file"], report["samples"]
+        elif report["type"] == "recording":
+            self.recording.on, self.recording.error = report["on"], report["error"]
+            self.recording.rows = report["rows"] or self.recording.rows
+
+
+def _service(connection: HTTPConnection) -> Any:
+    service = connection.app.state.service
+    if service.clips.settings.folder is None:
+        raise HTTPException(409, "the service has no folder for recordings: start it with --recordings DIR")
+    return service
+
+
+Shared = Annotated[Any, Depends(_service)]
+
+
+def _send(service: Any, command: dict[str, Any]) -> None:
+    if not service.runner.send(command):
+        raise HTTPException(503, f"no samples to record: {service.runner.message}")
+
+
+@router.post("/v1/clip", status_code=202)
+async def clip(service: Shared, request: ClipIn) -> ClipOut:
+    """Keep a stretch around this moment as a file, with the samples as they were used and their estimates."""
+    command = service.clips.request(request.before, request.after, request.reason)
+    _send(service, command)
+    found: ClipOut = service.clips.clips[command["number"]]
+    return found
+
+
+@router.get("/v1/clips")
+async def clips(service: Shared) -> ClipsOut:
+    """Clips since the service began."""
+    return ClipsOut(folder=str(service.clips.settings.folder), clips=list(service.clips.clips.values()))
+
+
+@router.post("/v1/recording", status_code=202)
+async def record(service: Shared, request: RecordingIn) -> RecordingOut:
+    """Begin or end writing every sample to the service's folder."""
+    _send(service, {"type": "record", "on": request.on})
+    service.clips.recording.on = request.on
+    found: RecordingOut = service.clips.recording
+    return found
+
+
+@router.get("/v1/recording")
+async def recording(service: Shared) -> RecordingOut:
+    """Whether the service records, and how much."""
+    found: RecordingOut = service.clips.recording
+    return found

@@ -1,0 +1,179 @@
+"""uvicorn's protocols with limits: how many connections, how long and large a request's head may be, and how
+long a reader may take nothing."""
+
+import asyncio
+from dataclasses import dataclass
+from typing import Any
+
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+
+@dataclass(slots=True)
+class ConnectionLimits:
+    """Limits of connections, and what they have cost so far."""
+
+    connections: int = 200
+    """Open connections, WebSockets included."""
+    head_time: float = 5.0
+    """Longest time for a request's head to arrive [s]."""
+    head_size: int = 32_768
+    """Largest head of a request [bytes]."""
+    reader_time: float = 10.0
+    """A client that takes nothing for so long is dropped [s]."""
+    refused: int = 0
+    """Connections refused because there were too many."""
+    late: int = 0
+    """Connections closed because of a head too slow or too large."""
+    dropped: int = 0
+    """Connections closed because nothing was taken from them."""
+    opened: int = 0
+    """Connections that are open."""
+
+
+class _Guard:
+    """What both protocols share: the timer for a client that takes nothing."""
+
+    limits: ConnectionLimits
+    loop: asyncio.AbstractEventLoop
+    transport: asyncio.Transport
+    _stalled: asyncio.TimerHandle | None = None
+
+    def _stall(self) -> None:
+        self._stalled = self.loop.call_later(self.limits.reader_time, self._drop)
+
+    def _resume(self) -> None:
+        if self._stalled is not None:
+            self._stalled.cancel()
+            self._stalled = None
+
+    def _drop(self) -> None:
+        self.limits.dropped += 1
+        self.transport.abort()
+
+
+def http_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
+    """HTTP/1.1 within these limits."""
+    shared = limits
+
+    class Http(_Guard, HttpToolsProtocol):
+        limits = shared
+
+        def __init__(self, *args: Any, **options: Any) -> None:
+            super().__init__(*args, **options)
+            self._head: asyncio.TimerHandle | None = None
+            self._head_size = 0
+            self._in_body = False
+            self._answered = False
+
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+            """Refuse where there are too many already."""
+            super().connection_made(transport)
+            shared.opened = len(self.connections)
+            if shared.opened > shared.connections:
+                shared.refused += 1
+                self._answer(b"503 Service Unavailable", b"too many connections")
+                return
+            self._expect_head()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            """Forget the timers."""
+            self._head_has_come()
+            self._resume()
+            super().connection_lost(exc)
+            shared.opened = len(self.connections)
+
+        def data_received(self, data: bytes) -> None:
+            """Count the bytes of the head."""
+            if self._answered or self.transport.is_closing():
+                return
+            if not self._in_body:
+                if self._head is None:
+                    self._expect_head()
+                self._head_size += len(data)
+            super().data_received(data)
+            if self._head is not None and self._head_size > shared.head_size:
+                shared.late += 1
+                self._answer(b"431 Request Header Fields Too Large", b"the head of the request is too large")
+
+        def on_headers_complete(self) -> None:
+            """The head has come: its clock stops."""
+            self._head_has_come()
+            self._in_body = True
+            super().on_headers_complete()
+
+        def on_message_complete(self) -> None:
+            """The body has come: what follows is the head of another request."""
+            self._in_body = False
+            super().on_message_complete()
+
+        def pause_writing(self) -> None:
+            """The client takes nothing."""
+            self._stall()
+            self.flow.pause_writing()
+
+        def resume_writing(self) -> None:
+            """It does again."""
+            self._resume()
+            self.flow.resume_writing()
+
+        def _expect_head(self) -> None:
+            self._head_size = 0
+            self._head = self.loop.call_later(shared.head_time, self._late)
+
+        def _head_has_come(self) -> None:
+            if self._head is not None:
+                self._head.cancel()
+                self._head = None
+
+        def _late(self) -> None:
+            shared.late += 1
+            self._answer(b"408 Request Timeout", b"the head of the request took too long")
+
+        def _answer(self, status: bytes, reason: bytes) -> None:
+            self._head_has_come()
+            if not self.transport.is_closing():
+                body = b'{"errors":[{"field":"","reason":"' + reason + b'"}]}'
+                self.transport.write(
+                    b"HTTP/1.1 "
+                    + status
+                    + b"\r\ncontent-type: application/json\r\nconnection: close\r\ncontent-length: "
+                    + str(len(body)).encode()
+                    + b"\r\n\r\n"
+                    + body
+                )
+                self._answered = True
+                # Closing with unread bytes would reset the connection, and the answer with it.
+                if self.transport.can_write_eof():
+                    self.transport.write_eof()
+                else:
+                    self.transport.close()
+                self.loop.call_later(1.0, self.transport.abort)
+
+    return Http
+
+
+def websocket_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
+    """WebSockets within these limits."""
+    shared = limits
+
+    class WebSocket(_Guard, WebSocketsSansIOProtocol):
+        limits = shared
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            """Forget the timer."""
+            self._resume()
+            super().connection_lost(exc)
+            shared.opened = len(self.connections)
+
+        def pause_writing(self) -> None:
+            """The client takes nothing."""
+            self._stall()
+            super().pause_writing()
+
+        def resume_writing(self) -> None:
+            """It does again."""
+            self._resume()
+            super().resume_writing()
+
+    return WebSocket

@@ -1,0 +1,75 @@
+"""How the service refuses: always `ErrorOut`, the field and the reason."""
+
+from collections.abc import Mapping
+
+from fastapi import FastAPI, Request, Response, WebSocket
+from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from contactsense.service.api.messages import ErrorOut, FieldError
+
+
+class FieldRefusedError(Exception):
+    """A value is well-formed but does not fit the scene."""
+
+    def __init__(self, field: str, reason: str) -> None:
+        super().__init__(f"{field}: {reason}")
+        self.field, self.reason = field, reason
+
+
+def install(app: FastAPI) -> None:
+    """Make `app` refuse in this form."""
+    app.add_exception_handler(RequestValidationError, _refuse)
+    app.add_exception_handler(WebSocketRequestValidationError, _refuse_stream)
+    app.add_exception_handler(FieldRefusedError, _refuse_field)
+    app.add_exception_handler(HTTPException, _http_error)
+
+
+def _errors(status: int, errors: list[FieldError], headers: Mapping[str, str] | None = None) -> JSONResponse:
+    return JSONResponse(ErrorOut(errors=errors).model_dump(), status, headers)
+
+
+def _told(error: RequestValidationError | WebSocketRequestValidationError) -> list[FieldError]:
+    """Pydantic's complaints as field and reason; what came is told as text, for it may be NaN."""
+    told = []
+    for issue in error.errors():
+        field = ""
+        for step in issue["loc"]:
+            if isinstance(step, int):
+                field += f"[{step}]"
+            elif step not in ("body", "query", "one", "many"):
+                field += f".{step}" if field else str(step)
+        reason = issue["msg"].removeprefix("Value error, ")
+        if isinstance(issue["input"], str | int | float):
+            reason += f", got {issue['input']!r:.40}"
+        if issue["type"] == "json_invalid":
+            field, reason = "", f"not JSON: {issue['ctx']['error']} at character {issue['loc'][-1]}"
+        told.append(FieldError(field=field, reason=reason))
+    return told
+
+
+async def _refuse(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    return _errors(422, _told(error))
+
+
+async def _refuse_field(request: Request, error: Exception) -> Response:
+    assert isinstance(error, FieldRefusedError)
+    return _errors(422, [FieldError(field=error.field, reason=error.reason)])
+
+
+async def _refuse_stream(websocket: WebSocket, error: Exception) -> None:
+    assert isinstance(error, WebSocketRequestValidationError)
+    told = _told(error)
+    await websocket.accept()
+    await websocket.send_text(ErrorOut(errors=told).model_dump_json())
+    reason = "; ".join(f"{issue.field}: {issue.reason}" for issue in told)
+    room = reason.encode()[:123]  # of a close frame
+    await websocket.close(1008, room.decode(errors="ignore"))
+
+
+async def _http_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    # With 405 the headers name the methods that are allowed.
+    return _errors(error.status_code, [FieldError(field="", reason=str(error.detail))], error.headers)

@@ -1,0 +1,95 @@
+"""Events over HTTP and WebSocket: a reader that names the last number it has seen misses none."""
+
+import asyncio
+import contextlib
+from collections.abc import Sequence
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query, Response, WebSocket, WebSocketDisconnect
+from pydantic import BaseModel, Field
+from starlette.requests import HTTPConnection
+
+from contactsense.service.events.journal import Journal
+from contactsense.service.events.model import ContactEvent, Kind
+
+router = APIRouter()
+_BATCH = 200
+
+
+class EventsOut(BaseModel):
+    """Events of the journal, oldest first."""
+
+    events: list[ContactEvent]
+    last: int = Field(description="Number of the newest event in the journal, listed here or not.")
+
+
+def _journal(connection: HTTPConnection) -> Journal:
+    journal: Journal = connection.app.state.service.journal
+    return journal
+
+
+SharedJournal = Annotated[Journal, Depends(_journal)]
+
+
+def _body(events: Sequence[str], last: int) -> str:
+    return f'{{"events":[{",".join(events)}],"last":{last}}}'
+
+
+@router.get("/v1/events", response_model=EventsOut)
+async def events(
+    journal: SharedJournal,
+    since: Annotated[int, Query(ge=0, le=2**62)] = 0,
+    limit: Annotated[int, Query(ge=1, le=10_000)] = 500,
+    kind: Annotated[list[Kind] | None, Query()] = None,
+) -> Response:
+    """Events after number `since`, oldest first, at most `limit`; of one or more kinds where named."""
+    last = journal.last
+    found = await asyncio.to_thread(journal.since, since, limit, kind or ())
+    return Response(_body(found, last), media_type="application/json")
+
+
+@router.websocket("/v1/events")
+async def event_stream(
+    websocket: WebSocket,
+    journal: SharedJournal,
+    since: Annotated[int | None, Query(ge=0, le=2**62)] = None,
+) -> None:
+    """Each event as JSON text: those after number `since` first, then live; without `since` live only.
+
+    Events wait in the journal, not in memory, for a reader that is slow.
+    """
+    seen = journal.last if since is None else since
+    loop, news = asyncio.get_running_loop(), asyncio.Event()
+
+    def notify(_: ContactEvent) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has been closed
+            loop.call_soon_threadsafe(news.set)
+
+    end = journal.subscribe(notify)
+    leaving: asyncio.Task[None] | None = None
+    try:
+        await websocket.accept()
+        leaving = asyncio.create_task(_until_gone(websocket))
+        while not leaving.done():
+            news.clear()
+            batch = await asyncio.to_thread(journal.since, seen, _BATCH)
+            for body in batch:
+                await websocket.send_text(body)
+                seen = ContactEvent.model_validate_json(body).id
+            if not batch:
+                waiting = asyncio.create_task(news.wait())
+                await asyncio.wait({waiting, leaving}, return_when=asyncio.FIRST_COMPLETED)
+                waiting.cancel()
+    except (WebSocketDisconnect, RuntimeError):
+        return  # the reader has gone while something was sent to it
+    finally:
+        end()
+        if leaving is not None:
+            leaving.cancel()
+            await asyncio.gather(leaving, return_exceptions=True)
+
+
+async def _until_gone(websocket: WebSocket) -> None:
+    with contextlib.suppress(WebSocketDisconnect):
+        while (await websocket.receive())["type"] != "websocket.disconnect":
+            pass

@@ -1,0 +1,389 @@
+"""What goes over HTTP and WebSocket, with units and frames for the OpenAPI page.
+
+Names and shapes are those of `contactsense.types`. The base frame is the robot controller's own; wrenches are
+force then moment, moments about the base origin.
+"""
+
+import json
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+from contactsense.service.events.model import ContactEvent
+from contactsense.service.reactions.health import ReactionsHealth
+from contactsense.types import Contact, Estimate, Phase, Status
+
+Numbers = list[float]
+Three = Annotated[Numbers, Field(min_length=3, max_length=3)]
+Six = Annotated[Numbers, Field(min_length=6, max_length=6)]
+MAX_SAMPLES = 10_000
+"""Samples in one request."""
+
+
+class _In(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
+
+
+class SampleIn(_In):
+    """What the sensors say at one instant, the arm at rest."""
+
+    q: Numbers = Field(description="Joint positions [rad], one per joint.")
+    base_wrench: Six | None = Field(
+        None,
+        description="Wrench of the arm on the sensor under its base, force then moment about the base "
+        "origin, base axes [N, Nm]. With external=true only the contact's share: a force f on the robot at c "
+        "leaves (f, c x f).",
+    )
+    joint_torque: Numbers | None = Field(
+        None,
+        description="Torque that each actuator applies [Nm], one per joint. With external=true only the "
+        "contact's share: a force f on the robot leaves -J^T f.",
+    )
+    wrist_wrench: Six | None = Field(
+        None,
+        description="Wrench of all beyond the wrist sensor on that sensor, force then moment about the base "
+        "origin, base axes [N, Nm].",
+    )
+
+
+class LocateOneIn(SampleIn):
+    """One sample to locate."""
+
+    external: bool = Field(
+        True,
+        description="true: gravity is already taken off, the readings are what contacts cause. "
+        "false: raw readings; the scene's model is subtracted.",
+    )
+
+
+class LocateManyIn(_In):
+    """Several samples to locate, each by itself."""
+
+    samples: list[SampleIn] = Field(min_length=1, max_length=MAX_SAMPLES, description="The samples.")
+    external: bool = Field(True, description="As for one sample; holds for all of them.")
+
+
+def _one_or_many(value: Any) -> str:
+    many = "samples" in value if isinstance(value, dict) else isinstance(value, LocateManyIn)
+    return "many" if many else "one"
+
+
+LocateIn = Annotated[
+    Annotated[LocateOneIn, Tag("one")] | Annotated[LocateManyIn, Tag("many")], Discriminator(_one_or_many)
+]
+
+
+class ContactOut(BaseModel):
+    """One explanation of the measurement: a place on a link and the force that enters there."""
+
+    link: str = Field(description="Name of the touched link.")
+    link_index: int = Field(description="Its number, the base being 0.")
+    primitive: int = Field(description="Number of the touched primitive among that link's own.")
+    probability: float = Field(description="Probability that this is the contact, given the measurement.")
+    point: Three = Field(description="Contact centroid, link frame [m].")
+    point_base: Three = Field(description="Contact centroid, base frame [m].")
+    normal_base: Three = Field(description="Outward unit normal of the link there, base axes.")
+    force_base: Three = Field(description="Force on the robot, base axes [N].")
+    torsion: float = Field(description="Moment on the robot about the outward normal [Nm].")
+    covariance: list[list[float | None]] = Field(
+        description="Covariance of point_base, base axes [m^2], 3 x 3; null where it is not bounded."
+    )
+    id: int = Field(
+        0,
+        description="Number of the contact in its stream, from 1; explanations of the same contact share it. "
+        "0 where there is no stream.",
+    )
+    phase: Phase = Field(
+        "",
+        description="new: it has just begun; hold: it keeps its place; slide: it moves; empty where there is "
+        "no stream.",
+    )
+
+
+class EstimateOut(BaseModel):
+    """What the localizer makes of one sample."""
+
+    t: float = Field(description="Time of the sample on the robot's clock [s].")
+    status: Status = Field(
+        description="none: nothing touches; contact: one clear answer; ambiguous: others are not clearly "
+        "worse; multiple: more than one contact at a time; degraded: a sensor is missing or unusable, see "
+        "reason."
+    )
+    contacts: list[ContactOut] = Field(
+        description="Explanations, most probable first. Where the status is multiple: the contacts that "
+        "act at the same time."
+    )
+    link_probability: Numbers = Field(
+        description="Probability that each link is the touched one, in the order of the scene's links; zeros "
+        "where nothing touches."
+    )
+    other: float = Field(
+        0.0,
+        description="Probability that it is none of contacts: a pull, a couple, several contacts, or a place "
+        "too improbable to be listed. With those of contacts it adds up to one where anything acts.",
+    )
+    wrench: list[float | None] = Field(
+        description="External wrench on the arm under the best explanation, force then moment about the base "
+        "origin, base axes [N, Nm]; null where it cannot be told."
+    )
+    covariance: list[list[float | None]] = Field(
+        description="Covariance of wrench, 6 x 6; null where it is not bounded."
+    )
+    reason: str = Field(description="Why the status is what it is, where that is not plain.")
+    events: list[ContactEvent] = Field(
+        [],
+        description="What has happened to contacts since the message before; in a thinned stream also at the "
+        "samples between.",
+    )
+
+
+class EstimatesOut(BaseModel):
+    """Answer to several samples."""
+
+    estimates: list[EstimateOut] = Field(description="One per sample, in their order.")
+
+
+class LostOut(BaseModel):
+    """Message of the stream to a reader that was too slow."""
+
+    lost: int = Field(description="Estimates that this reader has lost since its last message.")
+
+
+class LinkOut(BaseModel):
+    """A rigid body of the arm."""
+
+    name: str
+    mass: float = Field(description="Mass [kg].")
+    com: Three = Field(description="Centre of mass, link frame [m].")
+    primitives: list[dict[str, Any]] = Field(description="Convex pieces of its surface, link frame [m].")
+
+
+class JointOut(BaseModel):
+    """A revolute joint."""
+
+    name: str
+    position_limits: tuple[float, float] = Field(description="Lowest and highest angle [rad].")
+    velocity_limit: float = Field(description="Largest speed [rad/s].")
+    torque_limit: float = Field(description="Largest torque [Nm].")
+
+
+class RobotOut(BaseModel):
+    """The arm."""
+
+    name: str
+    mass: float = Field(description="Mass of the whole arm, base included [kg].")
+    links: list[LinkOut] = Field(description="Links, base first.")
+    joints: list[JointOut] = Field(description="Joint j carries link j, counting joints from 1.")
+
+
+class SceneOut(BaseModel):
+    """The arm in its place."""
+
+    links: list[str] = Field(description="Names of all links that can be told apart, base first.")
+    gravity_base: Three = Field(description="Gravity in base axes [m/s^2].")
+    scene: dict[str, Any] = Field(description="The scene as its YAML file would have it.")
+
+
+class SensorHealth(BaseModel):
+    """One sensor's stream since the pipeline began."""
+
+    state: Literal["connecting", "streaming", "waiting", "closed"] = Field(
+        "connecting", description="streaming: readings come; waiting: it is silent or away and tried again."
+    )
+    received: int = Field(0, description="Readings received.")
+    lost: int = Field(
+        0, description="Readings that it took and that never arrived, by gaps in their numbering."
+    )
+    last_error: str = Field("", description="What went wrong last; stays after recovery.")
+
+
+class SourceHealth(BaseModel):
+    """The sensors' side."""
+
+    connected: bool = Field(False, description="Whether samples come from the robot.")
+    trouble: str = Field("", description="What is wrong at this moment; empty if all is well.")
+    rate: float = Field(0.0, description="Samples a second over the last second [Hz].")
+    age: float | None = Field(None, description="Time since the last sample [s]; null before the first.")
+    without_wrench: int = Field(0, description="Samples that came without the base sensor's reading.")
+    robot: SensorHealth = Field(SensorHealth(), description="The robot's controller.")
+    base_wrench: SensorHealth | None = Field(
+        None, description="The force/torque sensor under the base; null where none is read over the network."
+    )
+
+
+class PipelineHealth(BaseModel):
+    """The process that turns samples into estimates."""
+
+    alive: bool = Field(False, description="Whether it runs and answers.")
+    restarts: int = Field(0, description="How often it had to be started again.")
+    dropped: int = Field(0, description="Estimates that could not be handed over in time.")
+    step: float | None = Field(None, description="Time that one sample takes it, lately, typically [s].")
+    listener_errors: int = Field(0, description="Exceptions of listeners, such as reactions or recorder.")
+    last_listener_error: str = Field("", description="The latest of them.")
+    step_counts: list[int] = Field(
+        [],
+        description="Steps by their time: up to 20, 50, 100, 200, 500 us, 1, 2, 5, 10, 100 ms, more.",
+    )
+    step_sum: float = Field(0.0, description="Time of all steps together [s].")
+    estimates: int = Field(0, description="Estimates that arrived at the web process.")
+    estimate_age: float | None = Field(
+        None, description="Time since the latest estimate arrived [s]; null before the first."
+    )
+    report_age: float | None = Field(
+        None, description="Time since the process's latest message [s]; null before the first."
+    )
+    handover: float | None = Field(
+        None, description="How long its latest report took to the web process [s]; null before the first."
+    )
+
+
+class StreamHealth(BaseModel):
+    """The readers' side."""
+
+    readers: int = Field(0, description="Open WebSocket streams.")
+    lost: int = Field(0, description="Estimates lost by slow readers, all together.")
+
+
+class ClientHealth(BaseModel):
+    """The clients' side, and what the limits have cost them."""
+
+    connections: int = Field(0, description="Open connections, WebSockets included.")
+    refused: int = Field(0, description="Connections refused because there were too many.")
+    late: int = Field(0, description="Connections closed because a request's head was too slow or too large.")
+    dropped: int = Field(
+        0, description="Connections closed because nothing was taken from them for too long."
+    )
+    beyond_limits: dict[str, int] = Field({}, description="Requests refused, by HTTP status: 408, 413, 429.")
+
+
+class ReloadHealth(BaseModel):
+    """The latest reload of the scene (SIGHUP)."""
+
+    time: str = Field(description="When, ISO 8601 in UTC.")
+    ok: bool = Field(description="Whether the new files are in use; if not, nothing has changed.")
+    message: str = Field(description="What was wrong with them; empty where nothing was.")
+
+
+class ReadyOut(BaseModel):
+    """Whether the service does its work."""
+
+    ready: bool = Field(description="Whether estimates are current; without a robot: whether it runs.")
+    status: str = Field(description="As in health.")
+    reasons: list[str] = Field(description="As in health.")
+
+
+class HealthOut(BaseModel):
+    """How the service fares."""
+
+    status: Literal["ok", "degraded", "starting", "waiting", "failing", "idle"] = Field(
+        description="Worked out when asked for. ok: samples arrive and are estimated; degraded: they are, "
+        "but something is missing or wrong, see reasons; starting: kernels are being loaded; waiting: no "
+        "usable samples, sensors are tried again all the time; failing: the pipeline itself broke or hangs "
+        "and is started again; idle: no robot was named, only POST /v1/locate works."
+    )
+    message: str = Field(description="The same for a person, with what to do about it.")
+    reasons: list[str] = Field(description="The parts of message, one for each thing that is wrong.")
+    ready: bool = Field(description="As GET /v1/ready: whether estimates are current.")
+    loading: float = Field(
+        ge=0.0,
+        le=1.0,
+        description="Share of the first compilation of the kernels that is done; 1 when it is over.",
+    )
+    loading_left: float | None = Field(
+        None, description="Estimated time left of the compilation [s]; null while nothing is compiled."
+    )
+    since: str = Field(description="When this status began, ISO 8601 in UTC.")
+    uptime: float = Field(description="Time since the service began [s].")
+    version: str = Field(description="Version of the package.")
+    source: SourceHealth
+    pipeline: PipelineHealth
+    stream: StreamHealth
+    clients: ClientHealth
+    lag: float = Field(description="By how much the web process was late when it last looked [s].")
+    reload: ReloadHealth | None = Field(description="The latest reload; null where there was none.")
+    reactions: ReactionsHealth = ReactionsHealth()
+
+
+class FieldError(BaseModel):
+    """What is wrong with one field."""
+
+    field: str = Field(description="Path of the field, as samples[3].q.")
+    reason: str = Field(description="What was expected and what came.")
+
+
+class ErrorOut(BaseModel):
+    """Why a request was refused."""
+
+    errors: list[FieldError]
+
+
+def estimate_dict(estimate: Estimate) -> dict[str, Any]:
+    """The fields of `EstimateOut`, finite or null throughout; without events."""
+    return {
+        "t": estimate.t,
+        "status": estimate.status,
+        "contacts": [_contact_dict(contact) for contact in estimate.contacts],
+        "link_probability": estimate.link_probability.tolist(),
+        "other": estimate.other,
+        "wrench": _finite(estimate.wrench),
+        "covariance": _finite(estimate.covariance),
+        "reason": estimate.reason,
+        "events": [],
+    }
+
+
+def estimate_json(estimate: Estimate) -> bytes:
+    """An estimate as JSON in the form of `EstimateOut`; made on the 500 Hz path, hence no validation.
+
+    It ends with an empty list of events: `contactsense.service.live.hub.with_events` puts them in once the
+    journal has numbered them. JSON has no NaN: an estimate with one where a number must be, which would be a
+    defect of the localizer, becomes one that is `degraded` and says so. The stream goes on.
+    """
+    try:
+        return json.dumps(estimate_dict(estimate), allow_nan=False, separators=(",", ":")).encode()
+    except ValueError:
+        return json.dumps(
+            {
+                "t": estimate.t if math.isfinite(estimate.t) else 0.0,
+                "status": "degraded",
+                "contacts": [],
+                "link_probability": [0.0] * len(estimate.link_probability),
+                "wrench": _finite(estimate.wrench),
+                "covariance": _finite(estimate.covariance),
+                "reason": "the estimate is not finite; please report this",
+                "events": [],
+            },
+            separators=(",", ":"),
+        ).encode()
+
+
+def _contact_dict(contact: Contact) -> dict[str, Any]:
+    return {
+        "link": contact.link,
+        "link_index": contact.link_index,
+        "primitive": contact.primitive,
+        "probability": contact.probability,
+        "point": contact.point.tolist(),
+        "point_base": contact.point_base.tolist(),
+        "normal_base": contact.normal_base.tolist(),
+        "force_base": contact.force_base.tolist(),
+        "torsion": contact.torsion,
+        "covariance": _finite(contact.covariance),
+        "id": contact.id,
+        "phase": contact.phase,
+    }
+
+
+def _finite(array: np.ndarray) -> Any:
+    """Nested lists of an array; JSON knows neither infinity nor NaN, they become null."""
+    if np.isfinite(array).all():
+        return array.tolist()
+    return _null(array.tolist())
+
+
+def _null(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_null(item) for item in value]
+    return value if math.isfinite(value) else None

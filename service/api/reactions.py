@@ -1,0 +1,82 @@
+"""Reactions over HTTP: their state, acknowledgement, announcement of expected contacts. Never the rules."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection
+
+from contactsense.service.api.errors import FieldRefusedError
+from contactsense.service.api.messages import ErrorOut
+from contactsense.service.reactions.health import ReactionsOut
+from contactsense.service.reactions.state import Reactions
+
+router = APIRouter()
+
+
+class AcknowledgeIn(BaseModel):
+    """Which collisions are acknowledged."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    rule: str | None = Field(None, description="Name of a rule; null or left out: all of them.")
+
+
+class ExpectedIn(BaseModel):
+    """An expected contact of the rules' file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    name: str = Field(description="Its name.")
+    open: bool = Field(True, description="true: open its window, for at most its timeout; false: close it.")
+
+
+def _reactions(connection: HTTPConnection) -> Reactions:
+    reactions: Reactions = connection.app.state.service.reactions
+    return reactions
+
+
+Shared = Annotated[Reactions, Depends(_reactions)]
+
+
+@router.get("/v1/reactions")
+async def reactions(shared: Shared) -> ReactionsOut:
+    """The rules in words, active levels, latched collisions, open windows, and the state of each action."""
+    return shared.out()
+
+
+@router.post(
+    "/v1/reactions/acknowledge",
+    responses={422: {"model": ErrorOut}, 503: {"model": ErrorOut, "description": "No pipeline runs."}},
+)
+async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> ReactionsOut:
+    """Clear latched collisions. A force that is still above its level latches again, and acts again."""
+    rule = None if request is None else request.rule
+    known = [] if shared.rules is None else [r.name for r in shared.rules.rules]
+    if rule is not None and rule not in known:
+        raise FieldRefusedError("rule", f"expected a rule of {', '.join(known) or 'none'}, got {rule!r}")
+    await _carry_out(shared, {"type": "acknowledge", "rule": rule, "by": "POST /v1/reactions/acknowledge"})
+    return shared.out()
+
+
+@router.post(
+    "/v1/reactions/expected",
+    responses={422: {"model": ErrorOut}, 503: {"model": ErrorOut, "description": "No pipeline runs."}},
+)
+async def expected(shared: Shared, request: ExpectedIn) -> ReactionsOut:
+    """Open or close the window of an expected contact; where and up to which force stands in the file."""
+    known = [] if shared.rules is None else [window.name for window in shared.rules.expected]
+    if request.name not in known:
+        raise FieldRefusedError(
+            "name", f"expected a contact of {', '.join(known) or 'none'}, got {request.name!r}"
+        )
+    await _carry_out(shared, {"type": "announce" if request.open else "withdraw", "name": request.name})
+    return shared.out()
+
+
+async def _carry_out(shared: Reactions, command: dict[str, str | None]) -> None:
+    if shared.rules is None:
+        raise HTTPException(503, "there are no rules: start the service with --reactions FILE")
+    if not await shared.request(command):
+        raise HTTPException(503, "no pipeline runs that could carry it out")

@@ -1,0 +1,185 @@
+"""`WS /v1/track`: a controller sends its own samples and gets an estimate for each."""
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Coroutine
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, WebSocket, WebSocketDisconnect
+from starlette.requests import HTTPConnection
+
+from contactsense.scene import Scene
+from contactsense.service.controllers.sample_message import MAX_SCENE, MessageError, encode
+from contactsense.service.controllers.settings import ControllerSettings
+from contactsense.service.controllers.track_process import MessageChannel, TrackProcess
+from contactsense.service.controllers.track_session import error_message
+from contactsense.service.live.hub import Hub
+
+router = APIRouter()
+TRY_AGAIN, RESTARTED, REFUSED, NORMAL = 1013, 1012, 1008, 1000
+"""Close codes of RFC 6455 and its registry."""
+
+
+class Tracks:
+    """Connections of `WS /v1/track`.
+
+    Args:
+        settings: How many there may be, and whether they feed the pipeline.
+        hub: The pipeline's estimates.
+    """
+
+    def __init__(self, settings: ControllerSettings, hub: Hub) -> None:
+        self._settings = settings
+        self._hub = hub
+        self.opened = 0
+        """How many there are."""
+
+    async def serve(self, websocket: WebSocket, scene: Scene) -> None:
+        """Serve one connection until it ends."""
+        await websocket.accept()
+        push = self._settings.source == "push"
+        most = 1 if push else self._settings.tracks
+        if self.opened >= most:
+            what = (
+                "another controller is the source of the samples"
+                if push
+                else f"expected at most {most} connections, all are taken"
+            )
+            await _refuse(websocket, MessageError("", what), TRY_AGAIN)
+            return
+        self.opened += 1
+        try:
+            if push:
+                await self._push(websocket)
+            else:
+                async with TrackProcess(scene) as process:
+                    await _first(
+                        self._forward(websocket, process.channel), _answer(websocket, process.channel)
+                    )
+                    # The process is gone, not the controller: there is somebody to tell.
+                    await _close(websocket, 1011, "the localizer's process has ended")
+        except (WebSocketDisconnect, RuntimeError):
+            pass  # the controller has gone
+        finally:
+            self.opened -= 1
+
+    async def _push(self, websocket: WebSocket) -> None:
+        try:
+            opened = await asyncio.open_unix_connection(self._settings.socket_path)
+        except OSError:
+            reason = "the pipeline is still starting; connect again in a moment"
+            await _refuse(websocket, MessageError("", reason), TRY_AGAIN)
+            return
+        channel = MessageChannel(*opened)
+        form = _Form()
+        try:
+            await _first(
+                self._forward(websocket, channel, form),
+                _answer(websocket, channel),
+                self._estimates(websocket, form),
+            )
+            await _close(websocket, RESTARTED, "the pipeline is started again; connect again")
+        finally:
+            await channel.close()
+
+    async def _forward(
+        self, websocket: WebSocket, channel: MessageChannel, form: "_Form | None" = None
+    ) -> None:
+        """Pass on what the controller sends."""
+        while True:
+            try:
+                async with asyncio.timeout(self._settings.idle):
+                    message = await websocket.receive()
+            except TimeoutError:
+                await _close(websocket, NORMAL, f"nothing has come for {self._settings.idle:g} s")
+                raise WebSocketDisconnect(NORMAL) from None
+            if message["type"] == "websocket.disconnect":
+                raise WebSocketDisconnect(NORMAL)
+            data, text = message.get("bytes"), message.get("text")
+            binary = data is not None
+            content = data if data is not None else (text or "").encode()
+            if form is not None:
+                form.binary = binary
+            if len(content) > MAX_SCENE:
+                error = MessageError("", f"expected at most {MAX_SCENE} bytes, got {len(content)}")
+                await _send(websocket, error_message(error, binary), binary)
+                continue
+            try:
+                await channel.send(content, binary)
+            except OSError:
+                return
+
+    async def _estimates(self, websocket: WebSocket, form: "_Form") -> None:
+        """Pass on the pipeline's estimates, in the form of the controller's messages."""
+        with self._hub.subscribe() as reader:
+            while True:
+                message = await reader.take()
+                for text in ([b'{"lost":%d}' % lost] if (lost := reader.take_lost()) else []) + [message]:
+                    answer = encode(json.loads(text), True) if form.binary else text
+                    await _send(websocket, answer, form.binary)
+
+
+class _Form:
+    """In which form a controller speaks."""
+
+    binary = False
+
+
+async def _answer(websocket: WebSocket, channel: MessageChannel) -> None:
+    """Pass on what the process answers, until it ends."""
+    with contextlib.suppress(EOFError):
+        while True:
+            message, binary = await channel.receive()
+            await _send(websocket, message, binary)
+
+
+async def _first(*works: Coroutine[Any, Any, None]) -> None:
+    """Wait until one of these ends, end the others, and raise what it raised."""
+    tasks = [asyncio.create_task(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    for task in done:
+        task.result()
+
+
+async def _send(websocket: WebSocket, message: bytes, binary: bool) -> None:
+    if binary:
+        await websocket.send_bytes(message)
+    else:
+        await websocket.send_text(message.decode())
+
+
+async def _refuse(websocket: WebSocket, error: MessageError, code: int) -> None:
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+        await _send(websocket, error_message(error, False), False)
+    await _close(websocket, code, str(error))
+
+
+async def _close(websocket: WebSocket, code: int, reason: str) -> None:
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+        await websocket.close(code, reason.encode()[:123].decode(errors="ignore"))
+
+
+def _tracks(connection: HTTPConnection) -> Tracks:
+    tracks: Tracks = connection.app.state.service.tracks
+    return tracks
+
+
+def _scene(connection: HTTPConnection) -> Scene:
+    scene: Scene = connection.app.state.service.scene
+    return scene
+
+
+@router.websocket("/v1/track")
+async def track(
+    websocket: WebSocket,
+    tracks: Annotated[Tracks, Depends(_tracks)],
+    scene: Annotated[Scene, Depends(_scene)],
+) -> None:
+    """A sample in, its estimate out, as JSON text or MessagePack; see docs/controllers.md."""
+    await tracks.serve(websocket, scene)

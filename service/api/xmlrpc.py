@@ -1,0 +1,27 @@
+"""XML-RPC at the service's own port, for clients that can bring its token."""
+
+from fastapi import APIRouter, Request, Response
+from starlette.exceptions import HTTPException
+
+from contactsense.service.controllers.robot_program_servers import XML, answer_call
+from contactsense.service.controllers.xmlrpc import MAX_BODY
+
+router = APIRouter()
+
+
+@router.post(
+    "/RPC2",
+    response_class=Response,
+    responses={
+        200: {"content": {XML: {}}, "description": "An array of doubles, the status first."},
+        413: {"description": "The body is too large."},
+    },
+)
+async def rpc2(request: Request) -> Response:
+    """Methods for robot programs; see docs/controllers.md."""
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MAX_BODY:
+            raise HTTPException(413, f"expected at most {MAX_BODY} bytes")
+    return Response(answer_call(request.app.state.service.robot_program, body), media_type=XML)

@@ -1,1 +1,0 @@
-"""Benchmarks against ground truth and against yardsticks."""

@@ -1,1 +1,0 @@
-"""How exact and how fast the contact solvers are: the tables of `docs/solvers.md`."""

@@ -1,0 +1,159 @@
+"""`contactsense analyze FILES --scene scene.yaml --out DIR`: what touched the arm in recordings."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from contactsense.scene import Scene, SceneError
+from contactsense.service.analysis import Analysis, ForceLimits, LimitsError
+from contactsense.service.analysis import analyze as run
+from contactsense.service.analysis.contact_table import contact_rows, replace_parquet, write_contacts
+from contactsense.service.analysis.health import health
+from contactsense.service.analysis.report import write_report
+from contactsense.service.recordings import RecordingError, read
+
+
+@click.command()
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--scene", "scene_path", required=True, type=click.Path(path_type=Path), help="Scene file.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for tables and report.")
+@click.option("--limits", "limits_path", type=click.Path(path_type=Path), help="Your force limits (YAML).")
+@click.option("--estimates", is_flag=True, help="Write the estimates and residuals of every sample, too.")
+@click.option("--workers", type=click.IntRange(1), help="Analyse as a dataset, on that many processes.")
+@click.option(
+    "--scheduler", help="Analyse as a dataset on the Dask cluster at this address, tcp://HOST:PORT."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the contacts for a program.")
+def analyze(
+    files: tuple[Path, ...],
+    scene_path: Path,
+    out: Path,
+    limits_path: Path | None,
+    estimates: bool,
+    workers: int | None,
+    scheduler: str | None,
+    as_json: bool,
+) -> None:
+    """Find what touched the arm in recordings, and write tables and a report.
+
+    OUT gets contacts.parquet, contacts.csv, report.html and report.md; with several FILES, a folder for
+    each. A file that cannot be read is reported and skipped; the exit status is 1 then.
+
+    A folder, or --workers or --scheduler, makes it a dataset: OUT gets contacts/robot=NAME/date=DATE/,
+    robots.parquet, fleet.html and fleet.md. What an earlier run has done is not done again.
+    """
+    if workers is not None or scheduler is not None or any(path.is_dir() for path in files):
+        if limits_path is not None or estimates:
+            raise click.UsageError("--limits, --estimates: not for a dataset; analyze its files one by one")
+        from contactsense.service.cli.analyze_fleet import analyze_dataset
+
+        analyze_dataset(files, scene_path, out, workers or 1, scheduler, as_json)
+        return
+    try:
+        scene = Scene.load(scene_path)
+        limits = None if limits_path is None else ForceLimits.load(limits_path)
+    except (SceneError, LimitsError) as error:
+        raise click.ClickException(str(error)) from None
+    folders = _folders(files, out)
+    results: list[dict[str, Any]] = []
+    skipped = 0
+    for path, folder in zip(files, folders, strict=True):
+        try:
+            found = _analyze(path, scene, limits, estimates, folder)
+        except RecordingError as error:
+            if len(files) == 1:
+                raise click.ClickException(str(error)) from None
+            click.echo(f"contactsense: {error}; skipped", err=True)
+            skipped += 1
+            continue
+        except OSError as error:
+            raise click.ClickException(f"{error.filename}: cannot write: {error.strerror}") from None
+        if as_json:
+            results.append(_as_plain(found))
+        else:
+            _print(found, folder)
+    if as_json:
+        click.echo(json.dumps(results, indent=1))
+    if skipped:
+        raise click.ClickException(f"{skipped} of {len(files)} recordings were skipped")
+
+
+def _folders(files: tuple[Path, ...], out: Path) -> list[Path]:
+    """Where the results of each file go."""
+    if len(files) == 1:
+        return [out]
+    stems = [path.name.removesuffix(".gz").rsplit(".", 1)[0] for path in files]
+    for i, stem in enumerate(stems):
+        if stem in stems[:i]:
+            raise click.UsageError(
+                f"{files[i]}: expected distinct file names, got {stem} twice; analyze them one by one"
+            )
+    return [out / stem for stem in stems]
+
+
+def _analyze(path: Path, scene: Scene, limits: ForceLimits | None, estimates: bool, folder: Path) -> Analysis:
+    recording = read(path, scene)
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(),
+        console=Console(stderr=True), transient=True,
+    ) as progress:  # fmt: skip
+        task = progress.add_task(path.name, total=len(recording))
+        found = run(
+            recording,
+            scene,
+            estimates=estimates,
+            limits=limits,
+            progress=lambda count: progress.advance(task, count),
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    write_contacts(found.to_arrow(), folder)
+    if found.estimates is not None:
+        replace_parquet(found.estimates, folder / "estimates.parquet")
+    write_report(found, folder)
+    return found
+
+
+def _as_plain(found: Analysis) -> dict[str, Any]:
+    return {
+        "recording": found.recording,
+        "samples": found.samples,
+        "duration": found.duration,
+        "problems": list(found.problems),
+        "health": [{"ok": well, "text": text} for well, text in health(found)],
+        "contacts": contact_rows(found.contacts),
+    }
+
+
+def _print(found: Analysis, folder: Path) -> None:
+    from rich import box
+    from rich.table import Table
+
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    table = Table(title=f"{found.recording}: {found.duration:.1f} s", box=box.SIMPLE_HEAD)
+    for name in ("begin s", "link", "P", "force N", "s", "impulse N s", "place mm (link frame)", "m/s"):
+        table.add_column(name, justify="left" if name == "link" else "right", no_wrap=True)
+    for contact in found.contacts:
+        place = ", ".join(f"{1e3 * x:.0f}" for x in contact.point) if contact.link else ""
+        table.add_row(
+            f"{contact.begin:.3f}",
+            contact.link or "no single place",
+            f"{contact.probability:.2f}",
+            f"{contact.peak_force:.1f}",
+            f"{contact.duration:.2f}",
+            f"{contact.impulse:.2f}",
+            place,
+            f"{contact.speed:.2f}",
+        )
+    if found.contacts:
+        console.print(table)
+    else:
+        console.print(f"{found.recording}: {found.duration:.1f} s, nothing touched the arm", soft_wrap=True)
+    for well, text in health(found):
+        if not well:
+            console.print(f"check: {text}", soft_wrap=True)
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True)

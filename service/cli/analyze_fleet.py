@@ -1,0 +1,60 @@
+"""`contactsense analyze` of a dataset: progress, results, errors."""
+
+import json
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from contactsense.scene import SceneError
+from contactsense.service.analysis.fleet.report import write_fleet_report
+from contactsense.service.analysis.fleet.run import analyze_fleet
+from contactsense.service.analysis.fleet.summary import FleetSummary, robot_row
+from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError
+
+
+def analyze_dataset(
+    files: tuple[Path, ...], scene: Path, out: Path, workers: int, scheduler: str | None, as_json: bool
+) -> None:
+    """Analyse a dataset and print its summary.
+
+    Raises:
+        click.ClickException: nothing could be done, or recordings were skipped.
+    """
+    columns = (TextColumn("segments"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    try:
+        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+            bar = progress.add_task("segments", total=None)
+            summary = analyze_fleet(
+                files,
+                scene,
+                out,
+                workers=workers,
+                scheduler=scheduler,
+                progress=lambda done, all_: progress.update(bar, completed=done, total=all_),
+            )
+        write_fleet_report(summary, out)
+    except OSError as error:
+        what = f"{error.filename}: {error.strerror}" if error.strerror else str(error)
+        raise click.ClickException(what) from None
+    except (SceneError, WorkerPoolError, RuntimeError) as error:
+        raise click.ClickException(str(error)) from None
+    for problem in summary.problems:
+        click.echo(f"contactsense: {problem}", err=True)
+    if as_json:
+        click.echo(json.dumps(_as_plain(summary), indent=1))
+    else:
+        click.echo((out / "fleet.md").read_text(encoding="utf-8"))
+        click.echo(f"report: {out / 'fleet.html'}")
+    if summary.skipped:
+        raise click.ClickException(f"{summary.skipped} recordings were skipped")
+
+
+def _as_plain(summary: FleetSummary) -> dict[str, object]:
+    return {
+        "robots": [robot_row(robot, summary.scene) for robot in summary.robots],
+        "contacts": summary.contacts.num_rows,
+        "expected_false_alarms": summary.expected_false_alarms,
+        "problems": list(summary.problems),
+    }

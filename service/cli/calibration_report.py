@@ -1,0 +1,65 @@
+"""The report of a calibration: Markdown with plots of residuals before and after."""
+
+from pathlib import Path
+
+import numpy as np
+
+from contactsense.calibration import Calibration, FreeMotion
+from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.recording_residuals import residuals
+from contactsense.scene import Scene
+
+_DOTS = 4000
+"""Points a curve has at the most."""
+
+
+def write_report(folder: Path, found: Calibration, stretches: list[FreeMotion], scene: Scene) -> None:
+    """Write report.md and a picture per recording into `folder`.
+
+    Args:
+        folder: Made if it is absent.
+        found: The result.
+        stretches: What it was made from.
+        scene: The scene before.
+
+    Raises:
+        OSError: the folder cannot be written.
+        ImportError: matplotlib is missing.
+    """
+    from matplotlib.figure import Figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = [
+        "# Calibration",
+        "",
+        "| parameter | before | after | std | unit |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for value in (*found.values, *found.inertia):
+        after = (
+            f"kept: {value.kept.removesuffix(': kept')} |"
+            if value.kept
+            else f"{value.after:.5g} | {value.std:.2g}"
+        )
+        lines.append(f"| {value.entry.name} | {value.before:.5g} | {after} | {value.entry.unit} |")
+    lines += ["", *(f"- {warning}" for warning in found.warnings), ""]
+    names = [joint.name for joint in scene.robot.joints]
+    names += ["force x", "force y", "force z", "moment x", "moment y", "moment z"]
+    before, after_ = CalibrationModel.of(scene), CalibrationModel.of(found.scene)
+    shown = np.flatnonzero(np.isfinite(found.after.rms))
+    for number, stretch in enumerate(stretches):
+        every = max(1, len(stretch.t) // _DOTS)
+        old = residuals(before, stretch, scene.bandwidth)[::every]
+        new = residuals(after_, stretch, scene.bandwidth)[::every]
+        figure = Figure(figsize=(10.0, 1.6 * len(shown)), layout="constrained")
+        for place, i in enumerate(shown):
+            axes = figure.add_subplot(len(shown), 1, place + 1)
+            axes.plot(stretch.t[::every] - stretch.t[0], old[:, i], lw=0.6, color="0.7", label="before")
+            axes.plot(stretch.t[::every] - stretch.t[0], new[:, i], lw=0.8, color="C0", label="after")
+            axes.set_ylabel(f"{names[i]}\n[{'N' if names[i].startswith('force') else 'Nm'}]", fontsize=7)
+            axes.grid(alpha=0.3)
+        figure.axes[0].legend(loc="upper right", fontsize=7)
+        figure.axes[-1].set_xlabel("time [s]")
+        figure.savefig(folder / f"residuals_{number}.png", dpi=90)
+        lines += [f"## {stretch.name}", "", f"![residuals](residuals_{number}.png)", ""]
+    (folder / "report.md").write_text("\n".join(lines), encoding="utf-8")

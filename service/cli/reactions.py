@@ -1,0 +1,106 @@
+"""`contactsense reactions`: rules in words, and when they would have fired."""
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+from pydantic import ValidationError
+
+from contactsense import Localizer, Scene, SceneError
+from contactsense.scene import describe
+from contactsense.service.reactions.decision import Decision
+from contactsense.service.reactions.engine import Engine
+from contactsense.service.reactions.explain import explain
+from contactsense.service.reactions.rules import ReactionRules, RulesError
+from contactsense.service.recordings import Recording, RecordingError, read
+
+
+@click.group()
+def reactions() -> None:
+    """Rules by which contacts act on the robot."""
+
+
+@reactions.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--scene", "scene_file", type=click.Path(path_type=Path), help="Scene file (YAML).")
+@click.option("--robot", default="ur5e", show_default=True, help="Robot where there is no scene file.")
+@click.option(
+    "--replay", type=click.Path(path_type=Path), help="Recording: say when the rules would have fired."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+def check(file: Path, scene_file: Path | None, robot: str, replay: Path | None, as_json: bool) -> int:
+    """Check the rules in FILE and say in words what each does.
+
+    With --replay no collision is acknowledged and no contact is announced: a latched collision fires once.
+    To see each time that a collision level would have been exceeded it is acknowledged as soon as nothing
+    touches the arm.
+    """
+    try:
+        scene = _scene(scene_file, robot)
+        rules = ReactionRules.load(file)
+        try:
+            rules.check(scene)
+        except RulesError as error:
+            raise RulesError(f"{file}: {error}") from None
+        fired = None if replay is None else list(_fired(rules, scene, read(replay, scene)))
+    except (RulesError, SceneError, RecordingError) as error:
+        raise click.ClickException(str(error)) from None
+    if as_json:
+        report: dict[str, Any] = {"rules": [explain(rules, rule) for rule in rules.rules]}
+        if fired is not None:
+            report["fired"] = [decision.as_dict() for decision in fired]
+        click.echo(json.dumps(report))
+        return 0
+    for rule in rules.rules:
+        click.echo(explain(rules, rule))
+    for window in rules.expected:
+        place = "" if window.point is None else f" within {window.radius:g} m of {window.point}"
+        click.echo(
+            f"{window.name}: when announced, contacts on {', '.join(window.links)}{place} may reach "
+            f"{window.force:g} N, for at most {window.timeout:g} s."
+        )
+    if fired is not None:
+        _print(fired, replay)
+    return 0
+
+
+def _scene(file: Path | None, robot: str) -> Scene:
+    if file is not None:
+        return Scene.load(file)
+    try:
+        return Scene.model_validate({"robot": robot})
+    except ValidationError as error:
+        raise SceneError(describe(error)) from None
+    except LookupError as error:
+        raise SceneError(str(error.args[0] if error.args else error)) from None
+
+
+def _fired(rules: ReactionRules, scene: Scene, recording: Recording) -> Iterator[Decision]:
+    localizer, engine = Localizer(scene), Engine(rules, scene)
+    localizer.reset()
+    with click.progressbar(
+        recording.samples(), length=len(recording.t), label="replaying", file=sys.stderr
+    ) as samples:
+        for sample in samples:
+            estimate = localizer.step(sample)
+            for decision in engine.step(sample, estimate):
+                if decision.kind == "begin":
+                    yield decision
+            if estimate.status == "none" and engine.latches:
+                engine.acknowledge()
+
+
+def _print(fired: list[Decision], replay: Path | None) -> None:
+    if not fired:
+        click.echo(f"{replay}: no rule would have fired")
+        return
+    click.echo(f"{replay}: {len(fired)} times a level would have been exceeded")
+    click.echo(f"{'t [s]':>10}  {'rule':<16} {'level':<10} {'link':<12} {'force [N]':>9}  P      actions")
+    for d in fired:
+        click.echo(
+            f"{d.t:10.3f}  {d.rule:<16} {d.level:<10} {d.link or '?':<12} {d.force:9.1f}  "
+            f"{d.probability:.3f}  {', '.join(d.actions) or '-'}"
+        )

@@ -1,0 +1,154 @@
+"""`contactsense record`: live samples, or a recording in another format, onto the disk."""
+
+import contextlib
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from contactsense.scene import Scene, SceneError
+from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.record_by_service import ended_by_signals, record_by_service
+from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read
+from contactsense.service.recordings.export import export
+from contactsense.service.recordings.recorder import Recorder
+from contactsense.service.recordings.segment_writer import Rotation
+from contactsense.service.sensors.live_source import LiveSource
+from contactsense.service.sensors.robot_stream import SensorError
+
+_SOURCE = (
+    "scene", "robot", "robot_host", "robot_port", "robot_client", "robot_rate", "ft_host", "ft_port",
+    "ft_http_port", "ft_counts", "ft_fields",
+)  # fmt: skip
+"""Settings of the service that a recording needs too."""
+
+
+@click.command()
+@click.option("--out", type=click.Path(path_type=Path), help="Folder; with --from, a file.")
+@click.option("--url", help="Let this running service record into its own folder (serve --recordings DIR).")
+@click.option("--scene", type=click.Path(path_type=Path), help="Scene file (YAML).")
+@click.option("--robot", help="Robot to assume where there is no scene file.  [default: ur5e]")
+@click.option("--robot-host", help="Address of the robot's controller.")
+@click.option("--robot-port", type=int, help="Its RTDE port.  [default: 30004]")
+@click.option("--robot-client", type=click.Choice(["rtde", "ur_rtde"]), help="Which client reads the robot.")
+@click.option("--robot-rate", type=float, help="Robot samples a second.  [default: 500]")
+@click.option("--ft-host", help="Address of the force/torque sensor under the base (Net F/T).")
+@click.option("--ft-port", type=int, help="Its RDT port (UDP).  [default: 49152]")
+@click.option("--ft-http-port", type=int, help="Port of its configuration page.  [default: 80]")
+@click.option("--ft-counts", help="Its counts per N and per Nm, as 1000000,1000000, instead of asking it.")
+@click.option("--ft-fields", help="Six RTDE fields that carry its reading, separated by commas.")
+@click.option("--fields", default="", help="Further RTDE fields to record, separated by commas.")
+@click.option("--seconds", type=click.FloatRange(0.0, min_open=True), help="Stop after this time.")
+@click.option(
+    "--rotate-seconds", type=click.FloatRange(1.0), default=600.0, show_default=True, help="Longest file."
+)
+@click.option(
+    "--rotate-mb", type=click.FloatRange(1.0), default=256.0, show_default=True,
+    help="Largest file before compression.",
+)  # fmt: skip
+@click.option("--disk-limit-mb", type=click.FloatRange(1.0), help="Remove the oldest files beyond this.")
+@click.option(
+    "--from", "origin", type=click.Path(path_type=Path), help="Convert this recording instead of a live arm."
+)
+@click.option(
+    "--columns", help="With --from: column names and units, as q=joint_,time_unit=ms or a YAML file."
+)
+def record(
+    out: Path | None,
+    url: str | None,
+    fields: str,
+    seconds: float | None,
+    rotate_seconds: float,
+    rotate_mb: float,
+    disk_limit_mb: float | None,
+    origin: Path | None,
+    columns: str | None,
+    **source: Any,
+) -> None:
+    """Record the robot and its force/torque sensor, or convert a recording (--from FILE --out FILE).
+
+    Files are Parquet with the scene in their metadata. While a file is being written it is an Arrow stream
+    (.arrows): if this program is killed, at most 0.5 s are lost, and the next start completes the file.
+    With --from, the format follows from the name of --out: .parquet, .csv or .mcap. With --url, the service
+    records its samples as they are used, with their estimates, until this command ends.
+    """
+    if (out is None) == (url is None):
+        raise click.UsageError("record: expected either --out or --url")
+    given = {name: value for name, value in source.items() if value is not None}
+    try:
+        if url is not None:
+            record_by_service(url, seconds)
+            return
+        assert out is not None
+        if origin is not None:
+            _convert(origin, out, given.get("scene"), columns)
+            return
+        settings = Settings.checked({**_inherited(), **given}, "record")
+        scene = settings.load_scene()
+        opener = settings.open_source(scene)
+        if opener is None:
+            raise SettingsError("record: expected --robot-host, the address of a robot, got none")
+        assert isinstance(opener, partial)
+        parts = opener.keywords["settings"]
+        extra = tuple(name.strip() for name in fields.split(",") if name.strip())
+        rotation = Rotation(rotate_seconds, rotate_mb, disk_limit_mb)
+        recorder = Recorder(out, scene, rotation, rate=settings.robot_rate)
+        with contextlib.closing(LiveSource(scene, replace(parts, extra_fields=extra))) as live:
+            live.observer = recorder
+            _run(live, recorder, seconds, out)
+    except (SettingsError, SensorError, RecordingError, MappingError, SceneError) as error:
+        raise click.ClickException(str(error)) from None
+
+
+def _inherited() -> dict[str, Any]:
+    known = Settings.from_environment().model_dump(exclude_unset=True)
+    return {name: value for name, value in known.items() if name in _SOURCE}
+
+
+def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path) -> None:
+    console = Console(stderr=True)
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    end = None if seconds is None else time.monotonic() + seconds
+    with ended_by_signals(), Progress(*columns, console=console) as progress:
+        task = progress.add_task("waiting for the robot")
+        shown = 0.0
+        with contextlib.suppress(KeyboardInterrupt):
+            while end is None or time.monotonic() < end:
+                live.poll(0.1)
+                now = time.monotonic()
+                if now - shown >= 0.5:
+                    shown = now
+                    progress.update(task, description=_state(live, recorder))
+    files = recorder.close()
+    health = live.health
+    lost = health.robot.lost + (0 if health.wrench is None else health.wrench.lost)
+    for path in recorder.repaired:
+        console.print(f"completed from an earlier run: {path.name}", highlight=False)
+    size = sum(path.stat().st_size for path in files) / 1e6
+    click.echo(
+        f"{recorder.rows} samples and {recorder.readings} force/torque readings in {len(files)} files in "
+        f"{out} ({size:.1f} MB), {lost} lost"
+    )
+    if recorder.rows == 0:
+        raise click.ClickException(f"nothing was recorded: {health.trouble or 'no samples arrived'}")
+
+
+def _state(live: LiveSource, recorder: Recorder) -> str:
+    trouble = live.health.trouble
+    text = f"{recorder.rows} samples, {live.health.robot.lost} lost"
+    return f"{text}; {trouble}" if trouble else text
+
+
+def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | None) -> None:
+    scene = None if scene_path is None else Scene.load(scene_path)
+    recording = read(origin, scene, ColumnMapping.parse(columns))
+    console = Console(stderr=True)
+    for problem in recording.problems:
+        console.print(f"{origin}: {problem}", highlight=False, soft_wrap=True)
+    export(recording, out)
+    click.echo(f"{len(recording)} samples, {recording.seconds:.1f} s, written to {out}")

@@ -1,0 +1,111 @@
+"""HTTP as an XML-RPC client speaks it: bytes in, requests out. httptools does the parsing."""
+
+from dataclasses import dataclass
+
+import httptools
+
+from contactsense.service.controllers.xmlrpc import MAX_BODY
+
+_MAX_HEAD = 8192
+
+
+class HttpError(ValueError):
+    """Bytes are no HTTP request that is answered; the connection cannot be read on."""
+
+    def __init__(self, status: str, reason: str) -> None:
+        super().__init__(f"{status}: {reason}")
+        self.status, self.reason = status, reason
+
+
+@dataclass(slots=True)
+class HttpRequest:
+    """One request."""
+
+    method: bytes
+    target: bytes
+    body: bytes
+    keep_alive: bool
+    """Whether the client keeps the connection open."""
+
+
+class HttpReader:
+    """Requests in a stream of bytes."""
+
+    def __init__(self) -> None:
+        self._requests: list[HttpRequest] = []
+        self._parser = httptools.HttpRequestParser(self)
+        self._head = 0
+        self._in_head = True
+        self._expects = False
+        self.on_message_begin()
+
+    def feed(self, chunk: bytes) -> list[HttpRequest]:
+        """Requests that are complete with these bytes.
+
+        Raises:
+            HttpError: No HTTP, or larger than a request may be.
+        """
+        # A head counts what came until its end; pieces keep a long chunk from being taken for one.
+        for begin in range(0, len(chunk), _MAX_HEAD):
+            piece = chunk[begin : begin + _MAX_HEAD]
+            self._head = self._head + len(piece) if self._in_head else 0
+            try:
+                self._parser.feed_data(piece)
+            except httptools.HttpParserUpgrade:
+                raise HttpError("400 Bad Request", "expected no upgrade") from None
+            except httptools.HttpParserError as error:
+                cause = error.__context__
+                if isinstance(cause, HttpError):
+                    raise cause from None
+                raise HttpError("400 Bad Request", str(error)) from None
+            if self._in_head and self._head > 2 * _MAX_HEAD:
+                raise HttpError("431 Request Header Fields Too Large", f"expected at most {_MAX_HEAD} bytes")
+        requests, self._requests = self._requests, []
+        return requests
+
+    @property
+    def begun(self) -> bool:
+        """Whether a request has begun that is not complete."""
+        return not self._in_head or self._head > 0
+
+    def take_continue(self) -> bool:
+        """Whether the client waits to be told to send the body."""
+        expects, self._expects = self._expects and not self._in_head, False
+        return expects
+
+    def on_message_begin(self) -> None:
+        """Called by httptools."""
+        self._target = self._body = b""
+
+    def on_url(self, url: bytes) -> None:
+        """Called by httptools."""
+        self._target += url
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        """Called by httptools."""
+        if name.lower() == b"expect" and value.lower() == b"100-continue":
+            self._expects = True
+
+    def on_headers_complete(self) -> None:
+        """Called by httptools."""
+        self._in_head = False
+
+    def on_body(self, body: bytes) -> None:
+        """Called by httptools."""
+        if len(self._body) + len(body) > MAX_BODY:
+            raise HttpError("413 Content Too Large", f"expected at most {MAX_BODY} bytes")
+        self._body += body
+
+    def on_message_complete(self) -> None:
+        """Called by httptools."""
+        method, keep_alive = self._parser.get_method(), self._parser.should_keep_alive()
+        self._requests.append(HttpRequest(method, self._target, self._body, keep_alive))
+        self._in_head, self._head, self._expects = True, 0, False
+
+
+def http_response(body: bytes, content_type: str, keep_alive: bool, status: str = "200 OK") -> bytes:
+    """The bytes of a response."""
+    return (
+        f"HTTP/1.1 {status}\r\nContent-Type: {content_type}\r\nContent-Length: {len(body)}\r\n"
+        f"Connection: {'keep-alive' if keep_alive else 'close'}\r\n\r\n"
+    ).encode() + body

@@ -1,0 +1,75 @@
+"""The line socket's protocol: a line `NAME ARGUMENT` in, a line `( 1.0, 2.0 )` out, as URScript's
+`socket_read_ascii_float` reads it."""
+
+import math
+from collections.abc import Sequence
+
+from contactsense.service.controllers.robot_program import MAX_NUMBERS, Argument
+
+MAX_LINE = 128
+"""Longest request [bytes]."""
+MAX_REPLY = 1000
+"""Longest reply [bytes]; URScript reads about 1 kB at a time."""
+_LARGEST = 1e9
+
+
+class LineError(ValueError):
+    """A line is no request."""
+
+
+class LineReader:
+    """Requests in a stream of bytes: name and arguments of each, or a `LineError` in its place."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self._skipping = False
+
+    def feed(self, chunk: bytes) -> list[tuple[str, list[Argument]] | LineError]:
+        """What is complete with these bytes. Empty lines are left out; a line that is too long is told once,
+        and the rest of it is left out."""
+        requests: list[tuple[str, list[Argument]] | LineError] = []
+        *lines, self._rest = (self._rest + chunk).split(b"\n")
+        for line in lines:
+            if self._skipping:
+                self._skipping = False
+            elif len(line) > MAX_LINE or line.strip():
+                try:
+                    requests.append(parse_line(line))
+                except LineError as error:
+                    requests.append(error)
+        if len(self._rest) > MAX_LINE:
+            if not self._skipping:
+                requests.append(LineError(f"expected at most {MAX_LINE} bytes"))
+            self._skipping, self._rest = True, b""
+        return requests
+
+
+def parse_line(line: bytes) -> tuple[str, list[Argument]]:
+    """Name and arguments of a request; arguments that look like numbers are.
+
+    Raises:
+        LineError: It is too long, or no text.
+    """
+    if len(line) > MAX_LINE:
+        raise LineError(f"expected at most {MAX_LINE} bytes, got {len(line)}")
+    try:
+        words = line.decode("ascii").split()
+    except UnicodeDecodeError:
+        raise LineError("expected ASCII text") from None
+    if not words or not all(word.isprintable() for word in words):
+        raise LineError("expected a name, and an argument where there is one")
+    return words[0].removeprefix("contactsense_"), [_argument(word) for word in words[1:]]
+
+
+def reply(numbers: Sequence[float]) -> bytes:
+    """A reply of at most 30 numbers, without exponents; larger ones than 1e9 are cut off there."""
+    cut = [min(max(number, -_LARGEST), _LARGEST) for number in numbers[:MAX_NUMBERS]]
+    return f"( {', '.join(f'{number:.6f}' for number in cut)} )\n".encode()
+
+
+def _argument(word: str) -> Argument:
+    try:
+        number = float(word)
+    except ValueError:
+        return word
+    return number if math.isfinite(number) else word

@@ -1,0 +1,132 @@
+"""Samples that a controller pushes, in the pipeline's process: a source like any other."""
+
+import contextlib
+import selectors
+import socket
+import time
+from pathlib import Path
+
+from contactsense.scene import Scene
+from contactsense.service.controllers.framing import Unframer, frame
+from contactsense.service.controllers.sample_message import MessageError, SampleDecoder, decode
+from contactsense.service.controllers.track_session import error_message
+from contactsense.service.sensors.live_source import SourceHealth
+from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.types import Sample
+
+_SILENT = 0.5
+"""A controller that sends nothing for so long is told as the trouble [s]."""
+_CHUNK = 1 << 16
+
+
+class PushSource:
+    """Listens at a Unix socket for the service, which passes on what the controller sends.
+
+    Errors in messages go back the same way; samples before and after are delivered.
+
+    Args:
+        scene: Which fields a sample has, and how long they are.
+        path: Where the socket is made.
+    """
+
+    def __init__(self, scene: Scene, path: Path) -> None:
+        self._decoder = SampleDecoder(scene)
+        path.unlink(missing_ok=True)  # of a process before this one
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.bind(str(path))
+        self._listener.listen(1)
+        self._listener.setblocking(False)
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._connection: socket.socket | None = None
+        self._unframer = Unframer()
+        self._health = StreamHealth(state="waiting", error="no controller is connected to WS /v1/track")
+        self._newest = -1e9
+        self._unusable = self._without_wrench = 0
+        self._base_wrench = scene.base_wrench is not None
+
+    def poll(self, timeout: float) -> list[Sample]:
+        """Samples that have come, oldest first; waits up to `timeout` seconds for the first."""
+        deadline = time.monotonic() + timeout
+        while True:
+            samples: list[Sample] = []
+            for key, _ in self._selector.select(max(0.0, deadline - time.monotonic())):
+                if key.fileobj is self._listener:
+                    self._accept()
+                else:
+                    samples = self._read()
+            now = time.monotonic()
+            if samples:
+                self._newest = now
+            if samples or now >= deadline:
+                return samples
+
+    @property
+    def health(self) -> SourceHealth:
+        """Whether samples come, and how many were refused."""
+        health = self._health
+        if self._connection is None:
+            health.state, health.error = "waiting", "no controller is connected to WS /v1/track"
+        elif time.monotonic() - self._newest > _SILENT:
+            health.state = "waiting"
+            health.error = f"the controller at WS /v1/track has sent no sample for {_SILENT:g} s"
+        else:
+            health.state = "streaming"
+        return SourceHealth(health, None, self._unusable, self._without_wrench, 0.0)
+
+    def close(self) -> None:
+        """Close all sockets."""
+        self._drop()
+        self._selector.close()
+        self._listener.close()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            connection, _ = self._listener.accept()
+            self._drop()
+            connection.setblocking(False)
+            self._selector.register(connection, selectors.EVENT_READ)
+            self._connection, self._unframer = connection, Unframer()
+            self._health.connections += 1
+
+    def _drop(self) -> None:
+        if self._connection is not None:
+            self._selector.unregister(self._connection)
+            self._connection.close()
+            self._connection = None
+
+    def _read(self) -> list[Sample]:
+        assert self._connection is not None
+        try:
+            chunk = self._connection.recv(_CHUNK)
+            messages = self._unframer.feed(chunk)
+        except BlockingIOError:
+            return []
+        except (OSError, MessageError):
+            chunk, messages = b"", []
+        samples = []
+        for message, binary in messages:
+            try:
+                content = decode(message, binary)
+                if "scene" in content:
+                    raise MessageError("scene", "expected none: samples are for the service's own scene")
+                sample = self._decoder.sample(content, len(message))
+            except MessageError as error:
+                self._unusable += 1
+                self._refuse(error, binary)
+                continue
+            self._without_wrench += self._base_wrench and sample.base_wrench is None
+            samples.append(sample)
+        self._health.received += len(samples)
+        if not chunk:
+            self._drop()
+        return samples
+
+    def _refuse(self, error: MessageError, binary: bool) -> None:
+        self._health.failures += 1
+        if self._connection is not None:
+            # A service that does not take errors is not waited for; a part of one cannot be left there.
+            answer = frame(error_message(error, binary), binary)
+            with contextlib.suppress(BlockingIOError):
+                if self._connection.send(answer) < len(answer):
+                    self._connection.shutdown(socket.SHUT_RDWR)

@@ -1,0 +1,204 @@
+"""The ports for robot programs: XML-RPC and the line socket, in the service's event loop."""
+
+import asyncio
+import logging
+import socket
+from collections.abc import Callable
+
+from contactsense.service.controllers.http_calls import HttpError, HttpReader, HttpRequest, http_response
+from contactsense.service.controllers.line_protocol import LineError, LineReader, reply
+from contactsense.service.controllers.robot_program import BAD_REQUEST, RobotProgramMethods
+from contactsense.service.controllers.settings import ControllerSettings
+from contactsense.service.controllers.xmlrpc import XmlRpcError, parse_call, response
+
+PREFIX = "contactsense_"
+"""What the names of methods begin with over XML-RPC."""
+XML = "text/xml"
+"""Content type of calls and answers."""
+PATHS = (b"/RPC2", b"/")
+"""Where calls are posted to."""
+_HEAD_TIME = 10.0
+"""Longest time for a request that has begun [s]."""
+_log = logging.getLogger("contactsense")
+
+
+class PortError(ValueError):
+    """A port cannot be had; the text says which and why."""
+
+
+def answer_call(methods: RobotProgramMethods, body: bytes) -> bytes:
+    """The answer to an XML-RPC call: always an array of numbers."""
+    try:
+        name, arguments = parse_call(body)
+    except XmlRpcError as error:
+        _log.info("XML-RPC: %s", error)
+        return response([BAD_REQUEST])
+    return response(methods.call(name.removeprefix(PREFIX), arguments))
+
+
+class _Connection(asyncio.Protocol):
+    """What both ports share: limits on connections, and on who is connected."""
+
+    transport: asyncio.Transport
+
+    def __init__(self, servers: "RobotProgramServers", methods: RobotProgramMethods) -> None:
+        self._servers, self._methods = servers, methods
+        self._open: set[_Connection] = servers.connections.setdefault(type(self), set())
+        self._timer: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Refuse whom the settings do not name, and more than they allow."""
+        assert isinstance(transport, asyncio.Transport)
+        self.transport = transport
+        peer = transport.get_extra_info("peername")
+        settings = self._servers.settings
+        if peer is None or not settings.may_connect(peer[0]) or len(self._open) >= settings.connections:
+            _log.warning("a robot program's connection from %s is refused", peer and peer[0])
+            transport.abort()
+            return
+        transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # A program that takes no answers is not waited for.
+        transport.set_write_buffer_limits(high=65_536)
+        self._open.add(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget it."""
+        self._open.discard(self)
+        self.wait_for(False)
+
+    def pause_writing(self) -> None:
+        """The program takes no answers."""
+        self.transport.abort()
+
+    def wait_for(self, begun: bool) -> None:
+        """A request has begun, or none is under way: one that has must end in time."""
+        if self._timer is not None and not begun:
+            self._timer.cancel()
+            self._timer = None
+        elif self._timer is None and begun:
+            self._timer = asyncio.get_running_loop().call_later(_HEAD_TIME, self.transport.abort)
+
+
+class XmlRpcConnection(_Connection):
+    """One client of XML-RPC."""
+
+    def __init__(self, servers: "RobotProgramServers", methods: RobotProgramMethods) -> None:
+        super().__init__(servers, methods)
+        self._reader = HttpReader()
+
+    def data_received(self, data: bytes) -> None:
+        """Answer the calls that are complete."""
+        if self.transport.is_closing():
+            return
+        try:
+            requests = self._reader.feed(data)
+        except HttpError as error:
+            self._refuse(error.status, error.reason)
+            return
+        for request in requests:
+            self._answer(request)
+        if self._reader.take_continue():
+            self.transport.write(b"HTTP/1.1 100 Continue\r\n\r\n")
+        self.wait_for(self._reader.begun)
+
+    def _answer(self, request: HttpRequest) -> None:
+        if request.method != b"POST":
+            self._refuse("405 Method Not Allowed", "expected POST")
+        elif request.target.split(b"?")[0] not in PATHS:
+            self._refuse("404 Not Found", "expected /RPC2")
+        elif not self.transport.is_closing():
+            body = answer_call(self._methods, request.body)
+            self.transport.write(http_response(body, XML, request.keep_alive))
+            if not request.keep_alive:
+                self.transport.close()
+
+    def _refuse(self, status: str, reason: str) -> None:
+        if not self.transport.is_closing():
+            self.transport.write(http_response(f"{reason}\n".encode(), "text/plain", False, status))
+            self.transport.close()
+
+
+class LineConnection(_Connection):
+    """One client of the line socket."""
+
+    def __init__(self, servers: "RobotProgramServers", methods: RobotProgramMethods) -> None:
+        super().__init__(servers, methods)
+        self._reader = LineReader()
+
+    def data_received(self, data: bytes) -> None:
+        """Answer the lines that are complete."""
+        for request in self._reader.feed(data):
+            if self.transport.is_closing():
+                return
+            numbers = [BAD_REQUEST] if isinstance(request, LineError) else self._methods.call(*request)
+            self.transport.write(reply(numbers))
+
+
+class RobotProgramServers:
+    """Opens and closes the ports.
+
+    Args:
+        settings: Which ports, and who may connect.
+        methods: What answers.
+    """
+
+    def __init__(self, settings: ControllerSettings, methods: RobotProgramMethods) -> None:
+        self.settings = settings
+        self.connections: dict[type, set[_Connection]] = {}
+        """Open connections by kind."""
+        self.addresses: dict[str, tuple[str, int]] = {}
+        """Name of each open port -> host and port."""
+        self._methods = methods
+        self._servers: list[asyncio.Server] = []
+
+    async def start(self) -> None:
+        """Open the ports.
+
+        Raises:
+            PortError: One cannot be had.
+        """
+        settings, methods = self.settings, self._methods
+        if settings.xmlrpc_port is not None:
+            await self._open("xmlrpc_port", settings.xmlrpc_port, lambda: XmlRpcConnection(self, methods))
+        if settings.line_port is not None:
+            await self._open("line_port", settings.line_port, lambda: LineConnection(self, methods))
+
+    def check(self) -> None:
+        """Make sure that the ports can be had, before the service begins.
+
+        Raises:
+            PortError: One cannot.
+        """
+        for name, port in (
+            ("xmlrpc_port", self.settings.xmlrpc_port),
+            ("line_port", self.settings.line_port),
+        ):
+            if port is not None:
+                try:
+                    socket.create_server((self.settings.host, port)).close()
+                except OSError as error:
+                    raise self._error(name, port, error) from None
+
+    async def stop(self) -> None:
+        """Close them, connections included."""
+        for server in self._servers:
+            server.close()
+        for connections in self.connections.values():
+            for connection in tuple(connections):
+                connection.transport.abort()
+        self._servers.clear()
+        self.addresses.clear()
+
+    async def _open(self, name: str, port: int, make: Callable[[], asyncio.Protocol]) -> None:
+        host = self.settings.host
+        try:
+            server = await asyncio.get_running_loop().create_server(make, host, port)
+        except OSError as error:
+            await self.stop()
+            raise self._error(name, port, error) from None
+        self._servers.append(server)
+        self.addresses[name] = server.sockets[0].getsockname()[:2]
+        _log.info("robot programs: %s at %s:%d", name, *self.addresses[name])
+
+    def _error(self, name: str, port: int, error: OSError) -> PortError:
+        return PortError(f"{name}: cannot listen at {self.settings.host}:{port}: {error.strerror}")

@@ -1,0 +1,126 @@
+"""Messages of `WS /v1/track`: one sample each, as JSON text or as MessagePack. Bytes in, samples out."""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import msgpack
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.types import Sample
+
+MAX_SAMPLE = 16_384
+"""Largest message with a sample [bytes]."""
+MAX_SCENE = 900_000
+"""Largest message with a scene [bytes]."""
+_REQUIRED = ("t", "q", "qd")
+_SENSORS = ("joint_torque", "base_wrench", "wrist_wrench")
+_FIELDS = frozenset((*_REQUIRED, *_SENSORS))
+
+
+class MessageError(ValueError):
+    """A message cannot be used: the field, what was expected and what came."""
+
+    def __init__(self, field: str, reason: str) -> None:
+        super().__init__(f"{field}: {reason}" if field else reason)
+        self.field, self.reason = field, reason
+
+
+def decode(message: bytes, binary: bool) -> dict[str, Any]:
+    """The object in a message.
+
+    Args:
+        message: The message's bytes.
+        binary: MessagePack; otherwise JSON.
+
+    Raises:
+        MessageError: It is too long or no such object.
+    """
+    if len(message) > MAX_SCENE:
+        raise MessageError("", f"expected at most {MAX_SCENE} bytes, got {len(message)}")
+    try:
+        content = msgpack.unpackb(message) if binary else json.loads(message)
+    except (ValueError, RecursionError, OverflowError, msgpack.UnpackException) as error:
+        name = "MessagePack" if binary else "JSON"
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        raise MessageError("", f"expected one object in {name}: {reason}") from None
+    if not isinstance(content, dict):
+        raise MessageError("", f"expected an object, got {_kind(content)}")
+    return content
+
+
+def encode(content: Mapping[str, Any], binary: bool) -> bytes:
+    """A message with this object, in the form in which the controller's own came."""
+    if binary:
+        return bytes(msgpack.packb(content))
+    return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
+class SampleDecoder:
+    """Samples for one scene. Checks names, sizes and numbers of every field."""
+
+    def __init__(self, scene: Scene) -> None:
+        joints = len(scene.robot.joints)
+        self._sizes = {"q": joints, "qd": joints, "joint_torque": joints, "base_wrench": 6, "wrist_wrench": 6}
+        self._fitted = {name: getattr(scene, name) is not None for name in _SENSORS}
+        self._robot = scene.robot.name
+
+    def sample(self, content: Mapping[str, Any], size: int = 0) -> Sample:
+        """The sample in a decoded message of `size` bytes.
+
+        Raises:
+            MessageError: A field is missing, unknown, or has another form than it should.
+        """
+        if size > MAX_SAMPLE:
+            raise MessageError("", f"expected at most {MAX_SAMPLE} bytes for a sample, got {size}")
+        if not _FIELDS.issuperset(content):
+            unknown = next(name for name in content if name not in _FIELDS)
+            raise MessageError(f"{unknown!s:.40}", f"expected fields of {', '.join(sorted(_FIELDS))}")
+        for name in _REQUIRED:
+            if name not in content:
+                raise MessageError(name, "expected a value, the field is missing")
+        return Sample(
+            _number("t", content["t"]),
+            self._vector("q", content["q"]),
+            self._vector("qd", content["qd"]),
+            *(self._sensor(name, content.get(name)) for name in _SENSORS),
+        )
+
+    def _sensor(self, name: str, value: Any) -> np.ndarray | None:
+        if value is None:
+            return None
+        if not self._fitted[name]:
+            raise MessageError(name, "the scene has no such sensor; leave it out or add it to the scene")
+        return self._vector(name, value)
+
+    def _vector(self, name: str, value: Any) -> np.ndarray:
+        size = self._sizes[name]
+        if not isinstance(value, list) or len(value) != size:
+            got = f"{len(value)} of them" if isinstance(value, list) else _kind(value)
+            what = (
+                f"{size} numbers"
+                if name.endswith("wrench")
+                else f"{size} numbers, one per joint of {self._robot}"
+            )
+            raise MessageError(name, f"expected a list of {what}, got {got}")
+        return np.array([_number(name, item) for item in value])
+
+
+def _number(name: str, value: Any) -> float:
+    if type(value) is float and math.isfinite(value):
+        return value
+    if type(value) is int and abs(value) < 1 << 53:
+        return float(value)
+    raise MessageError(name, f"expected finite numbers, got {_kind(value)}")
+
+
+def _kind(value: Any) -> str:
+    """What came, in a few words."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool | int | float):
+        return f"{value!r:.40}"
+    names: dict[type, str] = {dict: "an object", list: "a list", str: "text", bytes: "bytes"}
+    return names.get(type(value), type(value).__name__)

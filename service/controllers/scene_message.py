@@ -1,0 +1,79 @@
+"""A scene that a controller sends along: a robot of the library, or its URDF. Names no file of this host."""
+
+import re
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from contactsense import robots
+from contactsense.robots import Robot, RobotError
+from contactsense.scene import Scene, describe
+from contactsense.service.controllers.sample_message import MessageError
+
+MAX_URDF = 400_000
+"""Longest URDF, and longest surface [characters]."""
+_FILES = ("kinematics", "meshes")
+
+
+def make_scene(fields: Any) -> Scene:
+    """The scene of a message `{"scene": {...}}`: fields of `Scene`, and instead of `robot` possibly `urdf`,
+    the text of a URDF, with `surface`, the text of the file that `contactsense decompose` makes of it, and
+    `tip`, the last link of the arm.
+
+    Raises:
+        MessageError: A field cannot be used.
+    """
+    if not isinstance(fields, Mapping):
+        raise MessageError("scene", "expected an object with fields such as robot")
+    given = dict(fields)
+    for name in _FILES:
+        if given.get(name) is not None:
+            raise MessageError(f"scene.{name}", "names a file, which a message cannot do")
+    if given.get("detail") == "skin":
+        raise MessageError("scene.detail", "expected 'coarse' or 'fine': the meshes of 'skin' are files")
+    urdf, surface, tip = (given.pop(name, None) for name in ("urdf", "surface", "tip"))
+    if (urdf is None) == (given.get("robot") is None):
+        raise MessageError("scene.robot", "expected either robot or urdf")
+    if urdf is not None:
+        given["robot"] = _robot(_text("urdf", urdf), _text("surface", surface), tip)
+    elif given["robot"] not in robots.names():
+        known = ", ".join(robots.names())
+        raise MessageError("scene.robot", f"expected one of {known}, got {given['robot']!r:.40}")
+    try:
+        return Scene.model_validate(given)
+    except ValidationError as error:
+        raise MessageError("scene", describe(error)[:1000]) from None
+
+
+def _text(name: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise MessageError(f"scene.{name}", "expected the text of the file")
+    if len(value) > MAX_URDF:
+        raise MessageError(f"scene.{name}", f"expected at most {MAX_URDF} characters, got {len(value)}")
+    return value
+
+
+def _robot(urdf: str, surface: str, tip: Any) -> Robot:
+    # The XML reader behind it would open files that a document type names.
+    if "<!DOCTYPE" in urdf or "<!ENTITY" in urdf or "xi:include" in urdf:
+        raise MessageError("scene.urdf", "expected no document type, no entities and no inclusions")
+    declared = re.match(r"\s*<\?xml[^>]*encoding\s*=\s*['\"]([^'\"]*)", urdf)
+    if declared and declared[1].lower() not in ("utf-8", "us-ascii"):
+        raise MessageError("scene.urdf", f"expected UTF-8, got {declared[1]!r:.40}")
+    if "&" in surface or "*" in surface:  # aliases would multiply what is read
+        raise MessageError("scene.surface", "expected no anchors and no aliases")
+    if tip is not None and not isinstance(tip, str):
+        raise MessageError("scene.tip", "expected the name of a link")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(urdf, encoding="utf-8")
+        path.with_suffix(".surface.yaml").write_text(surface, encoding="utf-8")
+        try:
+            return robots.from_urdf(path, tip)
+        except ImportError as error:
+            raise MessageError("scene.urdf", f"needs the packages of the extra `geometry`: {error}") from None
+        except RobotError as error:
+            raise MessageError("scene.urdf", str(error).replace(f"{path.parent}/", "")) from None

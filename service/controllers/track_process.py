@@ -1,0 +1,92 @@
+"""The service's side of a controller's process: started for a connection, ended with it."""
+
+import asyncio
+import contextlib
+import multiprocessing
+import socket
+from collections import deque
+from typing import Self
+
+from contactsense.scene import Scene
+from contactsense.service.controllers.framing import Unframer, frame
+from contactsense.service.controllers.track_session import work
+
+_PATIENCE = 2.0
+_CHUNK = 1 << 16
+
+
+class MessageChannel:
+    """Messages over a stream socket, both ways."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer = reader, writer
+        self._unframer = Unframer()
+        self._arrived: deque[tuple[bytes, bool]] = deque()
+
+    async def send(self, message: bytes, binary: bool) -> None:
+        """Send a message; waits while the other side takes nothing.
+
+        Raises:
+            OSError: The other side has gone.
+        """
+        self._writer.write(frame(message, binary))
+        await self._writer.drain()
+
+    async def receive(self) -> tuple[bytes, bool]:
+        """The next message, and whether it is MessagePack.
+
+        Raises:
+            EOFError: The other side has gone.
+        """
+        while not self._arrived:
+            try:
+                chunk = await self._reader.read(_CHUNK)
+            except OSError:
+                chunk = b""
+            if not chunk:
+                raise EOFError
+            self._arrived.extend(self._unframer.feed(chunk))
+        return self._arrived.popleft()
+
+    async def close(self) -> None:
+        """Close the socket."""
+        self._writer.close()
+        with contextlib.suppress(OSError):
+            await self._writer.wait_closed()
+
+
+class TrackProcess:
+    """A process with a localizer of its own, for the length of an `async with` block."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self.channel: MessageChannel
+        """To the process and back."""
+
+    async def __aenter__(self) -> Self:
+        ours, theirs = socket.socketpair()
+        self._process = multiprocessing.get_context("spawn").Process(
+            target=work, args=(theirs, self._scene), name="contactsense track", daemon=True
+        )
+        with theirs:
+            try:
+                await asyncio.to_thread(self._process.start)
+            except BaseException:
+                ours.close()
+                raise
+        self.channel = MessageChannel(*await asyncio.open_connection(sock=ours))
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.channel.close()  # the process takes that as its end
+        await asyncio.to_thread(self._end)
+
+    def _end(self) -> None:
+        self._process.join(0.1)
+        if self._process.is_alive():  # it may be loading its kernels
+            self._process.terminate()
+            self._process.join(_PATIENCE)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+        self._process.close()

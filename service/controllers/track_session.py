@@ -1,0 +1,82 @@
+"""One controller's stream of samples, in a process of its own: a message in, a message out."""
+
+import contextlib
+import signal
+import socket
+from typing import Any
+
+from contactsense import Localizer, Scene
+from contactsense.service.api.messages import estimate_dict, estimate_json
+from contactsense.service.controllers.framing import Unframer, frame
+from contactsense.service.controllers.sample_message import (
+    MessageError,
+    SampleDecoder,
+    decode,
+    encode,
+)
+from contactsense.service.controllers.scene_message import make_scene
+from contactsense.service.events.summary import ContactSummaries
+from contactsense.service.live.hub import with_events
+
+_CHUNK = 1 << 16
+
+
+class TrackSession:
+    """Answers the messages of one connection. The first may carry a scene; without, `scene` is used."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._localizer: Localizer | None = None
+        self._decoder = SampleDecoder(scene)
+        self._summaries = ContactSummaries()
+
+    def answer(self, message: bytes, binary: bool) -> bytes:
+        """The estimate for the sample in a message; an error that names the field where it has none."""
+        try:
+            content = decode(message, binary)
+            if "scene" in content:
+                return encode(self._take_scene(content), binary)
+            sample = self._decoder.sample(content, len(message))
+        except MessageError as error:
+            return error_message(error, binary)
+        if self._localizer is None:
+            self._localizer = Localizer(self._scene)
+        estimate = self._localizer.step(sample)
+        events = self._summaries.update(estimate, "")
+        if not binary:
+            return with_events(
+                estimate_json(estimate), [event.model_dump_json().encode() for event in events]
+            )
+        return encode({**estimate_dict(estimate), "events": [event.model_dump() for event in events]}, binary)
+
+    def _take_scene(self, content: dict[str, Any]) -> dict[str, Any]:
+        if self._localizer is not None:
+            raise MessageError("scene", "expected in the first message only; connect again for another")
+        if len(content) > 1:
+            raise MessageError("scene", "expected alone in its message, samples follow")
+        scene = make_scene(content["scene"])
+        try:
+            self._localizer = Localizer(scene)
+        except ValueError as error:
+            raise MessageError("scene", str(error)) from None
+        self._scene, self._decoder = scene, SampleDecoder(scene)
+        return {
+            "robot": scene.robot.name,
+            "links": list(scene.link_names),
+            "joints": [joint.name for joint in scene.robot.joints],
+        }
+
+
+def error_message(error: MessageError, binary: bool) -> bytes:
+    """A message of the form `ErrorOut`."""
+    return encode({"errors": [{"field": error.field, "reason": error.reason}]}, binary)
+
+
+def work(connection: socket.socket, scene: Scene) -> None:
+    """Body of the process. Ends when the service closes the connection."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service ends us in order
+    session, unframer = TrackSession(scene), Unframer()
+    with connection, contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        while chunk := connection.recv(_CHUNK):
+            for message, binary in unframer.feed(chunk):
+                connection.sendall(frame(session.answer(message, binary), binary))

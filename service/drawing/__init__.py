@@ -1,0 +1,1 @@
+"""Drawings of arms and timelines, for reports and for a browser."""

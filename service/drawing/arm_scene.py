@@ -1,0 +1,78 @@
+"""The arm in 3D as plain data for `arm_view.js`, which draws it in a browser without any library.
+
+A copy of a 3D library in every report would weigh 0.8 MB; the arm's geometry weighs a tenth of that.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.service.drawing.link_meshes import link_meshes
+from contactsense.service.drawing.palette import link_colour
+
+REGION_90 = 4.605
+"""Squared Mahalanobis radius that holds 90 % of a Gaussian of two dimensions."""
+ARROW_LENGTH = 0.25
+"""Length of the longest arrow [m]."""
+
+
+def view_script() -> str:
+    """The JavaScript that draws: `drawArm(canvas, geometry, view)`."""
+    return (Path(__file__).parent / "arm_view.js").read_text(encoding="utf-8")
+
+
+def arm_geometry(scene: Scene) -> list[dict[str, Any]]:
+    """Meshes of all links: `color`, `vertices` (link frame, mm) and `faces`, flat lists."""
+    return [
+        {
+            "color": link_colour(i),
+            "vertices": np.rint(1e3 * mesh.vertices).astype(int).ravel().tolist(),
+            "faces": mesh.faces.ravel().tolist(),
+        }
+        for i, mesh in enumerate(link_meshes(scene))
+    ]
+
+
+def arm_view(
+    poses: Sequence[tuple[np.ndarray, np.ndarray]],
+    up: np.ndarray,
+    point: np.ndarray | None = None,
+    force: np.ndarray | None = None,
+    region: np.ndarray | None = None,
+) -> dict[str, Any]:
+    """One posture, with a contact if there is one.
+
+    Args:
+        poses: Origin (3,) [m] and rotation (3, 3) of each link in the base frame.
+        up: Direction that is up in the picture, base axes, shape (3,).
+        point: Place of the contact, base frame, shape (3,) [m].
+        force: Force on the robot, base axes, shape (3,), of which the direction is drawn.
+        region: Outline of where the place may be, base frame, shape (K, 3) [m].
+    """
+    view: dict[str, Any] = {
+        "poses": [[*(1e3 * o).round(2), *r.ravel().round(5)] for o, r in poses],
+        "up": up.round(5).tolist(),
+    }
+    if point is not None and np.isfinite(point).all():
+        view["point"] = (1e3 * point).round(2).tolist()
+        size = 0.0 if force is None else float(np.linalg.norm(force))
+        if force is not None and size > 0.0:
+            view["arrow"] = (1e3 * (point - ARROW_LENGTH * force / size)).round(2).tolist()
+        if region is not None:
+            view["region"] = (1e3 * region).round(2).ravel().tolist()
+    return view
+
+
+def region_outline(point: np.ndarray, normal: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Outline of the 90 % region of a place in its tangent plane, base frame, shape (32, 3) [m]."""
+    a = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.6 else [0.0, 1.0, 0.0])
+    a /= np.linalg.norm(a)
+    tangents = np.column_stack((a, np.cross(normal, a)))
+    values, vectors = np.linalg.eigh(tangents.T @ covariance @ tangents)
+    angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+    circle = np.column_stack((np.cos(angle), np.sin(angle)))
+    radii = np.sqrt(REGION_90 * np.clip(values, 0.0, None))
+    return np.asarray(point + (circle * radii) @ vectors.T @ tangents.T)

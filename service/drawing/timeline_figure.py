@@ -1,0 +1,27 @@
+"""The timeline of a recording as a Matplotlib figure, for notebooks."""
+
+from typing import Any
+
+from contactsense.service.analysis.analysis import Analysis
+from contactsense.service.drawing.palette import link_colour
+
+
+def timeline_figure(analysis: Analysis) -> Any:
+    """Forces of the contacts over time, coloured by link, above the energy of "nothing touches"."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    seen: set[int] = set()
+    for contact in analysis.contacts:
+        label = None if contact.link_index in seen else (contact.link or "no single place")
+        seen.add(contact.link_index)
+        colour = link_colour(contact.link_index)
+        above.fill_between(contact.curve.t, contact.curve.force, color=colour, alpha=0.5, label=label)
+    if seen:
+        above.legend(loc="upper right")
+    above.set_ylabel("force / N")
+    below.semilogy(analysis.residuals.t, analysis.residuals.energy, color="#333333", linewidth=0.8)
+    below.set_ylabel('energy of\n"nothing touches"')
+    below.set_xlabel("time / s")
+    return figure

@@ -1,0 +1,89 @@
+"""Curves over time as inline SVG."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1000, 62, 12, 10, 34
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One curve of a panel."""
+
+    x: np.ndarray
+    """Shape (K,) [s]."""
+    y: np.ndarray
+    """Shape (K,)."""
+    colour: str
+    """As CSS has it."""
+    label: str = ""
+    """Shown as a tooltip."""
+    filled: bool = False
+    """Whether the area below it is filled."""
+    dashed: bool = False
+    """Whether its line is dashed."""
+
+
+def panel(
+    curves: Sequence[Curve], span: tuple[float, float], unit: str, title: str, height: int = 190
+) -> str:
+    """A panel of curves with axes: x is time [s] over `span`, y begins at zero; `unit`: that of y."""
+    values = [float(np.nanmax(curve.y)) for curve in curves if len(curve.y) and np.isfinite(curve.y).any()]
+    largest = max([*values, 1e-9])
+    step = nice_step(largest / 4.0)
+    limit = step * np.ceil(1.02 * largest / step)
+    low, high = span[0], max(span[1], span[0] + 1e-9)
+    inner, depth = WIDTH - LEFT - RIGHT, height - TOP - BOTTOM
+
+    def at(x: float, y: float) -> tuple[float, float]:
+        return LEFT + inner * (x - low) / (high - low), TOP + depth * (1.0 - y / limit)
+
+    parts = [
+        f'<svg viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{escape(title, True)}">'
+        f"<title>{escape(title)}</title>"
+    ]
+    for k in range(round(limit / step) + 1):
+        _, y = at(low, k * step)
+        parts.append(
+            f'<line class="grid" x1="{LEFT}" y1="{y:.1f}" x2="{WIDTH - RIGHT}" y2="{y:.1f}"/>'
+            f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{k * step:.4g}</text>'
+        )
+    tick = nice_step((high - low) / 8.0)
+    for k in range(int(np.ceil(low / tick)), int(np.floor(high / tick)) + 1):
+        x, _ = at(k * tick, 0.0)
+        parts.append(
+            f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{TOP + depth}"/>'
+            f'<text x="{x:.1f}" y="{TOP + depth + 15}" text-anchor="middle">{k * tick:.6g}</text>'
+        )
+    parts += [_curve(curve, at) for curve in curves if len(curve.x)]
+    parts.append(
+        f'<text x="{WIDTH - RIGHT}" y="{height - 4}" text-anchor="end">time / s</text>'
+        f'<text x="12" y="{TOP + depth / 2:.0f}" text-anchor="middle" '
+        f'transform="rotate(-90 12 {TOP + depth / 2:.0f})">{escape(unit)}</text></svg>'
+    )
+    return "".join(parts)
+
+
+def nice_step(value: float) -> float:
+    """The least of 1, 2, 5 times a power of ten that is not below `value`."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-12)))
+    return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= value * (1.0 - 1e-9)))
+
+
+def _curve(curve: Curve, at: Callable[[float, float], tuple[float, float]]) -> str:
+    known = np.isfinite(curve.y)
+    places = [at(x, y) for x, y in zip(curve.x[known], curve.y[known], strict=True)]
+    if not places:
+        return ""
+    label = f"<title>{escape(curve.label)}</title>" if curve.label else ""
+    dash = ' stroke-dasharray="5 3"' if curve.dashed else ""
+    line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    shape = f'<polyline points="{line}" fill="none" stroke="{curve.colour}"{dash}>{label}</polyline>'
+    if not curve.filled:
+        return shape
+    ground = at(0.0, 0.0)[1]
+    area = f"{places[0][0]:.1f},{ground:.1f} {line} {places[-1][0]:.1f},{ground:.1f}"
+    return f'<polygon points="{area}" fill="{curve.colour}" fill-opacity="0.3">{label}</polygon>{shape}'

@@ -1,0 +1,212 @@
+"""The journal of events: SQLite in WAL mode, with the webhooks that wait in the same file.
+
+Events get their number at once and are readable at once. A thread commits them every half second, so that a
+process that is killed loses no more than that. Numbers are reserved in blocks ahead of their use: after a
+crash none is given twice, and a reader that asks for what came after a number it has seen misses nothing.
+"""
+
+import sqlite3
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, PositiveFloat
+
+from contactsense.service.events.model import ContactEvent
+
+COMMIT_EVERY = 0.5
+"""Longest time between an event and its commit [s]."""
+_PRUNE_EVERY = 60.0
+_BLOCK = 1000
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS events
+    (id INTEGER PRIMARY KEY, kind TEXT NOT NULL, stored REAL NOT NULL, body TEXT NOT NULL);
+CREATE INDEX IF NOT EXISTS events_by_kind ON events (kind, id);
+CREATE TABLE IF NOT EXISTS numbers (name TEXT PRIMARY KEY, value INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS deliveries
+    (id INTEGER PRIMARY KEY AUTOINCREMENT, action TEXT NOT NULL, webhook_id TEXT NOT NULL, body TEXT NOT NULL,
+     attempts INTEGER NOT NULL DEFAULT 0, due REAL NOT NULL);
+CREATE TABLE IF NOT EXISTS disabled (action TEXT PRIMARY KEY, url TEXT NOT NULL, reason TEXT NOT NULL);
+"""
+
+
+class JournalError(RuntimeError):
+    """The journal cannot be opened; the message names the file and the reason."""
+
+
+class JournalSettings(BaseModel):
+    """Where events are kept, and how many."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    path: Path | None = None
+    """File; None: in memory, for as long as the service runs."""
+    max_age: PositiveFloat = 30.0
+    """Older events are removed [days]."""
+    max_size: PositiveFloat = 100.0
+    """The oldest events are removed where the file would be larger [MB]."""
+
+
+class Journal:
+    """Appends and reads events. Safe to use from several threads."""
+
+    def __init__(self, settings: JournalSettings | None = None) -> None:
+        """Open the file, or make it.
+
+        Raises:
+            JournalError: It cannot be used.
+        """
+        self._settings = settings or JournalSettings()
+        place = self._settings.path
+        try:
+            self._database = sqlite3.connect(
+                ":memory:" if place is None else place, check_same_thread=False, isolation_level=None
+            )
+            self._database.execute("PRAGMA auto_vacuum=INCREMENTAL")
+            self._database.execute("PRAGMA journal_mode=WAL")
+            self._database.execute("PRAGMA synchronous=NORMAL")
+            self._database.executescript(_SCHEMA)
+            self._last = self._reserved = self._read_last()
+            self._reserve(self._last + _BLOCK)
+        except sqlite3.Error as error:
+            raise JournalError(f"{place}: cannot be used as a journal of events: {error}") from None
+        self.lock = threading.RLock()
+        """Held by whoever uses `database`, which may take a while; appending does not need it."""
+        self._numbering = threading.Lock()
+        self._waiting: deque[tuple[int, str, float, str]] = deque()
+        self._subscribers: list[Callable[[ContactEvent], None]] = []
+        self._closing = threading.Event()
+        self.error = ""
+        """Why the last commit failed; empty if it did not."""
+        self._writer = threading.Thread(target=self._write, name="event journal", daemon=True)
+        self._writer.start()
+
+    @property
+    def database(self) -> sqlite3.Connection:
+        """The connection, for tables that live in the same file; hold `lock`."""
+        return self._database
+
+    @property
+    def last(self) -> int:
+        """Number of the newest event; 0 where there has been none."""
+        return self._last
+
+    def subscribe(self, on_event: Callable[[ContactEvent], None]) -> Callable[[], None]:
+        """Call `on_event` with every event as it is appended, in the appending thread; returns what ends
+        it."""
+        self._subscribers.append(on_event)
+        return lambda: self._subscribers.remove(on_event)
+
+    def append(self, event: ContactEvent) -> ContactEvent:
+        """Give the event its number and keep it."""
+        if self._last >= self._reserved:  # a burst that the writer could not foresee
+            with self.lock:
+                self._reserve(self._last + _BLOCK)
+        with self._numbering:
+            self._last += 1
+            numbered = event.model_copy(update={"id": self._last})
+            self._waiting.append((self._last, event.kind, time.time(), numbered.model_dump_json()))
+        for on_event in tuple(self._subscribers):
+            on_event(numbered)
+        return numbered
+
+    def since(self, number: int, limit: int = 500, kinds: Sequence[str] = ()) -> list[str]:
+        """Events after that number as JSON, oldest first, at most `limit`, of all kinds or of some."""
+        with self._numbering:  # before the file: what is committed in between is then in both
+            waiting = [row for row in self._waiting if row[0] > number and (not kinds or row[1] in kinds)]
+        marks = ",".join("?" * len(kinds))
+        with self.lock:
+            rows = self._database.execute(
+                f"SELECT id, body FROM events WHERE id > ? {f'AND kind IN ({marks})' if kinds else ''} "
+                "ORDER BY id LIMIT ?",
+                (number, *kinds, limit),
+            ).fetchall()
+        newest = rows[-1][0] if rows else number
+        return ([body for _, body in rows] + [row[3] for row in waiting if row[0] > newest])[:limit]
+
+    def flush(self) -> None:
+        """Commit what waits."""
+        with self.lock:
+            if self._last > self._reserved - _BLOCK // 2:
+                self._reserve(self._last + _BLOCK)
+            with self._numbering:
+                rows = list(self._waiting)
+            if not rows:
+                return
+            try:
+                self._database.execute("BEGIN")
+                self._database.executemany("INSERT INTO events VALUES (?, ?, ?, ?)", rows)
+                self._database.execute("COMMIT")
+            except sqlite3.Error as error:  # a full disk: what waits is kept and tried again
+                self.error = f"the journal cannot be written: {error}"
+                if self._database.in_transaction:
+                    self._database.execute("ROLLBACK")
+                return
+            self.error = ""
+            with self._numbering:
+                for _ in rows:
+                    self._waiting.popleft()
+
+    def prune(self, now: float | None = None) -> None:
+        """Remove what is too old or too much."""
+        oldest = (time.time() if now is None else now) - 86400.0 * self._settings.max_age
+        with self.lock:
+            self._database.execute("DELETE FROM events WHERE stored < ?", (oldest,))
+            while self._size() > 1e6 * self._settings.max_size:
+                (count,) = self._database.execute("SELECT count(*) FROM events").fetchone()
+                if count == 0:
+                    break
+                self._database.execute(
+                    "DELETE FROM events WHERE id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
+                    (count // 10 + 1,),
+                )
+            self._database.execute("PRAGMA incremental_vacuum").fetchall()
+
+    def close(self) -> None:
+        """Commit and close."""
+        self._closing.set()
+        self._writer.join(5.0)
+        with self.lock:
+            self.flush()
+            self._reserve(self._last)
+            self._database.close()
+
+    def __enter__(self) -> "Journal":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _size(self) -> int:
+        pages, free, size = (
+            int(self._database.execute(f"PRAGMA {name}").fetchone()[0])
+            for name in ("page_count", "freelist_count", "page_size")
+        )
+        return (pages - free) * size
+
+    def _read_last(self) -> int:
+        if self._settings.path is None:
+            return time.time_ns() // 1_000_000  # so that numbers rise over restarts here too
+        row = self._database.execute("SELECT value FROM numbers WHERE name = 'reserved'").fetchone()
+        (highest,) = self._database.execute("SELECT max(id) FROM events").fetchone()
+        return max(0 if row is None else int(row[0]), highest or 0)
+
+    def _reserve(self, upto: int) -> None:
+        try:
+            self._database.execute("INSERT OR REPLACE INTO numbers VALUES ('reserved', ?)", (upto,))
+            self._reserved = upto
+        except sqlite3.Error as error:
+            self.error = f"the journal cannot be written: {error}"
+
+    def _write(self) -> None:
+        prune_at = time.monotonic() + _PRUNE_EVERY
+        while not self._closing.wait(COMMIT_EVERY):
+            self.flush()
+            if time.monotonic() > prune_at:
+                prune_at = time.monotonic() + _PRUNE_EVERY
+                try:
+                    self.prune()
+                except sqlite3.Error as error:
+                    self.error = f"the journal cannot be pruned: {error}"

@@ -1,0 +1,140 @@
+"""Contacts summed up from onset to release: events that carry link, place, force, impulse and duration.
+
+Pure: estimates in, events out. The place of a whole contact is the mean of the link's points over its
+samples, each weighted by its probability over the trace of its covariance. The covariance given with it is
+the mean with the same weights: neighbouring samples share filtered noise and the error of the surface model,
+so averaging must not shrink it.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from contactsense.service.events.model import ContactEvent
+from contactsense.types import Contact, Estimate, Event
+
+LOST_AFTER = 1.0
+"""A contact that is not estimated for so long has ended, even if no release was told [s]."""
+_MAX_STEP = 0.1
+"""A longer gap between samples adds no impulse [s]."""
+
+
+@dataclass
+class _Place:
+    """Weighted sums over the samples in which one link was a candidate."""
+
+    probability: float = 0.0
+    weight: float = 0.0
+    point: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    point_base: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def add(self, contact: Contact) -> None:
+        self.probability += contact.probability
+        spread = float(np.trace(contact.covariance))
+        if not math.isfinite(spread) or not np.isfinite(contact.point).all():
+            return
+        weight = contact.probability / max(spread, 1e-12)
+        self.weight += weight
+        self.point += weight * contact.point
+        self.point_base += weight * contact.point_base
+        self.covariance += weight * contact.covariance
+
+
+class _OpenContact:
+    """One contact since its onset."""
+
+    def __init__(self, number: int, t: float) -> None:
+        self.number, self.begin, self.last = number, t, t
+        self.samples = 0
+        self.places: dict[str, _Place] = {}
+        self.impulse = np.zeros(3)
+        self.peak = 0.0
+        self.best: Contact | None = None
+
+    def add(self, t: float, explanations: list[Contact]) -> None:
+        best = max(explanations, key=lambda contact: contact.probability)
+        step = t - self.last
+        if self.best is not None and 0.0 < step <= _MAX_STEP:
+            self.impulse += step * 0.5 * (self.best.force_base + best.force_base)
+        self.last, self.best = t, best
+        self.samples += 1
+        magnitude = float(np.linalg.norm(best.force_base))
+        if math.isfinite(magnitude):
+            self.peak = max(self.peak, magnitude)
+        for contact in explanations:
+            self.places.setdefault(contact.link, _Place()).add(contact)
+
+    def event(self, event: Event, time: str, reason: str = "") -> ContactEvent:
+        if not self.places or self.best is None:
+            return ContactEvent(
+                kind=event.kind, contact=event.contact, t=event.t, time=time, link=event.link,
+                mass=event.mass, reason=reason,
+            )  # fmt: skip
+        link, place = max(self.places.items(), key=lambda item: item[1].probability)
+        force = self.best.force_base
+        known = place.weight > 0.0
+        return ContactEvent(
+            kind=event.kind,
+            contact=event.contact,
+            t=event.t,
+            time=time,
+            link=link,
+            point=(place.point / place.weight).tolist() if known else None,
+            point_base=(place.point_base / place.weight).tolist() if known else None,
+            force_base=force.tolist(),
+            force=float(np.linalg.norm(force)),
+            peak_force=self.peak,
+            impulse=float(np.linalg.norm(self.impulse)),
+            duration=max(0.0, self.last - self.begin),
+            probability=min(1.0, place.probability / self.samples),
+            covariance=(place.covariance / place.weight).tolist() if known else None,
+            torsion=self.best.torsion,
+            mass=event.mass,
+            reason=reason,
+        )
+
+
+class ContactSummaries:
+    """Accumulates the contacts of one stream."""
+
+    def __init__(self) -> None:
+        self._open: dict[int, _OpenContact] = {}
+
+    def update(self, estimate: Estimate, time: str) -> list[ContactEvent]:
+        """Events of this estimate, with what is known of their contacts.
+
+        Args:
+            estimate: The next estimate of the stream.
+            time: Time on the host's clock, ISO 8601 in UTC, for the events.
+        """
+        if not estimate.contacts and not estimate.events and not self._open:
+            return []
+        by_number: dict[int, list[Contact]] = {}
+        for contact in estimate.contacts:
+            by_number.setdefault(contact.id, []).append(contact)
+        for number, explanations in by_number.items():
+            if number > 0:
+                found = self._open.get(number)
+                if found is None or estimate.t < found.last:
+                    found = self._open[number] = _OpenContact(number, estimate.t)
+                found.add(estimate.t, explanations)
+        events = [self._event(event, time) for event in estimate.events]
+        return events + self._lost(estimate.t, time)
+
+    def _event(self, event: Event, time: str) -> ContactEvent:
+        ended = event.kind in ("release", "weight")
+        found = self._open.pop(event.contact, None) if ended else self._open.get(event.contact)
+        return (found or _OpenContact(event.contact, event.t)).event(event, time)
+
+    def _lost(self, t: float, time: str) -> list[ContactEvent]:
+        gone = [
+            number for number, found in self._open.items() if t < found.last or t > found.last + LOST_AFTER
+        ]
+        return [
+            self._open.pop(number).event(
+                Event("release", number, t), time, "the contact is no longer estimated; its end was not seen"
+            )
+            for number in gone
+        ]

@@ -1,0 +1,155 @@
+"""Static samples are located in a process of their own: neither loading kernels nor ten thousand samples hold
+up the stream."""
+
+import asyncio
+import contextlib
+import multiprocessing
+import signal
+import threading
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from contactsense import Localizer, Scene
+from contactsense.service.api.messages import estimate_json
+
+Numbers = Sequence[float]
+
+WAITING = 32
+"""Requests that may wait for their turn."""
+_FIRST = 600.0
+"""Time for the first answer, before which kernels may have to be compiled [s]."""
+_LATER = 60.0
+"""Time for each further answer [s]."""
+
+
+class StaticSample(NamedTuple):
+    """Readings of an arm at rest."""
+
+    q: Numbers
+    base_wrench: Numbers | None
+    joint_torque: Numbers | None
+    wrist_wrench: Numbers | None
+
+
+class LocateError(Exception):
+    """No answer for now; the text says why."""
+
+
+class LocateProcess:
+    """Answers requests one after another; started again where it dies. Lives in one event loop."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._process: SpawnProcess | None = None
+        self._connection: Connection | None = None
+        self._answered = False
+        self._turn = asyncio.Lock()
+        self._waiting = 0
+        self._lock = threading.Lock()
+        self._closed = False
+
+    async def locate(self, samples: Sequence[StaticSample], external: bool) -> list[bytes]:
+        """An estimate as JSON for each sample.
+
+        Raises:
+            LocateError: Too many wait already, or the process broke down.
+        """
+        if self._waiting >= WAITING:
+            raise LocateError(f"{WAITING} requests are waiting already; try again later")
+        self._waiting += 1
+        try:
+            async with self._turn:
+                return await asyncio.shield(asyncio.to_thread(self._ask, list(samples), external))
+        finally:
+            self._waiting -= 1
+
+    async def start(self) -> None:
+        """Start the process, which loads its kernels at once."""
+        await asyncio.to_thread(self._started)
+
+    def restart(self, scene: Scene) -> None:
+        """Go on with another scene; a request under way fails."""
+        self._scene = scene
+        self._end()
+
+    def stop(self) -> None:
+        """End the process, whatever it does."""
+        self._closed = True
+        self._end()
+
+    def _started(self) -> Connection:
+        with self._lock:
+            if self._closed:
+                raise LocateError("the service ends")
+            if self._connection is None:
+                context = multiprocessing.get_context("spawn")
+                self._connection, theirs = context.Pipe()
+                self._process = context.Process(
+                    target=work, args=(theirs, self._scene), name="contactsense locate", daemon=True
+                )
+                self._process.start()
+                theirs.close()
+                self._answered = False
+            return self._connection
+
+    def _ask(self, samples: list[StaticSample], external: bool) -> list[bytes]:
+        try:
+            connection = self._started()
+            connection.send((samples, external))
+            if not connection.poll(_LATER if self._answered else _FIRST):
+                raise LocateError("no answer in time; the process that locates is started again")
+            answer: Any = connection.recv()
+        except (OSError, EOFError) as error:
+            self._end()
+            raise LocateError("the process that locates broke down and is started again") from error
+        except LocateError:
+            self._end()
+            raise
+        self._answered = True
+        if isinstance(answer, str):
+            raise LocateError(answer)
+        found: list[bytes] = answer
+        return found
+
+    def _end(self) -> None:
+        with self._lock:
+            process, connection = self._process, self._connection
+            self._process = self._connection = None
+        if process is not None:
+            process.kill()  # what it is asked for now can be asked for again
+            process.join()
+            process.close()
+        if connection is not None:
+            connection.close()
+
+
+def work(connection: Connection, scene: Scene) -> None:
+    """Body of the process. Ends when the service has gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    localizer = Localizer(scene)
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            samples, external = connection.recv()
+            try:
+                connection.send([_located(localizer, sample, external) for sample in samples])
+            except ValueError as error:
+                connection.send(f"{type(error).__name__}: {error}")
+
+
+def _located(localizer: Localizer, sample: StaticSample, external: bool) -> bytes:
+    estimate = localizer.locate(
+        np.array(sample.q),
+        base_wrench=_array(sample.base_wrench),
+        joint_torque=_array(sample.joint_torque),
+        wrist_wrench=_array(sample.wrist_wrench),
+        external=external,
+    )
+    return estimate_json(estimate)
+
+
+def _array(values: Numbers | None) -> np.ndarray | None:
+    return None if values is None else np.array(values)

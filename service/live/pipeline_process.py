@@ -1,0 +1,346 @@
+"""The 500 Hz pipeline, in a process of its own: sensors -> localizer -> service, for which it never waits.
+
+A busy Python thread in the same process can delay a wake-up by many milliseconds, so this process does
+nothing else. What the service does not take in time piles up in a bounded outbox, then the oldest messages
+are dropped and counted.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import struct
+import sys
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
+from typing import Any, Protocol
+
+from contactsense import Estimate, Localizer, Sample, Scene
+from contactsense.localizer import kernels_of
+from contactsense.robots.jit.compilation import Compilation
+from contactsense.service.api.messages import PipelineHealth, SensorHealth, SourceHealth, estimate_json
+from contactsense.service.events.summary import ContactSummaries
+from contactsense.service.live.listener import Listener, Reporter
+from contactsense.service.live.step_times import StepTimes
+from contactsense.service.sensors import live_source as live
+from contactsense.service.sensors.netft_client import WrenchHealth
+from contactsense.service.sensors.robot_stream import StreamHealth
+
+HEAD = struct.Struct("<cdI")
+"""In front of each message: kind, time of the sample [s], bytes that follow."""
+ESTIMATE, HEALTH, LOADING, LAST_WORDS, REPORT = b"E", b"H", b"C", b"L", b"R"
+"""Kinds: an estimate, the health of sensors and process, the progress of the compilation, the error that ends
+the process, what a listener reports."""
+HEARTBEAT = 0.25
+"""Longest time between two health messages while the process is well [s]."""
+
+REALTIME_PRIORITY = 1
+"""Of the process under SCHED_FIFO, where it may (as root, or with LimitRTPRIO or CAP_SYS_NICE)."""
+
+_OUTBOX = 1000
+_TICK = 0.01
+_MAX_COMMAND = 1 << 20
+
+ListenerFactory = Callable[[Scene], Listener]
+"""Makes a listener; called in the pipeline's process, so it must be picklable."""
+
+
+class Source(Protocol):
+    """Where samples come from. Trouble with a sensor is told in `health`, not raised."""
+
+    @property
+    def health(self) -> live.SourceHealth:
+        """How the sensors fare."""
+
+    def poll(self, timeout: float) -> list[Sample]:
+        """Samples that have come, oldest first; waits up to `timeout` seconds for the first."""
+
+    def close(self) -> None:
+        """Let go of the sensors."""
+
+
+class Stepper(Protocol):
+    """What turns samples into estimates."""
+
+    def step(self, sample: Sample) -> Estimate:
+        """The estimate after this sample."""
+
+
+class Outbox:
+    """Messages on their way into a socket, without ever waiting for it."""
+
+    def __init__(self, connection: socket.socket, size: int = _OUTBOX) -> None:
+        connection.setblocking(False)
+        self._connection = connection
+        self._size = size
+        self._waiting: deque[bytes] = deque()
+        self._begun = memoryview(b"")  # rest of a message of which a part has gone
+        self.dropped = 0
+        """Messages given up."""
+
+    def post(self, kind: bytes, t: float, payload: bytes) -> None:
+        """Send a message, or keep it until the socket takes it. Estimates are given up first.
+
+        Raises:
+            OSError: Nobody is at the other end any more.
+        """
+        if len(self._waiting) >= self._size:
+            oldest = next((i for i, waiting in enumerate(self._waiting) if waiting[:1] == ESTIMATE), 0)
+            del self._waiting[oldest]
+            self.dropped += 1
+        self._waiting.append(HEAD.pack(kind, t, len(payload)) + payload)
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what the socket takes now."""
+        while self._begun or self._waiting:
+            if not self._begun:
+                self._begun = memoryview(self._waiting.popleft())
+            try:
+                self._begun = self._begun[self._connection.send(self._begun) :]
+            except BlockingIOError:
+                return
+
+
+class Inbox:
+    """Commands from the service: one JSON object a line."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+        self._rest = b""
+
+    def take(self) -> list[dict[str, Any]]:
+        """Commands that have come; does not wait.
+
+        Raises:
+            OSError: The service has gone.
+        """
+        try:
+            chunk = self._connection.recv(1 << 16)
+        except BlockingIOError:
+            return []
+        if not chunk or len(self._rest) > _MAX_COMMAND:
+            raise BrokenPipeError
+        *lines, self._rest = (self._rest + chunk).split(b"\n")
+        return [json.loads(line) for line in lines]
+
+
+class Listeners:
+    """Calls the listeners, none of which can break the pipeline.
+
+    Args:
+        listeners: They, in the order in which they are called.
+        outbox: For what they report to the service.
+    """
+
+    def __init__(self, listeners: Sequence[Listener], outbox: Outbox) -> None:
+        self._listeners = listeners
+        self._reporters = [listener for listener in listeners if isinstance(listener, Reporter)]
+        self._outbox = outbox
+        self.errors = 0
+        """Exceptions so far."""
+        self.last_error = ""
+        """The latest."""
+
+    def receive(self, sample: Sample, estimate: Estimate) -> None:
+        """Hand a sample and its estimate to all."""
+        for listener in self._listeners:
+            try:
+                listener.receive(sample, estimate)
+            except Exception as error:
+                self._note(listener, error)
+        self._send_reports(estimate.t)
+
+    def tick(self, now: float) -> None:
+        """Give all a chance to do what is due at this time of the host's monotonic clock [s]."""
+        for listener in self._listeners:
+            try:
+                listener.tick(now)
+            except Exception as error:
+                self._note(listener, error)
+        self._send_reports(now)
+
+    def command(self, message: dict[str, Any]) -> None:
+        """Hand a command of the service to all."""
+        for reporter in self._reporters:
+            try:
+                reporter.command(message)
+            except Exception as error:
+                self._note(reporter, error)
+
+    def close(self) -> None:
+        """Close all."""
+        for listener in self._listeners:
+            try:
+                listener.close()
+            except Exception as error:
+                self._note(listener, error)
+
+    def _send_reports(self, t: float) -> None:
+        for reporter in self._reporters:
+            for report in reporter.take_reports():
+                self._outbox.post(REPORT, t, json.dumps(report).encode())
+
+    def _note(self, listener: object, error: Exception) -> None:
+        self.errors += 1
+        self.last_error = f"{type(listener).__name__}: {type(error).__name__}: {error}"
+
+
+def work(
+    connection: socket.socket,
+    scene: Scene,
+    open_source: Callable[[Scene], Source],
+    factories: Sequence[ListenerFactory] = (),
+) -> None:
+    """Body of the pipeline's process. Ends when the service has gone.
+
+    Args:
+        connection: Way to the service.
+        scene: The arm in its place.
+        open_source: Makes the source of samples.
+        factories: Make the listeners.
+    """
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C reaches the whole group; the service ends us in order
+    outbox = Outbox(connection)
+    with connection, contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the service has gone
+        try:
+            with _reported_loading(scene, outbox):
+                localizer = Localizer(scene, progress=False)
+            _schedule_in_real_time()  # not before the kernels are compiled, which may take minutes
+            with (
+                contextlib.closing(open_source(scene)) as source,
+                contextlib.closing(Listeners([make(scene) for make in factories], outbox)) as listeners,
+            ):
+                run(source, localizer, outbox, listeners, Inbox(connection))
+        except (BrokenPipeError, ConnectionResetError):
+            raise
+        except Exception as error:
+            traceback.print_exc()
+            outbox.post(LAST_WORDS, 0.0, f"{type(error).__name__}: {error}".encode())
+            sys.exit(1)
+
+
+@contextlib.contextmanager
+def _reported_loading(scene: Scene, outbox: Outbox) -> Iterator[None]:
+    """Report while kernels are loaded or compiled, which keeps this thread busy."""
+    over, lost = threading.Event(), threading.Event()
+    with Compilation(kernels_of(scene)) as compilation:
+
+        def report() -> None:
+            while True:
+                share, left = compilation.progress
+                try:
+                    outbox.post(LOADING, 0.0, json.dumps({"share": share, "left": left}).encode())
+                except OSError:
+                    lost.set()  # the service has gone
+                    return
+                if over.wait(HEARTBEAT):
+                    return
+
+        reporter = threading.Thread(target=report, name="loading report", daemon=True)
+        reporter.start()
+        try:
+            yield
+        finally:
+            over.set()
+            reporter.join()
+    if lost.is_set():
+        raise BrokenPipeError
+
+
+def _schedule_in_real_time() -> None:
+    """Run before all that is not real-time: web server, viewers and others must not keep the robot waiting.
+    The kernel leaves them a share all the same (sched_rt_runtime_us)."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
+
+
+def run(
+    source: Source,
+    localizer: Stepper,
+    outbox: Outbox,
+    listeners: Listeners | None = None,
+    inbox: Inbox | None = None,
+) -> None:
+    """Step through samples for ever.
+
+    Raises:
+        OSError: Nobody takes the messages any more.
+    """
+    listeners = listeners or Listeners((), outbox)
+    summaries = ContactSummaries()
+    beat, last_sample, step_time = 0.0, None, None
+    step_times = StepTimes()
+    window_start, window_count, rate = time.monotonic(), 0, 0.0
+    while True:
+        samples = source.poll(_TICK)
+        estimates = []
+        for sample in samples:
+            begin = time.perf_counter()
+            estimate = localizer.step(sample)
+            took = time.perf_counter() - begin
+            step_time = took if step_time is None else step_time + 0.02 * (took - step_time)
+            step_times.add(took)
+            listeners.receive(sample, estimate)
+            estimates.append(estimate)
+        for estimate in estimates:  # sent when all reactions are done
+            for event in summaries.update(estimate, utc_now()):
+                report = {"type": "event", "event": event.model_dump()}
+                outbox.post(REPORT, estimate.t, json.dumps(report).encode())
+            outbox.post(ESTIMATE, estimate.t, estimate_json(estimate))
+        now = time.monotonic()
+        for command in inbox.take() if inbox is not None else ():
+            listeners.command(command)
+        listeners.tick(now)
+        window_count += len(samples)
+        if samples:
+            last_sample = now
+        if now - window_start >= 1.0:
+            rate = window_count / (now - window_start)
+            window_start, window_count = now, 0
+        if now - beat >= HEARTBEAT:
+            beat = now
+            health = _told(source.health)
+            health.rate = rate
+            health.age = None if last_sample is None else now - last_sample
+            pipeline = PipelineHealth(
+                alive=True,
+                dropped=outbox.dropped,
+                step=step_time,
+                listener_errors=listeners.errors,
+                last_listener_error=listeners.last_error,
+                step_counts=step_times.counts,
+                step_sum=step_times.total,
+            )
+            report = {"source": health.model_dump(), "pipeline": pipeline.model_dump()}
+            outbox.post(HEALTH, now, json.dumps(report).encode())
+        else:
+            outbox.flush()
+
+
+def utc_now() -> str:
+    """Time on the host's clock, ISO 8601 in UTC."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def _told(health: live.SourceHealth) -> SourceHealth:
+    def sensor(stream: StreamHealth | WrenchHealth) -> SensorHealth:
+        return SensorHealth(
+            state=stream.state, received=stream.received, lost=stream.lost, last_error=stream.error
+        )
+
+    return SourceHealth(
+        connected=health.robot.state == "streaming",
+        trouble=health.trouble,
+        without_wrench=health.without_wrench,
+        robot=sensor(health.robot),
+        base_wrench=None if health.wrench is None else sensor(health.wrench),
+    )

@@ -1,0 +1,78 @@
+"""What is to be said of the whole service at this moment, from ages and counters. A pure function of them."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Status = Literal["ok", "degraded", "starting", "waiting", "failing", "idle"]
+
+STALE = 1.0
+"""What is older than this is not current: reports, samples, estimates [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What is known about the pipeline, all ages taken now."""
+
+    process: Literal["none", "starting", "running", "ended"]
+    """none: no robot is named; starting: nothing was heard yet; ended: it is about to be started again."""
+    end: str = ""
+    """How its last life ended; empty while there was none, or the present one is well."""
+    loading: str = ""
+    """How far the compilation of its kernels is; empty while nothing is compiled."""
+    report_age: float = 0.0
+    """Time since its latest message [s]."""
+    sample_age: float | None = None
+    """Time since the latest sample [s]; None before the first."""
+    estimate_age: float | None = None
+    """Time since the latest estimate arrived here [s]; None before the first."""
+    connected: bool = False
+    """Whether the robot's stream is up, as last reported."""
+    trouble: tuple[str, ...] = ()
+    """What the sensors' side says is wrong."""
+    estimate: str = ""
+    """Why the latest estimate is degraded; empty where it is not."""
+    others: tuple[str, ...] = field(default=())
+    """What else is wrong in the service, such as a task that had to be restarted just now."""
+
+
+def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
+    """The status, and the reasons for it, each a sentence for a technician; one at least."""
+    if facts.process == "none":
+        return "idle", ("no robot was named: only POST /v1/locate works",)
+    if facts.process == "ended":
+        return "failing", (f"the pipeline {facts.end}; it is started again", *facts.others)
+    if facts.process == "starting":
+        if facts.end:
+            return "failing", (f"the pipeline {facts.end}; it is starting again", *facts.others)
+        return "starting", (facts.loading or "the pipeline is loading its kernels", *facts.others)
+    if facts.report_age > STALE:
+        text = (
+            f"the pipeline has not reported for {facts.report_age:.1f} s; it is started again if it stays so"
+        )
+        return "failing", (text, *facts.others)
+    if not facts.connected:
+        found = facts.trouble or ("no data from the robot yet",)
+        return "waiting", (*_retried(found), *facts.others)
+    if facts.sample_age is None or facts.sample_age > STALE:
+        age = "yet" if facts.sample_age is None else f"for {facts.sample_age:.1f} s"
+        return "waiting", (
+            f"no usable sample from the robot {age}",
+            *_retried(facts.trouble),
+            *facts.others,
+        )
+    if facts.estimate_age is None or facts.estimate_age > STALE:
+        age = "yet" if facts.estimate_age is None else f"for {facts.estimate_age:.1f} s"
+        return "failing", (
+            f"samples arrive but no estimate has {age}; is this computer overloaded?",
+            *facts.others,
+        )
+    if facts.trouble or facts.others:
+        return "degraded", (*_retried(facts.trouble), *facts.others)
+    if facts.estimate:
+        return "degraded", (f"the latest estimate is degraded: {facts.estimate}",)
+    return "ok", ("samples arrive and are estimated",)
+
+
+def _retried(trouble: tuple[str, ...]) -> tuple[str, ...]:
+    """The same; the last says that nobody has to restart the service."""
+    return (*trouble[:-1], f"{trouble[-1]}; trying again all the time") if trouble else ()

@@ -1,0 +1,71 @@
+"""Tasks that must not end: one that does, whatever the reason, is told of and started again."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+
+log = logging.getLogger("contactsense")
+
+PAUSE = 0.5
+"""Time before a task that ended is started again [s]."""
+
+
+class Supervised:
+    """A task that is started again whenever it ends.
+
+    Args:
+        name: What it does, for people.
+        body: Makes the coroutine.
+    """
+
+    def __init__(self, name: str, body: Callable[[], Awaitable[None]]) -> None:
+        self.name = name
+        """What it does."""
+        self._body = body
+        self._task: asyncio.Task[None] | None = None
+        self._stopping = False
+        self.failures = 0
+        """How often it ended."""
+        self.error = ""
+        """Why, the last time; empty again once it has run well for a while."""
+
+    def start(self) -> None:
+        """Start it, in the running event loop."""
+        self._stopping = False
+        self._task = asyncio.get_running_loop().create_task(self._run(), name=self.name)
+        self._task.add_done_callback(self._ended)
+
+    async def stop(self) -> None:
+        """End it for good."""
+        self._stopping = True
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait([self._task])
+            self._task = None
+
+    async def _run(self) -> None:
+        while True:
+            well = asyncio.get_running_loop().call_later(10.0 * PAUSE, self._is_well)
+            try:
+                await self._body()
+                self.error = "it ended"
+            except Exception as error:
+                self.error = f"{type(error).__name__}: {error}"
+            finally:
+                well.cancel()
+            self.failures += 1
+            log.error("%s: %s; it is started again", self.name, self.error)
+            await asyncio.sleep(PAUSE)
+
+    def _is_well(self) -> None:
+        self.error = ""
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        # Cancelled by somebody else, or broken in a way that _run could not see.
+        if not self._stopping and not task.get_loop().is_closed():
+            self.failures += 1
+            task.get_loop().call_later(PAUSE, self._start_again)
+
+    def _start_again(self) -> None:
+        if not self._stopping:
+            self.start()

@@ -1,0 +1,418 @@
+"""Keeps the pipeline's process running: starts it, listens to it, starts it again when it dies or hangs.
+
+How the service fares is worked out from ages whenever somebody asks: a status that was once told and
+believed would outlive whoever told it.
+"""
+
+import asyncio
+import contextlib
+import errno
+import json
+import logging
+import multiprocessing
+import os
+import re
+import socket
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from multiprocessing.process import BaseProcess
+from typing import Any, Literal
+
+from contactsense import Scene
+from contactsense.robots.jit.compilation import CompilationProgress
+from contactsense.service.api.messages import PipelineHealth, SourceHealth
+from contactsense.service.live.pipeline_process import (
+    ESTIMATE,
+    HEAD,
+    HEALTH,
+    LOADING,
+    REPORT,
+    ListenerFactory,
+    Source,
+    work,
+)
+from contactsense.service.live.silence import TICK, Silence, process_state
+from contactsense.service.live.status import STALE, Facts, Status, assess
+from contactsense.service.live.supervision import Supervised
+
+log = logging.getLogger("contactsense")
+
+OnEstimate = Callable[[float, bytes], None]
+OnLoading = Callable[[CompilationProgress], None]
+OnReport = Callable[[dict[str, Any]], None]
+
+_FIRST_WORD = 300.0
+"""Time allowed for a process to start [s]."""
+_STUCK = 300.0
+"""A compilation that makes no progress for so long hangs [s]."""
+_LOADING_SILENCE = 10.0
+"""A process that loads kernels may hold its interpreter for some seconds, but not for so long [s]."""
+_SILENCE = 1.5
+"""A process that says nothing for so long hangs [s]."""
+_STOPPED = 1.0
+"""A process that is stopped for so long is of no use [s]."""
+_LATE = 1.0
+"""If the event loop is late by more than this, it is told [s]."""
+_PAUSE = (0.2, 5.0)
+"""Time before the next start: at first, and at most after failing again and again [s]."""
+_PATIENCE = 2.0
+"""Time to end by itself [s]."""
+
+
+class Runner:
+    """The pipeline's process and what is known about it. Lives in one event loop."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        open_source: Callable[[Scene], Source] | None,
+        on_estimate: OnEstimate,
+        on_report: OnReport | None = None,
+        listeners: Sequence[ListenerFactory] = (),
+        on_loading: OnLoading | None = None,
+    ) -> None:
+        """Without `open_source` there is nothing to run.
+
+        Args:
+            scene: The arm in its place.
+            open_source: Makes the source of samples; called in the process, so it must be picklable.
+            on_estimate: Called with the sample's time and the estimate as JSON.
+            on_report: Called with what listeners report, events included.
+            listeners: Make the listeners in the process, must be picklable.
+            on_loading: Called with the progress while kernels are compiled.
+        """
+        self._scene = scene
+        self._open_source = open_source
+        self._on_estimate = on_estimate
+        self._on_report = on_report
+        self._listeners = tuple(listeners)
+        self._to_pipeline: asyncio.StreamWriter | None = None
+        self._on_loading = on_loading
+        self._advanced: float | None = None
+        self._task: Supervised | None = None
+        self._ticker: Supervised | None = None
+        self._process: Literal["none", "starting", "running", "ended"] = "starting"
+        self._end_reason = ""
+        self._reported = self._estimated = 0.0
+        self._latest: bytes = b""
+        self._lag = 0.0
+        self._restart = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self.loaded = asyncio.Event()
+        """Set once the process has loaded (or failed, or there is none): kernels are compiled and cached."""
+        self.loading = 1.0 if open_source is None else 0.0
+        """Share of the kernels' compilation that is done, 0 to 1."""
+        self.loading_left: float | None = None
+        """Estimated time left of the compilation [s]; None while nothing is compiled."""
+        self.source = SourceHealth()
+        """The sensors' side, as last heard."""
+        self.pipeline = PipelineHealth()
+        """The process, as last heard."""
+        self.estimates = 0
+        """Estimates that arrived, ever."""
+        self.handover: float | None = None
+        """How long the latest report was on its way from the process to here [s]."""
+        self._told: tuple[Status, str] = ("starting", "")
+        self.since = datetime.now(UTC)
+        """When this status began."""
+        if open_source is None:
+            self._process = "none"
+        self._look()
+
+    def start(self) -> None:
+        """Start the process and watch over it."""
+        if self._open_source is None:
+            self.loaded.set()
+        elif self._task is None:
+            self._loop = asyncio.get_running_loop()
+            self._task = Supervised("pipeline supervision", self._watch)
+            self._ticker = Supervised("status watch", self._tick)
+            self._task.start()
+            self._ticker.start()
+
+    async def stop(self) -> None:
+        """End the process."""
+        for task in (self._ticker, self._task):
+            if task is not None:
+                await task.stop()
+        self._task = self._ticker = None
+
+    def restart(
+        self,
+        scene: Scene,
+        open_source: Callable[[Scene], Source] | None,
+        listeners: Sequence[ListenerFactory] = (),
+    ) -> None:
+        """End the process and start it with another scene and other listeners."""
+        self._scene, self._open_source, self._listeners = scene, open_source, tuple(listeners)
+        self._restart.set()
+
+    def send(self, command: dict[str, Any]) -> bool:
+        """Send a command to the listeners; False where no pipeline runs."""
+        if self._to_pipeline is None:
+            return False
+        self._to_pipeline.write(json.dumps(command).encode() + b"\n")
+        return True
+
+    async def _watch(self) -> None:
+        pause = _PAUSE[0]
+        while self._open_source is not None:
+            began = asyncio.get_running_loop().time()
+            self._restart.clear()
+            self._process = "starting"
+            try:
+                reason = await self._run_once(self._open_source)
+            except OSError as error:
+                reason = f"could not be started: {error.strerror or error}{_advice(error)}"
+            self._end_loading()
+            self.loaded.set()
+            self.pipeline.alive = False
+            self.pipeline.restarts += 1
+            self.source.connected, self.source.rate = False, 0.0
+            self._process, self._end_reason = "ended", reason
+            self._look()
+            if self._restart.is_set():
+                pause = _PAUSE[0]
+                continue
+            if asyncio.get_running_loop().time() - began > 60.0:
+                pause = _PAUSE[0]  # it had run well
+            await asyncio.sleep(pause)
+            pause = min(2.0 * pause, _PAUSE[1])
+
+    async def _tick(self) -> None:
+        """Look at the status so often that no change of it goes unnoticed."""
+        clock = asyncio.get_running_loop().time
+        while True:
+            begin = clock()
+            await asyncio.sleep(TICK)
+            self._lag = clock() - begin - TICK
+            if self._lag > _LATE:
+                log.warning("the service did not run for %.1f s: is this computer overloaded?", self._lag)
+            self._look()
+
+    async def _run_once(self, open_source: Callable[[Scene], Source]) -> str:
+        """One life of the process; returns how it ended."""
+        ours, theirs = socket.socketpair()
+        context = multiprocessing.get_context("spawn")
+        hung = False
+        process = context.Process(
+            target=work,
+            args=(theirs, self._scene, open_source, self._listeners),
+            name="contactsense pipeline",
+            daemon=True,
+        )
+        try:
+            with theirs:
+                process.start()
+            reader, writer = await asyncio.open_connection(sock=ours, limit=1 << 20)
+            self._to_pipeline = writer
+            try:
+                reason, hung = await self._listen(reader, process)
+                return reason
+            finally:
+                self._to_pipeline = None
+                writer.close()
+                with contextlib.suppress(OSError):
+                    await writer.wait_closed()
+        finally:
+            ours.close()  # the process takes that as its end
+            await _ended(process, hung)
+
+    async def _listen(self, reader: asyncio.StreamReader, process: BaseProcess) -> tuple[str, bool]:
+        """Listen until the process ends, hangs or is to be restarted; why, and whether to kill it at once."""
+        clock = asyncio.get_running_loop().time
+        silence = Silence(clock(), os.sysconf("SC_CLK_TCK"))
+        self.loading, self.loading_left, self._advanced = 0.0, None, None
+        receiving = asyncio.create_task(self._receive(reader, process, silence))
+        try:
+            while not receiving.done():
+                await asyncio.wait({receiving}, timeout=TICK)
+                silence.tick(clock(), process_state(process.pid or 0))
+                allowed = self._allowed_silence()
+                if receiving.done():
+                    break
+                if self._restart.is_set():
+                    return "was ended for a new scene", False
+                if silence.stopped > _STOPPED:
+                    return f"was stopped, or dead, for {_STOPPED:g} s", True
+                if self._advanced is not None and clock() - self._advanced > _STUCK:
+                    return f"made no progress compiling its kernels for {_STUCK:g} s", True
+                if silence.seconds > allowed:
+                    return f"said nothing for {allowed:g} s", True
+            return receiving.result(), False
+        finally:
+            receiving.cancel()
+            await asyncio.wait([receiving])
+
+    async def _receive(self, reader: asyncio.StreamReader, process: BaseProcess, silence: Silence) -> str:
+        clock = asyncio.get_running_loop().time
+        try:
+            while True:
+                kind, t, size = HEAD.unpack(await reader.readexactly(HEAD.size))
+                payload = await reader.readexactly(size)
+                silence.heard()
+                self._reported = clock()
+                if kind == LOADING:
+                    self._hear_loading(payload)
+                    continue
+                self._end_loading()
+                self.loaded.set()
+                if kind == ESTIMATE:
+                    self._estimated, self._latest = self._reported, payload
+                    self.estimates += 1
+                    self._on_estimate(t, payload)
+                elif kind == HEALTH:
+                    self._hear(payload, t)
+                elif kind == REPORT:
+                    if self._on_report is not None:
+                        self._on_report(json.loads(payload))
+                else:
+                    return f"broke down ({payload.decode(errors='replace')})"
+        except (asyncio.IncompleteReadError, OSError):
+            code = await _exit_code(process)
+            return f"ended unexpectedly (exit code {code})"
+
+    def _allowed_silence(self) -> float:
+        if self._process != "starting":
+            return _SILENCE
+        return _FIRST_WORD if self._advanced is None else _LOADING_SILENCE
+
+    def _hear_loading(self, payload: bytes) -> None:
+        """Take in the progress of the compilation."""
+        progress = CompilationProgress(**json.loads(payload))
+        if self._advanced is None or progress.share > self.loading:
+            self._advanced = asyncio.get_running_loop().time()
+        if progress.share > self.loading:
+            self.loading, self.loading_left = progress
+            if self._on_loading is not None:
+                self._on_loading(progress)
+
+    def _end_loading(self) -> None:
+        if 0.0 < self.loading < 1.0 and self._on_loading is not None:
+            self._on_loading(CompilationProgress(1.0, 0.0))
+        self.loading, self.loading_left, self._advanced = 1.0, None, None
+
+    def _hear(self, payload: bytes, sent: float) -> None:
+        self._process, self._end_reason = "running", ""
+        report = json.loads(payload)
+        restarts = self.pipeline.restarts
+        self.source = SourceHealth.model_validate(report["source"])
+        self.pipeline = PipelineHealth.model_validate(report["pipeline"])
+        self.pipeline.restarts = restarts
+        self.handover = max(0.0, asyncio.get_running_loop().time() - sent)
+
+    @property
+    def status(self) -> Status:
+        """How the service fares at this moment, in one word."""
+        return self._look()[0]
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why, each a sentence."""
+        return self._look()[1]
+
+    @property
+    def message(self) -> str:
+        """The same in one line."""
+        return "; ".join(self.reasons)
+
+    @property
+    def report_age(self) -> float | None:
+        """Time since the latest message of the process [s]; None before the first."""
+        return self._age(self._reported)
+
+    @property
+    def estimate_age(self) -> float | None:
+        """Time since the latest estimate arrived [s]; None before the first."""
+        return self._age(self._estimated)
+
+    @property
+    def sample_age(self) -> float | None:
+        """Time since the latest sample [s]; None before the first."""
+        age, since = self.source.age, self._age(self._reported)
+        if age is None or since is None:
+            return self.estimate_age
+        # Estimates arrive more often than reports, and there is one for each sample.
+        return min(age + since, self.estimate_age if self.estimate_age is not None else age + since)
+
+    @property
+    def lag(self) -> float:
+        """By how much the event loop was late, the last time it was looked at [s]."""
+        return self._lag
+
+    @property
+    def current(self) -> bool:
+        """Whether the latest estimate is one of this moment."""
+        age = self.estimate_age
+        return self.status in ("ok", "degraded") and age is not None and age <= STALE
+
+    def _loading_text(self) -> str:
+        """How far the compilation is, in words; empty while nothing is compiled."""
+        if not 0.0 < self.loading < 1.0 or self.loading_left is None:
+            return ""
+        return str(CompilationProgress(self.loading, self.loading_left))
+
+    def _age(self, then: float) -> float | None:
+        return None if not then or self._loop is None else max(0.0, self._loop.time() - then)
+
+    def _look(self) -> tuple[Status, tuple[str, ...]]:
+        """Work out the status; log it where it has changed."""
+        failing = [task for task in (self._task, self._ticker) if task is not None and task.error]
+        found = assess(
+            Facts(
+                process=self._process,
+                loading=self._loading_text(),
+                end=self._end_reason,
+                report_age=self.report_age or 0.0,
+                sample_age=self.sample_age,
+                estimate_age=self.estimate_age,
+                connected=self.source.connected,
+                trouble=(self.source.trouble,) if self.source.trouble else (),
+                estimate=_degraded(self._latest),
+                others=tuple(f"{task.name} had to be started again: {task.error}" for task in failing),
+            )
+        )
+        status, reasons = found
+        message = "; ".join(reasons)
+        told = (status, re.sub(r"[0-9.]+", "", message))  # ages grow all the time
+        if told != self._told:
+            before = self._told[0]
+            self._told = told
+            if status != before:
+                self.since = datetime.now(UTC)
+            level = logging.INFO if status in ("ok", "starting", "idle") else logging.WARNING
+            log.log(level, "%s: %s", status, message)
+        return found
+
+
+def _degraded(estimate: bytes) -> str:
+    """Why an estimate is degraded; empty where it is not."""
+    if b'"status":"degraded"' not in estimate[:200]:
+        return ""
+    return str(json.loads(estimate)["reason"])
+
+
+def _advice(error: OSError) -> str:
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return "; raise the limit of open files (ulimit -n, LimitNOFILE in the unit file)"
+    return ""
+
+
+async def _exit_code(process: BaseProcess) -> int | None:
+    deadline = asyncio.get_running_loop().time() + _PATIENCE
+    while process.exitcode is None and asyncio.get_running_loop().time() < deadline:
+        await asyncio.sleep(0.02)
+    return process.exitcode
+
+
+async def _ended(process: BaseProcess, at_once: bool) -> None:
+    """End the process and wait for it; needs neither threads nor files."""
+    if process.pid is None:
+        return
+    if not at_once and await _exit_code(process) is None:
+        process.terminate()
+        await _exit_code(process)
+    while process.exitcode is None:
+        process.kill()
+        await asyncio.sleep(0.02)
+    process.close()

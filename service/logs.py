@@ -1,0 +1,84 @@
+"""Where the log goes and in which form: lines for people or JSON, to stderr or a file of bounded size."""
+
+import json
+import logging
+import logging.handlers
+import sys
+import time
+from pathlib import Path
+from typing import Literal
+
+Level = Literal["debug", "info", "warning", "error"]
+Format = Literal["text", "json"]
+
+FILE_SIZE = 10_000_000
+"""Size at which a log file is put aside [bytes]."""
+FILES = 5
+"""Files put aside that are kept."""
+_BURST = 20
+"""Messages of one place in the code that are written within a window; the others are counted."""
+_WINDOW = 10.0
+"""Length of that window [s]."""
+
+
+class JsonFormatter(logging.Formatter):
+    """A JSON object a line: time (UTC), level, logger, message, and the traceback where there is one."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """One line."""
+        content = {
+            "time": time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
+            + f".{int(record.msecs):03d}Z",
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        if record.exc_info:
+            content["traceback"] = self.formatException(record.exc_info)
+        return json.dumps(content)
+
+
+class FloodFilter(logging.Filter):
+    """Lets through so many messages of each place in the code within a window, then tells how many were left
+    out: an attack must not fill the disk."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._windows: dict[tuple[str, int], tuple[float, int]] = {}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether the record is written."""
+        place = (record.pathname, record.lineno)
+        start, count = self._windows.get(place, (record.created, 0))
+        if record.created - start > _WINDOW:
+            if count > _BURST:
+                record.msg = f"{record.getMessage()} ({count - _BURST} more like this were left out)"
+                record.args = ()
+            start, count = record.created, 0
+        self._windows[place] = (start, count + 1)
+        return count < _BURST
+
+
+def configure(level: Level = "info", form: Format = "text", path: Path | None = None) -> None:
+    """Set up logging for the whole process.
+
+    Args:
+        level: What is not worth so much is left out.
+        form: Lines for people, or JSON.
+        path: File to write to, put aside when it is full; None: stderr.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    handler: logging.Handler = (
+        logging.StreamHandler(sys.stderr)
+        if path is None
+        else logging.handlers.RotatingFileHandler(path, maxBytes=FILE_SIZE, backupCount=FILES)
+    )
+    handler.setFormatter(
+        JsonFormatter()
+        if form == "json"
+        else logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s")
+    )
+    handler.addFilter(FloodFilter())
+    logging.basicConfig(level=level.upper(), handlers=[handler], force=True)

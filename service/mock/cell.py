@@ -1,0 +1,157 @@
+"""The cell that the mock stands for: the arm with its tool and mounting, and how its sensors read."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from contactsense import robots
+from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque, joint_torque_model
+from contactsense.robots import Robot
+from contactsense.robots.tool import Tool
+from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.sensors.settings import per_joint
+from contactsense.service.mock.script import Noise, Script, ScriptError
+from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.signal_mapping import WrenchMap, torque_constants
+
+TORQUE_CONSTANTS = (10.0, 10.70, 8.46, 9.00, 9.48, 10.12)
+"""Joint torque per motor current of a UR10e [Nm/A], as published with the recordings of S. Mamedov and
+S. Mikhel, "Practical Aspects of Model-Based Collision Detection", Frontiers in Robotics and AI, 2020."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One arm in its place, with its sensors."""
+
+    robot: Robot
+    """The arm."""
+    tool: Tool | None
+    """What its flange carries."""
+    gravity: tuple[float, float, float]
+    """Acceleration of free fall, base axes [m/s^2]."""
+    base: WrenchMap
+    """The sensor under the base."""
+    base_noise: np.ndarray
+    """Standard deviations of its reading, shape (6,) [N, Nm]."""
+    wrist: WrenchMap
+    """The sensor at the flange."""
+    wrist_noise: np.ndarray
+    """Standard deviations of its reading, shape (6,) [N, Nm]."""
+    torque_noise: np.ndarray
+    """Standard deviations of the joint torques, shape (n,) [Nm]."""
+    torque_constants: np.ndarray
+    """Joint torque per motor current, shape (n,) [Nm/A]."""
+    drive: JointTorqueModel
+    """What the torque signal holds beside the arm's dynamics."""
+    torque_sign: float
+    """1 where the signal is the actuator's torque, -1 where it is the load's."""
+    torque_fields: tuple[str, ...] | None = None
+    """RTDE fields that carry the external torques, if others than the usual ones."""
+    by_difference: bool = False
+    """Whether the torques are actual less target current."""
+    base_delay: float = 0.0
+    """How much later the sensor under the base reads [s]."""
+    link_names: tuple[str, ...] = field(default=())
+    """Names of all links, the tool's last."""
+
+    @classmethod
+    def of_script(cls, script: Script) -> "Cell":
+        """An arm of the library on a table, with ideal sensors and the script's noise.
+
+        Raises:
+            ScriptError: There is no such robot.
+        """
+        try:
+            robot = robots.load(script.robot)
+        except LookupError as error:
+            raise ScriptError(f"robot: {error.args[0] if error.args else error}") from None
+        noise, joints = script.noise, len(robot.joints)
+        return cls(
+            robot=robot,
+            tool=None,
+            gravity=script.gravity,
+            base=WrenchMap.make(np.eye(3), np.zeros(3)),
+            base_noise=_noise(noise),
+            wrist=WrenchMap.make(np.eye(3), np.zeros(3)),
+            wrist_noise=np.zeros(6),
+            torque_noise=np.full(joints, noise.joint_torque),
+            torque_constants=_constants(robot),
+            drive=joint_torque_model(JointTorqueSensor(), joints),
+            torque_sign=1.0,
+            link_names=robot.link_names,
+        )
+
+    @classmethod
+    def of_scene(cls, scene: Scene) -> "Cell":
+        """A user's own cell: arm, mounting, tool, and sensors with frame, sign, bias, friction and noise.
+
+        Raises:
+            ScriptError: The scene cannot be simulated: it has no base sensor, or motor currents without
+                torque constants.
+        """
+        joints = len(scene.robot.joints)
+        base, wrist = scene.base_wrench or WrenchSensor(), scene.wrist_wrench
+        torque = scene.joint_torque or JointTorqueSensor()
+        try:
+            named = torque.signal.startswith("actual_current") and torque.signal != "actual_current_as_torque"
+            constants = torque_constants(scene) if named else _constants(scene.robot)
+        except SensorError as error:
+            raise ScriptError(f"scene: {error}") from None
+        robot = _with_scene_inertia(scene)
+        carried = () if scene.tool is None else (scene.tool.name,)
+        return cls(
+            robot=robot,
+            tool=scene.tool,
+            gravity=tuple(scene.gravity_base.tolist()),
+            base=WrenchMap.of(base),
+            base_noise=np.repeat([base.force_noise, base.moment_noise], 3),
+            wrist=WrenchMap.make(np.eye(3), np.zeros(3)) if wrist is None else WrenchMap.of(wrist),
+            wrist_noise=np.zeros(6)
+            if wrist is None
+            else np.repeat([wrist.force_noise, wrist.moment_noise], 3),
+            torque_noise=per_joint(torque.noise, joints),
+            torque_constants=constants,
+            drive=joint_torque_model(torque, joints),
+            torque_sign=1.0 if torque.sign == "by_actuator" else -1.0,
+            torque_fields=torque.fields,
+            by_difference=torque.signal == "actual_current_minus_target",
+            base_delay=base.delay,
+            link_names=(*robot.link_names, *carried),
+        )
+
+    def friction(self, qd: np.ndarray, gravity_torque: np.ndarray) -> np.ndarray:
+        """Torque that the drives' friction takes, shape (n,) [Nm].
+
+        Args:
+            qd: Joint velocities, shape (n,) [rad/s].
+            gravity_torque: Torques that hold the arm against gravity, shape (n,) [Nm].
+        """
+        return np.array(
+            [friction_torque(self.drive, j, qd[j], gravity_torque[j]) for j in range(len(qd))], dtype=float
+        )
+
+
+def _noise(noise: Noise) -> np.ndarray:
+    return np.repeat([noise.base_force, noise.base_moment], 3)
+
+
+def _constants(robot: Robot) -> np.ndarray:
+    own = [joint.torque_constant for joint in robot.joints]
+    usual = (*TORQUE_CONSTANTS, *[10.0] * len(own))
+    return np.array([given or usual[j] for j, given in enumerate(own)])
+
+
+def _with_scene_inertia(scene: Scene) -> Robot:
+    """The scene's arm, with the masses and rotors that the scene gives."""
+    known = scene.inertia or {}
+    links = tuple(
+        replace(link, inertia=known[link.name].inertia) if link.name in known else link
+        for link in scene.robot.links
+    )
+    rotors = scene.joint_torque.rotor_inertia if scene.joint_torque is not None else None
+    joints = scene.robot.joints
+    if rotors is not None:
+        joints = tuple(
+            replace(joint, rotor_inertia=inertia) for joint, inertia in zip(joints, rotors, strict=True)
+        )
+    return replace(scene.robot, links=links, joints=joints)

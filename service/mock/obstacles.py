@@ -1,0 +1,69 @@
+"""Obstacles in the simulated arm's way, as a script describes them: elastic bodies that stand still."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, model_validator
+
+Vector = tuple[float, float, float]
+
+
+class _Obstacle(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    name: str = ""
+    """What reports call it; default: its kind."""
+    stiffness: PositiveFloat = 20_000.0
+    """Normal force per depth [N/m]."""
+    damping: NonNegativeFloat = 100.0
+    """Further normal force per speed of approach [Ns/m]; the obstacle never pulls."""
+    friction: NonNegativeFloat = 0.0
+    """Coefficient of Coulomb friction."""
+
+
+class HalfSpace(_Obstacle):
+    """Everything behind a plane: a floor, a wall."""
+
+    kind: Literal["half_space"] = "half_space"
+    point: Vector
+    """A point of the plane, base frame [m]."""
+    normal: Vector
+    """Outward normal, base axes; any length."""
+
+    @model_validator(mode="after")
+    def _has_normal(self) -> "HalfSpace":
+        if sum(x * x for x in self.normal) < 1e-12:
+            raise ValueError(f"normal: expected a vector of some length, got {list(self.normal)}")
+        return self
+
+
+class BoxObstacle(_Obstacle):
+    """A box with rounded edges."""
+
+    kind: Literal["box"] = "box"
+    center: Vector
+    """Centre, base frame [m]."""
+    rpy: Vector = (0.0, 0.0, 0.0)
+    """Orientation in the base frame: roll, pitch, yaw about fixed x, y, z [rad]."""
+    half: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
+    """Half edge lengths, rounding included [m]."""
+    rounding: PositiveFloat = 0.01
+    """Radius of edges and corners [m]."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> "BoxObstacle":
+        if self.rounding > min(self.half):
+            raise ValueError(f"rounding: expected at most the smallest of half, got {self.rounding} m")
+        return self
+
+
+class SphereObstacle(_Obstacle):
+    """A ball."""
+
+    kind: Literal["sphere"] = "sphere"
+    center: Vector
+    """Centre, base frame [m]."""
+    radius: PositiveFloat
+    """Radius [m]."""
+
+
+Obstacle = Annotated[HalfSpace | BoxObstacle | SphereObstacle, Field(discriminator="kind")]

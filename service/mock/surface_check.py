@@ -1,0 +1,40 @@
+"""Scripted contact points have to lie on the surface of the link they name."""
+
+import numpy as np
+
+from contactsense.robots import Robot
+from contactsense.robots.surface.convex_primitives import pack
+from contactsense.robots.surface.union import nearest
+from contactsense.service.mock.script import Script, ScriptError
+
+OFF_SURFACE = 0.002
+"""Distance from the link's primitives beyond which a contact point is refused [m]."""
+
+
+def check_contacts(script: Script, robot: Robot) -> None:
+    """Make sure that every contact is on a link of the robot, and on its surface. Links without a surface can
+    be touched anywhere.
+
+    Args:
+        script: The script.
+        robot: The arm, with its tool as the last link if it has one.
+
+    Raises:
+        ScriptError: Which contact is not, and the surface's nearest point.
+    """
+    surfaces = pack(robot.links)
+    for index, contact in enumerate(script.contacts):
+        if contact.link not in robot.link_names:
+            raise ScriptError(
+                f"contacts[{index}].link: expected one of {', '.join(robot.link_names)}, got {contact.link!r}"
+            )
+        link = robot.link_names.index(contact.link)
+        arrays = surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius
+        span = surfaces.start[link], surfaces.start[link + 1]
+        gap, which, x, y, z, *_ = nearest(*arrays, *span, *(float(value) for value in contact.point))
+        if which >= 0 and abs(gap) > OFF_SURFACE:
+            where = "outside of it" if gap > 0.0 else "inside"
+            raise ScriptError(
+                f"contacts[{index}].point: expected a point on the surface of {contact.link}, got one "
+                f"{1e3 * abs(gap):.1f} mm {where}; the nearest is {np.round([x, y, z], 4).tolist()}"
+            )

@@ -1,0 +1,126 @@
+"""Programs in URScript as clients send them to a controller, as far as the mock understands them.
+
+A program is a `def` (which replaces the running one) or a `sec` (which runs beside it) or a single line. Of
+its statements those in `STATEMENTS` are carried out; whatever else it holds is listed in `unknown`. Control
+structures are not understood: `while`, `if` and threads are listed as well.
+"""
+
+import ast
+import re
+from dataclasses import dataclass
+from typing import Any, Literal
+
+STATEMENTS = {
+    "stopj": ("a",),
+    "stopl": ("a", "aRot"),
+    "movej": ("q", "a", "v", "t", "r"),
+    "sleep": ("t",),
+    "sync": (),
+    "textmsg": ("s1", "s2"),
+    "popup": ("s", "title", "warning", "error", "blocking"),
+    "protective_stop": (),
+    "halt": (),
+    "rtde_set_watchdog": ("variable_name", "min_frequency", "action"),
+    "write_output_integer_register": ("address", "value"),
+    "write_output_float_register": ("address", "value"),
+    "write_output_boolean_register": ("address", "value"),
+}
+"""Statement -> names of its parameters."""
+
+_MOTION = frozenset({"stopj", "stopl", "movej", "sleep", "sync"})
+"""What a `sec` program must not do."""
+_HEAD = re.compile(r"\s*(def|sec)\s+(\w+)\s*\(\s*\)\s*:\s*(.*)", re.DOTALL)
+_OFFSET = re.compile(r"reg_offset_(?:int|float)\s*=\s*(\d+)")
+CONTROL_SCRIPT = "rtde_control"
+"""Name of the program that ur_rtde's control interface sends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One call: its name and its arguments by parameter."""
+
+    name: str
+    arguments: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A program."""
+
+    name: str
+    """As it names itself; `line` for a single line."""
+    kind: Literal["def", "sec", "line"]
+    statements: tuple[Statement, ...]
+    """What is carried out, in order."""
+    unknown: tuple[str, ...]
+    """Lines that are not understood."""
+    register_offset: int = 0
+    """First register that ur_rtde's control script uses."""
+
+
+class ProgramReader:
+    """Cuts what arrives at a socket into programs."""
+
+    def __init__(self) -> None:
+        self._rest = ""
+        self._lines: list[str] = []
+        self._depth = 0
+
+    def feed(self, data: bytes) -> list[Program]:
+        """Programs that are complete with these bytes."""
+        self._rest += data.decode("utf-8", "replace")
+        *lines, self._rest = self._rest.split("\n")
+        programs = []
+        for line in lines:
+            self._lines.append(line)
+            word = re.split(r"[\s:(]", line.split("#")[0].strip(), maxsplit=1)[0]
+            opens = word in ("def", "sec", "if", "while", "for", "thread")
+            closes = len(re.findall(r"(?:^|[\s;:)])end\s*$", line.split("#")[0]))
+            self._depth = max(0, self._depth + opens - closes)
+            if self._depth == 0:
+                text = "\n".join(self._lines)
+                self._lines = []
+                if text.strip():
+                    programs.append(parse(text))
+        return programs
+
+
+def parse(text: str) -> Program:
+    """A program from its text."""
+    offset = _OFFSET.search(text)
+    head = _HEAD.match(text)
+    kind: Literal["def", "sec", "line"] = "line"
+    name, body = "line", text
+    if head is not None:
+        kind = "def" if head[1] == "def" else "sec"
+        name, body = head[2], re.sub(r"(?:^|(?<=[\s;:)]))end\s*\Z", "", head[3].rstrip())
+    register_offset = int(offset[1]) if offset else 0
+    if name == CONTROL_SCRIPT:
+        return Program(name, kind, (), (), register_offset)
+    statements, unknown = [], []
+    for line in body.splitlines():
+        source = line.split("#")[0].strip()
+        if not source:
+            continue
+        statement = _statement(source)
+        if statement is None or (kind == "sec" and statement.name in _MOTION):
+            unknown.append(source)
+        else:
+            statements.append(statement)
+    return Program(name, kind, tuple(statements), tuple(unknown), register_offset)
+
+
+def _statement(source: str) -> Statement | None:
+    """The call in a line; None where it is none of `STATEMENTS` with constant arguments."""
+    try:
+        call = ast.parse(source, mode="eval").body
+        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
+            return None
+        names = STATEMENTS[call.func.id]
+        given = dict(zip(names, [ast.literal_eval(value) for value in call.args], strict=False))
+        given |= {str(word.arg): ast.literal_eval(word.value) for word in call.keywords}
+    except (SyntaxError, ValueError, KeyError):
+        return None
+    if len(call.args) > len(names) or not set(given) <= set(names):
+        return None
+    return Statement(call.func.id, given)

@@ -1,0 +1,1 @@
+"""Reactions: rules that turn estimates into actions on the robot. Not a safety function."""

@@ -1,0 +1,50 @@
+"""Run a command of the user's with the decision as JSON on its standard input."""
+
+import json
+import os
+import signal
+import subprocess
+from contextlib import suppress
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from contactsense.service.reactions.actions.base import ActionError, ExecutedAction
+
+
+class CommandAction(ExecutedAction):
+    """A program and its arguments; no shell."""
+
+    type: Literal["command"]
+    command: Annotated[tuple[str, ...], Field(min_length=1)]
+    """The program and its arguments."""
+    timeout: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
+    """It is killed, with its children, after this time [s]."""
+
+    def perform(self, decision: dict[str, Any], host: str) -> str:
+        """Carry it out; see `ExecutedAction.perform`."""
+        try:
+            process = subprocess.Popen(
+                self.command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                start_new_session=True,  # so that its children can be killed with it
+            )
+        except OSError as error:
+            raise ActionError(f"{self.command[0]}: {error.strerror or error}") from None
+        with process:
+            try:
+                _, said = process.communicate(json.dumps(decision).encode(), self.timeout)
+            except subprocess.TimeoutExpired:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                raise ActionError(f"{self.command[0]}: killed after {self.timeout:g} s") from None
+        if process.returncode != 0:
+            last = said.decode("utf-8", "replace").strip().splitlines()[-1:]
+            raise ActionError(f"{self.command[0]}: exit status {process.returncode}: {''.join(last)[:200]}")
+        return "exit status 0"
+
+    def describe(self) -> str:
+        """What it does, in a few words."""
+        return f"run {' '.join(self.command)} (at most {self.timeout:g} s)"

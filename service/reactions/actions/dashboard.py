@@ -1,0 +1,41 @@
+"""Commands of the dashboard server (e-Series and CB3)."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from contactsense.service.reactions.actions.base import ActionError, ExecutedAction, Port, connection
+
+_REFUSALS = ("could not understand", "failed", "not allowed", "error", "no program")
+
+
+class DashboardAction(ExecutedAction):
+    """`pause` or `stop` the program, or show a `popup`; the first two need remote control."""
+
+    type: Literal["dashboard"]
+    command: Literal["pause", "stop", "popup"]
+    text: Annotated[str, Field(max_length=200, pattern=r"^[^\r\n]*$")] = "{rule}: {force} N on {link}"
+    """Of the popup; {rule}, {level}, {link} and {force} are filled in."""
+    port: Port = 29999
+
+    def perform(self, decision: dict[str, Any], host: str) -> str:
+        """Carry it out; see `ExecutedAction.perform`."""
+        line: str = self.command
+        if line == "popup":
+            filled = self.text
+            for name in ("rule", "level", "link"):
+                filled = filled.replace(f"{{{name}}}", str(decision[name]))
+            line = f"popup {filled.replace('{force}', format(decision['force'], '.0f'))}"
+        with connection(host, self.port, self.timeout) as robot, robot.makefile("rb") as answers:
+            greeting = answers.readline(1000)
+            if not greeting:
+                raise ActionError(f"{host}:{self.port}: expected a greeting, the server hung up")
+            robot.sendall(line.encode("ascii", "replace") + b"\n")
+            answer = answers.readline(1000).decode("utf-8", "replace").strip()
+        if not answer or any(word in answer.lower() for word in _REFUSALS):
+            raise ActionError(f"{host}:{self.port} answered {answer!r} to {self.command!r}")
+        return answer
+
+    def describe(self) -> str:
+        """What it does, in a few words."""
+        return f"dashboard: {self.command}"

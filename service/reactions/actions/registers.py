@@ -1,0 +1,95 @@
+"""Tell the robot program by RTDE input registers, with a heartbeat that a watchdog in it can watch."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from contactsense.service.reactions.actions.base import ActionSettings
+from contactsense.service.reactions.decision import Decision
+from contactsense.service.wire.recipe import Number
+
+Register = Annotated[int, Field(ge=0, le=47)]
+Bit = Annotated[int, Field(ge=64, le=127)]
+LEVELS = {"contact": 1, "collision": 2}
+
+
+class RegistersAction(ActionSettings):
+    """Registers and what is written into them. They are written when a level begins or ends, with every
+    sample while one is active, and every `period` as a heartbeat."""
+
+    type: Literal["registers"]
+    code: Register = 47
+    """Integer register: level + 10 (link index + 1); level 0: none, 1: contact, 2: collision. Without a known
+    link 1 or 2."""
+    force: Register | None = 47
+    """Double register: force [N]."""
+    link: Register | None = None
+    """Integer register: link index, the base being 0; -1 where there is none."""
+    point: tuple[Register, Register, Register] | None = None
+    """Double registers: contact centroid, base frame [m]."""
+    time: Register | None = None
+    """Double register: time of the sample on the robot's clock [s]."""
+    heartbeat: Bit | None = 64
+    """Bit that changes with every write."""
+    contact: Bit | None = 65
+    """Bit: a contact or collision level is active."""
+    collision: Bit | None = 66
+    """Bit: a collision is latched."""
+    degraded: Bit | None = 67
+    """Bit: the newest estimate is degraded, or there has been none for 0.1 s."""
+    period: Annotated[float, Field(ge=0.01, le=1.0)] = 0.02
+    """Longest time between two writes [s]."""
+
+    @model_validator(mode="after")
+    def _are_different(self) -> Self:
+        names = self.names
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"expected different registers, got {twice[0]} twice")
+        return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The RTDE fields, in the order of `values`."""
+        found = [f"input_int_register_{self.code}"]
+        found += [f"input_double_register_{n}" for n in (self.force,) if n is not None]
+        found += [f"input_int_register_{n}" for n in (self.link,) if n is not None]
+        found += [f"input_double_register_{n}" for n in (*(self.point or ()), self.time) if n is not None]
+        bits = (self.heartbeat, self.contact, self.collision, self.degraded)
+        return (*found, *[f"input_bit_register_{n}" for n in bits if n is not None])
+
+    def values(self, decision: Decision | None, t: float, beat: bool, degraded: bool) -> tuple[Number, ...]:
+        """Numbers for `names`.
+
+        Args:
+            decision: That by which the highest active level began, with the present force and place; None:
+                none is active.
+            t: Time of the sample [s].
+            beat: The heartbeat bit.
+            degraded: The degraded bit.
+        """
+        level = 0 if decision is None else LEVELS[decision.level]
+        index = -1 if decision is None else decision.link_index
+        point = (0.0, 0.0, 0.0)
+        if decision is not None and decision.point_base:
+            point = (decision.point_base[0], decision.point_base[1], decision.point_base[2])
+        found: list[Number] = [level + 10 * (index + 1) if level else 0]
+        if self.force is not None:
+            found.append(0.0 if decision is None else decision.force)
+        if self.link is not None:
+            found.append(index)
+        if self.point is not None:
+            found += point
+        if self.time is not None:
+            found.append(t)
+        bits = (
+            (self.heartbeat, beat),
+            (self.contact, level > 0),
+            (self.collision, level > 1),
+            (self.degraded, degraded),
+        )
+        return (*found, *[value for bit, value in bits if bit is not None])
+
+    def describe(self) -> str:
+        """What it does, in a few words."""
+        return f"write {', '.join(self.names)} (heartbeat every {1e3 * self.period:g} ms)"

@@ -1,0 +1,25 @@
+"""Turn the robot's speed slider down."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from contactsense.service.reactions.actions.base import ActionSettings
+
+NAMES = ("speed_slider_mask", "speed_slider_fraction")
+"""RTDE fields, in the order in which they are written."""
+
+
+class SpeedSliderAction(ActionSettings):
+    """A fraction of the programmed speed; never 0, as leaving 0 makes a protective stop."""
+
+    type: Literal["speed_slider"]
+    fraction: Annotated[float, Field(ge=0.01, le=1.0)]
+    """While the level is active."""
+    restore: Annotated[float, Field(ge=0.01, le=1.0)] | None = None
+    """When it ends; None: it stays, until a person or the program raises it."""
+
+    def describe(self) -> str:
+        """What it does, in a few words."""
+        after = "it stays there" if self.restore is None else f"back to {100 * self.restore:g} % at its end"
+        return f"set the speed slider to {100 * self.fraction:g} %, {after}"

@@ -1,0 +1,40 @@
+"""Stop the motion by a program of its own: it replaces the one that runs."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from contactsense.service.reactions.actions.base import ExecutedAction, connection
+
+PORTS = {"primary": 30001, "secondary": 30002, "realtime": 30003}
+
+
+class StopProgramAction(ExecutedAction):
+    """`stopj` as a `def` program to one of the controller's client interfaces; needs remote control."""
+
+    type: Literal["stop_program"]
+    deceleration: Annotated[float, Field(gt=0.0, le=100.0)] = 8.0
+    """Of the fastest joint [rad/s^2]."""
+    interface: Literal["primary", "secondary", "realtime"] = "secondary"
+    """Which client interface takes the program."""
+    port: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """Another port than the interface's own."""
+
+    @property
+    def script(self) -> str:
+        """The program."""
+        return f"def contactsense_stop():\n  stopj({self.deceleration:g})\nend\n"
+
+    def perform(self, decision: dict[str, Any], host: str) -> str:
+        """Carry it out; see `ExecutedAction.perform`."""
+        port = self.port or PORTS[self.interface]
+        with connection(host, port, self.timeout) as robot:
+            robot.sendall(self.script.encode())
+        return f"sent to {host}:{port}"
+
+    def describe(self) -> str:
+        """What it does, in a few words."""
+        return (
+            f"replace the robot's program by stopj({self.deceleration:g}), sent to "
+            f"port {self.port or PORTS[self.interface]}"
+        )

@@ -1,0 +1,81 @@
+"""`stopJ` of ur_rtde's control interface, for robots that are driven by it, from a child process."""
+
+import select
+import subprocess
+import sys
+import time
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr
+
+from contactsense.service.reactions.actions.base import ActionError, ExecutedAction
+
+CHILD = "contactsense.service.reactions.actions.ur_rtde_stop_child"
+
+
+class UrRtdeStopAction(ExecutedAction):
+    """The child connects when the service starts, and so replaces the robot's program by ur_rtde's: only for
+    robots that nobody else drives. It may die without harm: it is started again when it is needed."""
+
+    type: Literal["ur_rtde_stop"]
+    deceleration: Annotated[float, Field(gt=0.0, le=100.0)] = 8.0
+    """[rad/s^2]."""
+    frequency: Annotated[float, Field(gt=0.0, le=500.0)] = 500.0
+    """Of the control interface [Hz]."""
+    timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
+    """Time limit, connecting included [s]."""
+    _child: "subprocess.Popen[str] | None" = PrivateAttr(None)
+
+    def prepare(self, host: str) -> None:
+        """Start the child and connect."""
+        if self._child is not None and self._child.poll() is None:
+            return
+        self.close()
+        self._child = subprocess.Popen(
+            [sys.executable, "-P", "-m", CHILD, host, str(self.frequency), str(self.deceleration)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        self._expect("ready")
+
+    def perform(self, decision: dict[str, Any], host: str) -> str:
+        """Carry it out; see `ExecutedAction.perform`."""
+        self.prepare(host)
+        assert self._child is not None
+        assert self._child.stdin is not None
+        try:
+            self._child.stdin.write("stop\n")
+            self._child.stdin.flush()
+        except OSError:
+            self.close()
+            raise ActionError("ur_rtde: its process has died") from None
+        self._expect("stopped")
+        return "stopJ is done"
+
+    def _expect(self, word: str) -> None:
+        assert self._child is not None
+        assert self._child.stdout is not None
+        deadline = time.monotonic() + self.timeout
+        if not select.select([self._child.stdout], [], [], deadline - time.monotonic())[0]:
+            self.close()
+            raise ActionError(f"ur_rtde: not {word} within {self.timeout:g} s; its process was killed")
+        line = self._child.stdout.readline().strip()
+        if line != word:
+            self.close()
+            raise ActionError(f"ur_rtde: {line or 'its process has died'}")
+
+    def close(self) -> None:
+        """Kill the child."""
+        if self._child is not None:
+            self._child.kill()
+            self._child.wait()
+            for pipe in (self._child.stdin, self._child.stdout):
+                if pipe is not None:
+                    pipe.close()
+            self._child = None
+
+    def describe(self) -> str:
+        """What it does, in a few words."""
+        return f"ur_rtde: stopJ({self.deceleration:g})"

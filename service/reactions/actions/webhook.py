@@ -1,0 +1,74 @@
+"""A webhook as Standard Webhooks signs it (https://www.standardwebhooks.com, specification 1.0.0)."""
+
+import base64
+import binascii
+import hashlib
+import hmac
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from contactsense.service.reactions.actions.base import ActionError, ActionSettings
+
+PREFIX = "whsec_"
+
+
+class WebhookAction(ActionSettings):
+    """Where to post. A delivery that fails is retried for a day and waits in the journal meanwhile."""
+
+    type: Literal["webhook"]
+    url: Annotated[str, Field(pattern=r"^https?://[^\s/]+\S*$")]
+    secret: str | None = None
+    """Signing secret: `whsec_` and 24 to 64 bytes in base64."""
+    secret_file: Path | None = None
+    """File that holds it, instead of `secret`."""
+    timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 20.0
+    """Time limit of one attempt [s]."""
+
+    @model_validator(mode="after")
+    def _has_a_secret(self) -> Self:
+        if (self.secret is None) == (self.secret_file is None):
+            got = "neither" if self.secret is None else "both"
+            raise ValueError(f"expected either secret or secret_file, got {got}")
+        if self.secret is not None:
+            decode_secret(self.secret)
+        return self
+
+    def key(self) -> bytes:
+        """The signing key.
+
+        Raises:
+            ActionError: The file cannot be read, or holds no secret.
+        """
+        try:
+            return decode_secret(self.secret or Path(self.secret_file or "").read_text().strip())
+        except OSError as error:
+            raise ActionError(f"secret_file: {self.secret_file}: {error.strerror}") from None
+        except ValueError as error:
+            raise ActionError(f"secret_file: {self.secret_file}: {error}") from None
+
+    def describe(self) -> str:
+        """What it does, in a few words."""
+        return f"post to {self.url}, with retries"
+
+
+def decode_secret(secret: str) -> bytes:
+    """The key in a secret of the form `whsec_<base64>`.
+
+    Raises:
+        ValueError: It is none; the secret is not repeated in the message.
+    """
+    try:
+        key = base64.b64decode(secret.removeprefix(PREFIX), validate=True)
+    except binascii.Error:
+        key = b""
+    if not secret.startswith(PREFIX) or not 24 <= len(key) <= 64:
+        raise ValueError(f"secret: expected {PREFIX} and 24 to 64 bytes in base64, got something else")
+    return key
+
+
+def sign(key: bytes, webhook_id: str, timestamp: int, body: bytes) -> str:
+    """The header `webhook-signature`."""
+    signed = f"{webhook_id}.{timestamp}.".encode() + body
+    return "v1," + base64.b64encode(hmac.new(key, signed, hashlib.sha256).digest()).decode()

@@ -1,0 +1,297 @@
+"""The rules at work: samples and estimates in, decisions out. No clock, no sockets: time is the robot's.
+
+A rule looks at the contacts on its links. Explanations of one contact exclude each other, so the probability
+that the force exceeds a level is the sum over them; where several contacts act at the same time it is that of
+the one that exceeds it most probably. What no single push explains counts for rules on all links.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.scene import Scene
+from contactsense.service.reactions.decision import Decision, LevelName
+from contactsense.service.reactions.levels import exceedance
+from contactsense.service.reactions.rules import ANY, Direction, ExpectedContact, Level, ReactionRules, Rule
+from contactsense.types import Contact, Estimate, Sample
+
+
+@dataclass
+class _LevelState:
+    """A level of a rule, as it stands."""
+
+    rule: Rule
+    name: LevelName
+    level: Level
+    above_since: float | None = None
+    active: bool = False
+    begin: Decision | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Latch:
+    """A collision that has not been acknowledged."""
+
+    rule: str
+    t: float
+    link: str
+    force: float
+
+
+@dataclass
+class _Window:
+    """The window of an expected contact, open since."""
+
+    expected: ExpectedContact
+    links: frozenset[str]
+    opened: float
+
+
+@dataclass
+class _Evidence:
+    """For one level: how probable it is that the force exceeds it, and the contact that speaks most for
+    it."""
+
+    probability: float = 0.0
+    share: float = -1.0
+    contact: Contact | None = None
+
+
+class Engine:
+    """State of all rules of one stream."""
+
+    def __init__(self, rules: ReactionRules, scene: Scene) -> None:
+        """Rules at rest.
+
+        Raises:
+            RulesError: They do not fit the scene.
+        """
+        rules.check(scene)
+        self._rules = rules
+        self._links = {rule.name: rules.links_of(rule.links, scene) for rule in rules.rules}
+        self._all_links = {rule.name: ANY in rule.links for rule in rules.rules}
+        self._expected = {window.name: window for window in rules.expected}
+        self._window_links = {window.name: rules.links_of(window.links, scene) for window in rules.expected}
+        self._levels = [
+            _LevelState(rule, name, level) for rule in rules.rules for name, level in _levels_of(rule)
+        ]
+        self._windows: dict[str, _Window] = {}
+        self._t = -math.inf
+        self._busy = False
+        self._joints = len(scene.robot.joints)
+        self._flange = scene.robot.flange_rotation
+        self._model = build_model(scene.robot)
+        self._motion = empty_motion(self._joints)
+        if any(rule.direction is not None and rule.direction.frame == "link" for rule in rules.rules):
+            forward_kinematics(self._model, np.zeros(self._joints), self._motion)  # compiled before it counts
+
+    @property
+    def latches(self) -> tuple[Latch, ...]:
+        """Collisions that have not been acknowledged."""
+        return tuple(
+            Latch(state.rule.name, state.begin.t, state.begin.link, state.begin.force)
+            for state in self._levels
+            if state.name == "collision" and state.begin is not None
+        )
+
+    @property
+    def active(self) -> tuple[Decision, ...]:
+        """The decisions by which levels began that have not ended."""
+        return tuple(state.begin for state in self._levels if state.begin is not None)
+
+    @property
+    def windows(self) -> tuple[str, ...]:
+        """Names of expected contacts whose windows are open."""
+        return tuple(self._windows)
+
+    def step(self, sample: Sample, estimate: Estimate) -> tuple[Decision, ...]:
+        """Take the next estimate of the stream; what begins and ends with it."""
+        t, before = estimate.t, self._t
+        self._t = t
+        if t < before:  # another stream, or a clock that was set back: durations and windows begin anew
+            self._windows.clear()
+            for state in self._levels:
+                state.above_since = None
+        for name in [n for n, w in self._windows.items() if t > w.opened + w.expected.timeout]:
+            del self._windows[name]
+        degraded = estimate.status == "degraded"
+        if not (estimate.contacts or estimate.other > 0.0 or self._busy or degraded):
+            return ()
+        moving = bool(np.abs(sample.qd).max() > self._rules.moving_speed)
+        decisions = []
+        for state in self._levels:
+            decision = self._step_level(state, sample, estimate, degraded, moving)
+            if decision is not None:
+                decisions.append(decision)
+        self._busy = any(state.active or state.above_since is not None for state in self._levels)
+        return tuple(decisions)
+
+    def acknowledge(self, rule: str | None = None) -> tuple[Decision, ...]:
+        """Clear the latches of all rules, or of one; the decisions by which their levels end.
+
+        A force that is still above its level latches again with the next sample, and acts again.
+        """
+        return tuple(
+            self._end(state, self._t)
+            for state in self._levels
+            if state.name == "collision" and state.begin is not None and rule in (None, state.rule.name)
+        )
+
+    def restore(self, begin: Decision) -> None:
+        """Latch again what had been latched in a process before this one."""
+        for state in self._levels:
+            if (state.rule.name, state.name, "collision") == (begin.rule, begin.level, begin.level):
+                state.active, state.begin, self._busy = True, begin, True
+
+    def announce(self, name: str) -> bool:
+        """Open the window of an expected contact, now; False where there is none of that name."""
+        if name not in self._expected:
+            return False
+        self._windows[name] = _Window(self._expected[name], self._window_links[name], self._t)
+        return True
+
+    def withdraw(self, name: str | None = None) -> None:
+        """Close one window, or all."""
+        for open_name in list(self._windows):
+            if name in (None, open_name):
+                del self._windows[open_name]
+
+    def by_value(self, value: int) -> str | None:
+        """Name of the expected contact that a robot program announces by this value."""
+        return next((name for name, window in self._expected.items() if window.value == value), None)
+
+    def _step_level(
+        self, state: _LevelState, sample: Sample, estimate: Estimate, degraded: bool, moving: bool
+    ) -> Decision | None:
+        rule, level, t = state.rule, state.level, estimate.t
+        if degraded and (rule.on_degraded == "hold" or (rule.on_degraded == "act" and not estimate.contacts)):
+            state.above_since = None if not state.active else state.above_since
+            return None
+        holds = rule.condition == "any" or (rule.condition == "moving") == moving
+        if degraded and rule.on_degraded == "ignore":
+            holds = False
+        force = level.force * (level.release if state.active else 1.0)
+        evidence = self._evidence(rule, force, sample, estimate) if holds else _Evidence()
+        above = evidence.probability >= level.probability
+        if state.active:
+            if not above and state.name == "contact":
+                return self._end(state, t)
+            return None
+        if not above:
+            state.above_since = None
+            return None
+        if state.above_since is None:
+            state.above_since = t
+        if t - state.above_since < level.duration - 1e-9:
+            return None
+        state.active = True
+        state.begin = self._begin(state, estimate, evidence)
+        return state.begin
+
+    def _begin(self, state: _LevelState, estimate: Estimate, evidence: _Evidence) -> Decision:
+        contact, actions = evidence.contact, state.level.actions
+        if contact is None:
+            force = estimate.wrench[:3].tolist()
+            return Decision(
+                state.rule.name, state.name, "begin", actions, estimate.t, evidence.probability,
+                force_base=tuple(force), force=math.hypot(*force),
+            )  # fmt: skip
+        force = contact.force_base.tolist()
+        return Decision(
+            state.rule.name,
+            state.name,
+            "begin",
+            actions,
+            estimate.t,
+            evidence.probability,
+            contact.id,
+            contact.link,
+            contact.link_index,
+            tuple(contact.point.tolist()),
+            tuple(contact.point_base.tolist()),
+            tuple(force),
+            math.hypot(*force),
+        )
+
+    @staticmethod
+    def _end(state: _LevelState, t: float) -> Decision:
+        begin = state.begin
+        state.active, state.begin, state.above_since = False, None, None
+        assert begin is not None
+        return Decision(
+            state.rule.name, state.name, "end", state.level.actions, t, 0.0, begin.contact, begin.link,
+            begin.link_index,
+        )  # fmt: skip
+
+    def _evidence(self, rule: Rule, force: float, sample: Sample, estimate: Estimate) -> _Evidence:
+        links, covariance = self._links[rule.name], estimate.covariance[:3, :3].tolist()
+        several = estimate.status == "multiple"
+        evidence = _Evidence()
+        for contact in estimate.contacts:
+            if contact.link not in links or not self._within(rule.direction, contact, sample):
+                continue
+            level = self._raised(contact, force)
+            share = contact.probability * exceedance(contact.force_base.tolist(), covariance, level)
+            total = evidence.probability
+            evidence.probability = max(total, share) if several else min(1.0, total + share)
+            if share > evidence.share:
+                evidence.share, evidence.contact = share, contact
+        if self._all_links[rule.name] and estimate.other > 0.0:
+            self._add_unexplained(evidence, rule, force, estimate, covariance)
+        return evidence
+
+    @staticmethod
+    def _add_unexplained(
+        evidence: _Evidence, rule: Rule, force: float, estimate: Estimate, covariance: list[list[float]]
+    ) -> None:
+        total = estimate.wrench[:3].tolist()
+        direction = rule.direction
+        if direction is not None and (direction.frame == "link" or not _in_cone(direction, total)):
+            return
+        share = estimate.other * exceedance(total, covariance, force)
+        evidence.probability = min(1.0, evidence.probability + share)
+        if share > evidence.share:
+            evidence.share, evidence.contact = share, None
+
+    def _raised(self, contact: Contact, force: float) -> float:
+        """The level where windows of expected contacts are open."""
+        for window in self._windows.values():
+            expected = window.expected
+            if contact.link not in window.links or expected.force <= force:
+                continue
+            if expected.point is not None:
+                distance = float(np.linalg.norm(contact.point_base - np.array(expected.point)))
+                if distance > expected.radius:
+                    continue
+            force = expected.force
+        return force
+
+    def _within(self, direction: Direction | None, contact: Contact, sample: Sample) -> bool:
+        if direction is None:
+            return True
+        force = contact.force_base
+        if direction.frame == "link":
+            forward_kinematics(self._model, sample.q, self._motion)
+            if contact.link_index > self._joints:  # a tool's frame is the flange's
+                rotation = self._motion.rotation[-1] @ self._flange
+            else:
+                rotation = self._motion.rotation[contact.link_index]
+            force = rotation.T @ force
+        return _in_cone(direction, force.tolist())
+
+
+def _levels_of(rule: Rule) -> list[tuple[LevelName, Level]]:
+    found: list[tuple[LevelName, Level]] = []
+    if rule.contact is not None:
+        found.append(("contact", rule.contact))
+    if rule.collision is not None:
+        found.append(("collision", rule.collision))
+    return found
+
+
+def _in_cone(direction: Direction, force: list[float]) -> bool:
+    along = sum(f * a for f, a in zip(force, direction.axis, strict=True))
+    return along >= math.cos(direction.half_angle) * math.hypot(*force) * math.hypot(*direction.axis)

@@ -1,0 +1,73 @@
+"""The executor: a process that carries out actions which may take their time or hang.
+
+It reads JSON lines on standard input: first the robot's address and the actions, then what to do. It writes
+one JSON line per result. Each action has a thread of its own, so that one that hangs holds up no other. It
+ends with its standard input, that is with the pipeline's process.
+"""
+
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from contactsense.service.reactions.actions import Action
+from contactsense.service.reactions.actions.base import ActionError, ExecutedAction
+
+QUEUE = 8
+"""Decisions that wait for one action at most."""
+
+
+def _tell(action: str, ok: bool, reason: str, took: float) -> None:
+    line = json.dumps({"action": action, "ok": ok, "reason": reason, "took": round(took, 6)})
+    os.write(sys.stdout.fileno(), line.encode() + b"\n")  # one write: lines of several threads do not mix
+
+
+def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[dict[str, Any]]") -> None:
+    try:
+        action.prepare(host)
+    except ActionError as error:
+        _tell(name, False, str(error), 0.0)
+    while True:
+        decision = waiting.get()
+        begin = time.monotonic()
+        try:
+            reason, ok = action.perform(decision, host), True
+        except ActionError as error:
+            reason, ok = str(error), False
+        except Exception as error:
+            reason, ok = f"{type(error).__name__}: {error}", False
+        _tell(name, ok, reason, time.monotonic() - begin)
+
+
+def main() -> None:
+    """Run until standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform == "linux":  # the pipeline's real-time priority is not for the user's commands
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    setup = json.loads(sys.stdin.readline())
+    given: dict[str, Action] = TypeAdapter(dict[str, Action]).validate_python(setup["actions"])
+    actions = {name: action for name, action in given.items() if isinstance(action, ExecutedAction)}
+    queues: dict[str, queue.Queue[dict[str, Any]]] = {name: queue.Queue(QUEUE) for name in actions}
+    for name, action in actions.items():
+        threading.Thread(
+            target=_work, args=(name, action, setup["host"], queues[name]), name=name, daemon=True
+        ).start()
+    for line in sys.stdin:
+        task = json.loads(line)
+        try:
+            queues[task["action"]].put_nowait(task["decision"])
+        except queue.Full:
+            _tell(task["action"], False, f"skipped: {QUEUE} decisions already wait for it", 0.0)
+    for action in actions.values():
+        action.close()
+    os._exit(0)  # threads that hang are no reason to stay
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""The pipeline's side of the executor: never waits for it, starts it again when it dies."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from contactsense.service.reactions.actions.base import ExecutedAction
+
+MODULE = "contactsense.service.reactions.executor"
+RESTART = 1.0
+"""Shortest time between two starts [s]."""
+_GRACE = 1.0
+_MAX_LINE = 1 << 16
+
+
+class ExecutorClient:
+    """Hands decisions to the executor's process and hears of their results.
+
+    Args:
+        actions: Name -> action.
+        host: Address of the robot's controller.
+    """
+
+    def __init__(self, actions: Mapping[str, ExecutedAction], host: str) -> None:
+        self._actions = dict(actions)
+        setup = {
+            "host": host,
+            "actions": {name: action.model_dump(mode="json") for name, action in actions.items()},
+        }
+        self._setup = json.dumps(setup).encode() + b"\n"
+        self._process: subprocess.Popen[bytes] | None = None
+        self._started = -RESTART
+        self._rest = b""
+        self._begun: dict[str, list[float]] = {name: [] for name in actions}
+        self._hung: set[str] = set()
+        if actions:
+            self._start(time.monotonic())
+
+    @property
+    def pid(self) -> int | None:
+        """Of the executor's process."""
+        return None if self._process is None else self._process.pid
+
+    def start(self, action: str, decision: dict[str, Any], now: float) -> str:
+        """Begin an action; returns why it cannot be begun, empty if it can."""
+        task = json.dumps({"action": action, "decision": decision}).encode() + b"\n"
+        if self._process is None or self._process.stdin is None:
+            return "the executor's process is not running; it is started again"
+        try:
+            written = os.write(self._process.stdin.fileno(), task)
+        except BlockingIOError:
+            return "the executor's process does not take it"
+        except OSError:
+            return "the executor's process has died"
+        if written != len(task):
+            self._end()  # half a line: what follows would make no sense
+            return "the executor's process does not take it"
+        self._begun[action].append(now)
+        return ""
+
+    def poll(self, now: float) -> list[dict[str, Any]]:
+        """Results that have come: `action`, `ok`, `reason`, `took` [s]."""
+        if not self._actions:
+            return []
+        results: list[dict[str, Any]] = []
+        if self._process is None:
+            if now - self._started >= RESTART:
+                self._start(now)
+            return results
+        assert self._process.stdout is not None
+        try:
+            chunk = os.read(self._process.stdout.fileno(), _MAX_LINE)
+        except BlockingIOError:
+            chunk = None
+        if chunk == b"":
+            results += [
+                {"action": name, "ok": False, "reason": "the executor's process died", "took": now - begun[0]}
+                for name, begun in self._begun.items()
+                if begun
+            ]
+            self._end()
+        elif chunk is not None:
+            *lines, self._rest = (self._rest + chunk).split(b"\n")
+            for line in lines:
+                result = json.loads(line)
+                if self._begun[result["action"]]:
+                    self._begun[result["action"]].pop(0)
+                self._hung.discard(result["action"])
+                results.append(result)
+        return results + self._overdue(now)
+
+    def _overdue(self, now: float) -> list[dict[str, Any]]:
+        found = []
+        for name, begun in self._begun.items():
+            limit = self._actions[name].timeout + _GRACE
+            if begun and name not in self._hung and now - begun[0] > limit:
+                self._hung.add(name)
+                reason = f"hangs: no result after {limit:g} s"
+                found.append({"action": name, "ok": False, "reason": reason, "took": now - begun[0]})
+        return found
+
+    def _start(self, now: float) -> None:
+        self._started = now
+        # -P: a folder named contactsense where the user happens to be is not ours.
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", MODULE],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            bufsize=0,
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        os.write(self._process.stdin.fileno(), self._setup)
+        os.set_blocking(self._process.stdin.fileno(), False)
+        os.set_blocking(self._process.stdout.fileno(), False)
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            for pipe in (self._process.stdin, self._process.stdout):
+                if pipe is not None:
+                    pipe.close()
+        self._process = None
+        self._rest = b""
+        self._begun = {name: [] for name in self._actions}
+        self._hung.clear()
+
+    def close(self) -> None:
+        """End the process."""
+        self._end()

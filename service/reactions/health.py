@@ -1,0 +1,48 @@
+"""State of the reactions: a part of `GET /v1/health`, and with more detail `GET /v1/reactions`."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, Field
+
+
+class ActionHealth(BaseModel):
+    """One action."""
+
+    type: str
+    state: Literal["idle", "ok", "failing"] = Field(
+        "idle", description="idle: not needed so far; ok, failing: by the latest attempt or the connection."
+    )
+    started: int = Field(0, description="How often it was started.")
+    failed: int = Field(0, description="How often it failed.")
+    error: str = Field("", description="What is wrong, with what to do about it; empty if nothing is.")
+    took: float | None = Field(None, description="Time that the latest attempt took [s].")
+
+
+class ReactionsHealth(BaseModel):
+    """All of them."""
+
+    status: Literal["off", "ok", "failing"] = Field(
+        "off", description="off: no rules; failing: an action does not work, see actions."
+    )
+    latched: int = Field(0, description="Collisions that have not been acknowledged.")
+    actions: dict[str, ActionHealth] = {}
+
+
+class LatchOut(BaseModel):
+    """A collision that has not been acknowledged."""
+
+    rule: str
+    t: float = Field(description="When, on the robot's clock [s].")
+    link: str
+    force: float = Field(description="Force when it was decided [N].")
+
+
+class ReactionsOut(BaseModel):
+    """State of the rules."""
+
+    status: Literal["off", "ok", "failing"] = "off"
+    rules: list[str] = Field([], description="Each rule in words.")
+    active: list[dict[str, Any]] = Field([], description="Levels that have begun and not ended.")
+    latched: list[LatchOut] = []
+    expected: list[str] = Field([], description="Expected contacts whose windows are open.")
+    actions: dict[str, ActionHealth] = {}

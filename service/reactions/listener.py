@@ -1,0 +1,294 @@
+"""Reactions in the pipeline's process: decides right after the step, writes registers at once, hands the rest
+to the executor's process or, webhooks, to the service."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from contactsense.scene import Scene
+from contactsense.service.events.model import ContactEvent
+from contactsense.service.live.listener import REPORTS
+from contactsense.service.reactions.actions.base import ExecutedAction
+from contactsense.service.reactions.actions.registers import RegistersAction
+from contactsense.service.reactions.actions.speed_slider import NAMES as SLIDER
+from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
+from contactsense.service.reactions.actions.webhook import WebhookAction
+from contactsense.service.reactions.decision import Decision
+from contactsense.service.reactions.engine import Engine
+from contactsense.service.reactions.executor_client import ExecutorClient
+from contactsense.service.reactions.health import ActionHealth
+from contactsense.service.reactions.rtde_inputs import RtdeInputs
+from contactsense.service.reactions.rules import ReactionRules
+from contactsense.types import Estimate, Sample
+
+_A = TypeVar("_A")
+_REPORT_EVERY = 0.25
+_BLIND = 0.1
+"""Without an estimate for so long the degraded bit is set [s]."""
+_RESTORE = 1.0
+"""Longest wait for the service to tell what had been latched before this process [s]."""
+
+
+class ReactionListener:
+    """Carries out the rules of one stream."""
+
+    def __init__(self, rules: ReactionRules, scene: Scene, host: str | None) -> None:
+        """`host`: address of the robot's controller; None where no action needs it."""
+        self._rules = rules
+        self._engine = Engine(rules, scene)
+        self._health = {name: ActionHealth(type=action.type) for name, action in rules.actions.items()}
+        self._reports: deque[dict[str, Any]] = deque(maxlen=REPORTS)
+        self._registers, self._registers_name = _only(rules, RegistersAction)
+        self._slider, self._slider_name = _only(rules, SpeedSliderAction)
+        self._inputs = self._open_inputs(host)
+        executed = {n: a for n, a in rules.actions.items() if isinstance(a, ExecutedAction)}
+        self._executor = ExecutorClient(executed, host or "")
+        self._decision: Decision | None = None
+        self._slider_value: float | None = None
+        self._beat = False
+        self._estimated = False
+        self._degraded = True
+        self._now = self._last_estimate = self._last_write = self._last_report = -1e9
+        self._began: float | None = None
+        self._t = 0.0
+        self._restored = False
+        self._inputs_before: dict[str, int] = {}
+        self._report_state(started=True)
+
+    def receive(self, sample: Sample, estimate: Estimate) -> None:
+        """Decide, and write what the robot program must know."""
+        self._t, self._estimated = sample.t, True
+        self._degraded = estimate.status == "degraded"
+        decisions = self._engine.step(sample, estimate)
+        if decisions:
+            self._select()
+        if self._decision is not None:
+            self._decision = _updated(self._decision, estimate)
+        if decisions or self._decision is not None:
+            self._write()
+            self._carry_out(decisions)
+
+    def tick(self, now: float) -> None:
+        """Heartbeat, connections, results, and what the robot program writes."""
+        self._now = now
+        self._began = now if self._began is None else self._began
+        if self._estimated:
+            self._estimated, self._last_estimate = False, now
+        if now - self._last_estimate > _BLIND:
+            self._degraded = True
+        if not self._restored and now - self._began > _RESTORE:
+            self._restored = True
+        if self._inputs is not None:
+            self._inputs.poll(now)
+            self._read_inputs()
+            self._note_connection()
+            if self._registers is not None and now - self._last_write >= self._registers.period - 0.001:
+                self._write()
+        for result in self._executor.poll(now):
+            self._note(result["action"], result["ok"], result["reason"], result["took"])
+        if now - self._last_report >= _REPORT_EVERY:
+            self._report_state()
+
+    def take_reports(self) -> list[dict[str, Any]]:
+        """Events and the state of the reactions, for the service."""
+        reports = list(self._reports)
+        self._reports.clear()
+        return reports
+
+    def command(self, message: dict[str, Any]) -> None:
+        """Commands of the service: `acknowledge`, `announce`, `withdraw`, `restore`."""
+        kind = message["type"]
+        if kind == "acknowledge":
+            self.acknowledge(message.get("rule"), message.get("by", "the service"))
+        elif kind == "announce":
+            self.announce(message["name"])
+        elif kind == "withdraw":
+            self.withdraw(message.get("name"))
+        elif kind == "restore":
+            for begin in message["decisions"]:
+                self._engine.restore(Decision(**{k: _tupled(v) for k, v in begin.items()}))
+            self._restored = True
+            self._select()
+        else:
+            return
+        self._report_state(answer=message.get("id"))
+
+    def acknowledge(self, rule: str | None, by: str) -> None:
+        """Clear latched collisions."""
+        decisions = self._engine.acknowledge(rule)
+        for decision in decisions:
+            self._tell(
+                ContactEvent(
+                    kind="acknowledged", t=self._t, rule=decision.rule, contact=decision.contact,
+                    link=decision.link, reason=f"by {by}",
+                )
+            )  # fmt: skip
+        if decisions:
+            self._select()
+            self._write()
+            self._carry_out(decisions)
+
+    def announce(self, name: str) -> None:
+        """Open the window of an expected contact."""
+        if self._engine.announce(name):
+            self._tell(ContactEvent(kind="expected", t=self._t, reason=f"{name}: the window is open"))
+
+    def withdraw(self, name: str | None) -> None:
+        """Close windows of expected contacts."""
+        if self._engine.windows:
+            self._engine.withdraw(name)
+            self._tell(ContactEvent(kind="expected", t=self._t, reason=f"{name or 'all'}: closed"))
+
+    def close(self) -> None:
+        """Hang up; the robot program's watchdog notices."""
+        self._executor.close()
+        if self._inputs is not None:
+            self._inputs.close()
+
+    def _open_inputs(self, host: str | None) -> RtdeInputs | None:
+        recipes: dict[str, Sequence[str]] = {}
+        if self._registers is not None:
+            recipes["registers"] = self._registers.names
+        if self._slider is not None:
+            recipes["speed_slider"] = SLIDER
+        inputs = self._rules.inputs
+        outputs = [name for name in (inputs.acknowledge, inputs.announce) if name is not None]
+        if host is None or not (recipes or outputs):
+            return None
+        return RtdeInputs(host, self._rules.robot.rtde_port, recipes, outputs)
+
+    def _select(self) -> None:
+        """The active decision of the highest level that is told by registers, the latest of them."""
+        told = [d for d in self._engine.active if self._registers_name in d.actions]
+        self._decision = max(told, key=lambda d: (d.level == "collision", d.t), default=None)
+
+    def _write(self) -> None:
+        if self._registers is None or self._inputs is None or not self._restored:
+            return
+        self._beat = not self._beat
+        values = self._registers.values(self._decision, self._t, self._beat, self._degraded)
+        self._inputs.write("registers", values)
+        self._last_write = self._now
+
+    def _carry_out(self, decisions: Sequence[Decision]) -> None:
+        for decision in decisions:
+            begins = decision.kind == "begin"
+            if begins and decision.level == "collision":
+                self._tell(
+                    ContactEvent(
+                        kind="collision", contact=decision.contact, t=decision.t, link=decision.link,
+                        point=list(decision.point) or None, point_base=list(decision.point_base) or None,
+                        force_base=list(decision.force_base) or None, force=decision.force,
+                        probability=decision.probability, rule=decision.rule,
+                    )
+                )  # fmt: skip
+            for name in decision.actions:
+                self._act(name, decision, begins)
+
+    def _act(self, name: str, decision: Decision, begins: bool) -> None:
+        action = self._rules.actions[name]
+        if isinstance(action, RegistersAction):
+            if begins:
+                ready = self._inputs is not None and "registers" not in self._inputs.refused
+                self._health[name].started += 1
+                self._note(name, ready and self._health[name].state != "failing", self._health[name].error)
+        elif isinstance(action, SpeedSliderAction):
+            value = action.fraction if begins else action.restore
+            if value is not None and self._inputs is not None:
+                self._health[name].started += 1
+                self._slider_value = value
+                written = self._inputs.write("speed_slider", (1, value))
+                self._note(name, written, "" if written else self._health[name].error or "not connected")
+        elif begins and isinstance(action, WebhookAction):
+            self._health[name].started += 1
+            self._reports.append({"type": "webhook", "action": name, "decision": decision.as_dict()})
+        elif begins:
+            self._health[name].started += 1
+            problem = self._executor.start(name, decision.as_dict(), self._now)
+            if problem:
+                self._note(name, False, problem)
+
+    def _read_inputs(self) -> None:
+        assert self._inputs is not None
+        inputs, values = self._rules.inputs, self._inputs.values
+        for name in (inputs.acknowledge, inputs.announce):
+            if name is None or name not in values:
+                continue
+            value, before = int(values[name]), self._inputs_before.get(name)
+            self._inputs_before[name] = value
+            if before is None or value == before:
+                continue
+            if name == inputs.acknowledge and before == 0:
+                self.acknowledge(None, f"the robot program ({name})")
+            elif name == inputs.announce:
+                expected = self._engine.by_value(value)
+                self.withdraw(None)
+                if expected is not None:
+                    self.announce(expected)
+
+    def _note_connection(self) -> None:
+        """Registers and speed slider work as long as their connection does."""
+        assert self._inputs is not None
+        for name, recipe in ((self._registers_name, "registers"), (self._slider_name, "speed_slider")):
+            if name:
+                health, before = self._health[name], self._health[name].error
+                health.error = self._inputs.error or self._inputs.refused.get(recipe, "")
+                health.state = "failing" if health.error else "ok" if self._inputs.ready else health.state
+                if health.error and health.error != before:
+                    health.failed += 1
+                    self._tell(
+                        ContactEvent(kind="action", t=self._t, action=name, reason=f"failed: {health.error}")
+                    )
+                if before and not health.error and name == self._slider_name and self._slider_value:
+                    self._inputs.write("speed_slider", (1, self._slider_value))
+
+    def _note(self, name: str, ok: bool, reason: str, took: float | None = None) -> None:
+        """The result of an action, for health and journal."""
+        health = self._health[name]
+        health.state, health.took = ("ok" if ok else "failing"), took
+        health.error = "" if ok else reason
+        health.failed += not ok
+        words = (f"done: {reason}" if reason else "done") if ok else f"failed: {reason}"
+        self._tell(ContactEvent(kind="action", t=self._t, action=name, reason=words))
+
+    def _tell(self, event: ContactEvent) -> None:
+        self._reports.append({"type": "event", "event": event.model_dump()})
+
+    def _report_state(self, started: bool = False, answer: str | None = None) -> None:
+        self._last_report = self._now
+        self._reports.append(
+            {
+                "type": "reactions",
+                "started": started,
+                "answer": answer,
+                "active": [decision.as_dict() for decision in self._engine.active],
+                "expected": list(self._engine.windows),
+                "actions": {name: health.model_dump() for name, health in self._health.items()},
+            }
+        )
+
+
+def _only(rules: ReactionRules, kind: type[_A]) -> tuple[_A | None, str]:
+    return next(((a, n) for n, a in rules.actions.items() if isinstance(a, kind)), (None, ""))
+
+
+def _updated(decision: Decision, estimate: Estimate) -> Decision:
+    """The decision with its contact's present force and place; as it was where the contact has gone."""
+    contact = next((c for c in estimate.contacts if c.id == decision.contact), None)
+    if contact is None:
+        return decision
+    force = contact.force_base.tolist()
+    return replace(
+        decision,
+        link=contact.link,
+        link_index=contact.link_index,
+        point=tuple(contact.point.tolist()),
+        point_base=tuple(contact.point_base.tolist()),
+        force_base=tuple(force),
+        force=sum(x * x for x in force) ** 0.5,
+    )
+
+
+def _tupled(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value

@@ -1,0 +1,228 @@
+"""The rules' file, `reactions.yaml`: which force on which link leads to which actions."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import yaml
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    ValidationError,
+    model_validator,
+)
+
+from contactsense.scene import Scene, describe
+from contactsense.service.reactions.actions import Action
+
+ANY, TOOL = "any", "tool"
+"""Names in `links` for all links, and for the scene's tool whatever it is called."""
+Three = tuple[float, float, float]
+
+
+class RulesError(ValueError):
+    """Rules that cannot be used: the message names the file, the field, what was expected and what came."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Level(_Part):
+    """A force and what to do about it."""
+
+    force: PositiveFloat
+    """Level that the force must exceed [N]."""
+    probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.9
+    """Act when the probability that it does is at least this."""
+    duration: NonNegativeFloat = 0.0
+    """For how long without a break [s]."""
+    release: Annotated[float, Field(gt=0.0, le=1.0)] = 0.8
+    """The level ends when the same probability no longer holds for this fraction of the force."""
+    actions: tuple[str, ...] = ()
+    """Names of actions, started in this order."""
+
+
+class Direction(_Part):
+    """A cone: forces on the robot outside of it do not count."""
+
+    axis: Three
+    """Its axis; any length but zero."""
+    half_angle: Annotated[float, Field(gt=0.0, le=3.141592653589793)]
+    """Largest angle between force and axis [rad]."""
+    frame: Literal["base", "link"] = "base"
+    """Frame in which the axis is given."""
+
+    @model_validator(mode="after")
+    def _has_an_axis(self) -> Self:
+        if not any(self.axis):
+            raise ValueError("axis: expected a direction, got three zeros")
+        return self
+
+
+class Rule(_Part):
+    """Levels for some links."""
+
+    name: str
+    links: Annotated[tuple[str, ...], Field(min_length=1)]
+    """Names of links or groups, `tool`, or `any`."""
+    contact: Level | None = None
+    """The lower level: it ends when the force has gone."""
+    collision: Level | None = None
+    """The upper level: it latches until it is acknowledged."""
+    condition: Annotated[Literal["moving", "rest", "any"], Field(alias="while")] = "any"
+    """Whether the rule holds only while the arm moves, or is at rest."""
+    direction: Direction | None = None
+    on_degraded: Literal["act", "hold", "ignore"] = "act"
+    """With an estimate that is `degraded`: `act` on it as on any other, and keep what is active where it has
+    no contacts; `hold`: nothing begins and nothing ends; `ignore`: nothing touches."""
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if self.contact is None and self.collision is None:
+            raise ValueError("expected a level `contact` or `collision`, got neither")
+        if self.contact and self.collision and self.collision.force < self.contact.force:
+            raise ValueError(
+                f"collision.force: expected at least contact.force ({self.contact.force:g} N), "
+                f"got {self.collision.force:g} N"
+            )
+        return self
+
+
+class ExpectedContact(_Part):
+    """A contact that the robot program may announce: while its window is open, such a contact has a higher
+    level. What can be announced, and up to which force, stands in the file; a request only names it."""
+
+    name: str
+    links: Annotated[tuple[str, ...], Field(min_length=1)]
+    """Names of links or groups, `tool`, or `any`."""
+    point: Three | None = None
+    """Where, base frame [m]; without it anywhere on the links."""
+    radius: PositiveFloat = 0.05
+    """How far from `point` [m]."""
+    force: PositiveFloat
+    """Levels of all rules are raised to this [N]."""
+    timeout: PositiveFloat = 10.0
+    """The window closes after this time at the latest [s, robot's clock]."""
+    value: Annotated[int, Field(ge=1, le=2**31 - 1)] | None = None
+    """Value of `inputs.announce` that opens it."""
+
+
+class Inputs(_Part):
+    """Output registers of the robot program that the service reads."""
+
+    acknowledge: (
+        Annotated[
+            str, Field(pattern=r"^output_(bit_register_(6[4-9]|[7-9]\d|1[01]\d|12[0-7])|int_register_\d+)$")
+        ]
+        | None
+    ) = None
+    """Bit, or integer register, whose rise from 0 acknowledges all collisions."""
+    announce: Annotated[str, Field(pattern=r"^output_int_register_\d+$")] | None = None
+    """Integer register that opens the window of an expected contact by its `value`; 0 closes it."""
+
+
+class RobotAddress(_Part):
+    """Where actions go."""
+
+    host: str | None = None
+    """Address of the robot's controller; without it the one that samples come from."""
+    rtde_port: Annotated[int, Field(ge=1, le=65535)] = 30004
+
+
+class ReactionRules(_Part):
+    """All that a rules' file says."""
+
+    robot: RobotAddress = RobotAddress()
+    moving_speed: PositiveFloat = 0.02
+    """The arm moves when a joint is faster than this [rad/s]."""
+    groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = {}
+    """Name of a group -> its links."""
+    inputs: Inputs = Inputs()
+    actions: dict[str, Action] = {}
+    """Name -> action."""
+    rules: Annotated[tuple[Rule, ...], Field(min_length=1)]
+    expected: tuple[ExpectedContact, ...] = ()
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        for what, names in (
+            ("rules", [rule.name for rule in self.rules]),
+            ("expected", [window.name for window in self.expected]),
+            ("expected: value", [str(window.value) for window in self.expected if window.value]),
+        ):
+            twice = [name for name in names if names.count(name) > 1]
+            if twice:
+                raise ValueError(f"{what}: expected different names, got {twice[0]!r} twice")
+        for rule in self.rules:
+            for level in (rule.contact, rule.collision):
+                for action in level.actions if level is not None else ():
+                    if action not in self.actions:
+                        raise ValueError(
+                            f"rules: {rule.name}: expected actions of {', '.join(self.actions) or 'none'}, "
+                            f"got {action!r}"
+                        )
+        for kind in ("registers", "speed_slider"):
+            if sum(action.type == kind for action in self.actions.values()) > 1:
+                raise ValueError(f"actions: expected at most one of type {kind}, got more")
+        return self
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read rules from a YAML file.
+
+        Raises:
+            RulesError: the file is missing, is no YAML, or a field is wrong; the message names it.
+        """
+        try:
+            content: Any = yaml.safe_load(Path(path).read_text())
+        except (OSError, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "not text"
+            raise RulesError(f"{path}: cannot read the rules: {reason}") from None
+        except yaml.YAMLError as error:
+            raise RulesError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+        if not isinstance(content, dict):
+            raise RulesError(f"{path}: expected fields such as `rules:`, got {type(content).__name__}")
+        try:
+            return cls.model_validate(content)
+        except ValidationError as error:
+            raise RulesError(f"{path}: {describe(error)}") from None
+
+    def links_of(self, names: tuple[str, ...], scene: Scene) -> frozenset[str]:
+        """Links of the scene that names of links and groups, `tool` and `any` stand for.
+
+        Raises:
+            RulesError: There is no such link.
+        """
+        found: set[str] = set()
+        for name in names:
+            if name in self.groups:
+                found |= self.links_of(tuple(n for n in self.groups[name] if n not in self.groups), scene)
+            elif name == ANY:
+                found |= set(scene.link_names)
+            elif name == TOOL and scene.tool is not None and scene.tool.name in scene.link_names:
+                found.add(scene.tool.name)
+            elif name in scene.link_names:
+                found.add(name)
+            else:
+                known = (*scene.link_names, *self.groups, ANY)
+                hint = "; the scene has no tool with a surface" if name == TOOL else ""
+                raise RulesError(f"links: expected some of {', '.join(known)}, got {name!r}{hint}")
+        return frozenset(found)
+
+    def check(self, scene: Scene) -> None:
+        """Make sure that the rules fit the scene.
+
+        Raises:
+            RulesError: A link is unknown; the message names the rule.
+        """
+        named: list[tuple[str, tuple[str, ...]]] = [(f"groups: {k}", v) for k, v in self.groups.items()]
+        named += [(f"rules: {rule.name}", rule.links) for rule in self.rules]
+        named += [(f"expected: {window.name}", window.links) for window in self.expected]
+        for where, links in named:
+            try:
+                self.links_of(links, scene)
+            except RulesError as error:
+                raise RulesError(f"{where}: {error}") from None

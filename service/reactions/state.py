@@ -1,0 +1,181 @@
+"""The service's side of the reactions: their state as last heard, acknowledgement, announcements."""
+
+import asyncio
+import contextlib
+import itertools
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from contactsense.scene import Scene
+from contactsense.service.events.model import ContactEvent
+from contactsense.service.reactions.actions.webhook import WebhookAction
+from contactsense.service.reactions.explain import explain
+from contactsense.service.reactions.health import ActionHealth, LatchOut, ReactionsHealth, ReactionsOut
+from contactsense.service.reactions.listener import ReactionListener
+from contactsense.service.reactions.rules import ReactionRules, RulesError
+
+FILE = "reactions.yaml"
+"""Name of the rules' file where it lies beside the scene."""
+_ANSWER = 1.0
+
+
+class ReactionSettings(BaseModel):
+    """Where the rules are."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    file: Path | None = None
+    """Rules' file; None: `reactions.yaml` beside the scene file, if there is one."""
+
+    def load(self, scene: Scene, scene_file: Path | None) -> ReactionRules | None:
+        """The rules; None where there are none.
+
+        Raises:
+            RulesError: They cannot be used.
+        """
+        file = self.file
+        if file is None and scene_file is not None and (scene_file.parent / FILE).is_file():
+            file = scene_file.parent / FILE
+        if file is None:
+            return None
+        rules = ReactionRules.load(file)
+        try:
+            rules.check(scene)
+        except RulesError as error:
+            raise RulesError(f"{file}: {error}") from None
+        return rules
+
+
+def make_listener(scene: Scene, rules: ReactionRules, host: str | None) -> ReactionListener:
+    """A listener, in the pipeline's process."""
+    return ReactionListener(rules, scene, host)
+
+
+class Reactions:
+    """What is known of the reactions in the service's process.
+
+    Args:
+        rules: The rules; None where there are none.
+        robot_host: Address of the robot that samples come from.
+        send: Sends a command to the pipeline's process; False where there is none.
+
+    Raises:
+        RulesError: An action needs the robot's address, and there is none.
+    """
+
+    def __init__(
+        self, rules: ReactionRules | None, robot_host: str | None, send: Callable[[dict[str, Any]], bool]
+    ) -> None:
+        self.rules = rules
+        self._send = send
+        self._host = None if rules is None else rules.robot.host or robot_host
+        self._report: dict[str, Any] = {"active": [], "expected": [], "actions": {}}
+        self._answers: dict[str, asyncio.Event] = {}
+        self._numbers = itertools.count(1)
+        self._webhook_health: dict[str, ActionHealth] = {}
+        if rules is not None and self._host is None:
+            needed = [n for n, a in rules.actions.items() if a.type not in ("webhook", "command")]
+            if needed:
+                raise RulesError(
+                    f"robot.host: expected the controller's address for {', '.join(needed)}, got none"
+                )
+
+    @property
+    def factory(self) -> Callable[[Scene], ReactionListener] | None:
+        """Makes the listener for the pipeline's process; None where there are no rules."""
+        if self.rules is None:
+            return None
+        return partial(make_listener, rules=self.rules, host=self._host)
+
+    @property
+    def webhooks(self) -> dict[str, WebhookAction]:
+        """Name -> webhook."""
+        found = {} if self.rules is None else self.rules.actions
+        return {name: action for name, action in found.items() if isinstance(action, WebhookAction)}
+
+    def hear(self, report: dict[str, Any]) -> None:
+        """Take a report of type `reactions` from the pipeline's process."""
+        if report["started"]:  # a new process: what was latched stays latched
+            latched = [d for d in self._report["active"] if d["level"] == "collision"]
+            self._send({"type": "restore", "decisions": latched})
+            return
+        self._report = report
+        if report["answer"] in self._answers:
+            self._answers[report["answer"]].set()
+
+    def note_webhook(self, name: str, ok: bool, reason: str) -> ContactEvent:
+        """The result of a delivery; returns the event that tells of it."""
+        health = self._webhook_health.setdefault(name, ActionHealth(type="webhook"))
+        health.started += 1
+        health.failed += not ok
+        health.state, health.error = ("ok", "") if ok else ("failing", reason)
+        return ContactEvent(kind="action", action=name, reason=f"{'done' if ok else 'failed'}: {reason}")
+
+    def acknowledge(self, rule: str | None = None, by: str = "the service") -> bool:
+        """Clear latched collisions, of all rules or of one; False where no pipeline runs to do so."""
+        return self._send({"type": "acknowledge", "rule": rule, "by": by})
+
+    def announce(self, name: str) -> bool:
+        """Open the window of an expected contact; False where the rules have none of that name."""
+        known = self.rules is not None and any(window.name == name for window in self.rules.expected)
+        return known and self._send({"type": "announce", "name": name})
+
+    def withdraw(self, name: str | None = None) -> bool:
+        """Close the window of an expected contact, or all."""
+        return self._send({"type": "withdraw", "name": name})
+
+    async def request(self, command: dict[str, Any]) -> bool:
+        """Send a command and wait until it has been carried out; False where that does not happen."""
+        number = str(next(self._numbers))
+        done = self._answers[number] = asyncio.Event()
+        try:
+            if not self._send({**command, "id": number}):
+                return False
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(done.wait(), _ANSWER)
+            return done.is_set()
+        finally:
+            del self._answers[number]
+
+    @property
+    def actions(self) -> dict[str, ActionHealth]:
+        """State of each action."""
+        found = {name: ActionHealth.model_validate(h) for name, h in self._report["actions"].items()}
+        return {**found, **{n: h for n, h in self._webhook_health.items() if n in self.webhooks}}
+
+    @property
+    def latches(self) -> list[LatchOut]:
+        """Collisions that have not been acknowledged."""
+        return [
+            LatchOut(rule=d["rule"], t=d["t"], link=d["link"], force=d["force"])
+            for d in self._report["active"]
+            if d["level"] == "collision"
+        ]
+
+    def health(self) -> ReactionsHealth:
+        """For `GET /v1/health`."""
+        if self.rules is None:
+            return ReactionsHealth()
+        actions = self.actions
+        failing = any(action.state == "failing" for action in actions.values())
+        return ReactionsHealth(
+            status="failing" if failing else "ok", latched=len(self.latches), actions=actions
+        )
+
+    def out(self) -> ReactionsOut:
+        """For `GET /v1/reactions`."""
+        if self.rules is None:
+            return ReactionsOut()
+        health = self.health()
+        return ReactionsOut(
+            status=health.status,
+            rules=[explain(self.rules, rule) for rule in self.rules.rules],
+            active=self._report["active"],
+            latched=self.latches,
+            expected=self._report["expected"],
+            actions=health.actions,
+        )

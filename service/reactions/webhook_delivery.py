@@ -1,0 +1,173 @@
+"""Delivers webhooks from the journal's outbox: one task per webhook, retries that survive a restart."""
+
+import asyncio
+import contextlib
+import json
+import random
+import time
+import urllib.error
+import urllib.request
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from http.client import HTTPException
+from typing import Any
+
+from contactsense.service.events.journal import Journal
+from contactsense.service.reactions.actions.base import ActionError
+from contactsense.service.reactions.actions.webhook import WebhookAction, sign
+
+DELAYS = (0.0, 5.0, 300.0, 1800.0, 7200.0, 18000.0, 36000.0, 36000.0)
+"""Time before each attempt [s], as Standard Webhooks recommends; after the last the delivery is given up."""
+JITTER = 0.2
+"""Each delay is varied by up to this share, so that retries of many senders do not come together."""
+MAX_BODY = 20_000
+_THROTTLED = (429, 502, 504)
+_POLL = 1.0
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    def redirect_request(self, *_: Any, **__: Any) -> None:
+        return None  # a redirection is no success
+
+
+class WebhookDelivery:
+    """Posts what waits.
+
+    Args:
+        journal: Whose outbox it is.
+        webhooks: Name -> webhook.
+        on_result: Called with the name, whether an attempt succeeded, and what to tell of it.
+        delays: As `DELAYS`.
+    """
+
+    def __init__(
+        self,
+        journal: Journal,
+        webhooks: Mapping[str, WebhookAction],
+        on_result: Callable[[str, bool, str], None],
+        delays: Sequence[float] = DELAYS,
+    ) -> None:
+        self._journal, self._webhooks, self._on_result = journal, dict(webhooks), on_result
+        self._delays = tuple(delays)
+        self._news = {name: asyncio.Event() for name in webhooks}
+        self._tasks: list[asyncio.Task[None]] = []
+        self._opener = urllib.request.build_opener(_NoRedirect)
+
+    def start(self) -> None:
+        """Begin to deliver."""
+        self._tasks = [asyncio.create_task(self._deliver(name)) for name in self._webhooks]
+
+    async def stop(self) -> None:
+        """Stop; what waits stays in the journal."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def enqueue(self, name: str, decision: Mapping[str, Any]) -> None:
+        """Put a decision into the outbox."""
+        body = {
+            "type": f"{decision['level']}.{decision['kind']}",
+            "timestamp": datetime.now(UTC).isoformat(),
+            "data": dict(decision),
+        }
+        text = json.dumps(body)
+        assert len(text) < MAX_BODY
+        with self._journal.lock:
+            self._journal.database.execute(
+                "INSERT INTO deliveries (action, webhook_id, body, due) VALUES (?, ?, ?, ?)",
+                (name, f"msg_{uuid.uuid4().hex}", text, time.time() + self._delays[0]),
+            )
+        self._news[name].set()
+
+    def waiting(self, name: str) -> int:
+        """Number of deliveries that wait."""
+        with self._journal.lock:
+            row = self._journal.database.execute(
+                "SELECT count(*) FROM deliveries WHERE action = ?", (name,)
+            ).fetchone()
+        return int(row[0])
+
+    def disabled(self, name: str) -> str:
+        """Why the webhook is disabled; empty if it is not."""
+        with self._journal.lock:
+            row = self._journal.database.execute(
+                "SELECT reason FROM disabled WHERE action = ? AND url = ?", (name, self._webhooks[name].url)
+            ).fetchone()
+        return "" if row is None else str(row[0])
+
+    async def _deliver(self, name: str) -> None:
+        while True:
+            self._news[name].clear()
+            row = None if self.disabled(name) else self._next(name)
+            if row is None:
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._news[name].wait(), _POLL)
+                continue
+            number, webhook_id, body, attempts = row
+            ok, status, reason = await asyncio.to_thread(self._post, name, webhook_id, body)
+            self._settle(name, number, attempts + 1, ok, status)
+            self._on_result(name, ok, self._words(reason, ok, status, attempts + 1))
+
+    def _next(self, name: str) -> tuple[int, str, str, int] | None:
+        with self._journal.lock:
+            row: tuple[int, str, str, int] | None = self._journal.database.execute(
+                "SELECT id, webhook_id, body, attempts FROM deliveries "
+                "WHERE action = ? AND due <= ? ORDER BY due LIMIT 1",
+                (name, time.time()),
+            ).fetchone()
+        return row
+
+    def _post(self, name: str, webhook_id: str, body: str) -> tuple[bool, int, str]:
+        webhook, stamp = self._webhooks[name], int(time.time())
+        try:
+            key = webhook.key()
+        except ActionError as error:
+            return False, 0, str(error)
+        request = urllib.request.Request(
+            webhook.url,
+            body.encode(),
+            {
+                "Content-Type": "application/json",
+                "webhook-id": webhook_id,
+                "webhook-timestamp": str(stamp),
+                "webhook-signature": sign(key, webhook_id, stamp, body.encode()),
+            },
+        )
+        try:
+            with self._opener.open(request, timeout=webhook.timeout) as answer:
+                return True, answer.status, f"answered {answer.status}"
+        except urllib.error.HTTPError as error:
+            with error:
+                return False, error.code, f"{webhook.url} answered {error.code}"
+        except (OSError, HTTPException) as error:
+            reason = error.reason if isinstance(error, urllib.error.URLError) else error
+            return False, 0, f"{webhook.url}: {reason}"
+
+    def _settle(self, name: str, number: int, attempts: int, ok: bool, status: int) -> None:
+        database = self._journal.database
+        with self._journal.lock:
+            if ok or attempts >= len(self._delays) or status == 410:
+                database.execute("DELETE FROM deliveries WHERE id = ?", (number,))
+            else:
+                pause = self._delays[attempts] * random.uniform(1.0 - JITTER, 1.0 + JITTER)
+                if status in _THROTTLED:
+                    pause *= 2.0
+                due = time.time() + pause
+                database.execute(
+                    "UPDATE deliveries SET attempts = ?, due = ? WHERE id = ?", (attempts, due, number)
+                )
+            if status == 410:
+                database.execute(
+                    "INSERT OR REPLACE INTO disabled VALUES (?, ?, ?)",
+                    (name, self._webhooks[name].url, "it answered 410 Gone"),
+                )
+
+    def _words(self, reason: str, ok: bool, status: int, attempts: int) -> str:
+        if ok:
+            return reason
+        if status == 410:
+            return f"{reason}: disabled until its URL changes"
+        if attempts >= len(self._delays):
+            return f"{reason}: given up after {attempts} attempts"
+        return f"{reason}: tried again in about {self._delays[attempts]:g} s"

@@ -1,0 +1,15 @@
+"""Recordings: tables of samples on disk."""
+
+from contactsense.service.recordings.column_mapping import ColumnMapping, MappingError
+from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.recording import Recording, RecordingFile, read
+
+__all__ = [
+    "ColumnMapping",
+    "MappingError",
+    "Problem",
+    "Recording",
+    "RecordingError",
+    "RecordingFile",
+    "read",
+]

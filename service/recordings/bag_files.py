@@ -1,0 +1,126 @@
+"""Tables from MCAP files and rosbag2 folders: JointState and WrenchStamped messages become columns.
+
+Rows are those of the JointState topic; wrenches are interpolated to their stamps. These files are read whole.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contactsense.service.recordings.column_mapping import ColumnMapping
+from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.table_files import Columns
+
+_JOINT_STATE = "JointState"
+_WRENCH = "WrenchStamped"
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is an MCAP file, a rosbag2 database, or a rosbag2 folder."""
+    if path.is_dir():
+        return (path / "metadata.yaml").exists()
+    return path.suffix in (".mcap", ".db3")
+
+
+class BagFile:
+    """One bag as a table with the columns of `ColumnMapping`'s defaults."""
+
+    def __init__(self, path: Path, mapping: ColumnMapping) -> None:
+        """Read all messages of the mapped topics.
+
+        Raises:
+            RecordingError: The file cannot be read, a topic is missing, or an extra package is.
+        """
+        self._path = path
+        self.problems: list[Problem] = []
+        self.meta: dict[str, str] = {}
+        messages, found = self._messages(mapping)
+        joint = messages.get(mapping.joint_states, [])
+        if not joint:
+            listed = "; ".join(f"{topic} ({kind})" for topic, kind in sorted(found.items())) or "no topics"
+            raise RecordingError(
+                f"{path}: expected {_JOINT_STATE} messages on {mapping.joint_states}, found {listed}; "
+                "--columns joint_states=TOPIC names another topic"
+            )
+        self._columns = self._joint_columns(joint, mapping)
+        t = self._columns["timestamp"]
+        for prefix, topic in (
+            ("base_wrench", mapping.base_wrench_topic),
+            ("wrist_wrench", mapping.wrist_wrench_topic),
+        ):
+            if messages.get(topic):
+                stamps, values = _wrenches(messages[topic])
+                for i in range(6):
+                    self._columns[f"{prefix}_{i}"] = np.interp(t, stamps, values[:, i], np.nan, np.nan)
+        self.names = list(self._columns)
+
+    def batches(
+        self, names: list[str], first: int = 0, last: int | None = None
+    ) -> Iterator[tuple[int, Columns]]:
+        """The whole table at once."""
+        yield 0, {name: self._columns[name] for name in names}
+
+    def _messages(self, mapping: ColumnMapping) -> tuple[dict[str, list[Any]], dict[str, str]]:
+        try:
+            from rosbags.highlevel import AnyReader, AnyReaderError
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError as error:
+            raise RecordingError(
+                f"{self._path}: reading MCAP and rosbag2 needs extra packages: "
+                f"pip install contactsense[mcap] ({error.name})"
+            ) from None
+        wanted = (mapping.joint_states, mapping.base_wrench_topic, mapping.wrist_wrench_topic)
+        messages: dict[str, list[Any]] = {}
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        try:
+            with AnyReader([self._path], default_typestore=store) as reader:
+                found = {c.topic: c.msgtype for c in reader.connections}
+                chosen = [c for c in reader.connections if c.topic in wanted]
+                for connection, _, raw in reader.messages(chosen):
+                    messages.setdefault(connection.topic, []).append(
+                        reader.deserialize(raw, connection.msgtype)
+                    )
+        except (AnyReaderError, OSError, KeyError, ValueError) as error:
+            raise RecordingError(f"{self._path}: cannot read the recording: {error}") from None
+        return messages, found
+
+    def _joint_columns(self, messages: list[Any], mapping: ColumnMapping) -> Columns:
+        order = None
+        if mapping.joint_names is not None:
+            names = list(messages[0].name)
+            missing = [name for name in mapping.joint_names if name not in names]
+            if missing:
+                raise RecordingError(
+                    f"{self._path}: {mapping.joint_states}: expected joint {missing[0]}, "
+                    f"got {', '.join(names)}"
+                )
+            order = [names.index(name) for name in mapping.joint_names]
+        columns: Columns = {"timestamp": np.array([_stamp(m) for m in messages])}
+        parts = (("actual_q", "position"), ("actual_qd", "velocity"), ("joint_torque", "effort"))
+        for prefix, field in parts:
+            rows = [np.asarray(getattr(m, field), dtype=float) for m in messages]
+            width = len(rows[0])
+            if width == 0:
+                continue
+            table = np.array([row if len(row) == width else np.full(width, np.nan) for row in rows])
+            if order is not None:
+                table = table[:, order]
+            for i in range(table.shape[1]):
+                columns[f"{prefix}_{i}"] = table[:, i]
+        return columns
+
+
+def _stamp(message: Any) -> float:
+    return float(message.header.stamp.sec) + 1e-9 * float(message.header.stamp.nanosec)
+
+
+def _wrenches(messages: list[Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps in rising order, shape (N,), and force then moment, shape (N, 6)."""
+    stamps = np.array([_stamp(m) for m in messages])
+    forces = [(m.wrench.force.x, m.wrench.force.y, m.wrench.force.z) for m in messages]
+    moments = [(m.wrench.torque.x, m.wrench.torque.y, m.wrench.torque.z) for m in messages]
+    values = np.hstack((np.array(forces), np.array(moments)))
+    order = np.argsort(stamps, kind="stable")
+    return stamps[order], values[order]

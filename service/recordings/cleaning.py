@@ -1,0 +1,94 @@
+"""Order in time: repeated rows are left out; gaps, clock resets and missing numbers are reported by row."""
+
+import math
+
+import numpy as np
+
+from contactsense.service.recordings.problems import Kind, Problem
+
+GAP_STEPS = 5.0
+"""A step longer than so many usual ones is a gap."""
+FIRST_STEPS = 50
+"""The usual step is the median of so many at the beginning."""
+
+
+class RowChecker:
+    """Checks the time stamps of a recording, block by block."""
+
+    def __init__(self) -> None:
+        """Before the first block."""
+        self.problems: list[Problem] = []
+        self.repeated = 0
+        """Rows left out because they repeat the time of the row before."""
+        self._last = -math.inf
+        self._usual: float | None = None
+        self._first: list[tuple[int, float]] = []
+
+    def keep(self, t: np.ndarray, first_row: int) -> np.ndarray:
+        """Which rows are kept, shape (N,), bool.
+
+        Args:
+            t: Times of the block [s], shape (N,).
+            first_row: Number of its first row in the file.
+        """
+        finite = np.isfinite(t)
+        self.report(~finite, first_row, "not_finite", "timestamp is not a finite number; row ignored")
+        step = np.diff(t[finite], prepend=self._last)
+        repeated = step == 0.0
+        self.repeated += int(repeated.sum())
+        rows = np.flatnonzero(finite)
+        keep: np.ndarray = finite.copy()
+        keep[rows[repeated]] = False
+        if len(rows):
+            self._last = float(t[rows[-1]])
+        self.report(
+            repeated, first_row, "repeated", "the time of the row before is repeated; row ignored", rows
+        )
+        for i in np.flatnonzero(step < 0.0):
+            row = first_row + int(rows[i])
+            message = f"the clock was set back by {-step[i]:.3f} s; a new stretch begins"
+            self.problems.append(Problem(row, row + 1, "clock_set_back", message))
+        for i in np.flatnonzero((step > 0.0) & np.isfinite(step)) if self._usual is None else ():
+            self._first.append((first_row + int(rows[i]), float(step[i])))
+        if self._usual is None and len(self._first) >= FIRST_STEPS:
+            self._learn()
+        elif self._usual is not None:
+            for i in np.flatnonzero((step > GAP_STEPS * self._usual) & np.isfinite(step)):
+                self._gap(first_row + int(rows[i]), float(step[i]))
+        return keep
+
+    def finish(self) -> None:
+        """The last block has been checked."""
+        if self._usual is None and self._first:
+            self._learn()
+
+    def _learn(self) -> None:
+        """The usual step is known now: the steps so far are judged."""
+        self._usual = float(np.median([step for _, step in self._first[:FIRST_STEPS]]))
+        for row, step in self._first:
+            if step > GAP_STEPS * self._usual:
+                self._gap(row, step)
+        self._first = []
+
+    def _gap(self, row: int, step: float) -> None:
+        message = f"a gap of {step:.3f} s before this row (usual step {self._usual:.4f} s)"
+        self.problems.append(Problem(row, row + 1, "gap", message))
+
+    def report(
+        self, bad: np.ndarray, first_row: int, kind: Kind, message: str, rows: np.ndarray | None = None
+    ) -> None:
+        """Report runs of bad rows, one problem per run.
+
+        Args:
+            bad: Which rows, shape (N,), bool.
+            first_row: Number of the block's first row in the file.
+            kind, message: What is wrong.
+            rows: Where in the block the entries of `bad` are; without it, one after another.
+        """
+        if not bad.any():
+            return
+        places = np.flatnonzero(bad) if rows is None else rows[bad]
+        breaks = np.flatnonzero(np.diff(places) > 1) + 1
+        for run in np.split(places, breaks):
+            begin, end = first_row + int(run[0]), first_row + int(run[-1]) + 1
+            self.problems.append(Problem(begin, end, kind, message))

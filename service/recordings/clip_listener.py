@@ -1,0 +1,175 @@
+"""Keeps the last minutes in memory and writes clips of them, or everything, while the pipeline runs.
+
+The listener fills a row per sample and hands finished stretches to a thread that writes: pyarrow works
+without the interpreter's lock, and nothing on the sample path waits for the disk.
+"""
+
+import queue
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+from pydantic import BaseModel, ConfigDict, PositiveFloat
+
+from contactsense.scene import Scene
+from contactsense.service.recordings.metadata import metadata
+from contactsense.service.recordings.sample_rows import Ring, SampleRows
+from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
+from contactsense.types import Estimate, Sample
+
+_HOST_TIME = 1
+_CHUNK = 250
+
+
+class RecordingSettings(BaseModel):
+    """How the service records."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    folder: Path | None = None
+    """Folder for clips and recordings; without it the service writes none."""
+    minutes: PositiveFloat = 2.0
+    """How much is kept in memory for clips [min]."""
+    before: PositiveFloat = 10.0
+    """Length of a clip before the moment asked for [s]."""
+    after: PositiveFloat = 5.0
+    """Length after it [s]."""
+    disk_megabytes: PositiveFloat = 2000.0
+    """Most that recordings and clips may take each; the oldest are removed [MB]."""
+
+
+@dataclass(slots=True)
+class _Wanted:
+    number: int
+    begin: float
+    end: float
+    reason: str
+
+
+class ClipListener:
+    """A listener of the pipeline that writes clips and recordings.
+
+    Commands: `{"type": "clip", "number", "before", "after", "reason"}` and
+    `{"type": "record", "on": true}`. Reports: `{"type": "clip", "number", "file", "samples"}` and
+    `{"type": "recording", "on", "rows", "error"}`.
+    """
+
+    def __init__(self, scene: Scene, settings: RecordingSettings, rate: float) -> None:
+        assert settings.folder is not None
+        self._folder, self._settings, self._scene = settings.folder, settings, scene
+        self._rows = SampleRows(scene)
+        self._ring = Ring(max(_CHUNK, int(60.0 * settings.minutes * rate)), len(self._rows.names))
+        self._rate = rate
+        self._wanted: list[_Wanted] = []
+        self._reports: list[dict[str, Any]] = []
+        self._work: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self._recording = False
+        self._chunk = np.zeros((_CHUNK, len(self._rows.names)))
+        self._filled = 0
+        self._thread = threading.Thread(target=self._write, name="recording", daemon=True)
+        self._thread.start()
+
+    def receive(self, sample: Sample, estimate: Estimate) -> None:
+        """Keep one sample; at the onset of a collision that is reported by a rule, a clip is asked for by
+        command."""
+        row = self._ring.next
+        self._rows.fill(row, sample, estimate)
+        if self._recording:
+            self._chunk[self._filled] = row
+            self._filled += 1
+            if self._filled == _CHUNK:
+                self._hand_over()
+        self._ring.push()
+
+    def tick(self, now: float) -> None:
+        """Write the clips whose time is over."""
+        del now
+        clock = time.time()
+        for wanted in [w for w in self._wanted if clock >= w.end]:
+            self._wanted.remove(wanted)
+            self._work.put(("clip", (wanted, self._ring.between(_HOST_TIME, wanted.begin, wanted.end))))
+
+    def command(self, message: dict[str, Any]) -> None:
+        """Take a command; those of other types are for others."""
+        if message.get("type") == "clip":
+            now = time.time()
+            before = float(message.get("before") or self._settings.before)
+            after = float(message.get("after") or self._settings.after)
+            reason = str(message.get("reason", ""))
+            self._wanted.append(_Wanted(int(message["number"]), now - before, now + after, reason))
+        elif message.get("type") == "record":
+            on = bool(message["on"])
+            if self._recording and not on:
+                self._hand_over()
+                self._work.put(("stop", None))
+            self._recording = on
+
+    def take_reports(self) -> list[dict[str, Any]]:
+        """Reports since the last call."""
+        taken, self._reports = self._reports, []
+        return taken
+
+    def close(self) -> None:
+        """Write what is asked for, as far as it has come."""
+        for wanted in self._wanted:
+            self._work.put(("clip", (wanted, self._ring.between(_HOST_TIME, wanted.begin, wanted.end))))
+        self._hand_over()
+        self._work.put(("end", None))
+        self._thread.join(5.0)
+
+    def _hand_over(self) -> None:
+        if self._filled:
+            self._work.put(("rows", self._chunk[: self._filled].copy()))
+            self._filled = 0
+
+    def _write(self) -> None:
+        """Body of the writing thread."""
+        writer: SegmentWriter | None = None
+        while True:
+            kind, value = self._work.get()
+            try:
+                if kind == "clip":
+                    self._write_clip(*value)
+                elif kind == "rows":
+                    if writer is None:
+                        limit = Rotation(disk_megabytes=self._settings.disk_megabytes)
+                        writer = SegmentWriter(
+                            self._folder, "service", self._rows.names,
+                            metadata(self._scene, table="service"), limit, rate=self._rate,
+                        )  # fmt: skip
+                    for row in self._rows.stored(value):
+                        writer.add(row)
+                    writer.flush()
+                    self._reports.append({"type": "recording", "on": True, "rows": writer.rows, "error": ""})
+                if kind in ("stop", "end") and writer is not None:
+                    rows = writer.rows
+                    writer.close()
+                    writer = None
+                    self._reports.append({"type": "recording", "on": False, "rows": rows, "error": ""})
+            except (OSError, ValueError, pa.ArrowException) as error:
+                writer = None
+                self._reports.append({"type": "recording", "on": False, "rows": 0, "error": str(error)})
+            if kind == "end":
+                return
+
+    def _write_clip(self, wanted: _Wanted, rows: np.ndarray) -> None:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(wanted.end))
+        path = self._folder / f"clip-{stamp}-{wanted.number:06d}.parquet"
+        meta = metadata(self._scene, table="clip", reason=wanted.reason)
+        arrays = [pa.array(np.ascontiguousarray(column)) for column in self._rows.stored(rows).T]
+        part = path.with_suffix(".part")
+        pa_parquet.write_table(
+            pa.table(dict(zip(self._rows.names, arrays, strict=True)), metadata=meta),
+            part,
+            compression="zstd",
+        )
+        part.replace(path)
+        self._reports.append(
+            {"type": "clip", "number": wanted.number, "file": path.name, "samples": len(rows)}
+        )

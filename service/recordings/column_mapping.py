@@ -1,0 +1,111 @@
+"""Which columns or topics of a recording hold what, and in which units."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
+
+from contactsense.scene import describe
+
+
+class MappingError(ValueError):
+    """A column mapping that cannot be used: the message names the field, what was expected and what came."""
+
+
+def _as_names(value: Any) -> Any:
+    if isinstance(value, str):
+        return (value,)
+    return tuple(value) if isinstance(value, list) else value
+
+
+Names = Annotated[tuple[str, ...], BeforeValidator(_as_names)]
+"""One prefix (`actual_q` stands for `actual_q_0`, `actual_q_1`, ...) or one column name per number."""
+
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_ANGLE = {"rad": 1.0, "deg": np.pi / 180.0}
+
+
+class ColumnMapping(BaseModel):
+    """Names of columns (tables) and topics (MCAP, rosbag2), and their units.
+
+    The defaults are the names that RTDE clients write. Without `joint_torque`, `joint_torque_*` is used where
+    it exists, and otherwise the columns of the scene's torque signal.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    timestamp: str = "timestamp"
+    """Column of the time."""
+    q: Names = ("actual_q",)
+    """Joint positions."""
+    qd: Names = ("actual_qd",)
+    """Joint velocities."""
+    joint_torque: Names | None = None
+    """Joint torques [Nm], the sign that the actuator applies."""
+    base_wrench: Names = ("base_wrench",)
+    """Reading of the sensor under the base, in the sensor's own frame and sign [N, Nm]."""
+    wrist_wrench: Names = ("wrist_wrench",)
+    """Reading of the sensor at the wrist, in its own frame and sign [N, Nm]."""
+    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    angle_unit: Literal["rad", "deg"] = "rad"
+    joint_states: str = "/joint_states"
+    """Topic of sensor_msgs/JointState: positions, velocities, efforts (joint torques)."""
+    base_wrench_topic: str = "/base_wrench"
+    """Topic of geometry_msgs/WrenchStamped of the sensor under the base."""
+    wrist_wrench_topic: str = "/wrist_wrench"
+    """Topic of geometry_msgs/WrenchStamped of the sensor at the wrist."""
+    joint_names: tuple[str, ...] | None = None
+    """Joints of JointState in the order of the arm; without it the order of the message."""
+
+    @property
+    def seconds(self) -> float:
+        """Seconds per unit of the time column."""
+        return _TIME[self.time_unit]
+
+    @property
+    def radians(self) -> float:
+        """Radians per unit of the position columns; velocities use the same unit per second."""
+        return _ANGLE[self.angle_unit]
+
+    @classmethod
+    def parse(cls, text: str | None) -> "ColumnMapping":
+        """From a YAML file's path, or from `q=joint_,qd=speed_,time_unit=ms`; None: the defaults.
+
+        Raises:
+            MappingError: A field is unknown or has a wrong value, or the file cannot be read.
+        """
+        if text is None:
+            return cls()
+        fields: Any
+        if "=" in text:
+            fields = {}
+            for part in text.split(","):
+                name, equals, value = part.partition("=")
+                if not equals:
+                    raise MappingError(f"--columns: expected NAME=VALUE pairs, got {part!r}")
+                fields[name.strip()] = value.strip()
+        else:
+            try:
+                fields = yaml.safe_load(Path(text).read_text(encoding="utf-8"))
+            except OSError as error:
+                raise MappingError(f"{text}: cannot read the column mapping: {error.strerror}") from None
+            except yaml.YAMLError as error:
+                raise MappingError(f"{text}: not YAML: {' '.join(str(error).split())}") from None
+            if not isinstance(fields, dict):
+                raise MappingError(
+                    f"{text}: expected fields such as `q: joint_`, got {type(fields).__name__}"
+                )
+        try:
+            return cls.model_validate(fields)
+        except ValidationError as error:
+            raise MappingError(f"column mapping: {describe(error)}") from None
+
+
+def expand(names: Sequence[str], count: int, available: Sequence[str]) -> list[str]:
+    """Column names of one group of `count` numbers: a prefix is numbered, a full list is taken as it is."""
+    if len(names) == count and (count > 1 or names[0] in available):
+        return list(names)
+    return [f"{names[0]}_{i}" for i in range(count)]

@@ -1,0 +1,81 @@
+"""Recordings and contacts in other formats: Parquet, CSV, and MCAP for Foxglove and ROS tools."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pa_parquet
+
+from contactsense.service.recordings.problems import RecordingError
+from contactsense.service.recordings.recording import Recording
+from contactsense.service.recordings.ros_messages import (
+    JOINT_STATE,
+    SCENE_UPDATE,
+    WRENCH_STAMPED,
+    joint_state,
+    scene_update,
+    wrench_stamped,
+)
+from contactsense.service.recordings.table_files import reason
+from contactsense.types import Contact
+
+
+def export(recording: Recording, path: Path, contacts: Iterable[tuple[float, list[Contact]]] = ()) -> None:
+    """Write a recording; the format follows from the file's name: .parquet, .csv or .mcap.
+
+    Wrenches are written in base axes about the base origin: read them back with a scene whose sensor has
+    that frame.
+
+    Args:
+        recording: What to write.
+        path: Where to.
+        contacts: For MCAP: times [s] and the contacts then, drawn as arrows in Foxglove's 3D panel.
+
+    Raises:
+        RecordingError: The format is unknown, an extra package is missing, or the file cannot be written.
+    """
+    try:
+        if path.suffix == ".parquet":
+            pa_parquet.write_table(recording.to_arrow(), path, compression="zstd")
+        elif path.suffix == ".csv":
+            pa_csv.write_csv(recording.to_arrow(), path, pa_csv.WriteOptions(quoting_style="none"))
+        elif path.suffix == ".mcap":
+            _mcap(recording, path, contacts)
+        else:
+            raise RecordingError(f"{path}: expected a name that ends in .parquet, .csv or .mcap")
+    except (OSError, pa.ArrowException) as error:
+        raise RecordingError(f"{path}: cannot write: {reason(error)}") from None
+
+
+def _mcap(recording: Recording, path: Path, contacts: Iterable[tuple[float, list[Contact]]]) -> None:
+    try:
+        from mcap_ros2.writer import Writer
+    except ImportError as error:
+        raise RecordingError(
+            f"{path}: writing MCAP needs extra packages: pip install contactsense[mcap] ({error.name})"
+        ) from None
+    with path.open("wb") as file:
+        writer: Any = Writer(file)
+        joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
+        wrenches = writer.register_msgdef("geometry_msgs/msg/WrenchStamped", WRENCH_STAMPED)
+        scenes = writer.register_msgdef("foxglove_msgs/msg/SceneUpdate", SCENE_UPDATE)
+        names = [f"joint_{i}" for i in range(recording.q.shape[1])]
+
+        def write(topic: str, schema: Any, message: dict[str, Any], t: float) -> None:
+            stamp = round(1e9 * t)
+            writer.write_message(topic, schema, message, log_time=stamp, publish_time=stamp)
+
+        topics = (("/base_wrench", recording.base_wrench), ("/wrist_wrench", recording.wrist_wrench))
+        for i, t in enumerate(recording.t.tolist()):
+            torque = None if recording.joint_torque is None else recording.joint_torque[i]
+            message = joint_state(t, names, recording.q[i], recording.qd[i], torque)
+            write("/joint_states", joints, message, t)
+            for topic, values in topics:
+                if values is not None and np.isfinite(values[i]).all():
+                    write(topic, wrenches, wrench_stamped(t, values[i]), t)
+        for t, found in contacts:
+            write("/contacts", scenes, scene_update(t, found), t)
+        writer.finish()

@@ -1,0 +1,133 @@
+"""Records live samples: raw as they came and as they were used, in two tables.
+
+`samples`: one row per robot packet: time stamps, every RTDE field of the recipe, the joint torques as used
+[Nm], and the base sensor's reading at that instant in the sensor's own frame. `wrench`: every reading of a
+networked force/torque sensor, at its own rate, with its own count.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.service.recordings.metadata import metadata
+from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
+from contactsense.service.sensors.netft_client import WrenchRecord
+from contactsense.service.sensors.robot_stream import RobotRecord
+from contactsense.types import Sample
+
+_WRENCH_COLUMNS = ("tick", "arrival", *(f"base_wrench_{i}" for i in range(6)))
+
+
+class Recorder:
+    """A raw-data observer of `LiveSource` that writes what it sees.
+
+    Args:
+        folder: Where the files go.
+        scene: Goes into the metadata.
+        rotation: When segments are closed, and how much stays on the disk.
+        rate: Robot samples a second [Hz].
+
+    Raises:
+        RecordingError: The folder cannot be written.
+    """
+
+    def __init__(
+        self, folder: Path, scene: Scene, rotation: Rotation | None = None, *, rate: float = 500.0
+    ) -> None:
+        self._folder, self._scene, self._rotation, self._rate = folder, scene, rotation, rate
+        self._joints = len(scene.robot.joints)
+        self._samples: SegmentWriter | None = None
+        self._wrench: SegmentWriter | None = None
+        # Host time of the monotonic clock's zero: arrivals are written as UNIX time.
+        self._epoch = time.time() - time.monotonic()
+        self._blank = np.full(self._joints, np.nan)
+
+    @property
+    def rows(self) -> int:
+        """Robot samples written so far."""
+        return 0 if self._samples is None else self._samples.rows
+
+    @property
+    def readings(self) -> int:
+        """Force/torque readings written so far."""
+        return 0 if self._wrench is None else self._wrench.rows
+
+    @property
+    def repaired(self) -> list[Path]:
+        """Files that an earlier run had left open."""
+        return [] if self._samples is None else self._samples.repaired
+
+    def robot(
+        self,
+        record: RobotRecord,
+        slices: Mapping[str, slice],
+        reading: np.ndarray | None,
+        age: float,
+        sample: Sample | None,
+    ) -> None:
+        """One robot packet.
+
+        Args:
+            record, slices: Its raw values, and where each field's numbers stand.
+            reading: The base sensor's reading at its instant, sensor axes [N, Nm], shape (6,); None: none.
+            age: How much older than the packet that reading is [s].
+            sample: What the estimator receives; None where the packet cannot be used.
+        """
+        if self._samples is None:
+            self._samples = self._open(slices)
+        torque = None if sample is None else sample.joint_torque
+        row = np.concatenate(
+            (
+                (record.timestamp, self._epoch + 1e-9 * record.arrival_ns, age),
+                np.asarray(record.values, dtype=float),
+                self._blank if torque is None else torque,
+                np.full(6, np.nan) if reading is None else reading,
+            )
+        )
+        self._samples.add(row)
+
+    def wrench(self, readings: Sequence[WrenchRecord]) -> None:
+        """Readings of the networked force/torque sensor, in their order."""
+        if self._wrench is None and readings:
+            self._wrench = SegmentWriter(
+                self._folder, "wrench", _WRENCH_COLUMNS, metadata(self._scene, table="wrench"),
+                self._rotation, rate=2.0 * self._rate,
+            )  # fmt: skip
+        for reading in readings:
+            assert self._wrench is not None
+            arrival = self._epoch + 1e-9 * reading.arrival_ns
+            self._wrench.add((float(reading.tick), arrival, *reading.wrench))
+
+    def flush(self) -> None:
+        """Hand everything to the operating system."""
+        for writer in (self._samples, self._wrench):
+            if writer is not None:
+                writer.flush()
+
+    def close(self) -> list[Path]:
+        """Complete all files; their paths."""
+        return [p for w in (self._samples, self._wrench) if w is not None for p in w.close()]
+
+    def _open(self, slices: Mapping[str, slice]) -> SegmentWriter:
+        ordered = sorted(slices.items(), key=lambda item: item[1].start)
+        raw = []
+        for name, where in ordered:
+            width = where.stop - where.start
+            raw += [name] if width == 1 else [f"{name}_{i}" for i in range(width)]
+        taken = {f"joint_torque_{i}" for i in range(self._joints)} | {f"base_wrench_{i}" for i in range(6)}
+        raw = [f"raw_{name}" if name in taken or name == "timestamp" else name for name in raw]
+        names = (
+            "timestamp",
+            "arrival",
+            "base_wrench_age",
+            *raw,
+            *(f"joint_torque_{i}" for i in range(self._joints)),
+            *(f"base_wrench_{i}" for i in range(6)),
+        )
+        return SegmentWriter(
+            self._folder, "samples", names, metadata(self._scene, table="samples"), self._rotation,
+            rate=self._rate,
+        )  # fmt: skip

@@ -1,0 +1,413 @@
+"""A recording as the estimator needs it: arrays in the frames and signs of `contactsense.Sample`."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from contactsense.runtime.block_runner import MAX_BLOCK
+from contactsense.runtime.sample_blocks import SampleBlock
+from contactsense.scene import Scene
+from contactsense.service.recordings.bag_files import BagFile, is_bag
+from contactsense.service.recordings.cleaning import RowChecker
+from contactsense.service.recordings.column_mapping import ColumnMapping, expand
+from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.table_files import Columns, TableFile, chosen_rows, open_table
+from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap, WristMap
+from contactsense.types import Sample
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+BLOCK = 1 << 16
+"""Usual number of rows in a block."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Samples of one arm, in the order of the file. A value that was not measured is NaN."""
+
+    name: str
+    """The file it came from."""
+    t: np.ndarray
+    """Time on the robot's clock [s], shape (N,). It falls only where the clock was set back."""
+    q: np.ndarray
+    """Joint positions [rad], shape (N, n)."""
+    qd: np.ndarray
+    """Joint velocities [rad/s], shape (N, n)."""
+    joint_torque: np.ndarray | None
+    """Torque that each actuator applies [Nm], shape (N, n); None without such a sensor."""
+    base_wrench: np.ndarray | None
+    """Wrench of the arm on the sensor below it, base axes and origin [N, Nm], shape (N, 6)."""
+    wrist_wrench: np.ndarray | None
+    """Wrench of all beyond the wrist sensor on it, base axes and origin [N, Nm], shape (N, 6)."""
+    rows: np.ndarray
+    """Row of each sample in the file, from 0, shape (N,), int64."""
+    problems: tuple[Problem, ...] = ()
+    """What is wrong with the file, by row."""
+    repeated: int = 0
+    """Rows that were left out because they repeat the time of the row before."""
+    meta: Mapping[str, str] = field(default_factory=dict)
+    """What the file says about itself, such as the scene that it was recorded with."""
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __repr__(self) -> str:
+        sensors = [n for n in ("joint_torque", "base_wrench", "wrist_wrench") if getattr(self, n) is not None]
+        return (
+            f"<Recording {self.name}: {len(self)} samples, {self.seconds:.1f} s, "
+            f"{', '.join(sensors) or 'no sensors'}, {len(self.problems)} problems>"
+        )
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first to the last sample, stretches before a reset of the clock included [s]."""
+        step = np.diff(self.t)
+        return float(step[step > 0.0].sum())
+
+    @property
+    def gaps(self) -> tuple[Problem, ...]:
+        """The gaps among `problems`."""
+        return tuple(problem for problem in self.problems if problem.kind == "gap")
+
+    def __getitem__(self, key: slice) -> "Recording":
+        """A part of the samples; problems stay those of the whole file."""
+        parts: dict[str, Any] = {
+            name: None if getattr(self, name) is None else getattr(self, name)[key]
+            for name in ("t", "q", "qd", "joint_torque", "base_wrench", "wrist_wrench", "rows")
+        }
+        return Recording(self.name, **parts, problems=self.problems, repeated=self.repeated, meta=self.meta)
+
+    def blocks(self, size: int = BLOCK) -> Iterator["Recording"]:
+        """Consecutive parts of at most `size` samples."""
+        for first in range(0, len(self), size):
+            yield self[first : first + size]
+
+    def sample_blocks(self, size: int = MAX_BLOCK) -> Iterator[SampleBlock]:
+        """The recording for `Localizer.run_blocks`."""
+        whole = SampleBlock(self.t, self.q, self.qd, self.joint_torque, self.base_wrench, self.wrist_wrench)
+        return whole.split(size)
+
+    def samples(self) -> Iterator[Sample]:
+        """The recording as a stream for `Localizer.run`; a sensor without finite values is None."""
+        for i in range(len(self)):
+            yield Sample(
+                float(self.t[i]),
+                self.q[i],
+                self.qd[i],
+                _finite(self.joint_torque, i),
+                _finite(self.base_wrench, i),
+                _finite(self.wrist_wrench, i),
+            )
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Contract columns: `timestamp`, `actual_q_0`, ...; wrenches in base axes."""
+        columns = {"timestamp": self.t}
+        parts = (
+            ("actual_q", self.q),
+            ("actual_qd", self.qd),
+            ("joint_torque", self.joint_torque),
+            ("base_wrench", self.base_wrench),
+            ("wrist_wrench", self.wrist_wrench),
+        )
+        for name, array in parts:
+            if array is not None:
+                columns |= {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
+        return columns
+
+    def to_arrow(self) -> "pa.Table":
+        """The contract columns as an Arrow table."""
+        import pyarrow as pa
+
+        return pa.table(self.columns(), metadata=dict(self.meta))
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """The contract columns as a pandas data frame; needs pandas."""
+        return self.to_arrow().to_pandas()
+
+
+def _finite(array: np.ndarray | None, i: int) -> np.ndarray | None:
+    if array is None:
+        return None
+    row: np.ndarray = array[i]
+    return row if np.isfinite(row).all() else None
+
+
+class RecordingFile:
+    """One recording on disk, read block by block, so that its length does not matter.
+
+    Args:
+        path: CSV (ur_rtde's or UR's own client's), Parquet, Arrow IPC stream, a folder of Parquet files,
+            MCAP, or a rosbag2 folder.
+        scene: What the signals mean: torque signal, frame and sign of the sensors.
+        mapping: Names of columns and topics, and units.
+
+    Raises:
+        RecordingError: The file cannot be read, or lacks a column that the scene needs.
+    """
+
+    def __init__(self, path: str | Path, scene: Scene, mapping: ColumnMapping | None = None) -> None:
+        self.path = Path(path)
+        self.name = str(path)
+        self._scene, self._mapping = scene, mapping or ColumnMapping()
+        self._table: TableFile = (
+            BagFile(self.path, self._mapping) if is_bag(self.path) else open_table(self.path)
+        )
+        self.meta: Mapping[str, str] = self._table.meta
+        """What the file says about itself."""
+        self._joints = len(scene.robot.joints)
+        self._plan()
+
+    def read(self, first: int = 0, last: int | None = None) -> Recording:
+        """The recording, or its rows from `first` up to but without `last`."""
+        return concatenate(list(self.blocks(BLOCK, first, last)), self.name, self.meta)
+
+    def blocks(self, size: int = BLOCK, first: int = 0, last: int | None = None) -> Iterator[Recording]:
+        """The samples in blocks of at most `size`; each carries the problems found since the block before.
+
+        Args:
+            size: Most samples of a block.
+            first, last: Rows of the file that are wanted: from `first` up to but without `last`.
+        """
+        checker = RowChecker()
+        pending = _Pending(self._late)
+        reported = 0
+        for row, columns in chosen_rows(self._table.batches(self._wanted, first, last), first, last):
+            block = self._converted(columns, row, checker)
+            for part in pending.add(block).blocks(size):
+                new, reported = tuple(checker.problems[reported:]), len(checker.problems)
+                yield _with(part, new, checker.repeated, self.meta)
+        checker.finish()
+        rest = pending.flush()
+        new = (*checker.problems[reported:], *self._absent, *self._table.problems)
+        if rest is None:
+            raise RecordingError(f"{self.name}: expected at least two samples, got none")
+        parts = list(rest.blocks(size)) or [rest]
+        for part in parts[:-1]:
+            yield part
+        yield _with(parts[-1], new, checker.repeated, self.meta)
+
+    def _plan(self) -> None:
+        mapping, names, n = self._mapping, self._table.names, self._joints
+        self._absent: list[Problem] = []
+        if mapping.timestamp not in names:
+            self._missing("timestamp", mapping.timestamp)
+        self._q = self._group("q", mapping.q, n)
+        self._qd = self._group("qd", mapping.qd, n)
+        self._torque_names, self._torque_map = self._torque_plan()
+        base, wrist = self._scene.base_wrench, self._scene.wrist_wrench
+        self._base = self._optional("base_wrench", mapping.base_wrench, base is not None)
+        self._wrist = self._optional("wrist_wrench", mapping.wrist_wrench, wrist is not None)
+        self._base_map = None if base is None else WrenchMap.of(base)
+        self._wrist_map = None if wrist is None else WristMap(wrist, self._scene.robot)
+        self._late = 0.0 if base is None or not self._base else base.delay
+        if not (self._torque_names or self._base):
+            raise RecordingError(
+                f"{self.name}: expected columns of joint torques or of the base sensor, got neither; "
+                f"found {self._found()}"
+            )
+        wanted = [mapping.timestamp, *self._q, *self._qd, *self._torque_names, *self._base, *self._wrist]
+        self._wanted = list(dict.fromkeys(wanted))
+
+    def _torque_plan(self) -> tuple[list[str], TorqueMap | None]:
+        """Columns that carry the torques; and what they mean, None where they are joint torques [Nm]."""
+        sensor, names, n = self._scene.joint_torque, self._table.names, self._joints
+        if sensor is None:
+            return [], None
+        if self._mapping.joint_torque is not None:
+            return self._group("joint_torque", self._mapping.joint_torque, n), None
+        own = expand(("joint_torque",), n, names)
+        if sensor.fields is None and all(name in names for name in own):
+            return own, None
+        try:
+            source = TorqueMap.of(self._scene)
+        except SensorError as error:
+            raise RecordingError(f"{self.name}: {error}") from None
+        assert source is not None
+        columns = [column for name in source.names for column in self._columns_of(name, source)]
+        if any(column not in names for column in columns):
+            message = f"no {own[0]} ... nor {columns[0]} ... ({sensor.signal}): joint torques are not used"
+            self._absent.append(Problem(0, 0, "missing_sensor", message))
+            return [], None
+        return columns, source
+
+    def _columns_of(self, field_name: str, source: TorqueMap) -> list[str]:
+        width = self._joints if len(source.fields) == 1 else 1
+        return [field_name] if width == 1 else [f"{field_name}_{i}" for i in range(width)]
+
+    def _group(self, name: str, columns: tuple[str, ...], count: int) -> list[str]:
+        wanted = expand(columns, count, self._table.names)
+        for column in wanted:
+            if column not in self._table.names:
+                self._missing(name, column)
+        return wanted
+
+    def _optional(self, name: str, columns: tuple[str, ...], in_scene: bool) -> list[str]:
+        if not in_scene:
+            return []
+        wanted = expand(columns, 6, self._table.names)
+        if all(column in self._table.names for column in wanted):
+            return wanted
+        if any(column in self._table.names for column in wanted):
+            self._missing(name, next(c for c in wanted if c not in self._table.names))
+        message = f"no column {wanted[0]}: {name} is not used, though the scene has this sensor"
+        self._absent.append(Problem(0, 0, "missing_sensor", message))
+        return []
+
+    def _missing(self, name: str, column: str) -> None:
+        raise RecordingError(
+            f"{self.name}: {name}: expected a column {column}, found {self._found()}; "
+            f"--columns {name}=NAME names another"
+        )
+
+    def _found(self) -> str:
+        names = self._table.names
+        more = f" and {len(names) - 24} more" if len(names) > 24 else ""
+        return ", ".join(names[:24]) + more
+
+    def _converted(self, columns: Columns, first: int, checker: RowChecker) -> Recording:
+        t = columns[self._mapping.timestamp] * self._mapping.seconds
+        keep = checker.keep(t, first)
+        rows = np.flatnonzero(keep)
+
+        def table(names: list[str]) -> np.ndarray:
+            return np.column_stack([columns[name][rows] for name in names])
+
+        q, qd = table(self._q) * self._mapping.radians, table(self._qd) * self._mapping.radians
+        bad = np.asarray(~(np.isfinite(q).all(axis=1) & np.isfinite(qd).all(axis=1)))
+        checker.report(bad, first, "not_finite", "joint positions or velocities are not finite", rows)
+        torque = base = wrist = None
+        if self._torque_names:
+            values = table(self._torque_names)
+            torque = values if self._torque_map is None else self._signal(values, self._torque_map)
+            checker.report(
+                ~np.isfinite(torque).all(axis=1), first, "not_finite", "joint torques are not finite", rows
+            )
+        if self._base:
+            assert self._base_map is not None
+            base = self._base_map.wrench(table(self._base))
+            checker.report(
+                ~np.isfinite(base).all(axis=1), first, "not_finite", "base_wrench is not finite", rows
+            )
+        if self._wrist:
+            assert self._wrist_map is not None
+            reading = table(self._wrist)
+            wrist = np.array([self._wrist_map.wrench(q[i], reading[i]) for i in range(len(rows))])
+            wrist = wrist.reshape(-1, 6)
+            checker.report(
+                ~np.isfinite(wrist).all(axis=1), first, "not_finite", "wrist_wrench is not finite", rows
+            )
+        return Recording(self.name, t[rows], q, qd, torque, base, wrist, first + rows.astype(np.int64))
+
+    def _signal(self, values: np.ndarray, source: TorqueMap) -> np.ndarray:
+        width = self._joints if len(source.fields) == 1 else 1
+        fields = {name: values[:, i * width : (i + 1) * width] for i, name in enumerate(source.names)}
+        return source.torque(fields)
+
+
+class _Pending:
+    """Shifts the base sensor's readings by its delay: a reading belongs to the instant `late` before it came.
+
+    Rows wait until the readings of their instant have come.
+    """
+
+    def __init__(self, late: float) -> None:
+        self._late = late
+        self._rest: Recording | None = None
+
+    def add(self, block: Recording) -> Recording:
+        """The rows that are complete now."""
+        whole = block if self._rest is None else concatenate([self._rest, block], block.name, {})
+        if self._late == 0.0:
+            self._rest = whole[len(whole) - 1 :] if len(whole) else None
+            return whole[: len(whole) - 1] if len(whole) else whole
+        ready = int(np.searchsorted(whole.t, whole.t[-1] - abs(self._late))) if len(whole) else 0
+        self._rest = whole[ready:]
+        return self._shifted(whole)[:ready]
+
+    def flush(self) -> Recording | None:
+        """The rows that are left at the end."""
+        return None if self._rest is None else self._shifted(self._rest)
+
+    def _shifted(self, part: Recording) -> Recording:
+        if self._late == 0.0 or part.base_wrench is None or len(part) == 0:
+            return part
+        shifted = [np.interp(part.t + self._late, part.t, column) for column in part.base_wrench.T]
+        return Recording(
+            part.name, part.t, part.q, part.qd, part.joint_torque, np.column_stack(shifted),
+            part.wrist_wrench, part.rows,
+        )  # fmt: skip
+
+
+def _with(
+    part: Recording, problems: tuple[Problem, ...], repeated: int, meta: Mapping[str, str]
+) -> Recording:
+    return Recording(
+        part.name, part.t, part.q, part.qd, part.joint_torque, part.base_wrench, part.wrist_wrench, part.rows,
+        problems, repeated, meta,
+    )  # fmt: skip
+
+
+def concatenate(parts: list[Recording], name: str, meta: Mapping[str, str]) -> Recording:
+    """Parts of one recording, one behind the other."""
+
+    def joined(key: str) -> Any:
+        arrays = [getattr(part, key) for part in parts]
+        return None if arrays[0] is None else np.concatenate(arrays)
+
+    return Recording(
+        name,
+        joined("t"),
+        joined("q"),
+        joined("qd"),
+        joined("joint_torque"),
+        joined("base_wrench"),
+        joined("wrist_wrench"),
+        joined("rows"),
+        tuple(problem for part in parts for problem in part.problems),
+        parts[-1].repeated,
+        meta,
+    )
+
+
+def read(
+    path: str | Path,
+    scene: Scene | None = None,
+    columns: ColumnMapping | str | None = None,
+    *,
+    first: int = 0,
+    last: int | None = None,
+) -> Recording:
+    """Read a recording.
+
+    Args:
+        path: See `RecordingFile`.
+        scene: What the signals mean; None: the scene that the file carries.
+        columns: Names and units that differ from the usual ones, see `ColumnMapping.parse`.
+        first, last: Rows that are wanted, see `RecordingFile.read`.
+
+    Raises:
+        RecordingError: The file cannot be read, lacks a column, or carries no scene and none was given.
+        MappingError: `columns` cannot be used.
+    """
+    mapping = columns if isinstance(columns, ColumnMapping) else ColumnMapping.parse(columns)
+    if scene is None:
+        scene = scene_in(Path(path))
+    return RecordingFile(path, scene, mapping).read(first, last)
+
+
+def scene_in(path: Path) -> Scene:
+    """The scene that a recording carries in its metadata.
+
+    Raises:
+        RecordingError: It carries none.
+    """
+    from contactsense.service.recordings.metadata import scene_of_meta
+
+    meta = {} if is_bag(path) else open_table(path).meta
+    return scene_of_meta(meta, str(path))

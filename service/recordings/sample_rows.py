@@ -1,0 +1,93 @@
+"""Samples and their estimates as rows of numbers: what a clip or a service's recording holds."""
+
+import time
+
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.service.sensors.signal_mapping import WrenchMap
+from contactsense.types import Estimate, Sample
+
+STATUS = ("none", "contact", "ambiguous", "multiple", "degraded")
+"""Status of the estimate, by its number in the column `status`."""
+
+
+class SampleRows:
+    """The columns of one scene's rows, and how they are filled without allocating more than a row's parts."""
+
+    def __init__(self, scene: Scene) -> None:
+        n = len(scene.robot.joints)
+        self.joints = n
+        self.names: tuple[str, ...] = (
+            "timestamp",
+            "host_time",
+            *(f"actual_q_{i}" for i in range(n)),
+            *(f"actual_qd_{i}" for i in range(n)),
+            *(f"joint_torque_{i}" for i in range(n)),
+            *(f"base_wrench_{i}" for i in range(6)),
+            *(f"wrist_wrench_base_{i}" for i in range(6)),
+            "status",
+            "link",
+            "probability",
+            *(f"force_base_{i}" for i in range(3)),
+            *(f"point_base_{i}" for i in range(3)),
+        )
+        self._base = slice(2 + 3 * n, 8 + 3 * n)
+        self._map = None if scene.base_wrench is None else WrenchMap.of(scene.base_wrench)
+
+    def fill(self, row: np.ndarray, sample: Sample, estimate: Estimate) -> None:
+        """Write one sample and its estimate into `row`, shape (len(names),)."""
+        n = self.joints
+        row[:] = np.nan
+        row[0], row[1] = sample.t, time.time()
+        row[2 : 2 + n] = sample.q
+        row[2 + n : 2 + 2 * n] = sample.qd
+        if sample.joint_torque is not None:
+            row[2 + 2 * n : 2 + 3 * n] = sample.joint_torque
+        if sample.base_wrench is not None:
+            row[self._base] = sample.base_wrench
+        at = 8 + 3 * n
+        if sample.wrist_wrench is not None:
+            row[at : at + 6] = sample.wrist_wrench
+        row[at + 6] = STATUS.index(estimate.status)
+        if estimate.contacts:
+            best = estimate.contacts[0]
+            row[at + 7], row[at + 8] = best.link_index, best.probability
+            row[at + 9 : at + 12] = best.force_base
+            row[at + 12 : at + 15] = best.point_base
+
+    def stored(self, rows: np.ndarray) -> np.ndarray:
+        """Rows as they are stored: the base wrench goes back into the sensor's own frame and sign, so that
+        the scene means the same when the file is read."""
+        if self._map is not None:
+            rows[:, self._base] = self._map.reading(rows[:, self._base])
+        return rows
+
+
+class Ring:
+    """The last rows of a stream, in memory that is set aside once."""
+
+    def __init__(self, capacity: int, columns: int) -> None:
+        self._rows = np.full((capacity, columns), np.nan)
+        self._written = 0
+
+    @property
+    def next(self) -> np.ndarray:
+        """The row to fill next; `push` keeps it."""
+        row: np.ndarray = self._rows[self._written % len(self._rows)]
+        return row
+
+    def push(self) -> None:
+        """Keep the row that `next` gave."""
+        self._written += 1
+
+    def __len__(self) -> int:
+        return min(self._written, len(self._rows))
+
+    def between(self, column: int, begin: float, end: float) -> np.ndarray:
+        """Copies of the rows whose number in `column` lies in [begin, end], oldest first."""
+        n = len(self)
+        order = (np.arange(self._written - n, self._written) % len(self._rows)) if n else np.zeros(0, int)
+        values = self._rows[order, column]
+        kept: np.ndarray = self._rows[order[(values >= begin) & (values <= end)]]
+        return kept

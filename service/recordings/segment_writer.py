@@ -1,0 +1,228 @@
+"""Tables on their way to disk: Arrow IPC streams while rows come, Parquet when a segment is complete.
+
+An Arrow stream is readable up to its last complete batch, whatever happens to the writer. A segment is closed
+after so many bytes or so much time; leftovers of a killed writer are turned into Parquet at the next start.
+"""
+
+import os
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+
+from contactsense.service.recordings.problems import RecordingError
+from contactsense.service.recordings.table_files import reason
+
+OPEN, DONE, PARTIAL = ".arrows", ".parquet", ".parquet.part"
+ROW_GROUP_SECONDS = 60.0
+"""Length of a row group of the Parquet files [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """When a segment is closed, and how much stays on the disk."""
+
+    seconds: float = 600.0
+    """Longest segment [s]."""
+    megabytes: float = 256.0
+    """Largest segment before compression [MB]."""
+    disk_megabytes: float | None = None
+    """Most that the complete segments may take [MB]; the oldest are removed. None: no limit."""
+
+
+class SegmentWriter:
+    """Writes one table, row by row.
+
+    Args:
+        folder: Where the files go; it is created.
+        prefix: First part of the files' names; unique per table in the folder.
+        names: Columns, all float64.
+        meta: Metadata of the schema.
+        rotation: When a segment is closed.
+        flush_seconds: Rows wait in memory for at most so long [s].
+        rate: Expected rows a second [Hz]; sizes the buffer.
+
+    Raises:
+        RecordingError: The folder cannot be written.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        prefix: str,
+        names: Sequence[str],
+        meta: dict[str, str],
+        rotation: Rotation | None = None,
+        *,
+        flush_seconds: float = 0.5,
+        rate: float = 500.0,
+    ) -> None:
+        self._folder, self._prefix = folder, prefix
+        self._rotation = rotation or Rotation()
+        self._schema = pa.schema([(name, pa.float64()) for name in names], metadata=dict(meta))
+        self._rows = np.zeros((max(16, int(4.0 * rate * flush_seconds)), len(names)))
+        self._filled = 0
+        self._flush_seconds = flush_seconds
+        self._group = max(1, round(rate * ROW_GROUP_SECONDS))
+        self._due = 0.0
+        self._number = 0
+        self._sink: pa.OSFile | None = None
+        self._stream: pa.RecordBatchStreamWriter | None = None
+        self._path = folder
+        self._opened, self._bytes = 0.0, 0
+        self.rows = 0
+        """Rows taken so far."""
+        self.files: list[Path] = []
+        """Complete files, in their order."""
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self.repaired = repair(folder, prefix)
+            """Files that an earlier run had left open."""
+        except OSError as error:
+            raise RecordingError(f"{folder}: cannot write: {reason(error)}") from None
+
+    def add(self, row: Sequence[float] | np.ndarray) -> None:
+        """Take one row; numbers in the order of the columns."""
+        if self._filled == len(self._rows):
+            self.flush()
+        self._rows[self._filled] = row
+        self._filled += 1
+        self.rows += 1
+        now = time.monotonic()
+        if now >= self._due:
+            self.flush()
+            self._due = now + self._flush_seconds
+
+    def flush(self) -> None:
+        """Hand all rows to the operating system; from then on they survive the end of this process.
+
+        Raises:
+            RecordingError: The disk is full, or the folder is gone.
+        """
+        if self._filled == 0:
+            return
+        try:
+            if self._stream is None:
+                self._open()
+            assert self._stream is not None
+            assert self._sink is not None
+            filled = self._rows[: self._filled]
+            arrays = [pa.array(np.ascontiguousarray(column)) for column in filled.T]
+            self._stream.write_batch(pa.record_batch(arrays, schema=self._schema))
+            self._sink.flush()
+            self._bytes += filled.nbytes
+            self._filled = 0
+            if (
+                self._bytes >= 1e6 * self._rotation.megabytes
+                or time.monotonic() - self._opened >= self._rotation.seconds
+            ):
+                self._finish()
+        except OSError as error:
+            raise RecordingError(f"{self._path}: cannot write: {reason(error)}") from None
+
+    def close(self) -> list[Path]:
+        """Complete the last segment; all files of this run."""
+        self.flush()
+        if self._stream is not None:
+            self._finish()
+        return self.files
+
+    def _open(self) -> None:
+        stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
+        while True:
+            self._path = self._folder / f"{self._prefix}-{stamp}-{self._number:04d}{OPEN}"
+            self._number += 1
+            if not self._path.exists() and not self._path.with_suffix(DONE).exists():
+                break
+        self._sink = pa.OSFile(str(self._path), "wb")
+        self._stream = pa.ipc.new_stream(self._sink, self._schema)
+        self._opened, self._bytes = time.monotonic(), 0
+
+    def _finish(self) -> None:
+        assert self._stream is not None
+        assert self._sink is not None
+        self._stream.close()
+        self._sink.close()
+        self._stream = self._sink = None
+        done = to_parquet(self._path, self._group)
+        if done is not None:
+            self.files.append(done)
+        limit = self._rotation.disk_megabytes
+        if limit is not None:
+            remove_oldest(self._folder, self._prefix, int(1e6 * limit))
+
+
+def to_parquet(path: Path, group: int = 30_000) -> Path | None:
+    """Turn one Arrow stream into a Parquet file beside it and remove it; None where it holds no row.
+
+    The Parquet file appears under its name only when it is complete.
+    """
+    done, part = path.with_suffix(DONE), path.with_suffix(PARTIAL)
+    rows = 0
+    try:
+        with (
+            pa.OSFile(str(path)) as source,
+            pa.ipc.open_stream(source) as stream,
+            pa_parquet.ParquetWriter(part, stream.schema, compression="zstd") as writer,
+        ):
+            pending: list[pa.RecordBatch] = []
+            waiting = 0
+            while True:
+                batch = _next(stream)
+                if batch is not None:
+                    pending.append(batch)
+                    waiting += batch.num_rows
+                    rows += batch.num_rows
+                if pending and (batch is None or waiting >= group):
+                    writer.write_table(pa.Table.from_batches(pending))
+                    pending, waiting = [], 0
+                if batch is None:
+                    break
+    except pa.ArrowInvalid:
+        rows = 0  # not even the schema was written
+    if rows == 0:
+        part.unlink(missing_ok=True)
+        path.unlink()
+        return None
+    with part.open("rb") as written:
+        os.fsync(written.fileno())
+    part.replace(done)
+    path.unlink()
+    return done
+
+
+def _next(stream: pa.RecordBatchStreamReader) -> pa.RecordBatch | None:
+    """The next complete batch; None at the end, be it in the middle of a batch."""
+    try:
+        return stream.read_next_batch()
+    except (StopIteration, OSError, pa.ArrowException):
+        return None
+
+
+def repair(folder: Path, prefix: str = "") -> list[Path]:
+    """Complete the segments that a killed writer left open in a folder; their Parquet files."""
+    for part in folder.glob(f"{prefix}*{PARTIAL}"):
+        part.unlink()
+    found = [to_parquet(path) for path in sorted(folder.glob(f"{prefix}*{OPEN}"))]
+    return [path for path in found if path is not None]
+
+
+def remove_oldest(folder: Path, prefix: str, limit: int) -> list[Path]:
+    """Remove the oldest complete segments of a prefix until they take at most `limit` bytes; those removed.
+
+    The newest stays in any case.
+    """
+    files = sorted(folder.glob(f"{prefix}-*{DONE}"))
+    sizes = [path.stat().st_size for path in files]
+    removed = []
+    while len(files) > 1 and sum(sizes) > limit:
+        with suppress(FileNotFoundError):
+            files[0].unlink()
+        removed.append(files.pop(0))
+        sizes.pop(0)
+    return removed

@@ -1,0 +1,313 @@
+"""Tables of numbers from files, batch by batch: CSV, Parquet, Arrow IPC streams, folders of Parquet files.
+
+Files that are cut short give what can be read, and say so.
+"""
+
+import gzip
+import io
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pa_parquet
+
+from contactsense.service.recordings.problems import Problem, RecordingError
+
+_HEAD = 65536
+"""Bytes in which the header line of a CSV file must end."""
+
+Columns = dict[str, np.ndarray]
+"""Column name -> values, shape (N,), float64."""
+
+
+class TableFile(Protocol):
+    """A table on disk."""
+
+    names: list[str]
+    """Columns of numbers."""
+    meta: dict[str, str]
+    """What the file says about itself."""
+    problems: list[Problem]
+    """What was found to be wrong while reading; grows."""
+
+    def batches(
+        self, names: list[str], first: int = 0, last: int | None = None
+    ) -> Iterator[tuple[int, Columns]]:
+        """Row number of the first row, and the columns asked for, batch by batch; at least the rows from
+        `first` up to but without `last`."""
+
+
+def open_table(path: Path) -> TableFile:
+    """The table in a file or folder.
+
+    Raises:
+        RecordingError: It cannot be read, or is no table.
+    """
+    try:
+        if path.is_dir():
+            return _ParquetFolder(path)
+        if path.suffix == ".parquet":
+            return _Parquet(path)
+        if path.suffix in (".arrow", ".arrows"):
+            return _ArrowStream(path)
+        return _Csv(path)
+    except (OSError, pa.ArrowException) as error:
+        raise RecordingError(f"{path}: cannot read the recording: {reason(error)}") from None
+
+
+def chosen_rows(
+    batches: Iterator[tuple[int, Columns]], first: int, last: int | None
+) -> Iterator[tuple[int, Columns]]:
+    """The rows from `first` up to but without `last` of batches that may hold more."""
+    for row, columns in batches:
+        count = len(next(iter(columns.values())))
+        begin, end = max(first - row, 0), count if last is None else min(last - row, count)
+        if last is not None and row >= last:
+            return
+        if begin < end:
+            yield row + begin, {name: values[begin:end] for name, values in columns.items()}
+
+
+def reason(error: Exception) -> str:
+    """One line that says what the operating system or Arrow complains about."""
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split())
+
+
+def _numeric(schema: pa.Schema) -> list[str]:
+    return [f.name for f in schema if pa.types.is_integer(f.type) or pa.types.is_floating(f.type)]
+
+
+def _text(metadata: dict[bytes, bytes] | None) -> dict[str, str]:
+    skipped = (b"ARROW:schema", b"pandas")
+    return {k.decode(): v.decode(errors="replace") for k, v in (metadata or {}).items() if k not in skipped}
+
+
+def _check_twice(path: Path, names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise RecordingError(f"{path}: {name}: the column is there twice")
+
+
+def _floats(batch: pa.RecordBatch, names: list[str]) -> Columns:
+    columns = {}
+    for name in names:
+        column = batch.column(name)
+        if not pa.types.is_float64(column.type):
+            column = pc.cast(column, pa.float64(), safe=False)
+        columns[name] = column.to_numpy(zero_copy_only=False)
+    return columns
+
+
+class _Parquet:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.problems: list[Problem] = []
+        self._file = pa_parquet.ParquetFile(path, memory_map=True)
+        _check_twice(path, self._file.schema_arrow.names)
+        self.names = _numeric(self._file.schema_arrow)
+        self.meta = _text(self._file.schema_arrow.metadata)
+
+    def batches(
+        self, names: list[str], first: int = 0, last: int | None = None
+    ) -> Iterator[tuple[int, Columns]]:
+        row, groups = self._groups(first, last)
+        source = self._file.iter_batches(columns=names, batch_size=65536, row_groups=groups)
+        while True:
+            try:
+                batch = next(source)
+            except StopIteration:
+                return
+            except (OSError, pa.ArrowException) as error:
+                self.problems.append(
+                    Problem(
+                        row, self._file.metadata.num_rows, "cut_short", f"cannot be read: {reason(error)}"
+                    )
+                )
+                return
+            yield row, _floats(batch, names)
+            row += batch.num_rows
+
+    def _groups(self, first: int, last: int | None) -> tuple[int, list[int]]:
+        """The row groups that hold the wanted rows, and the number of their first row."""
+        groups: list[int] = []
+        begin = row = 0
+        for i in range(self._file.metadata.num_row_groups):
+            count = self._file.metadata.row_group(i).num_rows
+            if row + count > first and (last is None or row < last):
+                if not groups:
+                    begin = row
+                groups.append(i)
+            row += count
+        return begin, groups
+
+
+class _ParquetFolder:
+    """All Parquet files below a folder, in the order of their names."""
+
+    def __init__(self, path: Path) -> None:
+        files = sorted(path.rglob("*.parquet"))
+        if not files:
+            raise RecordingError(f"{path}: expected a folder with .parquet files, got none")
+        self._parts = [_Parquet(file) for file in files]
+        self.names = [n for n in self._parts[0].names if all(n in part.names for part in self._parts)]
+        self.meta = self._parts[0].meta
+        self.problems: list[Problem] = []
+
+    def batches(
+        self, names: list[str], first: int = 0, last: int | None = None
+    ) -> Iterator[tuple[int, Columns]]:
+        row = 0
+        for part in self._parts:
+            first = row
+            for _, columns in part.batches(names):
+                yield row, columns
+                row += len(next(iter(columns.values())))
+            self.problems += [
+                Problem(p.row_from + first, p.row_to + first, p.kind, p.message) for p in part.problems
+            ]
+
+
+class _ArrowStream:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.problems: list[Problem] = []
+        with pa.OSFile(str(path)) as source, pa.ipc.open_stream(source) as stream:
+            self.names = _numeric(stream.schema)
+            self.meta = _text(stream.schema.metadata)
+
+    def batches(
+        self, names: list[str], first: int = 0, last: int | None = None
+    ) -> Iterator[tuple[int, Columns]]:
+        row = 0
+        with pa.OSFile(str(self._path)) as source, pa.ipc.open_stream(source) as stream:
+            while True:
+                try:
+                    batch = stream.read_next_batch()
+                except StopIteration:
+                    return
+                except (OSError, pa.ArrowException):
+                    self.problems.append(Problem(row, row, "cut_short", "the file ends within a batch"))
+                    return
+                yield row, _floats(batch, names)
+                row += batch.num_rows
+
+
+class _Gzip(io.RawIOBase):
+    """A packed file; one that is cut short ends where it is cut, and `cut_short` says so."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = gzip.open(path, "rb")  # noqa: SIM115 (closed by `close`)
+        self.cut_short = False
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        try:
+            data = self._file.read1(len(buffer))
+        except (EOFError, zlib.error):
+            self.cut_short, data = True, b""
+        buffer[: len(data)] = data
+        return len(data)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
+class _Csv:
+    """As ur_rtde writes it (commas) and as UR's own client does (blanks), packed with gzip or not."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.meta: dict[str, str] = {}
+        self.problems: list[Problem] = []
+        with self._open() as stream:
+            head = (stream.read(_HEAD) or b"").split(b"\n", 1)[0].decode("utf-8", "replace").strip()
+        self._delimiter = "," if "," in head else "\t" if "\t" in head else " "
+        self.names = [name.strip().strip('"') for name in head.split(self._delimiter)]
+        if not any(name and not _is_number(name) for name in self.names):
+            raise RecordingError(f"{path}: expected a header line that names the columns, got {head[:60]!r}")
+        _check_twice(path, self.names)
+
+    def batches(
+        self, names: list[str], first: int = 0, last: int | None = None
+    ) -> Iterator[tuple[int, Columns]]:
+        try:
+            yield from self._typed(names, pa.float64())
+        except pa.ArrowInvalid as error:
+            if "conversion error" not in str(error).lower():
+                raise RecordingError(f"{self._path}: {reason(error)}") from None
+            # A cell that is no number: read text, and mark what cannot be converted.
+            self.problems.clear()
+            yield from self._typed(names, pa.string())
+
+    def _open(self) -> Any:
+        return io.BufferedReader(_Gzip(self._path)) if self._path.suffix == ".gz" else self._path.open("rb")
+
+    def _typed(self, names: list[str], kind: pa.DataType) -> Iterator[tuple[int, Columns]]:
+        rejected: list[Problem] = []
+
+        def skip(row: pa_csv.InvalidRow) -> str:
+            number = (row.number or 2) - 2
+            message = f"expected {row.expected_columns} columns, got {row.actual_columns}; row ignored"
+            rejected.append(Problem(number, number + 1, "bad_row", message))
+            return "skip"
+
+        row = 0
+        with self._open() as stream:
+            reader = pa_csv.open_csv(
+                stream,
+                read_options=pa_csv.ReadOptions(use_threads=False, block_size=1 << 22),
+                parse_options=pa_csv.ParseOptions(delimiter=self._delimiter, invalid_row_handler=skip),
+                convert_options=pa_csv.ConvertOptions(
+                    include_columns=names, column_types=dict.fromkeys(names, kind)
+                ),
+            )
+            while True:
+                try:
+                    batch = reader.read_next_batch()
+                except StopIteration:
+                    break
+                columns = _floats(batch, names) if kind == pa.float64() else self._parsed(batch, names, row)
+                yield row, columns
+                row += batch.num_rows
+            if isinstance(stream, io.BufferedReader) and getattr(stream.raw, "cut_short", False):
+                rejected.append(Problem(row, row, "cut_short", "the packed file ends too early"))
+        self.problems += rejected
+
+    def _parsed(self, batch: pa.RecordBatch, names: list[str], first: int) -> Columns:
+        columns = {}
+        for name in names:
+            cells = batch.column(name).to_pylist()
+            values = np.array([_number(cell) for cell in cells])
+            bad = [i for i, c in enumerate(cells) if c not in ("", None) and _number(c) != _number(c)
+                   and c.strip().lower() not in ("nan", "null", "na")]  # fmt: skip
+            if bad:
+                self.problems.append(
+                    Problem(
+                        first + bad[0],
+                        first + bad[-1] + 1,
+                        "bad_row",
+                        f"{name}: expected numbers, got {cells[bad[0]]!r} ({len(bad)} cells)",
+                    )
+                )
+            columns[name] = values
+        return columns
+
+
+def _number(cell: str | None) -> float:
+    try:
+        return float(cell) if cell else float("nan")
+    except ValueError:
+        return float("nan")
+
+
+def _is_number(text: str) -> bool:
+    return _number(text.strip('"')) == _number(text.strip('"'))

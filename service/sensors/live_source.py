@@ -1,0 +1,382 @@
+"""Live samples: the robot's stream and the force/torque sensor's, joined per instant."""
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
+
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.service.sensors import netft_client as netft
+from contactsense.service.sensors import rtde_client as rtde
+from contactsense.service.sensors.netft_client import NetFtStream, WrenchHealth, WrenchRecord
+from contactsense.service.sensors.plausibility import (
+    REPEAT_LIMIT,
+    TORQUE_AGE,
+    RecentCounts,
+    RepeatCheck,
+    RobotCheck,
+)
+from contactsense.service.sensors.recent_trouble import describe_recent
+from contactsense.service.sensors.robot_stream import NS, RobotRecord, RobotStream, SensorError, StreamHealth
+from contactsense.service.sensors.rtde_client import RtdeStream
+from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap, WristMap
+from contactsense.service.sensors.time_alignment import Aligned, Aligner
+from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
+from contactsense.service.wire.recipe import Number
+from contactsense.service.wire.rtde_fields import OUTPUTS, WIDTHS
+from contactsense.types import Sample
+
+OUTAGE = 0.5
+"""A longer gap in the robot's stream is an outage, of which the state tells, not a loss of packets [s]."""
+_LOST = 0.5
+"""Readings that come for so long and belong to no sample are on a clock that is not understood [s]."""
+_TORQUE_SCALE = 1.5
+"""A torque beyond so many times the joint's limit is no torque."""
+_ALIVE = 0.05
+"""A force/torque sensor silent for longer than this is not waited for [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceSettings:
+    """Where the sensors are and how they are read."""
+
+    robot_host: str
+    robot_port: int = rtde.DEFAULT_PORT
+    client: Literal["rtde", "ur_rtde"] = "rtde"
+    """`rtde`: our own reader, loses nothing; `ur_rtde`: in a process of its own, always port 30004."""
+    frequency: float = 500.0
+    """Robot samples a second [Hz]: 500 for e-Series, 125 for CB3."""
+    wrench_host: str | None = None
+    """Address of the Net F/T sensor under the base; None: there is none on the network."""
+    wrench_port: int = netft.DEFAULT_PORT
+    wrench_http_port: int = netft.DEFAULT_HTTP_PORT
+    wrench_counts: tuple[float, float] | None = None
+    """Counts per newton and newton metre; None: ask the sensor's web server."""
+    wrench_fields: tuple[str, ...] = ()
+    """Six RTDE fields that carry the base sensor's reading [N, Nm], such as output registers, instead of
+    `wrench_host`."""
+    wrist_fields: tuple[str, ...] = ("ft_raw_wrench",)
+    """RTDE fields that carry the wrist sensor's six numbers [N, Nm], where the scene has one."""
+    extra_fields: tuple[str, ...] = ()
+    """Further RTDE fields to read, for recordings."""
+    wrench_rate: float | None = None
+    """How many readings a second the sensor numbers [Hz]; None: learn it from their arrivals, which takes a
+    moment, the longer the busier the host."""
+    wrench_delay: float = 0.0
+    """By how much a force/torque reading is always longer on its way than a robot packet [s]."""
+    wrench_max_age: float = 0.005
+    """A force/torque reading older than this, and than 1.5 times the time between two, is no reading [s]. In
+    motion readings of 10 ms ago look like a contact."""
+    constant_readings: bool = False
+    """Whether readings may stay the same for ever, as those of a simulator without noise do; otherwise a
+    signal that never changes is taken for frozen."""
+    wrench_wait: float = 0.003
+    """How long a robot sample may wait for the force/torque reading of its instant [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceHealth:
+    """How the sensors are doing."""
+
+    robot: StreamHealth
+    wrench: WrenchHealth | None
+    """None where the force/torque values come with the robot's packets, or there is no such sensor."""
+    unusable: int
+    """Robot records without finite joint positions and velocities; not delivered."""
+    without_wrench: int
+    """Samples delivered without the base wrench that the scene asks for: sensor silent, or no number."""
+    wrench_age: float
+    """How much older than the latest sample its force/torque value was [s]; infinite where there was none."""
+    recent: tuple[str, ...] = ()
+    """What has been wrong with the readings within the last second, each one line for a person."""
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong at this moment, one line for a person; empty if all is well."""
+        found = []
+        if self.robot.state != "streaming":
+            found.append(self.robot.error or "no data from the robot yet")
+        if self.wrench is not None and self.wrench.state != "streaming":
+            found.append(self.wrench.error or "no data from the force/torque sensor yet")
+        found += self.recent
+        return "; ".join(found)
+
+
+class RawObserver(Protocol):
+    """Sees what the sensors deliver, as it comes, such as `contactsense.service.recordings.recorder`."""
+
+    def robot(
+        self,
+        record: RobotRecord,
+        slices: Mapping[str, slice],
+        reading: np.ndarray | None,
+        age: float,
+        sample: Sample | None,
+    ) -> None:
+        """One robot packet, the base sensor's reading at its instant, and the sample made of both."""
+
+    def wrench(self, readings: Sequence[WrenchRecord]) -> None:
+        """Readings of the networked force/torque sensor."""
+
+
+class LiveSource:
+    """Samples for ever. Sensors may come and go: without the robot none come, without the other they lack it.
+
+    Args:
+        scene: Which signals are used and what they mean.
+        settings: Where they come from.
+
+    Raises:
+        SensorError: The scene asks for a signal that cannot be had this way.
+    """
+
+    def __init__(self, scene: Scene, settings: SourceSettings) -> None:
+        self._torque = TorqueMap.of(scene)
+        self._wrench_fields = settings.wrench_fields
+        fields = ["actual_q", "actual_qd"]
+        if self._torque is not None:
+            fields += self._torque.names
+        self._wrench_map: WrenchMap | None = None
+        if scene.base_wrench is not None:
+            self._wrench_map = WrenchMap.of(scene.base_wrench)
+            fields += _wrench_fields(settings)
+        self._wrist: WristMap | None = None
+        self._wrist_fields = settings.wrist_fields
+        if scene.wrist_wrench is not None:
+            self._wrist = WristMap(scene.wrist_wrench, scene.robot)
+            fields += _wrist_fields(settings)
+        fields += [name for name in settings.extra_fields if name not in fields]
+        self._robot: RobotStream = _robot_stream(settings, fields)
+        self._sensor: NetFtStream | None = None
+        if self._wrench_map is not None and settings.wrench_host is not None:
+            self._sensor = NetFtStream(
+                settings.wrench_host,
+                port=settings.wrench_port,
+                http_port=settings.wrench_http_port,
+                counts=settings.wrench_counts,
+            )
+        self._aligner = Aligner(
+            period=None if settings.wrench_rate is None else 1.0 / settings.wrench_rate,
+            max_age=settings.wrench_max_age,
+            delay=settings.wrench_delay + (scene.base_wrench.delay if scene.base_wrench is not None else 0.0),
+        )
+        self._wait = settings.wrench_wait
+        self._max_age = settings.wrench_max_age
+        self._torque_limit = _TORQUE_SCALE * np.array([joint.torque_limit for joint in scene.robot.joints])
+        self._without_since: float | None = None
+        self._checked = not settings.constant_readings
+        self._period = 1.0 / settings.frequency
+        self._robot_check = RobotCheck()
+        self._wrench_check = RepeatCheck()
+        self._recent = RecentCounts()
+        self._seen = replace(self._robot.health)
+        self._heard_ns = 0
+        self._unusable = 0
+        self._without_wrench = 0
+        self._age = math.inf
+        self._closed = False
+        self.observer: RawObserver | None = None
+        """Sees the raw data, where there is one."""
+        self._used_reading: np.ndarray | None = None
+
+    def poll(self, timeout: float) -> list[Sample]:
+        """Samples that have come, oldest first; waits up to `timeout` seconds for the first.
+
+        Raises:
+            RtdeFieldError: The robot does not know a field that the scene asks for.
+        """
+        records = self._robot.poll(timeout)
+        if self._sensor is not None:
+            self._hear(self._sensor.poll())
+        self._count_losses(records)
+        samples = []
+        for record in records:
+            self._aligner.observe_robot(record.timestamp, record.arrival_ns)
+        for record in records:
+            self._used_reading = None
+            sample = self._sample(record)
+            if self.observer is not None:
+                self.observer.robot(record, self._robot.slices, self._used_reading, self._age, sample)
+            if sample is not None:
+                samples.append(sample)
+        return samples
+
+    def __iter__(self) -> Iterator[Sample]:
+        """Samples until `close`; blocks while the robot is silent."""
+        while not self._closed:
+            yield from self.poll(0.1)
+
+    @property
+    def health(self) -> SourceHealth:
+        """Counters and the latest troubles of all sensors, as they are now."""
+        wrench = None if self._sensor is None else self._sensor.health
+        robot = replace(self._robot.health)
+        recent = describe_recent(self._recent.totals(time.monotonic()), self._period)
+        return SourceHealth(robot, wrench, self._unusable, self._without_wrench, self._age, recent)
+
+    def close(self) -> None:
+        """Let go of all sensors."""
+        self._closed = True
+        self._robot.close()
+        if self._sensor is not None:
+            self._sensor.close()
+
+    def __enter__(self) -> "LiveSource":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _hear(self, readings: list[WrenchRecord]) -> None:
+        if self.observer is not None:
+            self.observer.wrench(readings)
+        for reading in readings:
+            if self._believable(reading.arrival_ns / NS, reading.wrench):
+                self._aligner.add(*reading)
+                self._heard_ns = reading.arrival_ns
+
+    def _believable(self, t: float, wrench: tuple[Number, ...]) -> bool:
+        """Whether a force/torque reading is one: not exactly zero, not the same as ever."""
+        repeated = self._wrench_check.update(t, wrench)
+        if not self._checked:
+            return True
+        if not any(wrench):
+            self._recent.add(time.monotonic(), "wrench zero")
+            return False
+        if repeated > REPEAT_LIMIT:
+            self._recent.add(time.monotonic(), "wrench frozen")
+        # A reading that repeats is as old as its first appearance.
+        return repeated <= (0.0 if self._sensor is not None else self._max_age)
+
+    def _count_losses(self, records: list[RobotRecord]) -> None:
+        """Note what the robot's stream has lost or refused since the last time."""
+        now, seen, health = time.monotonic(), self._seen, self._robot.health
+        if records:
+            self._recent.add(now, "packets", len(records))
+        lost = health.lost - seen.lost
+        if 0 < lost * self._period < OUTAGE:
+            self._recent.add(now, "lost", lost)
+        for name in ("duplicates", "out_of_order", "bad_stamps"):
+            count = getattr(health, name) - getattr(seen, name)
+            if count:
+                self._recent.add(now, name, count)
+        self._seen = replace(health)
+
+    def _sample(self, record: RobotRecord) -> Sample | None:
+        slices, values = self._robot.slices, record.values
+        q = np.array(values[slices["actual_q"]])
+        qd = np.array(values[slices["actual_qd"]])
+        if not (np.isfinite(q).all() and np.isfinite(qd).all()):
+            self._unusable += 1
+            self._recent.add(time.monotonic(), "not finite")
+            return None
+        torque = None
+        raw: tuple[Number, ...] = ()
+        if self._torque is not None:
+            fields = {name: values[slices[name]] for name in self._torque.names}
+            raw = tuple(number for part in fields.values() for number in part)
+            torque = _finite(self._torque.torque({name: np.array(part) for name, part in fields.items()}))
+            if torque is None:
+                self._recent.add(time.monotonic(), "torque not finite")
+        if self._checked:
+            if self._frozen(record.timestamp, q, qd, raw):
+                self._unusable += 1
+                return None
+            repeated = self._robot_check.torque_repeats(record.timestamp, raw) if raw else 0.0
+            if repeated > REPEAT_LIMIT:
+                self._recent.add(time.monotonic(), "torque frozen")
+            if repeated > TORQUE_AGE:
+                torque = None
+            elif torque is not None and (np.abs(torque) > self._torque_limit).any():
+                self._recent.add(time.monotonic(), "torque too large")
+                torque = None
+        wrench = None
+        if self._wrench_map is not None:
+            reading = self._reading(record)
+            self._age, self._used_reading = reading.age, reading.wrench
+            wrench = None if reading.wrench is None else _finite(self._wrench_map.wrench(reading.wrench))
+            self._note_wrench(wrench is not None)
+        wrist = None
+        if self._wrist is not None:
+            read = np.concatenate([values[slices[name]] for name in self._wrist_fields])
+            wrist = _finite(self._wrist.wrench(q, read))
+        return Sample(record.timestamp, q, qd, torque, wrench, wrist)
+
+    def _note_wrench(self, there: bool) -> None:
+        now = time.monotonic()
+        if there:
+            self._without_since = None
+            return
+        self._without_wrench += 1
+        self._recent.add(now, "without wrench")
+        if self._without_since is None:
+            self._without_since = now
+        elif now - self._without_since > _LOST and now - self._heard_ns / NS < _ALIVE:
+            # Readings come, but none belongs to any instant: what is known of the sensor's clock is wrong.
+            self._aligner.forget_sensor()
+            self._without_since = now
+
+    def _frozen(self, t: float, q: np.ndarray, qd: np.ndarray, torque: tuple[Number, ...]) -> bool:
+        """Whether the robot repeats an old state instead of telling the present one."""
+        check = self._robot_check
+        stale = check.positions_stale(t, q, qd)
+        repeated = check.all_repeats(t, (*q.tolist(), *qd.tolist(), *torque)) if torque else 0.0
+        if stale:
+            self._recent.add(time.monotonic(), "positions frozen")
+        elif repeated > REPEAT_LIMIT:
+            self._recent.add(time.monotonic(), "all frozen")
+        return stale or repeated > 0.0
+
+    def _reading(self, record: RobotRecord) -> Aligned:
+        if self._sensor is None:
+            slices = self._robot.slices
+            wrench = tuple(record.values[slices[name].start] for name in self._wrench_fields)
+            if not self._believable(record.timestamp, wrench):
+                return Aligned(None, math.inf)
+            return Aligned(np.array(wrench), 0.0)
+        deadline = record.arrival_ns + int(self._wait * NS)
+        while not self._aligner.covers(record.timestamp):
+            now = time.monotonic_ns()
+            if now >= deadline or now - self._heard_ns > _ALIVE * NS:
+                break
+            self._hear(self._sensor.poll((deadline - now) / NS))
+        return self._aligner.at(record.timestamp)
+
+
+def _finite(array: np.ndarray) -> np.ndarray | None:
+    return array if np.isfinite(array).all() else None
+
+
+def _wrench_fields(settings: SourceSettings) -> tuple[str, ...]:
+    if bool(settings.wrench_fields) == (settings.wrench_host is not None):
+        got = "both" if settings.wrench_fields else "neither"
+        raise SensorError(
+            "the scene has a base force/torque sensor: expected either its address (wrench_host) or six RTDE "
+            f"fields that carry its reading (wrench_fields), got {got}; "
+            "base_wrench: null in the scene does without"
+        )
+    if settings.wrench_fields and len(settings.wrench_fields) != 6:
+        raise SensorError(f"wrench_fields: expected 6 RTDE fields, got {len(settings.wrench_fields)}")
+    return settings.wrench_fields
+
+
+def _wrist_fields(settings: SourceSettings) -> tuple[str, ...]:
+    names = settings.wrist_fields
+    # A name that nobody knows is the robot's to complain about.
+    numbers = sum(WIDTHS[OUTPUTS[name]] for name in names if name in OUTPUTS)
+    if numbers != 6 and all(name in OUTPUTS for name in names):
+        raise SensorError(
+            f"wrist_fields: expected RTDE fields with 6 numbers, got {', '.join(names)} with {numbers}"
+        )
+    return names
+
+
+def _robot_stream(settings: SourceSettings, fields: list[str]) -> RobotStream:
+    if settings.client == "ur_rtde":
+        if settings.robot_port != rtde.DEFAULT_PORT:
+            raise SensorError(f"ur_rtde reads port {rtde.DEFAULT_PORT} only, got {settings.robot_port}")
+        return UrRtdeStream(settings.robot_host, fields, frequency=settings.frequency)
+    return RtdeStream(settings.robot_host, fields, port=settings.robot_port, frequency=settings.frequency)

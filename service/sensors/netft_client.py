@@ -1,0 +1,258 @@
+"""ATI Net F/T (and Axia, OnRobot HEX: the same protocol) read through pynetft.
+
+pynetft receives in a thread of its own, stamps every record on arrival and reconnects by itself; here its
+readings become newtons and newton metres, and its troubles one line for a person.
+"""
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import pynetft
+
+from contactsense.service.sensors.host_names import HostName
+from contactsense.service.sensors.robot_stream import SensorError, State
+
+DEFAULT_PORT = 49152
+DEFAULT_HTTP_PORT = 80
+
+_QUEUE = 8192
+_STUCK = 0.25
+"""Records that come for so long and are all refused: the sensor has begun to count anew [s]."""
+_STUCK_RECORDS = 20
+"""The same, in records."""
+_NEWTON = {
+    pynetft.ForceUnit.NEWTON: 1.0,
+    pynetft.ForceUnit.KILO_NEWTON: 1e3,
+    pynetft.ForceUnit.KILOGRAM_FORCE: 9.80665,
+    pynetft.ForceUnit.POUND_FORCE: 4.4482216152605,
+    pynetft.ForceUnit.KILO_POUND_FORCE: 4448.2216152605,
+}
+_NEWTON_METRE = {
+    pynetft.TorqueUnit.NEWTON_METER: 1.0,
+    pynetft.TorqueUnit.NEWTON_MILLIMETER: 1e-3,
+    pynetft.TorqueUnit.KILO_NEWTON_METER: 1e3,
+    pynetft.TorqueUnit.KILOGRAM_FORCE_CENTIMETER: 0.0980665,
+    pynetft.TorqueUnit.POUND_FORCE_INCH: 0.1129848290276167,
+    pynetft.TorqueUnit.POUND_FORCE_FOOT: 1.3558179483314004,
+}
+_STATES: dict[pynetft.ClientState, State] = {
+    pynetft.ClientState.STOPPED: "closed",
+    pynetft.ClientState.CONNECTING: "connecting",
+    pynetft.ClientState.STREAMING: "streaming",
+    pynetft.ClientState.BACKOFF: "waiting",
+    pynetft.ClientState.FAULTED: "waiting",
+}
+
+
+class WrenchRecord(NamedTuple):
+    """One reading of a force/torque sensor, in the sensor's own frame and sign."""
+
+    tick: int
+    """Number of the reading on the sensor's own clock, modulo 2^32."""
+    arrival_ns: int
+    """When the host received it, on the host's monotonic clock [ns]."""
+    wrench: tuple[float, float, float, float, float, float]
+    """Force then moment about the sensor's origin, sensor axes [N, Nm]."""
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchHealth:
+    """What the sensor's stream has been through since it was opened."""
+
+    state: State
+    error: str
+    """The latest trouble, one line for a person; stays after recovery."""
+    received: int
+    lost: int
+    """Records missing by their numbers."""
+    duplicates: int
+    out_of_order: int
+    malformed: int
+    device_errors: int
+    """Records that the sensor itself marked as bad (beyond its range, or worse); not delivered."""
+    reconnects: int
+    overrun: int
+    """Readings dropped because nobody fetched them."""
+    rate: float
+    """Records received in the last second [Hz]."""
+    age: float | None
+    """Time since the latest record [s]; None before the first."""
+    restarts: int = 0
+    """How often the sensor began to count its readings anew, as after a restart."""
+
+
+class NetFtStream:
+    """Readings of a Net F/T sensor for ever; a silent or absent sensor is retried by pynetft.
+
+    pynetft refuses records whose number is below the highest one seen, for ever where the sensor was
+    restarted; its client is made anew then.
+
+    Args:
+        host: Address of the sensor.
+        port: UDP port of its Raw Data Transfer.
+        http_port: TCP port of its web server, which tells counts per unit.
+        counts: Counts per newton and per newton metre, instead of asking the web server.
+        timeout: Longest silence before the stream counts as broken and is asked for again [s].
+
+    Raises:
+        SensorError: The arguments make no sense.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        *,
+        port: int = DEFAULT_PORT,
+        http_port: int = DEFAULT_HTTP_PORT,
+        counts: tuple[float, float] | None = None,
+        timeout: float = 0.2,
+    ) -> None:
+        self._place = f"force/torque sensor at {host}:{port}"
+        calibration = None
+        if counts is not None:
+            calibration = pynetft.Calibration(
+                counts[0], counts[1], pynetft.ForceUnit.NEWTON, pynetft.TorqueUnit.NEWTON_METER
+            )
+        try:
+            self._config = pynetft.Config(
+                sensor_host=host,
+                rdt_port=port,
+                http_port=http_port,
+                receive_timeout=timeout,
+                reconnect_initial_delay=0.05,
+                reconnect_max_delay=2.0,
+                calibration_override=calibration,
+            )
+        except (pynetft.NetFTError, ValueError) as error:
+            raise SensorError(f"{self._place}: {error}") from None
+        self._name = HostName(host)
+        self._name_error = ""
+        self._client: pynetft.Client | None = None
+        self._past = WrenchHealth("connecting", "", 0, 0, 0, 0, 0, 0, 0, 0, 0.0, None)
+        self._restarts = 0
+        self._delivered_at = time.monotonic()
+        self._refused_at_delivery = 0
+        self._look_at = 0.0
+        self._closed = False
+        self._connect()
+
+    def _connect(self) -> None:
+        """Start a client as soon as the sensor's address is known."""
+        if self._client is not None or self._closed:
+            return
+        try:
+            address = self._name.address()
+        except SensorError as error:
+            self._name_error = f"{self._place}: {error}"
+            return
+        if address is None:
+            return
+        self._name_error = ""
+        try:
+            self._client = pynetft.Client(replace(self._config, sensor_host=address), queue_size=_QUEUE)
+            self._client.start()
+        except (pynetft.NetFTError, ValueError) as error:
+            raise SensorError(f"{self._place}: {error}") from None
+        self._delivered_at, self._refused_at_delivery = time.monotonic(), 0
+
+    def _restart_where_stuck(self, now: float) -> None:
+        assert self._client is not None
+        health = self._client.health()
+        refused = health.out_of_order_count + health.duplicate_count
+        if now - self._delivered_at < _STUCK:
+            self._refused_at_delivery = refused
+        elif refused - self._refused_at_delivery >= _STUCK_RECORDS:
+            past = self.health
+            self._restarts += 1
+            error = f"{self._place} has begun to count its readings anew, as after a restart"
+            self._past = replace(past, error=error)
+            # Stopping waits for the client's thread.
+            threading.Thread(target=self._client.stop, name="stop pynetft", daemon=True).start()
+            self._client = None
+            self._connect()
+
+    def poll(self, timeout: float = 0.0) -> list[WrenchRecord]:
+        """Readings that have come, oldest first; waits up to `timeout` seconds for the first."""
+        records: list[WrenchRecord] = []
+        self._connect()
+        if self._client is None:
+            return records
+        if timeout > 0.0:
+            self._read(self._client.samples(timeout), records, 1)
+        self._read(self._client.samples(0.0), records, _QUEUE)
+        now = time.monotonic()
+        if records:
+            self._delivered_at = now
+        if now - self._look_at > 0.1:
+            self._look_at = now
+            self._restart_where_stuck(now)
+        return records
+
+    @staticmethod
+    def _read(samples: Iterator[pynetft.Sample], records: list[WrenchRecord], limit: int) -> None:
+        # The iterator ends by an error where the queue is empty.
+        with suppress(TimeoutError):
+            for sample in samples:
+                n, nm = _NEWTON[sample.force_unit], _NEWTON_METRE[sample.torque_unit]
+                (fx, fy, fz), (mx, my, mz) = sample.force, sample.torque
+                wrench = (fx * n, fy * n, fz * n, mx * nm, my * nm, mz * nm)
+                records.append(WrenchRecord(sample.ft_sequence, sample.received_at_ns, wrench))
+                limit -= 1
+                if limit == 0:
+                    return
+
+    def bias(self) -> None:
+        """Let the sensor call its present reading zero; the arm's weight goes with it, seldom what is wanted.
+
+        Raises:
+            SensorError: No data flows, so the sensor cannot be told.
+        """
+        if self._client is None:
+            raise SensorError(f"{self._place} cannot be biased: it is not connected")
+        try:
+            self._client.bias()
+        except (pynetft.NetFTError, OSError) as error:
+            raise SensorError(f"{self._place} cannot be biased: {error}") from None
+
+    @property
+    def health(self) -> WrenchHealth:
+        """Counters and the latest trouble."""
+        past = self._past
+        if self._client is None:
+            error = self._name_error or past.error
+            return replace(past, state="closed" if self._closed else "waiting", error=error, rate=0.0)
+        now = self._client.health()
+        error = f"{self._place}: {self._explain(now)}" if now.last_error else past.error
+        return WrenchHealth(
+            state="closed" if self._closed else _STATES[now.state],
+            error=error,
+            received=past.received + now.received_count,
+            lost=past.lost + now.lost_count,
+            duplicates=past.duplicates + now.duplicate_count,
+            out_of_order=past.out_of_order + now.out_of_order_count,
+            malformed=past.malformed + now.malformed_count,
+            device_errors=past.device_errors + now.device_error_count,
+            reconnects=past.reconnects + now.reconnect_count,
+            overrun=past.overrun + now.python_queue_dropped_count,
+            restarts=self._restarts,
+            rate=now.receive_rate_hz,
+            age=now.last_record_age,
+        )
+
+    @staticmethod
+    def _explain(now: pynetft.Health) -> str:
+        if now.last_error.startswith("no valid RDT record"):
+            return "mute, it sends no readings"
+        if now.last_error.startswith("serious device status"):
+            return f"it marks its readings as bad (status {now.last_status:#010x}); beyond its range?"
+        return now.last_error
+
+    def close(self) -> None:
+        """Tell the sensor to stop sending and let go of it."""
+        self._closed = True
+        if self._client is not None:
+            self._client.stop()

@@ -1,0 +1,54 @@
+"""What went wrong with the readings of the last second, in words for the person who mends it."""
+
+from collections import Counter
+
+SHARE = 0.02
+"""A smaller share of packets lost, repeated or late is not worth a word."""
+WITHOUT_WRENCH = 0.05
+"""The same for samples without a force/torque reading, which a busy computer misses now and then."""
+
+_ALWAYS = {
+    "not finite": "the robot sends joint positions or velocities that are not numbers",
+    "bad_stamps": "the robot sends time stamps that are not numbers",
+    "positions frozen": "the robot repeats the same joint positions while its velocities say that it moves: "
+    "its packets are stale; restart RTDE on the controller",
+    "all frozen": "the robot repeats the same positions, velocities and torques in every packet: its packets "
+    "are stale, or the arm is switched off (a simulator without noise needs --constant-readings)",
+    "torque not finite": "the robot sends joint torques that are not numbers; they are left out",
+    "torque frozen": "the joint torques never change: is the arm switched off? They are left out (a "
+    "simulator without noise needs --constant-readings)",
+    "torque too large": "the robot sends joint torques far beyond what its joints can apply; "
+    "they are left out",
+    "wrench zero": "the force/torque sensor reads exactly zero in all six components; its readings are left "
+    "out: check its cable and power",
+    "wrench frozen": "the force/torque sensor repeats the same reading; its readings are left out: restart "
+    "it (a simulator without noise needs --constant-readings)",
+}
+_SHARES = {
+    "lost": "{share:.0%} of the robot's packets were lost within the last second; check the network and the "
+    "load of this computer",
+    "duplicates": "{share:.0%} of the robot's packets within the last second repeat the time stamp of the "
+    "one before",
+    "out_of_order": "{share:.0%} of the robot's packets within the last second came in the wrong order; late "
+    "ones are left out",
+    "without wrench": "{share:.0%} of the samples within the last second lack the force/torque reading",
+}
+
+
+def describe_recent(counts: Counter[str], period: float) -> tuple[str, ...]:
+    """One line for each thing that was wrong.
+
+    Args:
+        counts: How often each happened within the last second.
+        period: Time between two packets of the robot [s].
+    """
+    found = [text for name, text in _ALWAYS.items() if counts[name] > 2]
+    expected = max(counts["packets"], 0.5 / period)
+    explained = any(name.startswith("wrench") for name in _ALWAYS if counts[name] > 2)
+    for name, text in _SHARES.items():
+        share = min(1.0, counts[name] / expected)
+        if share > (WITHOUT_WRENCH if name == "without wrench" else SHARE) and not (
+            name == "without wrench" and explained
+        ):
+            found.append(text.format(share=share))
+    return tuple(found)

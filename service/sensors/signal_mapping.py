@@ -1,0 +1,150 @@
+"""From what sensors deliver to what `contactsense.Sample` means. Pure functions of a scene's settings."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.robots import Robot
+from contactsense.scene import Scene, WrenchSensor
+from contactsense.service.sensors.robot_stream import SensorError
+
+_CURRENTS = ("actual_current", "actual_current_minus_target")
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueMap:
+    """Which RTDE fields carry the joint torques, and what one unit of them is in newton metres."""
+
+    fields: tuple[str, ...]
+    """One field with a number per joint, or one field per joint."""
+    minus: tuple[str, ...]
+    """Fields whose values are taken off, in the same order; none where nothing is."""
+    scale: np.ndarray
+    """Newton metres per unit, in the actuator's sign, shape (n,)."""
+
+    @classmethod
+    def of(cls, scene: Scene) -> "TorqueMap | None":
+        """The scene's choice; None where it uses no joint torques.
+
+        Raises:
+            SensorError: Motor currents are named, but nobody knows the torque constants.
+        """
+        sensor = scene.joint_torque
+        if sensor is None:
+            return None
+        sign = 1.0 if sensor.sign == "by_actuator" else -1.0
+        scale = sign * np.ones(len(scene.robot.joints))
+        if sensor.signal in _CURRENTS:
+            scale *= torque_constants(scene)
+        fields = sensor.fields or (sensor.signal,)
+        if sensor.signal == "actual_current_minus_target":
+            return cls(sensor.fields or ("actual_current",), ("target_current",), scale)
+        return cls(fields, (), scale)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All fields that are read."""
+        return self.fields + self.minus
+
+    def torque(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Joint torques in the actuator's sign, shape (..., n) [Nm].
+
+        Args:
+            values: Numbers of each field of `names`, shape (..., n) or (..., 1).
+        """
+        read = np.concatenate([values[name] for name in self.fields], axis=-1)
+        if self.minus:
+            read = read - np.concatenate([values[name] for name in self.minus], axis=-1)
+        return np.asarray(read * self.scale)
+
+
+def torque_constants(scene: Scene) -> np.ndarray:
+    """Joint torque per motor current [Nm/A], shape (n,): the scene's, or else the robot's.
+
+    Raises:
+        SensorError: Neither has them.
+    """
+    sensor, joints = scene.joint_torque, scene.robot.joints
+    assert sensor is not None
+    known = list(
+        sensor.torque_constants or [j.torque_constant for j in joints if j.torque_constant is not None]
+    )
+    if len(known) != len(joints):
+        raise SensorError(
+            f"joint_torque.signal {sensor.signal}: expected joint_torque.torque_constants [Nm/A], "
+            f"{len(joints)} numbers: the data of {scene.robot.name} have none"
+        )
+    return np.array(known)
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchMap:
+    """From a sensor's own frame and sign to the wrench of the arm on it, base origin and axes, and back."""
+
+    to_base: np.ndarray
+    """Base wrench = `to_base` @ sensor wrench, shape (6, 6)."""
+    to_sensor: np.ndarray
+    """Its inverse, shape (6, 6)."""
+    bias: np.ndarray
+    """What the sensor reads without load, shape (6,) [N, Nm]."""
+
+    def wrench(self, reading: np.ndarray) -> np.ndarray:
+        """Wrench of the arm on the sensor, base axes and origin, from readings of shape (..., 6) [N, Nm]."""
+        return np.asarray((reading - self.bias) @ self.to_base.T)
+
+    def reading(self, wrench: np.ndarray) -> np.ndarray:
+        """What the sensor reads under a wrench of shape (..., 6) [N, Nm]; the way back."""
+        return np.asarray(wrench @ self.to_sensor.T + self.bias)
+
+    @classmethod
+    def make(
+        cls,
+        rotation: np.ndarray,
+        translation: np.ndarray,
+        sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor",
+        bias: Sequence[float] = (0.0,) * 6,
+    ) -> "WrenchMap":
+        """The map of a sensor in its place.
+
+        Args:
+            rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
+            translation: Origin of the sensor's frame in the base frame [m], shape (3,).
+            sign: Whose push the sensor counts positive.
+            bias: What it reads without load [N, Nm], 6 numbers.
+        """
+        x, y, z = np.asarray(translation, dtype=float)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        zero = np.zeros((3, 3))
+        s = 1.0 if sign == "arm_on_sensor" else -1.0
+        forth = s * np.block([[rotation, zero], [cross @ rotation, rotation]])
+        back = s * np.block([[rotation.T, zero], [-rotation.T @ cross, rotation.T]])
+        return cls(forth, back, np.array(bias, dtype=float))
+
+    @classmethod
+    def of(cls, sensor: WrenchSensor) -> "WrenchMap":
+        """The map of a scene's sensor under the base."""
+        return cls.make(sensor.rotation, np.asarray(sensor.translation), sensor.sign, sensor.bias)
+
+
+class WristMap:
+    """From a wrist sensor's own frame, which travels with the flange, to the wrench of all beyond the sensor
+    on it, base origin and axes."""
+
+    def __init__(self, sensor: WrenchSensor, robot: Robot) -> None:
+        """Of a scene's wrist sensor, whose place is given in the flange's frame."""
+        self._model = build_model(robot)
+        self._motion = empty_motion(len(robot.joints))
+        self._rotation = robot.flange_rotation @ sensor.rotation
+        self._origin = robot.flange_rotation @ np.array(sensor.translation) + robot.flange_translation
+        self._sign, self._bias = sensor.sign, sensor.bias
+
+    def wrench(self, q: np.ndarray, reading: np.ndarray) -> np.ndarray:
+        """From a reading at joint positions q, shape (n,) [rad]; both wrenches of shape (6,) [N, Nm]."""
+        forward_kinematics(self._model, q, self._motion)
+        R, o = self._motion.rotation[-1], self._motion.origin[-1]
+        there = WrenchMap.make(R @ self._rotation, o + R @ self._origin, self._sign, self._bias)
+        return there.wrench(reading)

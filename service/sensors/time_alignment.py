@@ -1,0 +1,227 @@
+"""Two sensors, two clocks, one instant: the force/torque reading at the moment of a robot sample.
+
+Nothing here looks at a clock. Each stream brings readings numbered on its own clock and the host time at
+which each arrived. Arrivals are late, never early, so the line below all (own time, arrival) points is the
+sensor's clock as the host sees it plus the shortest way through the network (S. B. Moon et al., "Estimation
+and removal of clock skew from network delay measurements", INFOCOM 1999). What they do not tell is a delay
+that never varies; where the two streams differ in it, `Aligner(delay=...)` takes it off.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+_BLOCK = 0.25
+"""From each block of this length only the least delayed arrival is kept [s]."""
+_FIRST_BLOCK = 0.02
+"""The same at first, while every arrival teaches something [s]."""
+_BLOCKS = 240
+"""So many blocks are looked back upon: a minute."""
+_START = 0.2
+"""It takes arrivals over so long a stretch to tell a period that nobody has told [s]."""
+_TRUST = 2.0
+"""A stretch at least so long tells a better period than the one given [s]."""
+_AHEAD = 0.5
+"""Readings whose numbers run ahead of their arrivals by more than this are on another clock [s]."""
+_SKEW = 5e-4
+"""Quartz clocks agree within this much; a steeper line is jitter [s/s]."""
+
+
+class ClockMap:
+    """When, on the host's clock, a sensor's clock showed a number: a line below all arrivals.
+
+    Args:
+        period: Seconds per unit of the sensor's clock; None where it must be learned.
+    """
+
+    def __init__(self, period: float | None) -> None:
+        self._given = period
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: the sensor's clock was set anew."""
+        self._origin: tuple[float, int] | None = None
+        self._points: deque[tuple[float, float]] = deque(maxlen=_BLOCKS)
+        self._block_end = 0.0
+        self.ready = False
+        """Whether enough has arrived to tell times."""
+        self.period = self._given or 0.0
+        """Seconds per unit of the sensor's clock, as learned so far."""
+        self._offset = 0.0
+
+    def observe(self, tick: float, arrival_ns: int) -> None:
+        """A reading with this number on the sensor's clock arrived at this host time."""
+        if self._origin is None:
+            self._origin = (tick, arrival_ns)
+            self.ready = self._given is not None
+        x = tick - self._origin[0]
+        y = (arrival_ns - self._origin[1]) * 1e-9
+        residual = y - self.period * x
+        self._offset = min(self._offset, residual)
+        if y >= self._block_end or not self._points:
+            self._block_end = y + (_BLOCK if y > _TRUST else _FIRST_BLOCK)
+            self._fit()
+            self._points.append((x, y))
+        else:
+            last = self._points[-1]
+            if residual < last[1] - self.period * last[0]:
+                self._points[-1] = (x, y)
+
+    def host(self, tick: float) -> float:
+        """Host time since `origin_ns` when the sensor's clock showed this, plus shortest delay [s]."""
+        assert self._origin is not None
+        return self._offset + self.period * (tick - self._origin[0])
+
+    def tick(self, host: float) -> float:
+        """What the sensor's clock showed at that host time since `origin_ns` [s]."""
+        assert self._origin is not None
+        return self._origin[0] + (host - self._offset) / self.period
+
+    @property
+    def origin_ns(self) -> int:
+        """Host time from which `host` counts [ns]."""
+        assert self._origin is not None
+        return self._origin[1]
+
+    def _fit(self) -> None:
+        # Of all lines below the points the nearest one in the middle of them all lies on that edge of their
+        # lower convex hull which spans the middle.
+        hull: list[tuple[float, float]] = []
+        for p in self._points:
+            while len(hull) > 1 and _turn(hull[-2], hull[-1], p) <= 0.0:
+                hull.pop()
+            if not hull or p[0] > hull[-1][0]:
+                hull.append(p)
+        if len(hull) > 1:
+            middle = 0.5 * (hull[0][0] + hull[-1][0])
+            i = next(k for k, (x, _) in enumerate(hull) if x >= middle)
+            (x0, y0), (x1, y1) = hull[i - 1], hull[i]
+            self._learn((y1 - y0) / (x1 - x0), self._points[-1][1] - self._points[0][1])
+        self._offset = min((y - self.period * x for x, y in self._points), default=0.0)
+
+    def _learn(self, slope: float, stretch: float) -> None:
+        if self._given is None:
+            if slope > 0.0:
+                self.period = slope
+                self.ready = stretch >= _START
+        elif stretch >= _TRUST:
+            self.period = min(max(slope, self._given * (1.0 - _SKEW)), self._given * (1.0 + _SKEW))
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Aligned:
+    """A force/torque value for one instant of the robot."""
+
+    wrench: np.ndarray | None
+    """Value at that instant, shape (6,); None where the sensor was silent around it."""
+    age: float
+    """How much older than the instant the value is [s]: 0 where readings on both sides were interpolated."""
+
+
+class Aligner:
+    """Keeps the latest force/torque readings and tells their value at a robot sample's instant.
+
+    Args:
+        period: Seconds per unit of the force/torque sensor's clock; None to learn it from the arrivals.
+        max_age: A reading older than this, and than 1.5 times the time between two, is no answer, and a gap
+            longer than this is not bridged [s].
+        delay: By how much the way of a reading to the host is always longer than that of a robot packet [s].
+        keep: How many readings are kept.
+    """
+
+    def __init__(
+        self,
+        *,
+        period: float | None = None,
+        max_age: float = 0.01,
+        delay: float = 0.0,
+        keep: int = 4096,
+    ) -> None:
+        self._max_age = max_age
+        self._delay = delay
+        self._robot = ClockMap(1.0)
+        self._sensor = ClockMap(period)
+        self._readings: deque[tuple[int, np.ndarray]] = deque(maxlen=keep)
+        self._wraps = 0
+        self._stride = 0
+        self._last: int | None = None
+        self._last_arrival_ns = 0
+        self._last_time: float | None = None
+
+    def add(self, tick: int, arrival_ns: int, wrench: Sequence[float]) -> None:
+        """Take a force/torque reading; `tick` is its number on the sensor's clock, modulo 2^32."""
+        if self._last is not None:
+            step = (tick - self._last) & 0xFFFFFFFF
+            if step == 0:
+                return
+            ahead = step * self._sensor.period - (arrival_ns - self._last_arrival_ns) * 1e-9
+            if step >= 0x80000000 or (self._sensor.ready and ahead > _AHEAD):
+                self._sensor.reset()
+                self._readings.clear()
+                self._wraps = self._stride = 0
+                step = 0
+            elif tick < self._last:
+                self._wraps += 1
+            if step:
+                self._stride = min(self._stride or step, step)
+        self._last, self._last_arrival_ns = tick, arrival_ns
+        number = tick + (self._wraps << 32)
+        self._sensor.observe(number, arrival_ns)
+        self._readings.append((number, np.asarray(wrench, dtype=float)))
+
+    def forget_sensor(self) -> None:
+        """Learn the force/torque sensor's clock anew."""
+        self._sensor.reset()
+        self._readings.clear()
+        self._wraps, self._last, self._stride = 0, None, 0
+
+    def observe_robot(self, timestamp: float, arrival_ns: int) -> None:
+        """Take the time stamp of a robot sample [s] and its arrival."""
+        if self._last_time is not None and not 0.0 <= timestamp - self._last_time < 3600.0:
+            self._robot.reset()
+        self._last_time = timestamp
+        self._robot.observe(timestamp, arrival_ns)
+
+    def covers(self, timestamp: float) -> bool:
+        """Whether a reading at or after that instant of the robot (or half a period before it) is here."""
+        instant = self._instant(timestamp)
+        return instant is not None and instant <= self._readings[-1][0] + 0.5 * self._step()
+
+    def at(self, timestamp: float) -> Aligned:
+        """The force/torque value at an instant of the robot's clock [s]."""
+        instant = self._instant(timestamp)
+        if instant is None:
+            return Aligned(None, float("inf"))
+        period = self._sensor.period
+        max_age = max(self._max_age, 1.5 * self._stride * period)
+        newest, wrench = self._readings[-1]
+        if instant >= newest:
+            age = (instant - newest) * period
+            return Aligned(wrench if age <= max_age else None, age)
+        later, later_wrench = newest, wrench
+        for number, value in islice(reversed(self._readings), 1, None):
+            if number <= instant:
+                age = (instant - number) * period
+                if (later - number) * period <= max_age:
+                    share = (instant - number) / (later - number)
+                    return Aligned(value + share * (later_wrench - value), 0.0)
+                return Aligned(value if age <= max_age else None, age)
+            later, later_wrench = number, value
+        return Aligned(None, float("inf"))
+
+    def _step(self) -> int:
+        return self._readings[-1][0] - self._readings[-2][0] if len(self._readings) > 1 else 0
+
+    def _instant(self, timestamp: float) -> float | None:
+        # On the sensor's clock, which stays put while the host's view of it is refined.
+        if not (self._readings and self._sensor.ready and self._robot.ready):
+            return None
+        host = self._robot.host(timestamp) + (self._robot.origin_ns - self._sensor.origin_ns) * 1e-9
+        return self._sensor.tick(host + self._delay)

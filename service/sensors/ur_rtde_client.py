@@ -1,0 +1,218 @@
+"""Second source of robot samples: the receive interface of ur_rtde, for those who want the client they know.
+
+It may abort the process, hang while it holds the interpreter, or go on serving its last values, so it lives
+in a child process under watch. It also skips samples: the health counts them.
+"""
+
+import importlib.util
+import os
+import select
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+
+from contactsense.service.sensors.robot_stream import (
+    NS,
+    Backoff,
+    LossCounter,
+    RobotRecord,
+    SensorError,
+    StreamHealth,
+)
+from contactsense.service.sensors.ur_rtde_child import GETTERS, HEAD
+from contactsense.service.wire.recipe import Recipe
+from contactsense.service.wire.rtde_fields import OUTPUTS
+
+_DATAGRAM = 1 << 14
+_LAST_WORDS = 4096
+_BATCH = 64
+
+
+class UrRtdeStream:
+    """Robot records read by ur_rtde in a child process; tries again for ever, as `RtdeStream` does.
+
+    Args:
+        host: Address of the robot; ur_rtde always uses port 30004.
+        fields: RTDE fields wanted, of those that ur_rtde has a getter for.
+        frequency: Packets a second [Hz].
+        timeout: Longest wait for the first record of a new child; then it is killed [s].
+        silence: Longest time without a new record; then the child is killed [s].
+
+    Raises:
+        SensorError: ur_rtde is not installed, or has no getter for a field.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        fields: Sequence[str],
+        *,
+        frequency: float = 500.0,
+        timeout: float = 3.0,
+        silence: float = 0.5,
+        backoff: Backoff | None = None,
+    ) -> None:
+        if importlib.util.find_spec("rtde_receive") is None:
+            raise SensorError(
+                "ur_rtde is not installed: it has wheels for CPython 3.11 and 3.12 on Linux and Windows "
+                "(x86-64) only; the default robot client, rtde, needs no extra package"
+            )
+        wanted = tuple(name for name in fields if name != "timestamp")
+        unknown = [name for name in wanted if name not in GETTERS]
+        if unknown:
+            raise SensorError(
+                f"ur_rtde has no getter for {', '.join(unknown)}; expected fields out of {', '.join(GETTERS)}"
+            )
+        self._host, self._frequency, self._fields = host, frequency, wanted
+        self._timeout_ns, self._silence_ns = int(timeout * NS), int(silence * NS)
+        self._backoff = backoff or Backoff()
+        names = ("timestamp", *wanted)
+        self._slices = Recipe(0, names, [OUTPUTS[name] for name in names]).slices
+        count = max(where.stop for where in self._slices.values())
+        self._body = struct.Struct(f"={count - 1}d")
+        self._child: subprocess.Popen[bytes] | None = None
+        self._channel: socket.socket | None = None
+        self._stderr = -1
+        self._words = b""
+        self._deadline_ns = 0
+        self._end: str | None = None
+        self.health = StreamHealth()
+        """Counters and the latest trouble."""
+        self._counter = LossCounter(1.0 / frequency, self.health)
+
+    @property
+    def slices(self) -> Mapping[str, slice]:
+        """Field name -> where its numbers stand in a record's values."""
+        return self._slices
+
+    @property
+    def pid(self) -> int | None:
+        """Process number of the child, None while there is none."""
+        return None if self._child is None else self._child.pid
+
+    def poll(self, timeout: float) -> list[RobotRecord]:
+        """Records that have come, oldest first; waits up to `timeout` seconds for the first."""
+        if self.health.state == "closed":
+            return []
+        if self._child is None:
+            pause = self._backoff.wait(time.monotonic_ns())
+            if pause > 0.0:
+                time.sleep(min(pause, timeout))
+                return []
+            self._spawn()
+        try:
+            records = self._receive(timeout)
+        except SensorError as error:
+            self._fail(str(error))
+            return []
+        if records and self.health.state != "streaming":
+            self.health.state = "streaming"
+            self.health.connections += 1
+            self._backoff.succeeded()
+        return records
+
+    def _spawn(self) -> None:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._stderr, child_stderr = os.pipe()
+        os.set_blocking(self._stderr, False)
+        self._words = b""
+        self._end = None
+        command = [sys.executable, "-m", "contactsense.service.sensors.ur_rtde_child"]
+        command += [str(theirs.fileno()), self._host, str(self._frequency), *self._fields]
+        try:
+            self._child = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=child_stderr,
+                pass_fds=(theirs.fileno(),),
+            )
+        finally:
+            theirs.close()
+            os.close(child_stderr)
+        ours.setblocking(False)
+        self._channel = ours
+        self._deadline_ns = time.monotonic_ns() + self._timeout_ns
+
+    def _receive(self, timeout: float) -> list[RobotRecord]:
+        assert self._channel is not None
+        if self._end is not None:
+            raise SensorError(self._obituary(self._end))
+        records: list[RobotRecord] = []
+        poller = select.poll()
+        poller.register(self._channel, select.POLLIN)
+        if poller.poll(timeout * 1e3):
+            for _ in range(_BATCH):
+                try:
+                    datagram = self._channel.recv(_DATAGRAM)
+                except BlockingIOError:
+                    break
+                except ConnectionResetError:
+                    datagram = b""
+                if datagram[:1] != b"R":
+                    self._end = datagram[1:].decode("utf-8", "replace")
+                    if not records:
+                        raise SensorError(self._obituary(self._end))
+                    break
+                self._take(datagram, records)
+        self._listen()
+        now = time.monotonic_ns()
+        if records:
+            self._deadline_ns = now + self._silence_ns
+        elif now > self._deadline_ns:
+            raise SensorError(
+                f"ur_rtde delivered nothing new from the robot at {self._host}; its process was killed"
+            )
+        return records
+
+    def _take(self, datagram: bytes, records: list[RobotRecord]) -> None:
+        _, arrival, stamp = HEAD.unpack_from(datagram)
+        values = self._body.unpack_from(datagram, HEAD.size)
+        record = RobotRecord(stamp, arrival, (stamp, *values))
+        if self._counter.admit(record):
+            records.append(record)
+
+    def _obituary(self, told: str) -> str:
+        if told:
+            return f"ur_rtde: {told} (robot at {self._host})"
+        assert self._child is not None
+        try:
+            status = self._child.wait(1.0)
+        except subprocess.TimeoutExpired:
+            status = None
+        self._listen()
+        words = self._words.decode("utf-8", "replace").strip().splitlines()
+        said = f": {words[-1].strip()}" if words else ""
+        return f"the process of ur_rtde ended with status {status} (robot at {self._host}){said}"
+
+    def _listen(self) -> None:
+        # Drained even where nobody asks: a full pipe would stall the child.
+        with suppress(BlockingIOError):
+            while chunk := os.read(self._stderr, _LAST_WORDS):
+                self._words = (self._words + chunk)[-_LAST_WORDS:]
+
+    def _fail(self, error: str) -> None:
+        self._bury()
+        self.health.state = "waiting"
+        self.health.error = error
+        self.health.failures += 1
+        self._backoff.failed(time.monotonic_ns())
+
+    def _bury(self) -> None:
+        if self._child is not None:
+            self._child.kill()
+            self._child.wait()
+            self._child = None
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+            os.close(self._stderr)
+
+    def close(self) -> None:
+        """End the child; later polls return nothing."""
+        self._bury()
+        self.health.state = "closed"

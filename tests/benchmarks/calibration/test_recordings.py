@@ -1,0 +1,27 @@
+"""Real recordings of a UR10e: what calibration leaves of free motion, and that a stream says no more and no
+less than what happened."""
+
+import numpy as np
+import pytest
+
+from contactsense.benchmarks.calibration.recordings import FREE, measure
+from tests.shared import shared
+
+
+@pytest.mark.slow
+def test_free_motion_has_no_alarms_and_every_touch_is_found() -> None:
+    result = measure(shared("ur10e_recordings"))
+    free = result["free"]
+    ours, theirs = free["collision_free"], free["collision_free (authors)"]
+    for level in ("rms", "q999"):
+        assert (np.array(ours[level]) < np.array(theirs[level])).all()
+    assert [free[name]["alarms"] for name in FREE] == [0] * len(FREE)
+    assert 10.0 < free["collision_free"]["energy"] < 22.0
+    for name, count in (("collision_forearm", 11), ("push_pose_1", 4)):
+        found = result["touched"][name]
+        assert len(found["touches"]) == len(found["onsets"]) == count
+        for touch in found["touches"]:
+            assert any(touch["start"] - 0.05 < t < touch["stop"] + 0.05 for t in found["onsets"])
+    # Two of these files end in a stop that is harder than their rows can tell.
+    seen = result["identification"].values()
+    assert sum(len(onsets) for onsets in seen) <= 2

@@ -1,0 +1,82 @@
+"""The accessible share of a candidate's neighbourhood, against Monte Carlo samples."""
+
+import math
+
+import numpy as np
+import pytest
+
+from contactsense import Scene
+from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.localization.accessibility import accessible_share, apply_accessibility, clearance
+from contactsense.localization.candidate_buffers import store_candidate
+from contactsense.localization.posterior import empty_search_buffers, tangents
+from contactsense.localization.ranking import place_primitives
+from contactsense.robots.surface.convex_primitives import project
+from contactsense.runtime.constants import Constants, build_constants
+from contactsense.runtime.state import State, empty_state
+
+TRIALS = 4000
+
+
+@pytest.fixture(scope="module")
+def arm() -> tuple[Constants, State]:
+    constants = build_constants(Scene(robot="ur5e"))
+    state = empty_state(constants)
+    q = np.array([0.3, -1.2, 1.5, -1.9, -1.4, 0.5])
+    kinematics_and_momenta(constants.model, q, np.zeros(6), constants.gravity, state.motion)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    return constants, state
+
+
+def _monte_carlo(
+    constants: Constants, state: State, p: int, c: np.ndarray, n: np.ndarray, root: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Accessible share of random points about c, and the mean displacement of the accessible ones."""
+    R, o = state.candidates.rotation[p], state.candidates.origin[p]
+    t = np.array(tangents(*n)).reshape(2, 3)
+    total, mean = 0.0, np.zeros(3)
+    for u in np.random.default_rng(1).standard_normal((TRIALS, 2)):
+        local = R.T @ (c + (root @ u) @ t - o)
+        _, *projected = project(constants.surfaces.kind[p], constants.surfaces.size[p], *local)
+        surface_point = o + R @ np.array(projected[:3])
+        above = surface_point + constants.prior.clearance * (R @ np.array(projected[3:]))
+        share = accessible_share(
+            clearance(constants.surfaces, state.candidates, p, *above, 0.0), constants.prior
+        )
+        total += share
+        mean += share * (surface_point - c)
+    return total / TRIALS, mean / total
+
+
+@pytest.mark.parametrize("sample", range(0, 480, 24))
+@pytest.mark.parametrize("root", [np.diag([0.002, 0.002]), np.array([[0.012, 0.0], [0.008, 0.003]])])
+def test_share_and_mean_agree_with_monte_carlo(
+    arm: tuple[Constants, State], sample: int, root: np.ndarray
+) -> None:
+    constants, state = arm
+    p = int(np.searchsorted(constants.samples.start, sample, side="right")) - 1
+    R, o = state.candidates.rotation[p], state.candidates.origin[p]
+    body = constants.sensors.depth[constants.surfaces.link[p]]
+    base = state.motion.origin[body] + state.motion.rotation[body] @ constants.samples.point[sample]
+    _, *projected = project(constants.surfaces.kind[p], constants.surfaces.size[p], *(R.T @ (base - o)))
+    normal = R @ np.array(projected[3:])
+    V = root @ root.T
+    buffers = empty_search_buffers()
+    buffers.frame[:, 0] = projected[3:]
+    buffers.frame[:, 1:] = R.T @ np.array(tangents(*normal)).reshape(2, 3).T
+    result = (0.0, 0.0, *projected, *(-10.0 * np.array(projected[3:])), 0.0, V[0, 0], V[0, 1], V[1, 1])
+    store_candidate(state.candidates, 0, p, result, buffers, constants.prior.surface_deviation)
+    state.candidates.score[0] = 0.0
+    start = state.candidates.point[0].copy()
+    share, mean = _monte_carlo(constants, state, p, start, normal, root)
+    apply_accessibility(constants.surfaces, state.candidates, 0, constants.prior, -math.inf)
+    full_score = state.candidates.score[0]
+    # The quadrature has eighteen points.
+    assert math.exp(state.candidates.score[0]) == pytest.approx(share, abs=0.12)
+    if share > 0.2:
+        assert np.linalg.norm(state.candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
+    store_candidate(state.candidates, 0, p, result, buffers, constants.prior.surface_deviation)
+    state.candidates.score[0] = 0.0
+    apply_accessibility(constants.surfaces, state.candidates, 0, constants.prior, -8.0)
+    # Only candidates below the limit are rejected early.
+    assert state.candidates.score[0] == full_score or full_score < -8.0

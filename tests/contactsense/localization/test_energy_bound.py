@@ -1,0 +1,55 @@
+"""A cell is excluded if no force explains the moment about it, or if it would have to be pulled."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from contactsense.localization.energy_bound import FORCE_SIGMAS, PULL_SHARE, exclude_cells
+from contactsense.localization.simd_layout import EXCLUDED, LANES, LENGTH, NX, SPREAD, X
+
+LEVER = 0.003
+
+
+def _block(point: np.ndarray, normal: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    block = np.zeros(LENGTH)
+    for i in range(3):
+        block[X + i * LANES : X + (i + 1) * LANES] = point[:, i]
+        block[NX + i * LANES : NX + (i + 1) * LANES] = normal[:, i]
+    block[SPREAD : SPREAD + LANES] = spread
+    return block
+
+
+def _excluded(block: np.ndarray) -> np.ndarray:
+    return block[EXCLUDED : EXCLUDED + LANES] > 0.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_cells_are_excluded_by_the_energy_of_the_moment(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(6, 6))
+    P, w, o = root @ root.T, rng.normal(size=6), rng.normal(size=3)
+    R = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+    point, spread = rng.normal(size=(LANES, 3)), rng.uniform(0.01, 1.0, LANES)
+    # Normals against the force: no cell is excluded as pulled.
+    normal = np.tile(-R.T @ w[:3] / np.linalg.norm(w[:3]), (LANES, 1))
+    squared_force, force_variance = float(w[:3] @ w[:3]), float(np.trace(P[:3, :3]))
+    max_squared_force = (np.sqrt(squared_force) + FORCE_SIGMAS * np.sqrt(force_variance)) ** 2
+    energy = np.empty(LANES)
+    for j in range(LANES):
+        x, y, z = R @ point[j] + o
+        moment_map = np.hstack((-np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.eye(3)))
+        C = moment_map @ P @ moment_map.T + max_squared_force * (spread[j] ** 2 + LEVER**2) * np.eye(3)
+        energy[j] = 0.5 * moment_map @ w @ np.linalg.solve(C, moment_map @ w)
+    for limit in energy:
+        block = _block(point, normal, spread)
+        exclude_cells(w, P, R, o, squared_force, force_variance, LEVER, limit * (1.0 + 1e-6), block)
+        np.testing.assert_array_equal(_excluded(block), energy > limit * (1.0 + 1e-6))
+
+
+def test_a_pulled_cell_is_excluded() -> None:
+    w = np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0])
+    angle = np.linspace(0.0, 3.0, LANES)
+    normal = np.column_stack((np.sin(angle), np.zeros(LANES), np.cos(angle)))
+    block = _block(np.zeros((LANES, 3)), normal, np.full(LANES, 0.01))
+    exclude_cells(w, 1e-4 * np.eye(6), np.eye(3), np.zeros(3), 4.0, 3e-4, LEVER, np.inf, block)
+    np.testing.assert_array_equal(_excluded(block), np.cos(angle) > PULL_SHARE)

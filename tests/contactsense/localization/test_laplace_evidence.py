@@ -1,0 +1,157 @@
+"""The evidence of a cell is an integral over force, torsion and place; checked against Monte Carlo
+integration."""
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from contactsense.kinematics.wrench_information import to_body_frame
+from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
+from contactsense.localization.posterior import STUDENT_DOF, Prior
+from contactsense.localization.simd_layout import (
+    A00,
+    A55,
+    LANES,
+    LENGTH,
+    NX,
+    SPREAD,
+    T1X,
+    T2X,
+    VARIANCE,
+    W0,
+    W5,
+    X,
+)
+
+PRIOR = Prior(
+    friction_ratio=0.25, torsion_lever=0.0025, surface_deviation=0.002, force=20.0, clearance=0.005, area=1.0
+)
+PLACE = np.array([0.1, -0.05, 0.3])
+NORMAL = np.array([0.48, 0.6, 0.64])
+WIDTH = 0.01
+
+
+def _draw_from_prior(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Wrenches of contacts drawn from the prior, and their points."""
+    t1 = np.cross(NORMAL, [0.0, 0.0, 1.0])
+    t1 /= np.linalg.norm(t1)
+    t2 = np.cross(NORMAL, t1)
+    normal_force = PRIOR.force * np.exp(rng.standard_normal(count))
+    t_scale = np.sqrt(rng.chisquare(STUDENT_DOF, count) / STUDENT_DOF)
+    a, b = PRIOR.friction_ratio * rng.standard_normal((2, count)) / t_scale
+    force = normal_force[:, None] * (-NORMAL + a[:, None] * t1 + b[:, None] * t2)
+    v = WIDTH * rng.standard_normal((2, count))
+    point = PLACE + v[0][:, None] * t1 + v[1][:, None] * t2
+    xi = normal_force * PRIOR.torsion_lever * rng.standard_normal(count)
+    return np.hstack((force, np.cross(point, force) + xi[:, None] * NORMAL)), point
+
+
+Cell = tuple[float, ...]
+"""Centre, normal and spread."""
+
+
+def _fill_block(cells: list[Cell]) -> np.ndarray:
+    block = np.zeros(LENGTH)
+    for j, cell in enumerate(cells):
+        block[[quantity + j for quantity in range(X, SPREAD + 1, LANES)]] = cell
+    return block
+
+
+def _read_block(block: np.ndarray, first: int, last: int, j: int) -> np.ndarray:
+    """Quantities `first` to `last` of cell j."""
+    return block[first + j : last + j + 1 : LANES]
+
+
+def _evaluate_block(
+    w: np.ndarray, L: np.ndarray, cells: list[Cell], force_measured: bool
+) -> list[tuple[float, ...]]:
+    block = _fill_block(cells)
+    find_modes(len(cells), w, L, PRIOR, force_measured, np.inf, block)
+    results = [laplace_evidence(j, PRIOR, np.inf, block) for j in range(len(cells))]
+    return [(*f[:5], block[VARIANCE + j], *f[5:]) for j, f in enumerate(results)]
+
+
+def _evaluate(w: np.ndarray, L: np.ndarray, force_measured: bool = True) -> tuple[float, ...]:
+    """Energy, log evidence, point (3), variance and force (3)."""
+    return _evaluate_block(w, L, [(*PLACE, *NORMAL, WIDTH)], force_measured)[0]
+
+
+@pytest.mark.parametrize("noise", [(3.0, 1.0), (6.0, 2.0)])
+def test_the_evidence_agrees_with_monte_carlo_integration(noise: tuple[float, float]) -> None:
+    rng = np.random.default_rng(1)
+    sigma = np.repeat(noise, 3)
+    L = np.diag(sigma**-2.0)
+    draws, _ = _draw_from_prior(rng, 2_000_000)
+    for truth in _draw_from_prior(rng, 6)[0]:
+        w = truth + sigma * rng.standard_normal(6)
+        monte_carlo = logsumexp(-0.5 * (((draws - w) / sigma) ** 2).sum(axis=1)) - np.log(len(draws))
+        # Laplace's approximation with a heavy tail and variable forces: within a factor of 1.6.
+        assert _evaluate(w, L)[1] == pytest.approx(monte_carlo, abs=0.5)
+
+
+def test_an_uninformative_measurement_returns_the_prior() -> None:
+    energy, log_z, *mode = _evaluate(np.zeros(6), 1e-14 * np.eye(6), force_measured=False)
+    assert energy == pytest.approx(0.0, abs=1e-9)
+    assert log_z == pytest.approx(
+        -np.log((STUDENT_DOF + 2.0) / STUDENT_DOF), abs=1e-6
+    )  # the curvature of Student's peak
+    np.testing.assert_allclose(mode[:3], PLACE, atol=1e-9)
+    assert mode[3] == pytest.approx(WIDTH**2, rel=1e-6)
+
+
+def test_the_initial_force_does_not_matter() -> None:
+    rng = np.random.default_rng(2)
+    L = np.diag(np.repeat([1.0, 0.2], 3) ** -2.0)
+    for w in _draw_from_prior(rng, 10)[0]:
+        values = [_evaluate(w, L, force_measured)[1] for force_measured in (False, True)]
+        assert max(values) - min(values) < 0.2
+
+
+@pytest.mark.parametrize(
+    "w", [np.zeros(6), np.full(6, 1e12), np.full(6, 1e-300), np.array([0, 0, 0, 0, 0, 1e6])]
+)
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e8])
+def test_hard_cases_give_numbers(w: np.ndarray, scale: float) -> None:
+    result = _evaluate(w, scale * np.eye(6))
+    assert not np.isnan(result).any()
+
+
+def test_the_result_of_a_cell_is_independent_of_its_lane() -> None:
+    rng = np.random.default_rng(4)
+    root = rng.standard_normal((6, 6))
+    L, w = root @ root.T, _draw_from_prior(rng, 1)[0][0]
+    cells: list[Cell] = []
+    for _ in range(LANES):
+        normal = rng.standard_normal(3)
+        point = 0.2 * rng.standard_normal(3)
+        cells.append((*point, *(normal / np.linalg.norm(normal)), rng.uniform(0.005, 0.02)))
+    together = _evaluate_block(w, L, cells, force_measured=True)
+    for j, cell in enumerate(cells):
+        np.testing.assert_allclose(
+            _evaluate_block(w, L, [cell], force_measured=True)[0], together[j], rtol=1e-9
+        )
+    reversed_order = _evaluate_block(w, L, cells[::-1], force_measured=True)
+    np.testing.assert_allclose(reversed_order[::-1], together, rtol=1e-9)
+
+
+def test_the_wrench_is_transformed_to_the_axes_of_each_cell() -> None:
+    rng = np.random.default_rng(5)
+    root = rng.standard_normal((6, 6))
+    L, w = root @ root.T, rng.standard_normal(6)
+    cells = [(*(k * PLACE), *(sign * NORMAL), WIDTH) for k in (1.0, -2.0) for sign in (1.0, -1.0)]
+    block = _fill_block(cells)
+    find_modes(len(cells), w, L, PRIOR, True, np.inf, block)
+    for j in range(len(cells)):
+        T = np.stack(
+            [
+                _read_block(block, NX, SPREAD - 1, j),
+                _read_block(block, T1X, T2X - 1, j),
+                _read_block(block, T2X, W0 - 1, j),
+            ]
+        )
+        np.testing.assert_allclose(T @ T.T, np.eye(3), atol=1e-12)
+        transformed, information = np.empty(6), np.empty((6, 6))
+        to_body_frame(w, L, T.T.copy(), _read_block(block, X, NX - 1, j).copy(), transformed, information)
+        np.testing.assert_allclose(_read_block(block, W0, W5, j), transformed, atol=1e-12)
+        upper = information[np.triu_indices(6)]
+        np.testing.assert_allclose(_read_block(block, A00, A55, j), upper, rtol=1e-9, atol=1e-12)

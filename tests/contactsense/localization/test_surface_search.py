@@ -1,0 +1,44 @@
+"""The search over the surface returns points on the surface."""
+
+import numpy as np
+import pytest
+
+from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense.robots.surface.convex_primitives import pack
+from contactsense.robots.surface.union import distances
+from tests.plain_arm import contacts, plain_ur5e
+
+ARM = plain_ur5e()
+TRUTH = contacts(ARM, 40, seed=8)
+
+
+@pytest.mark.parametrize("sensors", ["torques", "base"])
+def test_every_candidate_lies_on_the_surface(sensors: str) -> None:
+    by_base = sensors == "base"
+    scene = Scene(
+        robot=ARM,
+        base_wrench=WrenchSensor(force_noise=2.0, moment_noise=0.5) if by_base else None,
+        joint_torque=None if by_base else JointTorqueSensor(noise=0.5),
+    )
+    localizer, surfaces = Localizer(scene), pack(ARM.links)
+    count = 0
+    for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
+        estimate = localizer.locate(
+            q, base_wrench=wrench if by_base else None, joint_torque=None if by_base else torque
+        )
+        assert estimate.link_probability.sum() <= 1.0 + 1e-9
+        for contact in estimate.contacts:
+            count += 1
+            distance = distances(surfaces, contact.point[None], contact.link_index)[0]
+            assert abs(distance[0]) < 1e-6
+            assert abs(np.linalg.norm(contact.normal_base) - 1.0) < 1e-9
+            assert np.linalg.eigvalsh(contact.covariance).min() > -1e-12
+    assert count > len(TRUTH.q)
+
+
+def test_a_pure_moment_is_handled_without_warnings() -> None:
+    estimate = Localizer(Scene(robot="ur5e", joint_torque=None)).locate(
+        np.zeros(6), base_wrench=np.array([0.0, 0.0, 0.0, 3.0, 0.0, 0.0])
+    )
+    assert estimate.status in ("none", "ambiguous")
+    assert np.isfinite(estimate.link_probability).all()

@@ -1,0 +1,86 @@
+"""Log evidence of a known contact before the measurement."""
+
+import numpy as np
+import pytest
+
+from contactsense import Scene, robots
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.localization.ranking import place_primitives
+from contactsense.multi_contact.buffers import (
+    MultiContactBuffers,
+    PrimitiveFrames,
+    empty_multi_contact_buffers,
+)
+from contactsense.multi_contact.contact_set_search import initialize_known_contact, known_evidence
+from contactsense.robots.primitives import Sphere
+from contactsense.runtime.constants import Constants, build_constants
+from contactsense.runtime.state import State, empty_state
+from tests.plain_arm import plain_ur5e
+
+RADIUS = 0.09
+CENTER = np.array([0.0, 0.0, 0.05])
+NORMAL = np.array([0.0, 0.6, 0.8])
+
+
+def _constants() -> tuple[Constants, State, MultiContactBuffers]:
+    """An arm whose base is a sphere."""
+    plain = plain_ur5e()
+    base = robots.Link(
+        plain.links[0].name, plain.links[0].inertia, (Sphere(center=(0.0, 0.0, 0.05), radius=RADIUS),)
+    )
+    robot = robots.Robot(
+        plain.name, (base, *plain.links[1:]), plain.joints, plain.flange_rotation, plain.flange_translation
+    )
+    constants = build_constants(Scene(robot=robot))
+    state = empty_state(constants)
+    forward_kinematics(constants.model, np.zeros(6), state.motion)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    return constants, state, empty_multi_contact_buffers(constants)
+
+
+def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
+    """Log evidence of one contact on the sphere before any measurement, and the prior's area."""
+    constants, state, buffers = _constants()
+    frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
+    known = buffers.known
+    known.primitive[0], known.drift[0] = 0, drift
+    known.point[0], known.force[0] = CENTER + RADIUS * NORMAL, force
+    known.covariance[0] = covariance
+    initialize_known_contact(
+        constants.surfaces, frames, known, buffers.optimizer, buffers.seeding.known_normal[0], 10.0, 0
+    )
+    log_evidence = known_evidence(
+        constants.surfaces, constants.prior, frames, buffers.rows, 1, buffers.optimizer
+    )
+    return float(log_evidence) + float(np.log(constants.prior.area))
+
+
+@pytest.mark.parametrize("sigma", [0.003, 0.006])
+def test_the_evidence_of_a_known_point_is_its_share_of_the_area(sigma: float) -> None:
+    """The prior probability of a known point is its share of the area."""
+    log_evidence = log_known(sigma**2 * np.eye(3), -20.0 * NORMAL, np.inf)
+    assert log_evidence == pytest.approx(np.log(2.0 * np.pi * sigma**2), abs=0.02)
+
+
+def test_the_evidence_of_a_known_force_agrees_with_monte_carlo() -> None:
+    """Against Monte Carlo integration of the prior times the likelihood of the force."""
+    prior = _constants()[0].prior
+    tangent = np.cross(NORMAL, (1.0, 0.0, 0.0))
+    force, drift = -25.0 * NORMAL + 2.0 * tangent, 0.5
+    without, known = (log_known(1e-6 * np.eye(3), force, width) for width in (np.inf, drift))
+    rng = np.random.default_rng(0)
+    draws = force + drift * rng.standard_normal((200_000, 3))
+    normal_force = -draws @ NORMAL
+    squared_ratio = ((draws**2).sum(axis=1) - normal_force**2) / (prior.friction_ratio * normal_force) ** 2
+    log_density = -0.5 * np.log(normal_force / prior.force) ** 2 - 3.0 * np.log1p(squared_ratio / 4.0)
+    log_density -= np.log(normal_force**3 * prior.friction_ratio**2)
+    expected = np.log(np.mean(np.exp(log_density))) + 3.0 * np.log(drift)
+    assert known - without == pytest.approx(expected, abs=0.05)
+
+
+def test_a_grazing_known_force_has_less_evidence_than_a_normal_one() -> None:
+    """The normal at an uncertain known point may not fit the known force: the contact then moves to where
+    it does."""
+    force, broad = 20.0 * np.cross(NORMAL, (1.0, 0.0, 0.0)) - 2.0 * NORMAL, 0.05**2 * np.eye(3)
+    grazing, square = log_known(broad, force, 0.5), log_known(broad, -20.0 * NORMAL, 0.5)
+    assert square - 8.0 < grazing < square

@@ -1,0 +1,297 @@
+"""Several contacts with `Localizer.locate`: invariants, degenerate cases, invalid input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contactsense import Contact, Estimate, JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense.benchmarks.multi_contact.measure import match
+from contactsense.benchmarks.multi_contact.trials import Push, Trial, Trials
+from tests.plain_arm import plain_ur5e
+
+ARM = plain_ur5e()
+PRECISE = Scene(
+    robot=ARM,
+    base_wrench=WrenchSensor(force_noise=0.02, moment_noise=0.004),
+    joint_torque=JointTorqueSensor(noise=0.02),
+    surface_error=5e-4,
+)
+
+
+@pytest.fixture(scope="module")
+def precise() -> Localizer:
+    return Localizer(PRECISE)
+
+
+@pytest.fixture(scope="module")
+def ordinary() -> Localizer:
+    return Localizer(Scene(robot=ARM))
+
+
+def _locate(localizer: Localizer, trial: Trial, pushes: tuple[Push, ...], **options: object) -> Estimate:
+    base, torque = trial.measure(pushes)
+    return localizer.locate(trial.q, base_wrench=base, joint_torque=torque, **options)  # type: ignore[arg-type]
+
+
+def _single_contact(localizer: Localizer, trial: Trial, push: Push) -> Contact:
+    """The correct candidate of a single push, as known contact of the following measurement."""
+    found = _locate(localizer, trial, (push,)).contacts
+    return min(found, key=lambda contact: float(np.linalg.norm(contact.point_base - push.point)))
+
+
+def _trial_and_contact(localizer: Localizer) -> tuple[Trial, Contact]:
+    trial = Trials(localizer.scene, seed=15).draw(1, 20.0, "different", "cone")
+    return trial, _single_contact(localizer, trial, trial.pushes[0])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"contacts": 0}, "contacts: expected 1 to 3, got 0"),
+        ({"contacts": 4}, "contacts: expected 1 to 3, got 4"),
+        ({"contacts": 2.0}, "contacts: expected 1 to 3, got 2.0"),
+        ({"contacts": 2, "drift": -1.0}, "drift: expected a positive number of N, got -1.0"),
+        ({"contacts": 2, "known": [1]}, r"known\[0\]: expected a Contact, got 1"),
+        ({"contacts": 2, "drift": float("nan")}, "drift: expected a positive number of N, got nan"),
+    ],
+)
+def test_wrong_options_are_refused(ordinary: Localizer, options: dict[str, object], message: str) -> None:
+    trial, _ = _trial_and_contact(ordinary)
+    with pytest.raises(ValueError, match=message):
+        _locate(ordinary, trial, trial.pushes, **options)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"link_index": 9}, r"known\[0\].link_index: expected 0 to 6, got 9"),
+        ({"primitive": 17}, r"known\[0\].primitive: expected 0 to \d on .*, got 17"),
+        ({"point_base": np.full(3, np.nan)}, r"known\[0\].point_base: expected finite numbers"),
+        ({"covariance": np.zeros(3)}, r"known\[0\].covariance: expected finite numbers of shape \(3, 3\)"),
+    ],
+)
+def test_wrong_known_contacts_are_refused(
+    ordinary: Localizer, change: dict[str, object], message: str
+) -> None:
+    trial, known = _trial_and_contact(ordinary)
+    with pytest.raises(ValueError, match=message):
+        _locate(ordinary, trial, trial.pushes, contacts=2, known=[replace(known, **change)])  # type: ignore[arg-type]
+
+
+def test_more_known_contacts_than_asked_for_are_refused(ordinary: Localizer) -> None:
+    trial, known = _trial_and_contact(ordinary)
+    with pytest.raises(ValueError, match="known: expected at most 1"):
+        _locate(ordinary, trial, trial.pushes, contacts=1, known=[known, known])
+
+
+def test_values_that_are_not_finite_are_refused(ordinary: Localizer) -> None:
+    trial, known = _trial_and_contact(ordinary)
+    with pytest.raises(ValueError, match="base_wrench: expected finite numbers"):
+        ordinary.locate(trial.q, base_wrench=np.full(6, np.nan), contacts=2, known=[known])
+
+
+def test_a_second_contact_is_found_beside_a_known_one(precise: Localizer) -> None:
+    trials, errors = Trials(PRECISE, seed=1), []
+    for _ in range(25):
+        trial = trials.draw(2, 20.0, "different", "cone")
+        known = _single_contact(precise, trial, trial.pushes[0])
+        both = _locate(precise, trial, trial.pushes, contacts=2, known=(known,), drift=0.1)
+        assert both.status == "multiple"
+        assert both.explanations[0].contacts == both.contacts
+        assert len(both.contacts) == 2
+        errors.append(match(both.contacts, [push.point for push in trial.pushes]).max())
+    # The line of action may intersect the arm twice, which the sensors cannot distinguish.
+    assert np.median(errors) < 1e-3
+    assert np.mean(np.array(errors) < 0.0225) >= 0.9
+
+
+def test_a_third_contact_is_found_beside_two_known_ones(precise: Localizer) -> None:
+    trials, errors = Trials(PRECISE, seed=2), []
+    for _ in range(15):
+        trial = trials.draw(3, 20.0, "different", "cone")
+        known = tuple(_single_contact(precise, trial, push) for push in trial.pushes[:2])
+        every = _locate(precise, trial, trial.pushes, contacts=3, known=known, drift=0.1)
+        assert every.status == "multiple"
+        errors.append(match(every.contacts, [push.point for push in trial.pushes]).max())
+    assert np.median(errors) < 1e-3
+
+
+def test_the_order_of_known_contacts_does_not_matter(precise: Localizer) -> None:
+    trials = Trials(PRECISE, seed=3)
+    for _ in range(5):
+        trial = trials.draw(3, 20.0, "different", "cone")
+        known = tuple(_single_contact(precise, trial, push) for push in trial.pushes[:2])
+        one = _locate(precise, trial, trial.pushes, contacts=3, known=known)
+        other = _locate(precise, trial, trial.pushes, contacts=3, known=known[::-1])
+        assert len(one.contacts) == len(other.contacts)
+        assert match(one.contacts, [contact.point_base for contact in other.contacts]).max() < 2e-3
+        assert one.explanations[0].probability == pytest.approx(other.explanations[0].probability, abs=0.05)
+
+
+def test_one_contact_is_explained_as_one(ordinary: Localizer) -> None:
+    trials = Trials(ordinary.scene, seed=4)
+    counts = []
+    for _ in range(60):
+        trial = trials.draw(1, 20.0, "different", "cone")
+        up_to_three = _locate(ordinary, trial, trial.pushes, contacts=3)
+        counts.append(1 if up_to_three.status != "multiple" else len(up_to_three.contacts))
+        if up_to_three.status != "multiple":
+            one = _locate(ordinary, trial, trial.pushes)
+            assert one.status == up_to_three.status
+            assert one.contacts[0].probability == up_to_three.contacts[0].probability
+    assert np.mean(np.array(counts) == 1) > 0.95
+
+
+def test_a_known_contact_that_stays_alone_is_one_contact(ordinary: Localizer) -> None:
+    trials = Trials(ordinary.scene, seed=5)
+    for _ in range(20):
+        trial = trials.draw(1, 20.0, "different", "cone")
+        known = _single_contact(ordinary, trial, trial.pushes[0])
+        pushed = trials.changed(trial.pushes[0], None, "cone")
+        again = _locate(ordinary, trial, (pushed,), contacts=2, known=(known,))
+        assert again.status in ("contact", "ambiguous")
+        assert again.contacts[0].link == known.link
+        # Two samples give more information than one.
+        assert np.trace(again.contacts[0].covariance) <= np.trace(known.covariance) + 1e-9
+
+
+def test_probabilities_add_up_to_one(ordinary: Localizer) -> None:
+    trials = Trials(ordinary.scene, seed=6)
+    for _ in range(15):
+        trial = trials.draw(2, 30.0, "different", "cone")
+        both = _locate(ordinary, trial, trial.pushes, contacts=2)
+        if both.status != "multiple":
+            continue
+        p = [explanation.probability for explanation in both.explanations]
+        assert p == sorted(p, reverse=True)
+        assert sum(p) + both.other == pytest.approx(1.0)
+        for contact in both.contacts:
+            assert p[0] - 1e-12 <= contact.probability <= 1.0 + 1e-12
+            assert contact.force_base @ contact.normal_base < 0.0
+            assert np.linalg.eigvalsh(contact.covariance).min() > -1e-12
+        assert (both.link_probability <= 1.0 + 1e-12).all()
+        assert both.link_probability.max() >= p[0] - 1e-12
+        np.testing.assert_allclose(
+            both.wrench[:3], np.sum([contact.force_base for contact in both.contacts], axis=0), atol=1e-9
+        )
+        assert np.linalg.eigvalsh(both.covariance).min() > -1e-9
+
+
+def test_the_estimate_is_equivariant_under_rotation_about_the_base_axis(precise: Localizer) -> None:
+    trials = Trials(PRECISE, seed=7)
+    c, s = np.cos(0.7), np.sin(0.7)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    compared = 0
+    while compared < 5:
+        trial = trials.draw(2, 20.0, "different", "cone")
+        if any(push.link == 0 for push in trial.pushes):
+            continue  # the base does not turn with the first joint
+        compared += 1
+        known = _single_contact(precise, trial, trial.pushes[0])
+        turned = replace(
+            known,
+            point_base=turn @ known.point_base,
+            normal_base=turn @ known.normal_base,
+            force_base=turn @ known.force_base,
+            covariance=turn @ known.covariance @ turn.T,
+        )
+        base, torque = trial.measure(trial.pushes)
+        a = precise.locate(
+            trial.q, base_wrench=base, joint_torque=torque, contacts=2, known=[known], drift=0.1
+        )
+        b = precise.locate(
+            trial.q + np.array([0.7, 0, 0, 0, 0, 0]),
+            base_wrench=np.concatenate((turn @ base[:3], turn @ base[3:])),
+            joint_torque=torque,
+            contacts=2,
+            known=[turned],
+            drift=0.1,
+        )
+        assert match(b.contacts, [turn @ contact.point_base for contact in a.contacts]).max() < 1e-3
+
+
+def test_two_contacts_on_one_link_are_reported_as_a_sum(precise: Localizer) -> None:
+    trials = Trials(PRECISE, seed=8)
+    for _ in range(5):
+        trial = trials.draw(2, 20.0, "same", "cone")
+        known = _single_contact(precise, trial, trial.pushes[0])
+        both = _locate(precise, trial, trial.pushes, contacts=2, known=[known], drift=0.1)
+        if both.status == "multiple" and len({contact.link for contact in both.contacts}) == 1:
+            assert "the sum only" in both.reason
+            assert "cannot be resolved" in both.reason
+            break
+    else:
+        pytest.fail("no pair on one link was answered as one")
+
+
+def test_unresolved_unknowns_of_adjacent_links_are_reported(ordinary: Localizer) -> None:
+    """Adjacent links: seven measurements for ten unknowns."""
+    trials = Trials(ordinary.scene, seed=9)
+    reported = 0
+    for _ in range(40):
+        trial = trials.draw(2, 30.0, "different", "cone")
+        both = _locate(ordinary, trial, trial.pushes, contacts=2)
+        links = sorted(contact.link_index for contact in both.contacts)
+        if both.status == "multiple" and links[1] - links[0] < 4:
+            assert f"{6 + links[1] - links[0]} independent measurements for 10 unknowns" in both.reason
+            reported += 1
+    assert reported > 5
+
+
+def _opposite(trial: Trial) -> tuple[Push, Push]:
+    """Two pushes whose forces cancel: the second takes the first's force, reversed."""
+    one, two = trial.pushes
+    return one, replace(two, force=-one.force)
+
+
+def test_opposite_forces_that_cancel_are_detected(ordinary: Localizer) -> None:
+    trials = Trials(ordinary.scene, seed=10)
+    seen = 0
+    for _ in range(200):
+        trial = trials.draw(2, 30.0, "different", "normal")
+        one, two = _opposite(trial)
+        if two.force @ two.normal > -15.0:
+            continue
+        seen += 1
+        estimate = _locate(ordinary, trial, (one, two), contacts=2)
+        assert estimate.status != "none"
+        assert estimate.status == "multiple" or estimate.reason or estimate.contacts
+        if seen == 5:
+            break
+    assert seen == 5
+
+
+def test_two_pushes_at_one_point_are_one_contact(ordinary: Localizer) -> None:
+    trial = Trials(ordinary.scene, seed=11).draw(1, 10.0, "different", "normal")
+    push = trial.pushes[0]
+    estimate = _locate(ordinary, trial, (push, push), contacts=2)
+    assert estimate.status in ("contact", "ambiguous")
+    twice = _locate(ordinary, trial, (replace(push, force=2.0 * push.force, torsion=2.0 * push.torsion),))
+    np.testing.assert_allclose(estimate.contacts[0].force_base, twice.contacts[0].force_base, atol=1e-6)
+
+
+def test_tiny_forces_are_not_detected(ordinary: Localizer) -> None:
+    trial = Trials(ordinary.scene, seed=12).draw(3, 1e-3, "different", "cone")
+    assert _locate(ordinary, trial, trial.pushes, contacts=3).status == "none"
+
+
+def test_a_released_known_contact_has_no_force(precise: Localizer) -> None:
+    trial = Trials(PRECISE, seed=13).draw(2, 20.0, "different", "cone")
+    known = [_single_contact(precise, trial, push) for push in trial.pushes]
+    remaining = _locate(precise, trial, trial.pushes[:1], contacts=2, known=known)
+    force = {contact.link: float(np.linalg.norm(contact.force_base)) for contact in remaining.contacts}
+    assert force[known[1].link] < 2.0
+
+
+@pytest.mark.parametrize("present", [("base_wrench",), ("joint_torque",)])
+def test_any_subset_of_sensors_is_sufficient(ordinary: Localizer, present: tuple[str, ...]) -> None:
+    trial = Trials(ordinary.scene, seed=14).draw(2, 40.0, "different", "cone")
+    base, torque = trial.measure(trial.pushes)
+    inputs = {
+        name: value for name, value in (("base_wrench", base), ("joint_torque", torque)) if name in present
+    }
+    estimate = ordinary.locate(trial.q, contacts=3, **inputs)  # type: ignore[arg-type]
+    assert estimate.contacts
+    for contact in estimate.contacts:
+        assert np.isfinite(contact.point_base).all()

@@ -1,0 +1,120 @@
+"""Several contacts in a stream: onset, distinction from the first contact, release."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contactsense import Estimate, JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense.benchmarks.multi_contact.measure import match
+from tests.contactsense.multi_contact.streams import Push, stream
+from tests.plain_arm import plain_ur5e
+
+NOISE = (0.05, 0.01, 0.3)
+SCENE = Scene(
+    robot=plain_ur5e(),
+    base_wrench=WrenchSensor(force_noise=NOISE[0], moment_noise=NOISE[1]),
+    joint_torque=JointTorqueSensor(noise=NOISE[2]),
+    surface_error=1e-4,
+    contacts=3,
+)
+FOREARM = Push(3, (-0.2, 0.04, 0.007), (1.0, -20.0, 0.0), 0.3, 1.6)
+UPPER_ARM = Push(2, (-0.25, 0.0, 0.188), (1.0, 2.0, -18.0), 0.7, 1.2)
+WRIST = Push(5, (0.0, 0.02, 0.045), (1.0, 1.0, -15.0), 0.7, 1.2)
+
+
+@pytest.fixture(scope="module")
+def localizer() -> Localizer:
+    return Localizer(SCENE)
+
+
+def _run(
+    localizer: Localizer, pushes: list[Push], seconds: float, seed: int = 0, speed: float = 0.0
+) -> tuple[list[Estimate], list[list[np.ndarray]]]:
+    localizer.reset()
+    estimates, truth = [], []
+    for sample, points in stream(SCENE, pushes, seconds, NOISE, seed, speed):
+        estimates.append(localizer.step(sample))
+        truth.append(points)
+    return estimates, truth
+
+
+def test_a_scene_with_one_contact_never_returns_several() -> None:
+    single = Localizer(SCENE.model_copy(update={"contacts": 1}))
+    estimates, _ = _run(single, [FOREARM, WRIST], 1.0)
+    assert all(estimate.status != "multiple" and not estimate.explanations for estimate in estimates)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+@pytest.mark.parametrize("second", [UPPER_ARM, WRIST])
+def test_onset_and_release_of_a_second_contact(localizer: Localizer, second: Push, speed: float) -> None:
+    estimates, truth = _run(localizer, [FOREARM, second], 1.8, seed=3, speed=speed)
+    errors = []
+    for estimate, points in zip(estimates, truth, strict=True):
+        if estimate.t < 0.69 or 1.3 < estimate.t < 1.55:
+            assert estimate.status != "multiple"
+        if 0.85 < estimate.t < 1.15:
+            assert estimate.status == "multiple"
+            assert {contact.id for contact in estimate.contacts} == {1, 2}
+            assert sum(e.probability for e in estimate.explanations) == pytest.approx(1.0)
+            errors.append(match(estimate.contacts, points))
+    # The first is known to a fraction of a millimetre, the second less accurately.
+    assert np.median(np.max(errors, axis=1)) < 0.0225
+    events = [(event.kind, event.contact) for e in estimates for event in e.events]
+    kinds = [(kind, number) for kind, number in events if kind in ("onset", "release")]
+    assert kinds == [("onset", 1), ("onset", 2), ("release", 2), ("release", 1)]
+    assert ("hold", 2) in events
+
+
+def test_the_first_contact_can_be_released_first(localizer: Localizer) -> None:
+    second = replace(WRIST, stop=1.8)
+    estimates, truth = _run(localizer, [replace(FOREARM, stop=1.2), second], 2.0, seed=4)
+    events = [(event.kind, event.contact) for e in estimates for event in e.events]
+    kinds = [(kind, number) for kind, number in events if kind in ("onset", "release")]
+    assert kinds == [("onset", 1), ("onset", 2), ("release", 1), ("release", 2)]
+    late = [
+        (e.contacts[0], points[0]) for e, points in zip(estimates, truth, strict=True) if 1.5 < e.t < 1.75
+    ]
+    assert {contact.id for contact, _ in late} == {2}
+    assert np.median([np.linalg.norm(contact.point_base - point) for contact, point in late]) < 0.01
+
+
+def test_all_contacts_can_be_released_at_once(localizer: Localizer) -> None:
+    estimates, _ = _run(localizer, [FOREARM, replace(WRIST, stop=1.6)], 1.8, seed=5)
+    released = {event.contact for e in estimates for event in e.events if event.kind == "release"}
+    assert released == {1, 2}
+    assert estimates[-1].status == "none"
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_slide_or_a_force_change_is_not_a_second_contact(localizer: Localizer, speed: float) -> None:
+    def slide(t: float) -> float:
+        return 0.05 * float(np.clip(t - 0.7, 0.0, 0.6))
+
+    def push(t: float) -> float:
+        return float(np.interp(t, [0.7, 0.75, 1.0, 1.02], [0.5, 1.5, 1.5, 0.4]))
+
+    for seed, changed in enumerate((replace(FOREARM, slide=slide), replace(FOREARM, size=push))):
+        estimates, _ = _run(localizer, [changed], 1.5, seed, speed)
+        assert all(estimate.status != "multiple" for estimate in estimates)
+
+
+def test_missing_torques_degrade_the_estimate(localizer: Localizer) -> None:
+    """The torques are lost while two contacts are on: the estimate is degraded and says so."""
+    localizer.reset()
+    status, reason = "", ""
+    for sample, _ in stream(SCENE, [FOREARM, UPPER_ARM], 1.15, NOISE, 6, 0.0):
+        received = replace(sample, joint_torque=None) if sample.t > 0.95 else sample
+        estimate = localizer.step(received)
+        status, reason = estimate.status, estimate.reason
+        for contact in estimate.contacts:
+            assert np.isfinite(contact.point_base).all()
+    assert status == "degraded"
+    assert "joint_torque is missing" in reason
+
+
+def test_a_reset_forgets_all_contacts(localizer: Localizer) -> None:
+    _run(localizer, [FOREARM, UPPER_ARM], 0.9, seed=7)
+    estimates, _ = _run(localizer, [FOREARM], 0.7, seed=8)
+    assert {contact.id for e in estimates for contact in e.contacts} == {1}
+    assert all(estimate.status != "multiple" for estimate in estimates)

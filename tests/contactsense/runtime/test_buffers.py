@@ -1,0 +1,46 @@
+"""The kernels' view of the buffers is Python's view of them, array by array."""
+
+from typing import Any
+
+import numpy as np
+
+from contactsense import Scene
+from contactsense.robots.jit.kernel import allocating_kernel
+from contactsense.robots.primitives import Sphere
+from contactsense.robots.tool import Tool
+from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.buffers import KernelBuffers
+from contactsense.runtime.constants import build_constants
+from contactsense.runtime.state import empty_state
+from tests.plain_arm import plain_ur5e
+
+
+@allocating_kernel
+def _unfold(floats, integers, sizes):  # type: ignore[no-untyped-def]
+    """Other kernels cannot hand arrays to Python."""
+    return buffer_views(floats, integers, sizes)
+
+
+def _arrays(value: Any) -> list[Any]:
+    return [part for item in value for part in _arrays(item)] if isinstance(value, tuple) else [value]
+
+
+def test_every_array_is_the_same_memory_on_both_sides() -> None:
+    tool = Tool(mass=1.0, primitives=(Sphere(center=(0, 0, 0.1), radius=0.02),))
+    constants = build_constants(Scene(robot=plain_ur5e(), tool=tool))
+    state = empty_state(constants)
+    work = KernelBuffers(constants, state)
+    original = _arrays((constants, state))
+    python = _arrays((work.constants, work.state))
+    kernel = _arrays(_unfold(work.floats, work.integers, work.sizes))
+    assert len(original) == len(python) == len(kernel)
+    for before, mine, theirs in zip(original, python, kernel, strict=True):
+        if isinstance(before, float):
+            assert before == mine == theirs
+            continue
+        assert before.shape == mine.shape == theirs.shape
+        np.testing.assert_array_equal(before, mine)
+        assert mine.ctypes.data == theirs.ctypes.data
+        assert mine.dtype == theirs.dtype
+    covered = sum(1 if isinstance(part, float) else part.size for part in python)
+    assert covered == work.floats.size + work.integers.size

@@ -1,0 +1,100 @@
+"""A weight that is picked up is told from a push, carried along, and put down again."""
+
+import numpy as np
+import pytest
+
+from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense.kinematics.inverse_dynamics import inverse_dynamics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.robots.tool import Tool
+from contactsense.runtime.constants import model_with_tool
+from tests.plain_arm import plain_ur5e
+
+ARM = plain_ur5e()
+POSTURE = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5])
+DT = 0.004
+MASS = 1.5
+NOISE = np.repeat([0.25, 0.05], 3)
+
+
+@pytest.fixture(scope="module")
+def localizer() -> Localizer:
+    return Localizer(
+        Scene(
+            robot=ARM,
+            base_wrench=WrenchSensor(force_noise=0.25, moment_noise=0.05),
+            joint_torque=JointTorqueSensor(noise=1.0),
+            picks_up=True,
+        )
+    )
+
+
+def _stream(
+    seconds: float, carried: tuple[float, float], swing: tuple[float, float] = (0.0, 0.0)
+) -> list[Sample]:
+    """A weight hangs at the flange from and until; the shoulder turns back and forth from and until."""
+    gravity, chance, motion = Scene(robot=ARM).gravity_base, np.random.default_rng(3), empty_motion(6)
+    bare = build_model(ARM)
+    heavy = model_with_tool(Scene(robot=ARM, tool=Tool(mass=MASS, com=(0.02, -0.01, 0.0))))
+    torque, wrench, samples = np.empty(6), np.empty(6), []
+    for t in np.arange(0.0, seconds, DT):
+        q, qd, qdd = POSTURE.copy(), np.zeros(6), np.zeros(6)
+        if swing[0] <= t < swing[1]:
+            s, c = np.sin(t - swing[0]), np.cos(t - swing[0])
+            q[0] += 0.2 * (1.0 - c) ** 2
+            qd[0], qdd[0] = 0.4 * (1.0 - c) * s, 0.4 * (s * s + (1.0 - c) * c)
+        model = heavy if carried[0] <= t < carried[1] else bare
+        inverse_dynamics(model, q, qd, qdd, gravity, motion, torque, wrench)
+        noisy = wrench + NOISE * chance.standard_normal(6)
+        samples.append(Sample(float(t), q, qd, torque + chance.standard_normal(6), noisy))
+    return samples
+
+
+def test_a_payload_is_picked_up_carried_and_put_down(localizer: Localizer) -> None:
+    turn = 2.0 * np.pi
+    estimates = list(localizer.run(_stream(4.4 + turn, (1.0, 3.0 + turn), (2.5, 2.5 + turn))))
+    weights = [(event.t, event.mass) for e in estimates for event in e.events if event.kind == "weight"]
+    # Said within a second.
+    assert [t for t, _ in weights] == pytest.approx([1.9, 3.9 + turn], abs=0.2)
+    assert weights[0][1] == pytest.approx(MASS, abs=0.03)
+    assert weights[1][1] == pytest.approx(-MASS, abs=0.03)
+    # What it is not taken for while it is carried: a contact.
+    assert not any(e.contacts for e in estimates if weights[0][0] < e.t < 2.95 + turn)
+    assert estimates[-1].status == "none"
+    assert localizer._payload is not None
+    assert localizer._payload.mass == 0.0
+    np.testing.assert_array_equal(
+        localizer._buffers.state.model.mass, localizer._buffers.constants.model.mass
+    )
+
+
+@pytest.mark.parametrize("lean", [0.15, 0.4])
+def test_a_push_not_along_gravity_remains_a_contact(localizer: Localizer, lean: float) -> None:
+    """As strong as the weight, at the flange, but not quite along gravity."""
+    samples = _stream(3.0, (9.0, 9.0))
+    model, motion = build_model(ARM), empty_motion(6)
+    torque, wrench = np.empty(6), np.empty(6)
+    inverse_dynamics(model, POSTURE, np.zeros(6), np.zeros(6), np.zeros(3), motion, torque, wrench)
+    f = 9.81 * MASS * np.array([np.sin(lean), 0.0, -np.cos(lean)])
+    w = np.concatenate((f, np.cross(motion.origin[6], f)))
+    pushed = [
+        Sample(s.t, s.q, s.qd, np.subtract(s.joint_torque, motion.screw @ w), np.add(s.base_wrench, w))  # type: ignore[arg-type]
+        if s.t > 1.0
+        else s
+        for s in samples
+    ]
+    estimates = list(localizer.run(pushed))
+    assert not any(event.kind == "weight" for e in estimates for event in e.events)
+    assert estimates[-1].contacts or estimates[-1].other > 0.5
+
+
+def test_a_payload_is_a_contact_without_picks_up(localizer: Localizer) -> None:
+    plain = Localizer(localizer.scene.model_copy(update={"picks_up": False}))
+    estimates = list(plain.run(_stream(3.0, (1.0, 9.0))))
+    assert {event.kind for e in estimates for event in e.events} <= {"onset", "hold", "slide"}
+    assert estimates[-1].status != "none"
+
+
+def test_it_needs_both_sensors() -> None:
+    with pytest.raises(ValueError, match="picks_up: expected base_wrench and joint_torque"):
+        Scene(robot=ARM, base_wrench=None, picks_up=True)

@@ -1,0 +1,117 @@
+"""Compiled code on disk must never outlive anything that went into it."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numba.core.errors import NumbaError
+
+import contactsense
+from contactsense.robots.jit.kernel import allocating_kernel, kernel
+
+OUTER = (
+    "from contactsense.robots.jit.kernel import kernel\n"
+    "from inner import SCALE, inner\n"
+    "@kernel\n"
+    "def outer(x):\n"
+    "    return SCALE * later(x)\n"
+    "@kernel\n"
+    "def later(x):\n"
+    "    return inner(x)\n"
+)
+
+
+def _inner(scale: float, offset: float) -> str:
+    return (
+        "from contactsense.robots.jit.kernel import kernel\n"
+        f"SCALE = {scale}\n"
+        "@kernel\n"
+        "def inner(x):\n"
+        f"    return x + {offset}\n"
+    )
+
+
+def _run(folder: Path) -> float:
+    path = os.pathsep.join([str(folder), str(Path(contactsense.__path__[0]).parent)])
+    program = "from outer import outer; print(outer(1.0), *outer.stats.cache_hits.values())"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    result, *hits = done.stdout.split()
+    _run.hits = sum(map(int, hits))  # type: ignore[attr-defined]
+    return float(result)
+
+
+def test_the_cache_depends_on_other_files(tmp_path: Path) -> None:
+    (tmp_path / "outer.py").write_text(OUTER)
+    (tmp_path / "inner.py").write_text(_inner(1.0, 1.0))
+    assert _run(tmp_path) == 2.0
+    assert _run.hits == 0  # type: ignore[attr-defined]
+    assert _run(tmp_path) == 2.0
+    assert _run.hits == 1  # type: ignore[attr-defined]
+    (tmp_path / "inner.py").write_text(_inner(1.0, 10.0))
+    assert _run(tmp_path) == 11.0
+    (tmp_path / "inner.py").write_text(_inner(3.0, 10.0))
+    assert _run(tmp_path) == 33.0
+
+
+def test_with_nowhere_to_write_kernels_are_compiled_in_memory() -> None:
+    program = (
+        "import numba.core.caching as caching\n"
+        "caching.CacheImpl._locator_classes = []\n"
+        "import numpy as np\n"
+        "from contactsense.kinematics.spatial import dot6\n"
+        "print(dot6(np.ones(6), np.ones(6)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "6.0"
+
+
+def test_a_class_of_arguments_that_is_gone_leaves_no_trace(tmp_path: Path) -> None:
+    """Numba lists types of arguments by name: one that was renamed must not keep the rest from loading."""
+    (tmp_path / "inner.py").write_text(
+        "from contactsense.robots.jit.kernel import kernel\n"
+        "@kernel\ndef inner(pair):\n    return pair.a + pair.b\n"
+    )
+    for name in ("Pair", "Couple"):
+        (tmp_path / "outer.py").write_text(
+            "from typing import NamedTuple\n"
+            "from inner import inner as outer_inner\n"
+            f"class {name}(NamedTuple):\n"
+            "    a: float\n"
+            "    b: float\n"
+            "def outer(x):\n"
+            f"    return outer_inner({name}(x, 2.0 * x))\n"
+            "outer.stats = outer_inner.stats\n"
+        )
+        assert _run(tmp_path) == 3.0
+
+
+def _half(x):  # type: ignore[no-untyped-def]
+    y = np.empty(x.shape[0])
+    for i in range(x.shape[0]):
+        y[i] = 0.5 * x[i]
+    return y[0]
+
+
+def _move_down(x):  # type: ignore[no-untyped-def]
+    x[1:] = x[:-1]
+
+
+@pytest.mark.parametrize("function", [_half, _move_down])
+def test_a_kernel_that_would_allocate_is_refused(function: Callable[..., Any]) -> None:
+    with pytest.raises(NumbaError, match=r"NRT required|returning of array"):
+        kernel(function)(np.ones(3))
+
+
+def test_an_allocating_kernel_may() -> None:
+    assert allocating_kernel(_half)(np.ones(3)) == 0.5

@@ -1,0 +1,185 @@
+"""A dataset in segments: the same contacts wherever it is cut, whoever works on it, however often it is
+begun."""
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import pyarrow.parquet as pa_parquet
+import pytest
+from click.testing import CliRunner
+
+from contactsense.service.analysis.fleet.run import analyze_fleet
+from contactsense.service.analysis.fleet.segments import find_recordings, segments
+from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
+from contactsense.service.cli.analyze import analyze
+from tests.service.analysis.recordings import demo, write_motion
+
+
+def _dataset(folder: Path, rounds: int = 1) -> Path:
+    """Two robots, three recordings and a broken one."""
+    for robot, date in (("a", "2026-01-01"), ("a", "2026-01-02"), ("b", "2026-01-01")):
+        here = folder / f"robot={robot}" / f"date={date}"
+        here.mkdir(parents=True)
+        write_motion(demo(), here / "one.parquet", rounds)
+    (folder / "robot=b" / "date=2026-01-01" / "two.parquet").write_bytes(b"broken")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("scene") / "scene.yaml"
+    path.write_text("robot: ur5e\n")
+    return path
+
+
+def _work(task: tuple[int, Path]) -> int:
+    """Takes a moment; leaves its process id behind."""
+    number, folder = task
+    (folder / f"{number}-{os.getpid()}").touch()
+    time.sleep(0.3)
+    if number < 0:
+        raise ValueError("negative")
+    return number * number
+
+
+def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
+    found = find_recordings((_dataset(tmp_path),))
+    assert next((file.name, file.robot, file.date) for file in found) == (
+        "robot=a/date=2026-01-01/one.parquet", "a", "2026-01-01",
+    )  # fmt: skip
+    assert len(found) == 4
+    with pytest.raises(FileNotFoundError, match="found none"):
+        find_recordings((_empty(tmp_path),))
+
+
+def _empty(tmp_path: Path) -> Path:
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    return folder
+
+
+def test_segments_cover_a_recording_once(tmp_path: Path) -> None:
+    write_motion(demo(), tmp_path / "one.parquet", rounds=5)
+    (file,) = find_recordings((tmp_path / "one.parquet",))
+    found = list(segments(file, 30.0))
+    assert [segment.first for segment in found] == [0, 15000, 30000, 45000, 60000]
+    assert [segment.last for segment in found] == [15000, 30000, 45000, 60000, None]
+    assert found[3].begin == 15000
+    assert found[1].end == 60000
+
+
+@pytest.mark.slow
+def test_any_cut_gives_the_same_contacts(tmp_path: Path, scene: Path) -> None:
+    write_motion(demo(), tmp_path / "one.parquet", rounds=6)
+    files = (tmp_path / "one.parquet",)
+    whole = analyze_fleet(files, scene, tmp_path / "whole").contacts.to_pylist()
+    assert len(whole) == 48
+    for length in (31.0, 61.7):
+        cut = analyze_fleet(files, scene, tmp_path / f"{length}", length=length).contacts.to_pylist()
+        assert [one["link"] for one in cut] == [one["link"] for one in whole]
+        assert [one["contact"] for one in cut] == list(range(1, 49))
+        for one, other in zip(cut, whole, strict=True):
+            assert one["begin"] == pytest.approx(other["begin"], abs=0.01)
+            assert one["peak_force"] == pytest.approx(other["peak_force"], rel=0.02)
+            for axis in "xyz":
+                std = other[f"covariance_{axis * 2}"] ** 0.5
+                assert one[f"point_{axis}"] == pytest.approx(other[f"point_{axis}"], abs=std + 1e-4)
+
+
+@pytest.mark.slow
+def test_results_do_not_depend_on_the_workers_and_are_not_made_twice(tmp_path: Path, scene: Path) -> None:
+    data = _dataset(tmp_path / "data")
+    one = analyze_fleet((data,), scene, tmp_path / "one")
+    assert one.skipped == 1
+    assert "two.parquet" in one.problems[0]
+    assert [(robot.robot, robot.recordings, robot.contacts) for robot in one.robots] == [
+        ("a", 2, 16),
+        ("b", 1, 8),
+    ]
+    parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "one" / "parts").rglob("*.json")}
+    assert len(parts) == 4
+    next(iter(parts)).unlink()
+    again = analyze_fleet((data,), scene, tmp_path / "one")
+    assert again.contacts.equals(one.contacts)
+    unchanged = [path for path, stamp in parts.items() if path.stat().st_mtime_ns == stamp]
+    assert len(unchanged) == 3
+    written = pa_parquet.read_table(tmp_path / "one" / "contacts")
+    assert written.num_rows == 24
+    assert set(written["robot"].to_pylist()) == {"a", "b"}
+
+
+@pytest.mark.slow
+def test_worker_processes_give_what_one_gives(tmp_path: Path, scene: Path) -> None:
+    data = _dataset(tmp_path / "data")
+    one = analyze_fleet((data,), scene, tmp_path / "one")
+    two = analyze_fleet((data,), scene, tmp_path / "two", workers=2)
+    assert two.contacts.equals(one.contacts)
+
+
+@pytest.mark.slow
+def test_two_of_four_workers_may_be_killed(tmp_path: Path) -> None:
+    tasks = [(i, tmp_path) for i in range(24)]
+    killed: set[int] = set()
+    results = {}
+    for task, result in run_tasks(_work, tasks, workers=4):
+        results[task[0]] = result
+        for path in sorted(tmp_path.iterdir()):
+            pid = int(path.name.rsplit("-", 1)[1])
+            if len(killed) < 2 and pid not in killed:
+                killed.add(pid)
+                os.kill(pid, signal.SIGKILL)
+    assert len(killed) == 2
+    assert results == {i: i * i for i in range(24)}
+
+
+def _kill_oneself(task: int) -> int:
+    if task == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return task
+
+
+@pytest.mark.slow
+def test_a_task_that_kills_its_workers_is_given_up_and_the_others_are_done() -> None:
+    results = dict(run_tasks(_kill_oneself, [0, 1, 2, 3], workers=2))
+    assert isinstance(results.pop(1), WorkerPoolError)
+    assert results == {0: 0, 2: 2, 3: 3}
+
+
+@pytest.mark.slow
+def test_an_error_is_a_result(tmp_path: Path) -> None:
+    tasks = [(-1, tmp_path), (2, tmp_path)]
+    for workers in (1, 2):
+        results = {task[0]: result for task, result in run_tasks(_work, tasks, workers)}
+        assert isinstance(results[-1], ValueError)
+        assert results[2] == 4
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_does_the_same(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, host="127.0.0.1", dashboard_address=None,
+        scheduler_port=0, protocol="tcp",
+    ) as cluster:  # fmt: skip
+        tasks = [(i, tmp_path) for i in range(4)]
+        results = {task[0]: r for task, r in run_tasks(_work, tasks, scheduler=cluster.scheduler_address)}
+    assert results == {i: i * i for i in range(4)}
+
+
+@pytest.mark.slow
+def test_the_command_reports_what_was_skipped(tmp_path: Path, scene: Path) -> None:
+    data = _dataset(tmp_path / "data")
+    result = CliRunner().invoke(
+        analyze, [str(data), "--scene", str(scene), "--out", str(tmp_path / "out"), "--json"]
+    )
+    assert result.exit_code == 1
+    found = json.loads(result.stdout)
+    assert [robot["robot"] for robot in found["robots"]] == ["a", "b"]
+    assert found["contacts"] == 24
+    assert not any(robot["needs_calibration"] for robot in found["robots"])
+    text = (tmp_path / "out" / "fleet.html").read_text()
+    assert "http" not in text
+    assert (tmp_path / "out" / "fleet.md").read_text().startswith("# Contacts of a fleet")

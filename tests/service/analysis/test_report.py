@@ -1,0 +1,96 @@
+"""The report: everything in one file, and the same numbers in all forms."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from contactsense.service.cli.analyze import analyze
+from tests.service.analysis.recordings import demo, write_motion
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recording, scene, limits, and the results of the command in `out`."""
+    folder = tmp_path_factory.mktemp("report")
+    write_motion(demo(), folder / "demo.parquet", last=4500)
+    (folder / "scene.yaml").write_text("robot: ur5e\n")
+    (folder / "limits.yaml").write_text(
+        yaml.safe_dump(
+            {
+                "provenance": "measured <by> us",
+                "regions": [{"name": "hand", "quasi_static": 22.0, "transient": 900.0}],
+            }
+        )
+    )
+    result = CliRunner().invoke(
+        analyze,
+        [
+            str(folder / "demo.parquet"), "--scene", str(folder / "scene.yaml"), "--out", str(folder / "out"),
+            "--limits", str(folder / "limits.yaml"), "--estimates", "--json",
+        ],
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    (folder / "result.json").write_text(result.stdout)
+    return folder
+
+
+def test_all_files_are_written(folder: Path) -> None:
+    assert sorted(path.name for path in (folder / "out").iterdir()) == [
+        "contacts.csv", "contacts.parquet", "estimates.parquet", "report.html", "report.md",
+    ]  # fmt: skip
+
+
+def test_the_report_needs_nothing_from_elsewhere(folder: Path) -> None:
+    text = (folder / "out" / "report.html").read_text()
+    assert not re.findall(r"""(?:src|href)\s*=|url\(|@import|https?://""", text)
+    assert "measured &lt;by&gt; us" in text
+    assert "no conformity test" in text
+
+
+def test_every_contact_has_its_drawing(folder: Path) -> None:
+    text = (folder / "out" / "report.html").read_text()
+    data = json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', text, re.DOTALL).group(1))  # type: ignore[union-attr]
+    contacts = json.loads((folder / "result.json").read_text())[0]["contacts"]
+    assert [contact["link"] for contact in contacts] == ["forearm", "upper_arm", "wrist_1"]
+    assert list(data["views"]) == [str(contact["contact"]) for contact in contacts]
+    assert len(data["geometry"]) == 7
+    for contact in contacts:
+        view = data["views"][str(contact["contact"])]
+        expected = [1e3 * contact[f"point_base_{a}"] for a in "xyz"]
+        assert view["point"] == pytest.approx(expected, abs=0.01)
+        assert f'data-contact="{contact["contact"]}"' in text
+        assert len(view["region"]) == 3 * 32
+
+
+def test_the_markdown_says_the_same(folder: Path) -> None:
+    text = (folder / "out" / "report.md").read_text()
+    for contact in json.loads((folder / "result.json").read_text())[0]["contacts"]:
+        assert f"| {contact['contact']} | {contact['begin']:.3f} | {contact['link']} |" in text
+        assert f"{contact['peak_force']:.1f} N" in text
+    assert "above your limits: hand: " in text
+    assert "no conformity test" in text
+
+
+def test_a_broken_file_is_reported_and_the_others_are_analysed(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "broken.parquet").write_bytes(b"nothing")
+    scene = str(folder / "scene.yaml")
+    files = [str(tmp_path / "broken.parquet"), str(folder / "demo.parquet")]
+    result = CliRunner().invoke(analyze, [*files, "--scene", scene, "--out", str(tmp_path / "out")])
+    assert result.exit_code == 1
+    assert "broken.parquet: cannot read the recording" in result.stderr
+    assert (tmp_path / "out" / "demo" / "report.html").exists()
+    alone = CliRunner().invoke(analyze, [files[0], "--scene", scene, "--out", str(tmp_path / "out")])
+    assert alone.exit_code == 1
+
+
+def test_files_of_one_name_are_refused(folder: Path, tmp_path: Path) -> None:
+    files = [str(folder / "demo.parquet"), str(tmp_path / "demo.csv")]
+    result = CliRunner().invoke(
+        analyze, [*files, "--scene", str(folder / "scene.yaml"), "--out", str(tmp_path)]
+    )
+    assert result.exit_code == 2
+    assert "expected distinct file names" in result.stderr

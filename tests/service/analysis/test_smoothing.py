@@ -1,0 +1,85 @@
+"""The second look: windows without the low-pass, places within their covariance, slides followed."""
+
+import numpy as np
+import pytest
+
+from contactsense import Localizer, SampleBlock, Scene
+from contactsense.runtime.result_rows import POINT_BASE
+from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.contact_windows import contact_windows
+from contactsense.service.analysis.smoothing import ContactSmoother
+from contactsense.service.analysis.summarize import Summarizer
+from tests.service.analysis.recordings import demo
+
+SCENE = Scene(robot="ur5e")
+
+
+@pytest.fixture(scope="module")
+def histories() -> list[ContactHistory]:
+    motion = demo()
+    block = SampleBlock(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench)
+    collector, found, at = ContactCollector(), [], 0
+    for part in Localizer(SCENE).run_blocks([block]):
+        rows = np.arange(at, at + len(part))
+        found += collector.add(rows, block[at : at + len(part)], part)
+        at += len(part)
+    return found + list(collector.end())
+
+
+def test_windows_hold_the_true_mean_force_also_where_it_changes(histories: list[ContactHistory]) -> None:
+    motion = demo()
+    for history, touch in zip(histories, motion.touches, strict=True):
+        windows = contact_windows(history, SCENE.bandwidth)
+        assert windows is not None
+        length = windows.samples / motion.rate
+        for w in range(len(windows.t)):
+            first = round((windows.t[w] - length[w] / 2) * motion.rate) - touch.first
+            last = first + int(windows.samples[w]) + 1
+            if first < 0 or last > len(touch.force_base):
+                continue
+            true = np.trapezoid(touch.force_base[first:last], axis=0) / windows.samples[w]
+            assert SCENE.base_wrench is not None
+            noise = SCENE.base_wrench.force_noise / np.sqrt(windows.samples[w])
+            # What the bias filter does not know is a few times the noise of a window.
+            np.testing.assert_allclose(windows.base_wrench[w, :3], true, atol=6.0 * noise + 0.1)
+
+
+def test_places_lie_within_their_covariance(histories: list[ContactHistory]) -> None:
+    smoother, inside = ContactSmoother(SCENE), []
+    for history, touch in zip(histories, demo().touches, strict=True):
+        found = smoother.smooth(history)
+        assert found is not None
+        assert found.best.link == touch.link_index
+        assert found.probability.sum() == pytest.approx(1.0)
+        point, normal, covariance = found.at(0.5 * (touch.start + touch.stop))
+        error = point - touch.point_link
+        assert np.linalg.norm(error) < 0.01
+        assert np.linalg.norm(normal) == pytest.approx(1.0)
+        inside.append(error @ np.linalg.solve(covariance, error) < 16.3)  # 99.9 % of three dimensions
+    assert np.mean(inside) > 0.7
+
+
+def test_looking_again_is_no_worse_than_the_last_live_answer(histories: list[ContactHistory]) -> None:
+    smoother, frames = ContactSmoother(SCENE), Summarizer(SCENE)
+    live, smoothed = [], []
+    for history, touch in zip(histories, demo().touches, strict=True):
+        found = smoother.smooth(history)
+        assert found is not None
+        k = int(np.searchsorted(history.t[history.sample], touch.stop - 0.15))
+        at = int(history.row[history.sample[k]]) - touch.first
+        live.append(np.linalg.norm(history.rows[k, POINT_BASE] - touch.point_base[at]))
+        origin, rotation = frames.link_pose(history.block.q[history.sample[k]], found.best.link)
+        point, _, _ = found.at(float(history.t[history.sample[k]]))
+        smoothed.append(np.linalg.norm(origin + rotation @ point - touch.point_base[at]))
+    assert np.median(smoothed) <= 1.1 * np.median(live)
+
+
+def test_a_contact_of_a_few_samples_keeps_its_live_answer(histories: list[ContactHistory]) -> None:
+    motion = demo()
+    block = SampleBlock(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench)
+    short = block[: histories[0].row[0] + 3]
+    collector = ContactCollector()
+    (part,) = Localizer(SCENE).run_blocks([short])
+    list(collector.add(np.arange(len(short)), short, part))
+    (history,) = collector.end()
+    assert ContactSmoother(SCENE).smooth(history) is None

@@ -1,0 +1,324 @@
+"""Closed doors: token, Host, Origin, sizes, times, rates, connections."""
+
+import json
+import socket
+import ssl
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+import uvicorn
+from fastapi import FastAPI
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
+
+from contactsense.service.api.app import create_app
+from contactsense.service.api.connections import ConnectionLimits, http_protocol, websocket_protocol
+from contactsense.service.api.settings import Settings, SettingsError
+from tests.service import fakes
+from tests.service.loopback import until
+
+TOKEN = "a token of more than sixteen characters"
+
+
+@contextmanager
+def guarded(app: FastAPI, **limits: float) -> Iterator[str]:
+    """A server with limits on its connections; yields `127.0.0.1:port`."""
+    chosen: ConnectionLimits = app.state.service.connections
+    for name, value in limits.items():
+        setattr(chosen, name, value)
+    listener = socket.create_server(("127.0.0.1", 0))
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384)
+    config = uvicorn.Config(
+        app, http=http_protocol(chosen), ws=websocket_protocol(chosen), log_level="error", lifespan="off"
+    )
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, args=([listener],))
+    thread.start()
+    try:
+        assert until(lambda: server.started)
+        yield f"127.0.0.1:{listener.getsockname()[1]}"
+    finally:
+        server.should_exit = True
+        thread.join()
+        listener.close()
+
+
+def app(**settings: object) -> FastAPI:
+    return create_app(Settings.checked(settings), fakes.Mute if settings.pop("robot_host", None) else None)
+
+
+@pytest.fixture(scope="module")
+def locked() -> Iterator[str]:
+    with guarded(app(token=TOKEN, allowed_hosts="robot.cell", allowed_origins="https://panel.cell")) as place:
+        yield place
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 401),
+        ({"Authorization": "Bearer wrong"}, 401),
+        ({"Authorization": f"Basic {TOKEN}"}, 401),
+        ({"Authorization": f"Bearer {TOKEN}"}, 200),
+        ({"Authorization": f"bearer {TOKEN}"}, 200),
+        ({"Authorization": f"Bearer {TOKEN}", "Host": "robot.cell:8000"}, 200),
+        ({"Authorization": f"Bearer {TOKEN}", "Host": "evil.example"}, 400),
+        ({"Authorization": f"Bearer {TOKEN}", "Host": "[half"}, 400),
+        ({"Authorization": f"Bearer {TOKEN}", "Origin": "https://evil.example"}, 403),
+        ({"Authorization": f"Bearer {TOKEN}", "Origin": "null"}, 403),
+        ({"Authorization": f"Bearer {TOKEN}", "Origin": "https://panel.cell"}, 200),
+    ],
+)
+def test_who_may_ask(locked: str, headers: dict[str, str], status: int) -> None:
+    answer = httpx.get(f"http://{locked}/v1/health", headers=headers)
+    assert answer.status_code == status
+    if status == 401:
+        assert answer.headers["www-authenticate"] == "Bearer"
+    if status != 200:
+        (error,) = answer.json()["errors"]
+        assert error["reason"]
+
+
+def test_a_page_of_the_service_itself_is_no_stranger(locked: str) -> None:
+    headers = {"Authorization": f"Bearer {TOKEN}", "Origin": f"http://{locked}"}
+    assert httpx.get(f"http://{locked}/v1/robot", headers=headers).status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/v1/ready", "/docs", "/openapi.json", "/docs/assets/swagger-ui.css"])
+def test_what_needs_no_token(locked: str, path: str) -> None:
+    assert httpx.get(f"http://{locked}{path}").status_code == 200
+
+
+def test_the_description_needs_no_internet(locked: str) -> None:
+    page = httpx.get(f"http://{locked}/docs").text
+    assert "//cdn" not in page
+    assert "/docs/assets/swagger-ui-bundle.js" in page
+    assert "/v1/stream" in httpx.get(f"http://{locked}/openapi.json").json()["info"]["description"]
+
+
+def test_a_websocket_brings_its_token_as_it_can(locked: str) -> None:
+    place = f"ws://{locked}/v1/stream"
+    bearer = {"Authorization": f"Bearer {TOKEN}"}
+    with connect(place, additional_headers=bearer, close_timeout=0.2):
+        pass
+    with connect(f"{place}?token={TOKEN.replace(' ', '%20')}", close_timeout=0.2):
+        pass
+    plain = "one-token-without-blanks"
+    with (
+        guarded(app(token=plain)) as other,
+        connect(
+            f"ws://{other}/v1/stream",
+            subprotocols=[Subprotocol("contactsense"), Subprotocol(f"bearer.{plain}")],
+            close_timeout=0.2,
+        ) as stream,
+    ):
+        assert stream.subprotocol == "contactsense"
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [({}, 401), ({"Authorization": f"Bearer {TOKEN}", "Origin": "https://evil.example"}, 403)],
+)
+def test_a_websocket_that_may_not_come_in(locked: str, headers: dict[str, str], status: int) -> None:
+    with (
+        pytest.raises(InvalidStatus) as refused,
+        connect(f"ws://{locked}/v1/stream", additional_headers=headers),
+    ):
+        pass
+    assert refused.value.response.status_code == status
+
+
+def test_a_method_that_is_not_allowed_names_those_that_are(locked: str) -> None:
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    answer = httpx.put(f"http://{locked}/v1/locate", headers=headers)
+    assert (answer.status_code, answer.headers["allow"]) == (405, "POST")
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"host": "0.0.0.0"}, "expected a token"),
+        ({"host": "0.0.0.0", "token": TOKEN}, "--insecure-no-tls"),
+        ({"host": "192.0.2.1", "token": TOKEN, "tls_key": "k"}, "both tls_certificate and tls_key"),
+    ],
+)
+def test_other_computers_only_with_token_and_tls(settings: dict[str, object], complaint: str) -> None:
+    with pytest.raises(SettingsError, match=complaint):
+        Settings.checked(settings).check_exposure()
+
+
+def test_other_computers_with_all_that_is_needed(tmp_path: Path) -> None:
+    Settings.checked({"host": "0.0.0.0", "token": TOKEN, "insecure_no_tls": True}).check_exposure()
+    Settings.checked({"host": "::1"}).check_exposure()
+    path = tmp_path / "token"
+    path.write_text(f"{TOKEN}\n")
+    settings = Settings.checked(
+        {"host": "0.0.0.0", "token_file": path, "tls_certificate": "c", "tls_key": "k"}
+    )
+    settings.check_exposure()
+    assert settings.access_rules().token == TOKEN
+    path.write_text("short")
+    with pytest.raises(SettingsError, match="at least 16 characters"):
+        settings.access_rules()
+    path.unlink()
+    with pytest.raises(SettingsError, match="cannot be read"):
+        settings.access_rules()
+
+
+def test_a_body_too_large_is_refused_before_it_is_read() -> None:
+    with guarded(app(max_body=1000)) as place:
+        large = b" " * 300_000
+        answer = httpx.post(f"http://{place}/v1/locate", content=large)
+        assert answer.status_code == 413
+        assert "at most 1000 bytes" in answer.json()["errors"][0]["reason"]
+        pieces = (large[:10_000] for _ in range(30))
+        assert httpx.post(f"http://{place}/v1/locate", content=pieces).status_code == 413
+        health = httpx.get(f"http://{place}/v1/health").json()
+        assert health["clients"]["beyond_limits"]["413"] == 2
+
+
+def answer_to(place: str, request: bytes) -> bytes:
+    """What comes back until the other side closes."""
+    host, port = place.split(":")
+    with socket.create_connection((host, int(port)), 10.0) as connection:
+        connection.sendall(request)
+        received = b""
+        while chunk := connection.recv(4096):
+            received += chunk
+    return received
+
+
+def test_half_requests_lock_nobody_out() -> None:
+    with guarded(app(), connections=5, head_time=0.5) as place:
+        host, port = place.split(":")
+        half = [socket.create_connection((host, int(port))) for _ in range(4)]
+        for connection in half:
+            connection.sendall(b"GET /v1/health HTTP/1.1\r\nHost: localhost\r\n")
+        assert httpx.get(f"http://{place}/v1/health").status_code == 200
+        late = [connection.recv(4096) for connection in half]
+        for connection in half:
+            connection.close()
+        assert all(answer.startswith(b"HTTP/1.1 408") for answer in late)
+        assert httpx.get(f"http://{place}/v1/health").json()["clients"]["late"] == 4
+
+
+def test_too_many_connections_are_refused() -> None:
+    service = app()
+    with guarded(service, connections=3, head_time=30.0) as place:
+        host, port = place.split(":")
+        open_ones = [socket.create_connection((host, int(port))) for _ in range(3)]
+        assert until(lambda: service.state.service.connections.opened == 3)
+        request = b"GET /v1/health HTTP/1.1\r\nHost: localhost\r\n\r\n"
+        assert answer_to(place, request).startswith(b"HTTP/1.1 503")
+        for connection in open_ones:
+            connection.close()
+        assert until(lambda: httpx.get(f"http://{place}/v1/health").status_code == 200)
+        assert httpx.get(f"http://{place}/v1/health").json()["clients"]["refused"] >= 1
+
+
+def test_a_head_too_large_is_refused() -> None:
+    with guarded(app(), head_size=2000) as place:
+        received = answer_to(place, b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"a" * 3000)
+    assert received.startswith(b"HTTP/1.1 431")
+
+
+def test_a_body_that_does_not_arrive_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    service = app()
+    object.__setattr__(service.state.service.limits, "body_time", 0.3)
+    with guarded(service) as place:
+        received = answer_to(
+            place, b"POST /v1/locate HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100\r\n\r\n{"
+        )
+    assert received.startswith(b"HTTP/1.1 408")
+
+
+def test_too_many_requests_are_refused() -> None:
+    with guarded(app(max_request_rate=5.0)) as place, httpx.Client(base_url=f"http://{place}") as client:
+        answers = [client.get("/v1/robot") for _ in range(30)]
+    statuses = {answer.status_code for answer in answers}
+    assert statuses == {200, 429}
+    refused = next(answer for answer in answers if answer.status_code == 429)
+    assert refused.headers["retry-after"] == "1"
+
+
+def test_a_reader_that_takes_nothing_is_dropped() -> None:
+    service = app()
+    with guarded(service, reader_time=0.5) as place:
+        host, port = place.split(":")
+        narrow = socket.socket()
+        narrow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        narrow.connect((host, int(port)))
+        with connect(f"ws://{place}/v1/stream", sock=narrow, max_queue=1, close_timeout=0.2):
+            hub = service.state.service.hub
+            assert until(lambda: hub.readers == 1)
+            feeding = True
+
+            def feed() -> None:
+                count = 0
+                while feeding:
+                    hub.publish(0.002 * count, b"x" * 100_000)
+                    count += 1
+                    threading.Event().wait(0.01)
+
+            thread = threading.Thread(target=feed)
+            thread.start()
+            try:
+                assert until(lambda: hub.readers == 0, 30.0)
+            finally:
+                feeding = False
+                thread.join()
+            assert service.state.service.connections.dropped == 1
+
+
+def test_tls(tmp_path: Path) -> None:
+    certificate, key = tmp_path / "cert.pem", tmp_path / "key.pem"
+    made = subprocess.run(
+        [
+            *(
+                "openssl",
+                "req",
+                "-x509",
+                "-newkey",
+                "rsa:2048",
+                "-nodes",
+                "-days",
+                "2",
+                "-subj",
+                "/CN=localhost",
+            ),
+            *("-addext", "subjectAltName=IP:127.0.0.1", "-keyout", str(key), "-out", str(certificate)),
+        ],
+        check=False,
+        capture_output=True,
+    )
+    if made.returncode != 0:
+        pytest.skip("openssl is not at hand, or too old")
+    service = app()
+    limits = service.state.service.connections
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        config = uvicorn.Config(
+            service,
+            http=http_protocol(limits),
+            ws=websocket_protocol(limits),
+            log_level="error",
+            lifespan="off",
+            ssl_certfile=certificate,
+            ssl_keyfile=key,
+        )
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=server.run, args=([listener],))
+        thread.start()
+        try:
+            assert until(lambda: server.started)
+            trusted = ssl.create_default_context(cafile=str(certificate))
+            place = f"https://127.0.0.1:{listener.getsockname()[1]}/v1/health"
+            assert json.loads(httpx.get(place, verify=trusted).text)["status"] == "idle"
+        finally:
+            server.should_exit = True
+            thread.join()

@@ -1,0 +1,208 @@
+"""The service as its users meet it: a real server, a real client."""
+
+import json
+import socket
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+
+import httpx
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosedError
+from websockets.sync.client import connect
+
+from contactsense import robots
+from contactsense.service.api.app import create_app
+from contactsense.service.api.messages import EstimateOut
+from contactsense.service.api.settings import Settings
+from contactsense.service.mock.newton_euler import inverse_dynamics
+from tests.service import fakes
+from tests.service.serving import serving
+
+ZERO6 = [0.0] * 6
+POSTURE = [0.0, -1.3, 1.6, -1.9, -1.57, 0.0]
+
+
+@pytest.fixture(scope="module")
+def idle() -> Iterator[httpx.Client]:
+    """A service without a robot."""
+    with (
+        serving(create_app(Settings())) as place,
+        httpx.Client(base_url=f"http://{place}", timeout=280) as client,
+    ):
+        yield client
+
+
+@pytest.fixture(scope="module")
+def steady() -> Iterator[str]:
+    """A service whose robot is pushed at its forearm all the time; yields host and port."""
+    with serving(create_app(Settings(), fakes.Steady)) as place:
+        deadline = time.monotonic() + 280  # kernels may have to be compiled
+        while httpx.get(f"http://{place}/v1/health").json()["status"] != "ok":
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        yield place
+
+
+def test_health_without_a_robot(idle: httpx.Client) -> None:
+    health = idle.get("/v1/health").json()
+    assert health["status"] == "idle"
+    assert "POST /v1/locate" in health["message"]
+
+
+def test_robot_and_scene(idle: httpx.Client) -> None:
+    robot = idle.get("/v1/robot").json()
+    assert robot["name"] == "ur5e"
+    assert robot["mass"] == pytest.approx(21.7)
+    assert len(robot["links"]) == len(robot["joints"]) + 1
+    scene = idle.get("/v1/scene").json()
+    assert scene["links"] == [link["name"] for link in robot["links"]]
+    assert scene["gravity_base"] == [0.0, 0.0, -9.81]
+    assert scene["scene"]["robot"] == "ur5e"
+
+
+def test_no_estimate_without_a_robot(idle: httpx.Client) -> None:
+    answer = idle.get("/v1/contacts")
+    assert answer.status_code == 503
+    assert "no robot was named" in answer.json()["errors"][0]["reason"]
+
+
+def test_locate_one(idle: httpx.Client) -> None:
+    sample = {"q": POSTURE, "base_wrench": [0.0, 0.0, -30.0, 0.0, 6.0, 0.0]}
+    answer = idle.post("/v1/locate", json=sample)
+    assert answer.status_code == 200
+    estimate = EstimateOut.model_validate(answer.json())
+    assert estimate.status in ("contact", "ambiguous")
+
+
+def test_locate_many(idle: httpx.Client) -> None:
+    samples = [
+        {"q": POSTURE, "base_wrench": ZERO6},
+        {"q": POSTURE, "joint_torque": [0.0, 40.0, 20.0, 0.0, 0.0, 0.0]},
+    ]
+    answer = idle.post("/v1/locate", json={"samples": samples})
+    assert answer.status_code == 200
+    first, second = (EstimateOut.model_validate(item) for item in answer.json()["estimates"])
+    assert first.status == "none"
+    assert second.status != "none"
+
+
+def test_locate_takes_the_weight_off_on_request(idle: httpx.Client) -> None:
+    still = np.zeros((1, 6))
+    torque, wrench = inverse_dynamics(robots.load("ur5e"), np.array([POSTURE]), still, still)
+    sample = {"q": POSTURE, "base_wrench": wrench[0].tolist(), "joint_torque": torque[0].tolist()}
+    assert idle.post("/v1/locate", json={**sample, "external": False}).json()["status"] == "none"
+    assert idle.post("/v1/locate", json={**sample, "external": True}).json()["status"] != "none"
+
+
+GOOD = {"q": POSTURE, "base_wrench": ZERO6}
+
+
+@pytest.mark.parametrize(
+    ("body", "field", "reason"),
+    [
+        (json.dumps(GOOD).replace("-1.3", "NaN"), "q[1]", "finite number, got nan"),
+        (json.dumps(GOOD).replace("-1.3", "-Infinity"), "q[1]", "finite number, got -inf"),
+        (json.dumps(GOOD).replace("-1.3", "1e999"), "q[1]", "finite number, got inf"),
+        (json.dumps(GOOD).replace("-1.3", '"-1.3"'), "q[1]", "number, got '-1.3'"),
+        (json.dumps(GOOD).replace("-1.3, ", ""), "q", "expected 6 numbers, one per joint of ur5e, got 5"),
+        (json.dumps({**GOOD, "base_wrench": [0.0]}), "base_wrench", "at least 6 items"),
+        (json.dumps({**GOOD, "joint_torque": [0.0]}), "joint_torque", "expected 6 numbers"),
+        (json.dumps({**GOOD, "torque": 1}), "torque", "not permitted"),
+        (json.dumps({**GOOD, "external": "no"}), "external", "boolean"),
+        (json.dumps({**GOOD, "wrist_wrench": ZERO6}), "wrist_wrench", "the scene has no such sensor"),
+        (json.dumps({"q": POSTURE}), "base_wrench", "got neither"),
+        (json.dumps({"base_wrench": ZERO6}), "q", "required"),
+        (json.dumps({"samples": []}), "samples", "at least 1 item"),
+        (json.dumps({"samples": [GOOD, {**GOOD, "q": [0.0]}]}), "samples[1].q", "expected 6 numbers"),
+        (json.dumps({"samples": [GOOD, {**GOOD, "q": None}]}), "samples[1].q", "list"),
+        (json.dumps({**GOOD, "\ud800": 1}), "", "unicode"),
+        (json.dumps({**GOOD, "q": "\ud800"}), "q", "list"),
+        ("{", "", "not JSON"),
+        ("[]", "", "dictionary"),
+        ("", "", "required"),
+    ],
+)
+def test_bad_input_is_named(idle: httpx.Client, body: str, field: str, reason: str) -> None:
+    answer = idle.post("/v1/locate", content=body, headers={"content-type": "application/json"})
+    assert answer.status_code == 422
+    (error,) = answer.json()["errors"]
+    assert error["field"] == field
+    assert reason in error["reason"]
+
+
+def test_other_errors_have_the_same_form(idle: httpx.Client) -> None:
+    assert idle.get("/v1/nothing").json() == {"errors": [{"field": "", "reason": "Not Found"}]}
+    assert idle.get("/v1/locate").status_code == 405
+
+
+def test_the_interface_tells_units_and_frames(idle: httpx.Client) -> None:
+    schemas = idle.get("/openapi.json").json()["components"]["schemas"]
+    for name in ("SampleIn", "LocateOneIn", "ContactOut", "EstimateOut"):
+        for field, description in schemas[name]["properties"].items():
+            assert description.get("description"), f"{name}.{field}"
+    assert "base frame [m]" in schemas["ContactOut"]["properties"]["point_base"]["description"]
+
+
+def test_the_latest_estimate(steady: str) -> None:
+    answer = httpx.get(f"http://{steady}/v1/contacts")
+    assert answer.status_code == 200
+    estimate = EstimateOut.model_validate(answer.json())
+    assert estimate.status in ("contact", "ambiguous")
+    assert len(estimate.link_probability) == 7
+
+
+def test_the_stream(steady: str) -> None:
+    with connect(f"ws://{steady}/v1/stream") as stream:
+        estimates = [EstimateOut.model_validate_json(stream.recv(timeout=10)) for _ in range(100)]
+    steps = [b.t - a.t for a, b in pairwise(estimates)]
+    assert all(step == pytest.approx(0.002) for step in steps)
+
+
+def test_the_stream_thinned_out(steady: str) -> None:
+    with connect(f"ws://{steady}/v1/stream?every=10") as stream:
+        times = [json.loads(stream.recv(timeout=10))["t"] for _ in range(5)]
+    assert times[4] - times[0] == pytest.approx(0.08)
+    with connect(f"ws://{steady}/v1/stream?rate=20") as stream:
+        times = [json.loads(stream.recv(timeout=10))["t"] for _ in range(5)]
+    assert times[4] - times[0] == pytest.approx(0.2, abs=0.01)
+
+
+def test_readers_are_counted(steady: str) -> None:
+    with connect(f"ws://{steady}/v1/stream", close_timeout=0.5) as stream:
+        stream.recv(timeout=10)
+        readers = httpx.get(f"http://{steady}/v1/health").json()["stream"]["readers"]
+        assert readers >= 1
+
+
+def test_a_reader_that_is_too_slow_is_told(steady: str) -> None:
+    # A reader that takes nothing: its own buffers, the server's, then the hub's queue fill up.
+    host, port = steady.split(":")
+    narrow = socket.socket()
+    narrow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    narrow.connect((host, int(port)))
+    with connect(f"ws://{steady}/v1/stream", sock=narrow, max_queue=1, close_timeout=0.5) as stream:
+        stream.recv(timeout=10)
+        deadline = time.monotonic() + 60
+        while httpx.get(f"http://{steady}/v1/health").json()["stream"]["lost"] < 10:
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        while "lost" not in (message := json.loads(stream.recv(timeout=10))):
+            pass
+        assert message["lost"] >= 1
+        assert "t" in json.loads(stream.recv(timeout=10))
+
+
+@pytest.mark.parametrize(
+    ("query", "field"),
+    [("every=0", "every"), ("rate=nan", "rate"), ("rate=5e-324", "rate"), ("every=" + "ä" * 99, "every")],
+)
+def test_a_stream_asked_for_wrongly(steady: str, query: str, field: str) -> None:
+    with connect(f"ws://{steady}/v1/stream?{query}") as stream:
+        (error,) = json.loads(stream.recv(timeout=10))["errors"]
+        assert error["field"] == field
+        with pytest.raises(ConnectionClosedError, match=field) as closed:
+            stream.recv(timeout=10)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 1008

@@ -1,0 +1,134 @@
+"""Readiness, metrics, reload, logs."""
+
+import asyncio
+import json
+import logging
+import logging.handlers
+from pathlib import Path
+
+import httpx
+import pytest
+
+from contactsense.service import logs
+from contactsense.service.api.app import create_app
+from contactsense.service.api.settings import Settings, SettingsError
+from tests.service import fakes
+from tests.service.serving import serving
+
+
+def test_a_service_without_a_robot_is_ready() -> None:
+    with serving(create_app(Settings())) as place:
+        answer = httpx.get(f"http://{place}/v1/ready")
+        assert answer.status_code == 200
+        assert answer.json()["ready"] is True
+
+
+def test_a_service_without_estimates_is_not_ready() -> None:
+    with serving(create_app(Settings(), fakes.Mute)) as place:
+        answer = httpx.get(f"http://{place}/v1/ready")
+        assert answer.status_code == 503
+        assert answer.json()["ready"] is False
+        assert answer.json()["reasons"]
+        health = httpx.get(f"http://{place}/v1/health")
+        assert health.status_code == 200
+        assert health.json()["ready"] is False
+        assert "; ".join(health.json()["reasons"]) == health.json()["message"]
+
+
+def test_metrics_are_prometheus_text() -> None:
+    with serving(create_app(Settings())) as place:
+        answer = httpx.get(f"http://{place}/metrics")
+    assert answer.headers["content-type"].startswith("text/plain")
+    lines = answer.text.splitlines()
+    assert 'contactsense_status{status="idle"} 1.0' in lines
+    assert "contactsense_ready 1.0" in lines
+    assert "contactsense_pipeline_restarts_total 0.0" in lines
+
+
+def test_steps_become_a_histogram() -> None:
+    service = create_app(Settings()).state.service
+    service.runner.pipeline.step_counts = [1, 2, 0, 0, 0, 0, 0, 0, 0, 0, 4]
+    service.runner.pipeline.step_sum = 0.5
+    lines = service.metrics.text().decode().splitlines()
+    assert 'contactsense_step_seconds_bucket{le="5e-05"} 3.0' in lines
+    assert 'contactsense_step_seconds_bucket{le="+Inf"} 7.0' in lines
+    assert "contactsense_step_seconds_sum 0.5" in lines
+
+
+def test_a_reload_takes_a_good_scene_and_leaves_a_bad_one(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text("robot: ur5e\n")
+    service = create_app(Settings(scene=path)).state.service
+
+    async def reload() -> None:
+        await service.reload()
+
+    path.write_text("robot: ur10e\n")
+    asyncio.run(reload())
+    assert service.reloaded.ok
+    assert service.scene.robot.name == "ur10e"
+    path.write_text("robot: none-such\n")
+    asyncio.run(reload())
+    assert not service.reloaded.ok
+    assert "none-such" in service.reloaded.message
+    assert service.scene.robot.name == "ur10e"
+    assert service.health().reload == service.reloaded
+
+
+def test_a_file_beside_the_scene_may_forbid_a_reload(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text("robot: ur5e\n")
+    service = create_app(Settings(scene=path)).state.service
+
+    def bad_rules(_: object) -> None:
+        raise SettingsError("reactions.yaml: levels: expected a number")
+
+    service.reload_checks.append(bad_rules)
+    path.write_text("robot: ur10e\n")
+    asyncio.run(service.reload())
+    assert service.scene.robot.name == "ur5e"
+    assert "reactions.yaml" in service.reloaded.message
+
+
+@pytest.fixture
+def _restored() -> object:
+    root = logging.getLogger()
+    level, handlers = root.level, root.handlers[:]
+    yield
+    for handler in root.handlers:
+        if handler not in handlers:
+            handler.close()
+    root.level, root.handlers[:] = level, handlers
+
+
+@pytest.mark.usefixtures("_restored")
+def test_the_log_as_json_in_a_file_of_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(logs, "FILE_SIZE", 2000)
+    path = tmp_path / "log"
+    logs.configure("warning", "json", path)
+    log = logging.getLogger("contactsense")
+    log.info("not worth it")
+    for _ in range(100):
+        log.warning("again %d", 1)
+    try:
+        raise ValueError("broken")
+    except ValueError:
+        log.exception("with a traceback")
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["message"] for line in lines if line["level"] == "warning"].count("again 1") <= 20
+    assert "ValueError: broken" in lines[-1]["traceback"]
+    for kind in range(300):
+        exec(compile(f"\n{kind * chr(10)}log.warning('x' * 50)", "place", "exec"))
+    assert path.stat().st_size <= 2000
+    assert len(list(tmp_path.iterdir())) <= 1 + logs.FILES
+
+
+def test_what_was_left_out_is_counted() -> None:
+    flood = logs.FloodFilter()
+    record = logging.LogRecord("a", logging.WARNING, __file__, 1, "full %d", (3,), None)
+    passed = [flood.filter(record) for _ in range(50)]
+    assert sum(passed) == 20
+    later = logging.LogRecord("a", logging.WARNING, __file__, 1, "full %d", (3,), None)
+    later.created = record.created + 11.0
+    assert flood.filter(later)
+    assert later.getMessage() == "full 3 (30 more like this were left out)"

@@ -1,0 +1,69 @@
+"""Settings: where they come from and what they refuse."""
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from contactsense.service.api.settings import Settings, SettingsError
+
+
+def test_from_the_environment() -> None:
+    environment = {
+        "CONTACTSENSE_ROBOT": "ur10e",
+        "CONTACTSENSE_PORT": "0",
+        "CONTACTSENSE_FT_COUNTS": "1000000, 1000000",
+        "CONTACTSENSE_SHARED": "not ours",
+        "HOME": "/",
+    }
+    settings = Settings.from_environment(environment)
+    assert settings.robot == "ur10e"
+    assert settings.port == 0
+    assert settings.ft_counts == (1e6, 1e6)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "complaint"),
+    [
+        ("PORT", "70000", "port"),
+        ("ROBOT_CLIENT", "other", "robot_client.*'rtde' or 'ur_rtde'"),
+        ("FT_FIELDS", "a,b", "ft_fields"),
+    ],
+)
+def test_a_wrong_value_is_named(name: str, value: str, complaint: str) -> None:
+    with pytest.raises(SettingsError, match=complaint):
+        Settings.from_environment({f"CONTACTSENSE_{name}": value})
+
+
+def test_an_unknown_robot_is_told_the_names() -> None:
+    with pytest.raises(SettingsError, match=r"ur5 .*ur5e|ur5e"):
+        Settings(robot="ur5").load_scene()
+
+
+def test_a_missing_scene_file(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=r"none\.yaml"):
+        Settings(scene=tmp_path / "none.yaml").load_scene()
+
+
+def test_no_robot_no_source() -> None:
+    settings = Settings()
+    assert settings.open_source(settings.load_scene()) is None
+
+
+def test_a_base_sensor_must_be_somewhere() -> None:
+    settings = Settings(robot_host="192.0.2.1")
+    with pytest.raises(SettingsError, match=r"ft_host.*ft_fields.*neither"):
+        settings.open_source(settings.load_scene())
+
+
+def test_a_signal_that_the_client_cannot_read() -> None:
+    settings = Settings(robot_host="192.0.2.1", ft_host="192.0.2.2", robot_client="ur_rtde")
+    with pytest.raises(SettingsError, match=r"ur_rtde has no getter for actual_current_as_torque"):
+        settings.open_source(settings.load_scene())
+
+
+def test_the_maker_of_the_source_can_be_sent_to_another_process() -> None:
+    settings = Settings(robot_host="192.0.2.1", ft_host="192.0.2.2")
+    maker = settings.open_source(settings.load_scene())
+    assert maker is not None
+    assert pickle.loads(pickle.dumps(maker)).keywords == maker.keywords

@@ -1,0 +1,161 @@
+"""WS /v1/track with a real server and a real client."""
+
+import contextlib
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import httpx
+import msgpack
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from contactsense import Sample, Scene
+from contactsense.service.api.app import create_app
+from contactsense.service.api.messages import EstimateOut
+from contactsense.service.api.settings import Settings
+from contactsense.service.controllers.settings import ControllerSettings
+from tests.service import fakes
+from tests.service.serving import serving
+
+SLOW = 250  # a process that loads its kernels on a busy machine
+
+
+@pytest.fixture(scope="module")
+def pushed() -> Sample:
+    """What an arm that is pushed at its forearm measures."""
+    source = fakes.Steady(Scene(robot="ur5e"))
+    return source.poll(0.0)[0]
+
+
+@pytest.fixture(scope="module")
+def place() -> Iterator[str]:
+    with serving(create_app(Settings(controllers=ControllerSettings(tracks=1)))) as place:
+        yield place
+
+
+def message(sample: Sample, t: float) -> dict[str, Any]:
+    assert sample.joint_torque is not None
+    assert sample.base_wrench is not None
+    return {
+        "t": t,
+        "q": sample.q.tolist(),
+        "qd": sample.qd.tolist(),
+        "joint_torque": sample.joint_torque.tolist(),
+        "base_wrench": sample.base_wrench.tolist(),
+    }
+
+
+@contextmanager
+def opened(place: str) -> Iterator[ClientConnection]:
+    """A connection; the one before may still be ending its process."""
+    deadline = time.monotonic() + 30
+    while True:
+        with connect(f"ws://{place}/v1/track", compression=None) as client:
+            try:
+                client.recv(timeout=0.3)  # a refusal comes unasked
+            except TimeoutError:
+                yield client
+                return
+            with contextlib.suppress(ConnectionClosed):
+                client.recv(timeout=SLOW)
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def ask(client: ClientConnection, content: Any) -> Any:
+    client.send(json.dumps(content))
+    return json.loads(client.recv(timeout=SLOW))
+
+
+def test_a_stream_in_both_forms(place: str, pushed: Sample) -> None:
+    with opened(place) as client:
+        refused = ask(client, {**message(pushed, 0.0), "q": [0.0] * 7})
+        assert refused == {
+            "errors": [
+                {"field": "q", "reason": "expected a list of 6 numbers, one per joint of ur5e, got 7 of them"}
+            ]
+        }
+        answers = [ask(client, message(pushed, 0.002 * i)) for i in range(300)]
+        assert [answer["t"] for answer in answers] == [0.002 * i for i in range(300)]
+        last = EstimateOut.model_validate(answers[-1])
+        assert last.contacts[0].link == "forearm"
+        assert last.contacts[0].id == 1
+        onset = [event for answer in answers for event in answer["events"] if event["kind"] == "onset"]
+        assert [event["contact"] for event in onset] == [1]
+
+        client.send(msgpack.packb(message(pushed, 0.602)))
+        packed = client.recv(timeout=SLOW)
+        assert isinstance(packed, bytes)
+        estimate = EstimateOut.model_validate(msgpack.unpackb(packed))
+        assert estimate.contacts[0].id == 1
+
+        late = ask(client, {"scene": {"robot": "ur10e"}})
+        assert late["errors"][0]["field"] == "scene"
+        with connect(f"ws://{place}/v1/track") as second:
+            beyond = json.loads(second.recv(timeout=SLOW))
+            assert "at most 1 connections" in beyond["errors"][0]["reason"]
+            with pytest.raises(ConnectionClosed) as closed:
+                second.recv(timeout=SLOW)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == 1013
+
+
+def test_a_scene_of_its_own(place: str, pushed: Sample) -> None:
+    with opened(place) as client:
+        wrong = ask(client, {"scene": {"robot": "ur99"}})
+        assert wrong["errors"][0]["field"] == "scene.robot"
+        taken = ask(client, {"scene": {"robot": "ur10e", "base_wrench": None}})
+        assert taken["robot"] == "ur10e"
+        assert len(taken["joints"]) == 6
+        assert "no such sensor" in ask(client, message(pushed, 0.0))["errors"][0]["reason"]
+        answer = ask(client, {**message(pushed, 0.0), "base_wrench": None})
+        EstimateOut.model_validate(answer)
+
+
+def test_a_silent_connection_is_closed() -> None:
+    settings = Settings(controllers=ControllerSettings(idle=0.2))
+    with (
+        serving(create_app(settings)) as place,
+        connect(f"ws://{place}/v1/track") as client,
+        pytest.raises(ConnectionClosed) as closed,
+    ):
+        client.recv(timeout=SLOW)
+    assert closed.value.rcvd is not None
+    assert "nothing has come" in closed.value.rcvd.reason
+
+
+def test_a_controller_is_the_source_of_the_pipeline(pushed: Sample) -> None:
+    settings = Settings(controllers=ControllerSettings(source="push"))
+    with serving(create_app(settings)) as place:
+        health = _until(place, lambda health: "no controller" in health["message"])
+        assert health["status"] == "waiting"
+        with connect(f"ws://{place}/v1/track", compression=None) as client:
+            bad = ask(client, {"t": "now"})
+            assert bad["errors"][0]["field"] in ("t", "q")
+            answers = [ask(client, message(pushed, 0.002 * i)) for i in range(300)]
+            assert [answer["t"] for answer in answers] == [0.002 * i for i in range(300)]
+            assert answers[-1]["contacts"][0]["link"] == "forearm"
+            client.send(msgpack.packb(message(pushed, 0.6)))
+            assert msgpack.unpackb(client.recv(timeout=SLOW))["t"] == 0.6
+            assert ask(client, {"scene": {"robot": "ur5e"}})["errors"][0]["field"] == "scene"
+
+            with connect(f"ws://{place}/v1/track") as second:
+                assert "another controller" in json.loads(second.recv(timeout=SLOW))["errors"][0]["reason"]
+            events = httpx.get(f"http://{place}/v1/events").json()["events"]
+            assert "onset" in [event["kind"] for event in events]
+            _until(place, lambda health: "has sent no sample" in health["message"])
+        _until(place, lambda health: "no controller" in health["message"])
+
+
+def _until(place: str, condition: Any) -> dict[str, Any]:
+    deadline = time.monotonic() + SLOW
+    while True:
+        health: dict[str, Any] = httpx.get(f"http://{place}/v1/health").json()
+        if condition(health):
+            return health
+        assert time.monotonic() < deadline, health
+        time.sleep(0.05)

@@ -1,0 +1,139 @@
+"""The journal: every event has its number at once, and outlives the process."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from contactsense.service.events.journal import Journal, JournalError, JournalSettings
+from contactsense.service.events.model import ContactEvent
+from tests.service.loopback import until
+
+
+def event(n: int, kind: str = "onset") -> ContactEvent:
+    return ContactEvent.model_validate({"kind": kind, "contact": n, "t": 0.5 * n, "link": "forearm"})
+
+
+def contacts(bodies: list[str]) -> list[int]:
+    return [ContactEvent.model_validate_json(body).contact for body in bodies]
+
+
+def test_events_are_numbered_and_readable_at_once() -> None:
+    with Journal() as journal:
+        begin = journal.last
+        numbered = [journal.append(event(i, "onset" if i % 2 else "release")) for i in range(5)]
+        assert [e.id - begin for e in numbered] == [1, 2, 3, 4, 5]
+        assert contacts(journal.since(begin)) == [0, 1, 2, 3, 4]
+        assert contacts(journal.since(begin + 2, 2)) == [2, 3]
+        assert contacts(journal.since(begin, kinds=["onset"])) == [1, 3]
+        journal.flush()
+        journal.append(event(9))
+        assert contacts(journal.since(begin + 3)) == [3, 4, 9]  # committed and waiting ones
+
+
+def test_none_is_read_twice_or_missed_while_others_write() -> None:
+    with Journal() as journal:
+        seen, begin = [], journal.last
+
+        def write() -> None:
+            for i in range(2000):
+                journal.append(event(i))
+                if i % 97 == 0:
+                    journal.flush()
+
+        writer = threading.Thread(target=write)
+        writer.start()
+        cursor = begin
+        while len(seen) < 2000:
+            for body in journal.since(cursor, 50):
+                found = ContactEvent.model_validate_json(body)
+                cursor = found.id
+                seen.append(found.contact)
+        writer.join()
+        assert seen == list(range(2000))
+
+
+def test_numbers_go_on_after_closing(tmp_path: Path) -> None:
+    settings = JournalSettings(path=tmp_path / "journal.db")
+    with Journal(settings) as journal:
+        last = [journal.append(event(i)).id for i in range(3)][-1]
+    with Journal(settings) as journal:
+        assert journal.append(event(3)).id == last + 1
+        assert contacts(journal.since(0)) == [0, 1, 2, 3]
+
+
+WRITER = """
+import sys, time
+from contactsense.service.events.journal import Journal, JournalSettings
+from contactsense.service.events.model import ContactEvent
+journal = Journal(JournalSettings(path=sys.argv[1]))
+while True:
+    journal.append(ContactEvent(kind="onset", t=time.time()))
+    print(journal.last, time.time(), flush=True)
+    time.sleep(0.005)
+"""
+
+
+def test_a_killed_process_loses_at_most_a_second_and_no_number_is_given_twice(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    process = subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    told = [process.stdout.readline().split() for _ in range(500)]
+    os.kill(process.pid, signal.SIGKILL)
+    told += [line.split() for line in process.stdout.read().splitlines()]
+    process.wait()
+    process.stdout.close()
+    last, end = int(told[-1][0]), float(told[-1][1])
+    with Journal(JournalSettings(path=path)) as journal:
+        kept = [ContactEvent.model_validate_json(body) for body in journal.since(0, 10_000)]
+        assert all(a.id + 1 == b.id for a, b in pairwise(kept))  # nothing missing in between
+        assert kept[0].id == 1
+        assert len(kept) > 300
+        assert kept[-1].t > end - 1.0
+        assert journal.append(event(0)).id > last
+
+
+def test_age_and_size_are_limited(tmp_path: Path) -> None:
+    with Journal(JournalSettings(path=tmp_path / "j.db", max_age=1.0, max_size=0.3)) as journal:
+        for i in range(3000):
+            journal.append(event(i))
+        journal.flush()
+        journal.prune()
+        kept = contacts(journal.since(0, 10_000))
+        assert 0 < len(kept) < 3000
+        assert kept[-1] == 2999  # the oldest go first
+        assert kept == list(range(kept[0], 3000))
+        journal.prune(time.time() + 2 * 86400)
+        assert journal.since(0) == []
+
+
+def test_a_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "j.db"
+    path.write_text("something else" * 100)
+    with pytest.raises(JournalError, match=r"j\.db: cannot be used as a journal of events"):
+        Journal(JournalSettings(path=path))
+
+
+def test_a_journal_that_cannot_be_written_keeps_what_waits(tmp_path: Path) -> None:
+    path = tmp_path / "j.db"
+    with Journal(JournalSettings(path=path)) as journal:
+        journal.flush()
+        other = sqlite3.connect(path, isolation_level=None)
+        journal.database.execute("PRAGMA busy_timeout=10")
+        other.execute("BEGIN IMMEDIATE")
+        begin = journal.last
+        journal.append(event(1))
+        journal.flush()
+        assert "cannot be written" in journal.error
+        assert contacts(journal.since(begin)) == [1]
+        other.execute("COMMIT")
+        other.close()
+        assert until(lambda: not journal.error)
+        assert contacts(journal.since(begin)) == [1]

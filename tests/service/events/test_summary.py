@@ -1,0 +1,92 @@
+"""A contact summed up from onset to release."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contactsense import Contact, Estimate
+from contactsense.service.events.summary import ContactSummaries
+from contactsense.types import Event, EventKind
+
+FOREARM = Contact(
+    "forearm", 3, 0, 0.8, np.array([0.1, 0.0, 0.0]), np.array([0.5, 0.0, 0.4]), np.array([0.0, 1.0, 0.0]),
+    np.array([0.0, -10.0, 0.0]), 0.1, 1e-4 * np.eye(3), id=1,
+)  # fmt: skip
+WRIST = replace(FOREARM, link="wrist_1", link_index=4, probability=0.2)
+
+
+def estimate(t: float, *contacts: Contact, event: EventKind | None = None, number: int = 1) -> Estimate:
+    events = () if event is None else (Event(event, number, t, contacts[0].link if contacts else ""),)
+    return Estimate(
+        t, "contact" if contacts else "none", contacts, np.zeros(7), np.zeros(6), np.eye(6), events=events
+    )
+
+
+def pushed(newtons: float) -> Contact:
+    return replace(FOREARM, force_base=np.array([0.0, -newtons, 0.0]))
+
+
+def test_a_contact_from_onset_to_release() -> None:
+    summaries = ContactSummaries()
+    (onset,) = summaries.update(estimate(0.0, pushed(10.0), WRIST, event="onset"), "now")
+    assert (onset.kind, onset.link, onset.force, onset.duration) == ("onset", "forearm", 10.0, 0.0)
+    for k in range(1, 101):
+        assert not summaries.update(estimate(0.002 * k, pushed(30.0 if k == 50 else 10.0), WRIST), "now")
+    (release,) = summaries.update(estimate(0.202, event="release"), "later")
+    assert (release.kind, release.contact, release.time) == ("release", 1, "later")
+    assert (release.link, release.peak_force) == ("forearm", 30.0)
+    assert release.duration == pytest.approx(0.2)
+    assert release.impulse == pytest.approx(10.0 * 0.2 + 20.0 * 0.002)
+    assert release.probability == pytest.approx(0.8)
+    assert release.force_base == [0.0, -10.0, 0.0]
+    assert release.torsion == 0.1
+    assert not summaries.update(estimate(5.0), "now")
+
+
+def test_the_link_is_that_of_the_whole_contact() -> None:
+    summaries = ContactSummaries()
+    likely_wrist = (replace(WRIST, probability=0.9), replace(FOREARM, probability=0.1))
+    summaries.update(estimate(0.0, *likely_wrist, event="onset"), "")
+    for k in range(10):
+        summaries.update(estimate(0.01 * (k + 1), FOREARM, WRIST), "")
+    (release,) = summaries.update(estimate(0.2, event="release"), "")
+    assert release.link == "forearm"
+
+
+def test_sharper_samples_count_more() -> None:
+    summaries = ContactSummaries()
+    summaries.update(estimate(0.0, FOREARM, event="onset"), "")
+    vague = replace(FOREARM, point=np.array([0.2, 0.0, 0.0]), covariance=9e-4 * np.eye(3))
+    summaries.update(estimate(0.002, vague), "")
+    nowhere = replace(FOREARM, point=np.array([9.0, 0.0, 0.0]), covariance=np.full((3, 3), np.inf))
+    summaries.update(estimate(0.004, nowhere), "")
+    (release,) = summaries.update(estimate(0.006, event="release"), "")
+    assert release.point == pytest.approx([0.11, 0.0, 0.0])
+    assert release.covariance is not None
+    assert release.covariance[0][0] == pytest.approx(1.8e-4)  # a typical sample's, not shrunk by averaging
+
+
+def test_contacts_at_the_same_time_are_kept_apart() -> None:
+    summaries = ContactSummaries()
+    second = replace(WRIST, id=2, probability=0.95)
+    summaries.update(estimate(0.0, FOREARM, event="onset"), "")
+    summaries.update(estimate(0.1, FOREARM, second, event="onset", number=2), "")
+    (first,) = summaries.update(estimate(0.2, second, event="release"), "")
+    assert (first.contact, first.link, first.duration) == (1, "forearm", 0.1)
+    (other,) = summaries.update(estimate(0.3, event="release", number=2), "")
+    assert (other.contact, other.link) == (2, "wrist_1")
+
+
+@pytest.mark.parametrize("t", [2.0, -1.0])
+def test_a_contact_that_vanishes_is_released(t: float) -> None:
+    summaries = ContactSummaries()
+    summaries.update(estimate(0.0, FOREARM, event="onset"), "")
+    (release,) = summaries.update(estimate(t), "")
+    assert (release.kind, release.contact, release.link) == ("release", 1, "forearm")
+    assert "no longer estimated" in release.reason
+
+
+def test_an_event_without_a_known_contact() -> None:
+    (release,) = ContactSummaries().update(estimate(1.0, event="release", number=5), "")
+    assert (release.kind, release.contact, release.link, release.point) == ("release", 5, "", None)

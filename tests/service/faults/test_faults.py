@@ -1,0 +1,201 @@
+"""Every fault of the wire, with what must be said of it: told with its reason, no false contact, recovered.
+
+The arm moves freely all the time, so that every contact that begins is a false one.
+
+The times that it takes to be told and to recover are printed (`pytest -m slow -s tests/service/faults`); no
+times are asserted, as a busy computer would fail them.
+"""
+
+import json
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import httpx
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from contactsense.service.cli.serve import READY
+from contactsense.service.demo.child_process import child
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.servers import MockServers, MockSettings
+from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.wire_faults import Fault
+from tests.service.faults.wire import ROBOT_FAULTS, SENSOR_FAULTS, NetFtProxy, RtdeProxy
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+SCRIPT = Script.model_validate(
+    {
+        "robot": "ur5e",
+        "noise": {"base_force": 0.25, "base_moment": 0.05, "joint_torque": 1.0, "seed": 3},
+        "trajectory": {
+            "start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0],
+            "dwell": 0.5,
+            "moves": [
+                {"to": [0.9, -1.0, 1.3, -1.9, -1.2, 0.5], "duration": 3.0, "dwell": 0.1},
+                {"to": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "duration": 3.0, "dwell": 0.1},
+            ],
+        },
+    }
+)
+HOLD = 1.5
+"""For how long a fault stays at least [s]."""
+PATIENCE = 20.0
+"""Time to be told of, and to recover [s]: for a computer that is busy with other things."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A fault and what must be said of it."""
+
+    name: str
+    where: str
+    status: str
+    """A pattern; ok where the fault does no harm."""
+    reason: str
+    """A pattern for the message."""
+
+
+ROWS = [
+    Row("MUTE", "server", "waiting", "has been mute|gave no answer"),
+    Row("CLOSE", "server", "waiting", "closed the connection|cannot be reached"),
+    Row("HALF", "server", "waiting", "has been mute|gave no answer"),
+    Row("GARBAGE", "server", "waiting", "expected|has been mute|gave no answer"),
+    Row("q is NaN", "robot", "waiting", "positions or velocities that are not numbers"),
+    Row("torque is NaN", "robot", "degraded", "joint torques that are not numbers"),
+    Row("stamp is NaN", "robot", "waiting", "time stamps that are not numbers"),
+    Row("stamp is frozen", "robot", "waiting", "repeat the time stamp"),
+    Row("all but the stamp is frozen", "robot", "waiting", "its packets are stale"),
+    Row("torque is frozen", "robot", "degraded", "joint torques never change"),
+    Row("pairs are swapped", "robot", "degraded", "wrong order"),
+    Row("10 % are missing", "robot", "degraded", "% of the robot's packets were lost"),
+    Row("doubled", "robot", "ok|degraded", "samples arrive|repeat the time stamp"),
+    Row("spikes of 300 Nm", "robot", "ok|degraded", ""),
+    Row("mute", "sensor", "degraded", "mute, it sends no readings|lack the force/torque reading"),
+    Row("frozen", "sensor", "degraded", "repeats the same reading"),
+    Row("all zero", "sensor", "degraded", "exactly zero"),
+    Row(
+        "restarted, counts from 1",
+        "sensor",
+        "degraded",
+        "lack the force/torque reading|count its readings anew",
+    ),
+    Row("counts 1e6 ahead", "sensor", "ok|degraded", ""),
+    Row("reordered", "sensor", "ok|degraded", ""),
+    Row("doubled", "sensor", "ok", ""),
+    Row("30 % lost", "sensor", "ok", ""),
+    Row("saturated", "sensor", "degraded", "beyond its range|lack the force/torque reading"),
+    Row("junk", "sensor", "degraded", "lack the force/torque reading|mute"),
+    Row("bursts of 50 ms", "sensor", "degraded", "lack the force/torque reading"),
+]
+
+
+class Cell:
+    """A moving mock arm behind proxies, and a service in a process of its own that reads it."""
+
+    def __init__(self, servers: MockServers, robot: RtdeProxy, sensor: NetFtProxy, url: str) -> None:
+        self.servers, self.robot, self.sensor, self.url = servers, robot, sensor, url
+        self.onsets: list[float] = []
+        self.last = ""
+        self._over = threading.Event()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def set(self, row: Row | None) -> None:
+        """Begin that fault; None: end all."""
+        self.servers.rtde.fault = Fault[row.name] if row and row.where == "server" else Fault.NONE
+        self.robot.fault = ROBOT_FAULTS[row.name] if row and row.where == "robot" else None
+        self.sensor.fault = SENSOR_FAULTS[row.name] if row and row.where == "sensor" else None
+
+    def until(self, condition: Callable[[str, str], bool]) -> float:
+        """How long it took until status and message are so [s]."""
+        begin = time.monotonic()
+        while True:
+            health = httpx.get(f"{self.url}/v1/health", timeout=10.0).json()
+            if not condition(health["status"], health["message"]):
+                self.last = health["message"]
+            else:
+                return time.monotonic() - begin
+            assert time.monotonic() - begin < PATIENCE, (health["status"], health["message"])
+            time.sleep(0.02)
+
+    def close(self) -> None:
+        self._over.set()
+        self._reader.join(5.0)
+
+    def _read(self) -> None:
+        stream = f"ws{self.url.removeprefix('http')}/v1/stream"
+        with connect(stream, close_timeout=0.2) as connection:
+            while not self._over.is_set():
+                try:
+                    message = connection.recv(timeout=0.2)
+                except TimeoutError:
+                    continue
+                except ConnectionClosed:
+                    return
+                if '"onset"' in str(message):
+                    self.onsets.append(json.loads(message)["t"])
+
+
+@pytest.fixture(scope="module")
+def cell() -> Iterator[Cell]:
+    motion = simulate(SCRIPT)
+    chosen = MockSettings(rtde_port=0, netft_port=0, http_port=0, loop=True)
+    with MockServers(motion, chosen) as servers:
+        robot = RtdeProxy("127.0.0.1", servers.rtde.port)
+        sensor = NetFtProxy("127.0.0.1", servers.netft.port)
+        options = {
+            "--robot-host": "127.0.0.1",
+            "--robot-port": robot.port,
+            "--ft-host": "127.0.0.1",
+            "--ft-port": sensor.port,
+            "--ft-http-port": servers.netft.http_port,
+            "--port": 0,
+        }
+        arguments = [str(part) for option in options.items() for part in option]
+        with child("serve", *arguments) as service:
+            url = service.wait_for(READY)
+            deadline = time.monotonic() + 280.0  # kernels may have to be compiled
+            while httpx.get(f"{url}/v1/health").json()["status"] != "ok":
+                assert time.monotonic() < deadline, httpx.get(f"{url}/v1/health").json()
+                time.sleep(0.1)
+            found = Cell(servers, robot, sensor, url)
+            yield found
+            found.close()
+        robot.close()
+        sensor.close()
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.where}: {row.name}")
+def test_a_fault_is_told_does_no_harm_and_is_outlived(cell: Cell, row: Row) -> None:
+    cell.set(None)
+    cell.until(lambda status, message: status == "ok")
+    time.sleep(0.5)
+    before = len(cell.onsets)
+    begin = time.monotonic()
+    cell.set(row)
+    try:
+        harmless = row.status.startswith("ok")
+        if harmless:
+            time.sleep(HOLD)
+        told = cell.until(
+            lambda status, message: bool(re.fullmatch(row.status, status) and re.search(row.reason, message))
+        )
+        if not harmless:
+            ready = httpx.get(f"{cell.url}/v1/ready")
+            assert ready.status_code == (200 if row.status == "degraded" else 503)
+            contacts = httpx.get(f"{cell.url}/v1/contacts")
+            assert contacts.status_code == (200 if row.status == "degraded" else 503)
+        time.sleep(max(0.0, HOLD - (time.monotonic() - begin)))
+    finally:
+        cell.set(None)
+    recovered = cell.until(lambda status, message: status == "ok")
+    time.sleep(0.5)
+    print(
+        f"{row.where}: {row.name}: told after {told:.2f} s, well again after {recovered:.2f} s ({cell.last})"
+    )
+    assert len(cell.onsets) == before

@@ -1,0 +1,289 @@
+"""Two proxies between the mock arm and the service that spoil what passes: RTDE over TCP, Net F/T over UDP.
+
+They know the protocols but nothing of the mock, so a fault is the same whatever makes the packets.
+"""
+
+import math
+import random
+import select
+import socket
+import struct
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+from contactsense.service.wire.recipe import Number, Recipe
+
+Values = list[Number]
+RobotFault = Callable[["Link", bytes], list[bytes]]
+"""Given a data packet, the packets that go out instead."""
+
+
+class Link:
+    """One direction of one RTDE connection: the recipe in use, and a memory for faults."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self.recipe: Recipe | None = None
+        self.held: bytes = b""
+        self.first: Values | None = None
+        self.count = 0
+
+    def edit(self, packet: bytes, change: Callable[[Values, "Recipe"], None]) -> bytes:
+        """The packet with other values."""
+        assert self.recipe is not None
+        values = list(self.recipe.unpack(packet[3:]))
+        change(values, self.recipe)
+        return self.recipe.pack(values)
+
+
+class RtdeProxy:
+    """Stands between a robot and its clients. Set `fault` to spoil the data packets."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._target = (host, port)
+        self.fault: RobotFault | None = None
+        self._listener = socket.create_server((host, 0))
+        self.port: int = self._listener.getsockname()[1]
+        self._stop = threading.Event()
+        self._threads = [threading.Thread(target=self._accept, daemon=True)]
+        self._threads[0].start()
+
+    def close(self) -> None:
+        self._stop.set()
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        for thread in self._threads:
+            thread.join(5.0)
+
+    def _accept(self) -> None:
+        while not self._stop.is_set():
+            try:
+                client, _ = self._listener.accept()
+            except OSError:
+                return
+            try:
+                robot = socket.create_connection(self._target, 2.0)
+            except OSError:
+                client.close()
+                continue
+            thread = threading.Thread(target=self._pass, args=(client, robot), daemon=True)
+            thread.start()
+            self._threads.append(thread)
+
+    def _pass(self, client: socket.socket, robot: socket.socket) -> None:
+        up, down, link = bytearray(), bytearray(), Link(())
+        with client, robot, suppress(OSError):
+            for end in (client, robot):
+                end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            while not self._stop.is_set():
+                for end in select.select([client, robot], [], [], 0.1)[0]:
+                    chunk = end.recv(1 << 16)
+                    if not chunk:
+                        return
+                    if end is client:
+                        up += chunk
+                        for frame in _frames(up):
+                            if frame[2:3] == b"O":
+                                link = Link(frame[11:].decode().split(","))
+                        robot.sendall(chunk)
+                    else:
+                        down += chunk
+                        client.sendall(b"".join(self._spoiled(link, frame) for frame in _frames(down)))
+
+    def _spoiled(self, link: Link, frame: bytes) -> bytes:
+        if frame[2:3] == b"O":
+            types = frame[4:].decode().split(",")
+            link.recipe = Recipe(frame[3], link.names, types)
+        if frame[2:3] != b"U" or self.fault is None or link.recipe is None:
+            link.first, link.held = None, b""
+            return frame
+        link.count += 1
+        return b"".join(self.fault(link, frame))
+
+
+def _frames(buffer: bytearray) -> list[bytes]:
+    found = []
+    while len(buffer) >= 3:
+        size = struct.unpack_from(">H", buffer)[0]
+        if len(buffer) < size:
+            break
+        found.append(bytes(buffer[:size]))
+        del buffer[:size]
+    return found
+
+
+def _set(name: str, value: float) -> RobotFault:
+    def fault(link: Link, packet: bytes) -> list[bytes]:
+        def change(values: Values, recipe: Recipe) -> None:
+            where = recipe.slices[name]
+            values[where] = [value] * (where.stop - where.start)
+
+        return [link.edit(packet, change)]
+
+    return fault
+
+
+def _frozen(names: tuple[str, ...]) -> RobotFault:
+    """Fields that keep their first value."""
+
+    def fault(link: Link, packet: bytes) -> list[bytes]:
+        def change(values: Values, recipe: Recipe) -> None:
+            if link.first is None:
+                link.first = list(values)
+            for name in names:
+                values[recipe.slices[name]] = link.first[recipe.slices[name]]
+
+        return [link.edit(packet, change)]
+
+    return fault
+
+
+def _swapped(link: Link, packet: bytes) -> list[bytes]:
+    if link.held:
+        held, link.held = link.held, b""
+        return [packet, held]
+    link.held = packet
+    return []
+
+
+def _missing(link: Link, packet: bytes) -> list[bytes]:
+    return [] if random.Random(link.count).random() < 0.1 else [packet]
+
+
+def _doubled(link: Link, packet: bytes) -> list[bytes]:
+    return [packet, packet]
+
+
+def _spikes(link: Link, packet: bytes) -> list[bytes]:
+    def change(values: Values, recipe: Recipe) -> None:
+        where = recipe.slices[TORQUE]
+        values[where] = [300.0 * (-1.0) ** link.count] * (where.stop - where.start)
+
+    return [link.edit(packet, change) if link.count % 100 == 0 else packet]
+
+
+TORQUE = "actual_current_as_torque"
+ROBOT_FAULTS: dict[str, RobotFault] = {
+    "q is NaN": _set("actual_q", math.nan),
+    "torque is NaN": _set(TORQUE, math.nan),
+    "stamp is NaN": _set("timestamp", math.nan),
+    "stamp is frozen": _frozen(("timestamp",)),
+    "all but the stamp is frozen": _frozen(("actual_q", "actual_qd", TORQUE)),
+    "torque is frozen": _frozen((TORQUE,)),
+    "pairs are swapped": _swapped,
+    "10 % are missing": _missing,
+    "doubled": _doubled,
+    "spikes of 300 Nm": _spikes,
+}
+
+SensorFault = Callable[["NetFtProxy", bytes], list[bytes]]
+_RECORD = struct.Struct(">III6i")
+
+
+class NetFtProxy:
+    """Stands between a Net F/T sensor and one client. Set `fault` to spoil the records."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._sensor = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._sensor.connect((host, port))
+        self._client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._client.bind((host, 0))
+        self.port: int = self._client.getsockname()[1]
+        self._fault: SensorFault | None = None
+        self.held: list[bytes] = []
+        self.count = 0
+        self.offset = 0
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    @property
+    def fault(self) -> SensorFault | None:
+        return self._fault
+
+    @fault.setter
+    def fault(self, fault: SensorFault | None) -> None:
+        self.held, self.count, self.offset = [], 0, 0
+        self._fault = fault
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join(5.0)
+        self._sensor.close()
+        self._client.close()
+
+    def _run(self) -> None:
+        address = None
+        while not self._stop.is_set():
+            for end in select.select([self._client, self._sensor], [], [], 0.1)[0]:
+                with suppress(ConnectionError):
+                    if end is self._client:
+                        request, address = self._client.recvfrom(2048)
+                        self._sensor.send(request)
+                    else:
+                        record = self._sensor.recv(2048)
+                        self.count += 1
+                        fault = self._fault
+                        for datagram in [record] if fault is None else fault(self, record):
+                            if address is not None:
+                                self._client.sendto(datagram, address)
+
+
+def _counts(change: Callable[[list[int]], list[int]]) -> SensorFault:
+    def fault(proxy: NetFtProxy, record: bytes) -> list[bytes]:
+        rdt, ft, status, *counts = _RECORD.unpack(record)
+        return [_RECORD.pack(rdt, ft, status, *change(counts))]
+
+    return fault
+
+
+def _same(proxy: NetFtProxy, record: bytes) -> list[bytes]:
+    if not proxy.held:
+        proxy.held.append(record)
+    return [record[:12] + proxy.held[0][12:]]
+
+
+def _renumbered(by: int) -> SensorFault:
+    """Numbers that start at `by`, or run ahead by it where it is positive."""
+
+    def fault(proxy: NetFtProxy, record: bytes) -> list[bytes]:
+        rdt, ft, *rest = _RECORD.unpack(record)
+        if by > 0:
+            return [_RECORD.pack((rdt + by) & 0xFFFFFFFF, (ft + by) & 0xFFFFFFFF, *rest)]
+        return [_RECORD.pack(proxy.count, proxy.count, *rest)]
+
+    return fault
+
+
+def _reordered(proxy: NetFtProxy, record: bytes) -> list[bytes]:
+    proxy.held.append(record)
+    if len(proxy.held) < 4:
+        return []
+    held, proxy.held = proxy.held, []
+    return [held[i] for i in (2, 0, 3, 1)]
+
+
+SENSOR_FAULTS: dict[str, SensorFault] = {
+    "mute": lambda proxy, record: [],
+    "frozen": _same,
+    "all zero": _counts(lambda counts: [0] * 6),
+    "biased by 40 N": _counts(lambda counts: [counts[0] + 40_000_000, *counts[1:]]),
+    "restarted, counts from 1": _renumbered(0),
+    "counts 1e6 ahead": _renumbered(1_000_000),
+    "reordered": _reordered,
+    "doubled": lambda proxy, record: [record, record],
+    "30 % lost": lambda proxy, record: [] if random.Random(proxy.count).random() < 0.3 else [record],
+    "saturated": lambda proxy, record: [record[:8] + struct.pack(">I", 0x40000000) + record[12:]],
+    "junk": lambda proxy, record: [random.Random(proxy.count).randbytes(36)],
+    "bursts of 50 ms": lambda proxy, record: _burst(proxy, record, 50),
+}
+
+
+def _burst(proxy: NetFtProxy, record: bytes, size: int) -> list[bytes]:
+    proxy.held.append(record)
+    if len(proxy.held) < size:
+        return []
+    held, proxy.held = proxy.held, []
+    return held

@@ -1,0 +1,78 @@
+"""The hub: everybody gets everything, the slow lose the oldest and know it."""
+
+import asyncio
+
+from contactsense.service.live.hub import Hub, Reader
+
+
+def taken(reader: Reader) -> list[bytes]:
+    async def all_of_it() -> list[bytes]:
+        got = []
+        while True:
+            try:
+                got.append(await asyncio.wait_for(reader.take(), 0.01))
+            except TimeoutError:
+                return got
+
+    return asyncio.run(all_of_it())
+
+
+def publish(hub: Hub, count: int, period: float = 0.002) -> None:
+    for i in range(count):
+        hub.publish(i * period, b"%d" % i)
+
+
+def test_every_reader_gets_every_message() -> None:
+    hub = Hub()
+    with hub.subscribe() as a, hub.subscribe() as b:
+        assert hub.readers == 2
+        publish(hub, 5)
+        assert taken(a) == taken(b) == [b"0", b"1", b"2", b"3", b"4"]
+    assert hub.readers == 0
+    assert hub.last == b"4"
+
+
+def test_a_slow_reader_loses_the_oldest_and_is_told() -> None:
+    hub = Hub(size=3)
+    with hub.subscribe() as slow:
+        publish(hub, 10)
+        assert slow.take_lost() == 7
+        assert slow.take_lost() == 0
+        assert taken(slow) == [b"7", b"8", b"9"]
+        publish(hub, 4)
+        assert slow.take_lost() == 1
+    assert hub.lost == 8  # still known when the reader has gone
+
+
+def test_one_in_so_many() -> None:
+    hub = Hub()
+    with hub.subscribe(every=3) as reader:
+        publish(hub, 8)
+        assert taken(reader) == [b"0", b"3", b"6"]
+
+
+def test_at_most_so_many_a_second() -> None:
+    hub = Hub()
+    with hub.subscribe(interval=1 / 30) as reader:
+        publish(hub, 500)
+        assert 30 <= len(taken(reader)) <= 31
+
+
+def test_a_clock_that_jumps_starts_afresh() -> None:
+    hub = Hub()
+    with hub.subscribe(interval=1.0) as reader:
+        for t in (100.0, 100.5, 101.0, 3.0, 3.5, 4.0, 9.3, 9.9, 10.4):
+            hub.publish(t, b"%d" % round(10 * t))
+        assert taken(reader) == [b"1000", b"1010", b"30", b"40", b"93", b"104"]
+
+
+def test_waiting_for_the_next_message() -> None:
+    async def scenario() -> bytes:
+        hub = Hub()
+        with hub.subscribe() as reader:
+            waiting = asyncio.create_task(reader.take())
+            await asyncio.sleep(0)
+            hub.publish(0.0, b"here")
+            return await waiting
+
+    assert asyncio.run(scenario()) == b"here"

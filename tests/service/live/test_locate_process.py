@@ -1,0 +1,51 @@
+"""Static samples are located elsewhere; that process may die without harm."""
+
+import asyncio
+import os
+import signal
+
+import pytest
+
+from contactsense import Scene
+from contactsense.service.api.messages import EstimateOut
+from contactsense.service.live.locate_process import LocateError, LocateProcess, StaticSample
+
+SAMPLE = StaticSample([0.0, -1.3, 1.6, -1.9, -1.57, 0.0], [5.9, 2.4, -19.0, -1.1, -2.3, -0.6], None, None)
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_is_told_of_and_started_again() -> None:
+    async def scenario() -> None:
+        process = LocateProcess(Scene(robot="ur5e"))
+        try:
+            (body,) = await process.locate([SAMPLE], True)
+            assert EstimateOut.model_validate_json(body).contacts[0].link == "forearm"
+            assert process._process is not None
+            os.kill(process._process.pid or 0, signal.SIGKILL)
+            with pytest.raises(LocateError, match="broke down"):
+                await process.locate([SAMPLE] * 50, True)
+            assert len(await process.locate([SAMPLE], True)) == 1
+        finally:
+            process.stop()
+
+    asyncio.run(scenario())
+
+
+def test_too_many_requests_do_not_pile_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scenario() -> None:
+        process = LocateProcess(Scene(robot="ur5e"))
+        monkeypatch.setattr("contactsense.service.live.locate_process.WAITING", 0)
+        with pytest.raises(LocateError, match="waiting already"):
+            await process.locate([SAMPLE], True)
+
+    asyncio.run(scenario())
+
+
+def test_a_service_that_ends_starts_nothing_any_more() -> None:
+    async def scenario() -> None:
+        process = LocateProcess(Scene(robot="ur5e"))
+        process.stop()
+        with pytest.raises(LocateError, match="the service ends"):
+            await process.locate([SAMPLE], True)
+
+    asyncio.run(scenario())

@@ -1,0 +1,103 @@
+"""The pipeline's side of the wire: it never waits for the service."""
+
+import json
+import socket
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from contactsense import Estimate, Sample
+from contactsense.service.api.messages import EstimateOut
+from contactsense.service.live.pipeline_process import ESTIMATE, HEAD, HEALTH, Outbox, run
+from contactsense.service.sensors.live_source import SourceHealth
+from contactsense.service.sensors.robot_stream import StreamHealth
+
+
+def read_all(connection: socket.socket) -> list[tuple[bytes, float, bytes]]:
+    connection.setblocking(False)
+    data = b""
+    try:
+        while chunk := connection.recv(1 << 16):
+            data += chunk
+    except BlockingIOError:
+        pass
+    messages = []
+    while data:
+        kind, t, size = HEAD.unpack_from(data)
+        messages.append((kind, t, data[HEAD.size : HEAD.size + size]))
+        data = data[HEAD.size + size :]
+    return messages
+
+
+def test_an_outbox_nobody_empties_drops_the_oldest_and_never_waits() -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        outbox = Outbox(ours, size=50)
+        count = 20_000
+        for i in range(count):
+            outbox.post(ESTIMATE, float(i), b"%06d" % i * 20)
+        arrived = []
+        while got := read_all(theirs):
+            arrived += got
+            outbox.flush()
+    numbers = [int(payload[:6]) for _, _, payload in arrived]
+    assert outbox.dropped > 0
+    assert len(numbers) == count - outbox.dropped
+    assert all(a < b for a, b in pairwise(numbers))
+    assert numbers[-50:] == list(range(count - 50, count))  # the newest survive
+    assert all(payload == payload[:6] * 20 for _, _, payload in arrived)  # none torn
+
+
+def test_an_outbox_without_a_reader_says_so() -> None:
+    ours, theirs = socket.socketpair()
+    theirs.close()
+    with ours, pytest.raises(BrokenPipeError):
+        Outbox(ours).post(ESTIMATE, 0.0, b"x")
+
+
+class Ten:
+    """Ten samples, then the reader hangs up."""
+
+    def __init__(self, reader: socket.socket) -> None:
+        self.reader, self.arrived, self.calls = reader, list[tuple[bytes, float, bytes]](), 0
+
+    @property
+    def health(self) -> SourceHealth:
+        return SourceHealth(StreamHealth(state="streaming", received=10, lost=2), None, 0, 4, 0.0)
+
+    def poll(self, timeout: float) -> list[Sample]:
+        self.calls += 1
+        if self.calls == 1:
+            return [Sample(0.002 * i, np.zeros(6), np.zeros(6)) for i in range(10)]
+        self.arrived = read_all(self.reader)
+        self.reader.close()
+        return [Sample(1.0, np.zeros(6), np.zeros(6))]
+
+    def close(self) -> None:
+        pass
+
+
+class Idle:
+    """Finds nothing, at a covariance that is not bounded."""
+
+    def step(self, sample: Sample) -> Estimate:
+        return Estimate(sample.t, "none", (), np.zeros(7), np.zeros(6), np.full((6, 6), np.inf))
+
+
+def test_samples_become_messages() -> None:
+    ours, theirs = socket.socketpair()
+    source = Ten(theirs)
+    with ours, pytest.raises(BrokenPipeError):
+        run(source, Idle(), Outbox(ours))
+    kinds = [kind for kind, _, _ in source.arrived]
+    assert kinds == [ESTIMATE] * 10 + [HEALTH]
+    assert [t for _, t, _ in source.arrived[:10]] == [0.002 * i for i in range(10)]
+    estimate = EstimateOut.model_validate_json(source.arrived[3][2])
+    assert estimate.status == "none"
+    assert estimate.covariance == [[None] * 6] * 6  # JSON knows no infinity
+    report = json.loads(source.arrived[10][2])
+    assert report["source"]["connected"]
+    assert report["source"]["robot"] == {"state": "streaming", "received": 10, "lost": 2, "last_error": ""}
+    assert report["source"]["without_wrench"] == 4
+    assert report["pipeline"]["alive"]

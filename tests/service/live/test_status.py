@@ -1,0 +1,38 @@
+"""The status is worked out from ages: nothing that stopped counts as well."""
+
+from dataclasses import replace
+
+import pytest
+
+from contactsense.service.live.status import Facts, assess
+
+WELL = Facts("running", report_age=0.1, sample_age=0.01, estimate_age=0.01, connected=True)
+
+
+def test_all_is_well():
+    assert assess(WELL) == ("ok", ("samples arrive and are estimated",))
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "reason"),
+    [
+        ({"process": "none"}, "idle", "no robot was named"),
+        ({"process": "starting"}, "starting", "loading its kernels"),
+        ({"process": "starting", "end": "ended (exit code 3)"}, "failing", "exit code 3"),
+        ({"process": "ended", "end": "ended (exit code 3)"}, "failing", "started again"),
+        ({"report_age": 1.2}, "failing", "has not reported for 1.2 s"),
+        ({"connected": False}, "waiting", "no data from the robot"),
+        ({"connected": False, "trouble": ("robot at a: mute",)}, "waiting", "a: mute; trying again"),
+        ({"sample_age": None}, "waiting", "no usable sample from the robot yet"),
+        ({"sample_age": 1.5, "trouble": ("NaN",)}, "waiting", "no usable sample from the robot for 1.5 s"),
+        ({"estimate_age": 1.5}, "failing", "no estimate has for 1.5 s"),
+        ({"estimate_age": None}, "failing", "no estimate has yet"),
+        ({"trouble": ("the sensor reads exactly zero",)}, "degraded", "reads exactly zero; trying again"),
+        ({"others": ("status watch had to be started again",)}, "degraded", "status watch"),
+        ({"estimate": "blind"}, "degraded", "the latest estimate is degraded: blind"),
+    ],
+)
+def test_what_is_not_well(change, status, reason):
+    found, reasons = assess(replace(WELL, **change))
+    assert found == status
+    assert reason in "; ".join(reasons)

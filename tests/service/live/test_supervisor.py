@@ -1,0 +1,197 @@
+"""The runner: it starts the pipeline's process, hears from it, and starts it again when it dies."""
+
+import asyncio
+import contextlib
+import errno
+import json
+import multiprocessing
+import os
+import signal
+import socket
+import time
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+
+from contactsense import Scene
+from contactsense.service.live.pipeline_process import Source
+from contactsense.service.live.supervisor import Runner
+from tests.service import fakes
+
+SCENE = Scene.model_validate({"robot": "ur5e"})
+
+
+@contextlib.asynccontextmanager
+async def running(
+    source: Callable[[Scene], Source],
+) -> AsyncIterator[tuple[Runner, list[tuple[float, bytes]]]]:
+    heard: list[tuple[float, bytes]] = []
+    runner = Runner(SCENE, source, lambda t, message: heard.append((t, message)))
+    runner.start()
+    try:
+        yield runner, heard
+    finally:
+        await runner.stop()
+        assert not multiprocessing.active_children()
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(280):  # kernels may have to be compiled
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+def test_estimates_and_health_come_from_the_process() -> None:
+    async def scenario() -> None:
+        async with running(fakes.Steady) as (runner, heard):
+            assert runner.status == "starting"
+            await until(lambda: len(heard) > 200 and runner.source.rate > 0.0)
+            assert runner.status == "ok"
+            assert runner.current
+            assert runner.pipeline.restarts == 0
+            times = [t for t, _ in heard[:200]]
+            assert times == sorted(times)
+            assert json.loads(heard[199][1])["t"] == times[199]
+
+    asyncio.run(scenario())
+
+
+def test_a_mute_robot_is_told_of_and_no_reason_to_give_up() -> None:
+    async def scenario() -> None:
+        async with running(fakes.Mute) as (runner, heard):
+            await until(lambda: runner.status == "waiting")
+            assert "192.0.2.1:30004 cannot be reached" in runner.message
+            assert "trying again" in runner.message
+            assert not runner.current
+            assert not heard
+
+    asyncio.run(scenario())
+
+
+def test_a_process_that_dies_is_started_again() -> None:
+    async def scenario() -> None:
+        async with running(fakes.Crashing) as (runner, heard):
+            await until(lambda: runner.status == "failing")
+            assert "exit code 3" in runner.message
+            assert not runner.current
+            before = len(heard)
+            await until(lambda: len(heard) > before)
+            assert runner.pipeline.restarts == 1
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_is_started_again() -> None:
+    async def scenario() -> None:
+        async with running(fakes.Steady) as (runner, heard):
+            await until(lambda: len(heard) > 10)
+            (process,) = multiprocessing.active_children()
+            os.kill(process.pid or 0, signal.SIGKILL)
+            await until(lambda: runner.status == "failing")
+            assert str(-signal.SIGKILL) in runner.message
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
+def test_a_stopped_process_is_told_of_and_replaced() -> None:
+    async def scenario() -> None:
+        async with running(fakes.Steady) as (runner, heard):
+            await until(lambda: len(heard) > 10 and runner.status == "ok")
+            (process,) = multiprocessing.active_children()
+            pid = process.pid or 0
+            os.kill(pid, signal.SIGSTOP)
+            await until(lambda: runner.status != "ok")
+            await until(lambda: runner.status == "failing" and "was stopped, or dead," in runner.message)
+            await until(lambda: pid not in [child.pid for child in multiprocessing.active_children()])
+            assert not runner.current
+            await until(lambda: runner.status == "ok")
+            assert runner.pipeline.restarts == 1
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
+def test_a_process_that_hangs_is_started_again() -> None:
+    async def scenario() -> None:
+        async with running(fakes.Hanging) as (runner, heard):
+            await until(lambda: len(heard) > 10)
+            await until(lambda: runner.status == "failing" and "said nothing for 1.5 s" in runner.message)
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
+def test_a_service_that_is_starved_itself_kills_no_healthy_process() -> None:
+    async def scenario() -> None:
+        async with running(fakes.Steady) as (runner, heard):
+            await until(lambda: len(heard) > 10 and runner.status == "ok")
+            for _ in range(3):
+                # The loop stands still, as under a request that takes long.
+                time.sleep(4.0)
+                await asyncio.sleep(0.3)
+            assert runner.pipeline.restarts == 0
+            await until(lambda: runner.status == "ok")
+
+    asyncio.run(scenario())
+
+
+def test_a_full_file_table_is_told_and_outlived(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> tuple[socket.socket, socket.socket]:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    async def scenario() -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(socket, "socketpair", full)
+            runner = Runner(SCENE, fakes.Mute, lambda t, message: None)
+            runner.start()
+            await until(lambda: runner.status == "failing")
+            assert "Too many open files" in runner.message
+            assert "LimitNOFILE" in runner.message
+        await until(lambda: runner.status == "waiting")
+        await runner.stop()
+
+    asyncio.run(scenario())
+
+
+def test_a_watching_task_that_breaks_is_told_and_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scenario() -> None:
+        runner = Runner(SCENE, fakes.Mute, lambda t, message: None)
+        calls = 0
+
+        async def broken(open_source: object) -> str:
+            nonlocal calls
+            calls += 1
+            raise RuntimeError("cannot start new thread")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(runner, "_run_once", broken)
+            runner.start()
+            await until(lambda: calls > 1)
+            assert runner.status != "ok"
+            assert "cannot start new thread" in runner.message
+        await until(lambda: runner.status == "waiting" and "192.0.2.1" in runner.message)
+        await runner.stop()
+
+    asyncio.run(scenario())
+
+
+def test_what_breaks_it_is_told(capfd: pytest.CaptureFixture[str]) -> None:
+    async def scenario() -> None:
+        async with running(fakes.Broken) as (runner, _):
+            await until(lambda: runner.status == "failing")
+            assert "ValueError: no such field" in runner.message
+
+    asyncio.run(scenario())
+    assert "Traceback" in capfd.readouterr().err  # and in full for whoever mends it
+
+
+def test_nothing_to_run() -> None:
+    async def scenario() -> None:
+        runner = Runner(SCENE, None, lambda t, message: None)
+        runner.start()
+        assert runner.status == "idle"
+        await runner.stop()
+
+    asyncio.run(scenario())

@@ -1,0 +1,28 @@
+"""What docs/reactions.md shows can be used as it stands there."""
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import yaml
+
+from contactsense.service.reactions.actions import Action
+from contactsense.service.reactions.rules import ReactionRules
+from tests.service.reactions.estimates import SCENE
+
+PAGE = (Path(__file__).parents[3] / "docs" / "reactions.md").read_text(encoding="utf-8")
+
+
+def test_the_file_can_be_used() -> None:
+    found = re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    assert found is not None
+    rules = ReactionRules.model_validate(yaml.safe_load(found[1]))
+    rules.check(SCENE)
+    assert len(rules.rules) == 2
+
+
+def test_every_action_is_described() -> None:
+    union = get_args(Action)[0]
+    for action in get_args(union):
+        (kind,) = get_args(action.model_fields["type"].annotation)
+        assert f"| `{kind}` |" in PAGE

@@ -1,0 +1,248 @@
+"""The rules at work, against constructed estimates."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactsense import Contact, Estimate
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.service.reactions.engine import Engine
+from contactsense.service.reactions.rules import ReactionRules
+from tests.service.reactions.estimates import SCENE, contact, estimate, sample
+
+STEP = 0.002
+
+
+def engine(*rules: dict[str, Any], **more: Any) -> Engine:
+    return Engine(ReactionRules.model_validate({"rules": rules, **more}), SCENE)
+
+
+def rule(**fields: Any) -> dict[str, Any]:
+    return {"name": "r", "links": ["forearm"], "collision": {"force": 50.0}, **fields}
+
+
+def run(machine: Engine, *estimates: Estimate, speed: float = 0.0) -> list[tuple[float, str, str]]:
+    return [(d.t, d.level, d.kind) for e in estimates for d in machine.step(sample(e.t, speed), e)]
+
+
+LEVEL = 50.0
+HIGH = contact(newtons=60.0)
+FORCES = [  # force [N], fires with probability 0.9 at a level of 50 N and a deviation of 1 N
+    (45.0, False), (50.0, False), (51.2, False), (51.3, True), (60.0, True)
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("newtons", "fires"), FORCES)
+def test_the_force_must_exceed_the_level_with_the_stated_probability(newtons: float, fires: bool) -> None:
+    assert bool(run(engine(rule()), estimate(0.0, contact(newtons=newtons)))) == fires
+
+
+CASES: list[tuple[str, dict[str, Any], Estimate, float, bool]] = [
+    ("another link", {}, estimate(0.0, contact("upper_arm", 60.0)), 0.0, False),
+    ("a group", {"links": ["arm"]}, estimate(0.0, contact("upper_arm", 60.0)), 0.0, True),
+    ("any link", {"links": ["any"]}, estimate(0.0, contact("wrist_3", 60.0)), 0.0, True),
+    ("half probable", {}, estimate(0.0, contact(newtons=60.0, probability=0.5)), 0.0, False),
+    (
+        "two links, one of them the rule's",
+        {},
+        estimate(0.0, contact(newtons=60.0, probability=0.5), contact("upper_arm", 60.0, 0.5)),
+        0.0,
+        False,
+    ),
+    (
+        "two links, both the rule's",
+        {"links": ["arm"]},
+        estimate(0.0, contact(newtons=60.0, probability=0.5), contact("upper_arm", 60.0, 0.5)),
+        0.0,
+        True,
+    ),
+    (
+        "several at a time do not add up",
+        {"links": ["arm"]},
+        estimate(
+            0.0,
+            contact(newtons=60.0, probability=0.6),
+            contact("upper_arm", 60.0, 0.6, id=2),
+            status="multiple",
+        ),
+        0.0,
+        False,
+    ),
+    ("no single push, any link", {"links": ["any"]}, estimate(0.0, other=1.0, unexplained=60.0), 0.0, True),
+    ("no single push, some link", {}, estimate(0.0, other=1.0, unexplained=60.0), 0.0, False),
+    ("while moving, at rest", {"while": "moving"}, estimate(0.0, HIGH), 0.0, False),
+    ("while moving, moving", {"while": "moving"}, estimate(0.0, HIGH), 0.1, True),
+    ("at rest, moving", {"while": "rest"}, estimate(0.0, HIGH), 0.1, False),
+    ("at rest, at rest", {"while": "rest"}, estimate(0.0, HIGH), 0.01, True),
+    ("degraded, act", {}, estimate(0.0, HIGH, status="degraded"), 0.0, True),
+    ("degraded, hold", {"on_degraded": "hold"}, estimate(0.0, HIGH, status="degraded"), 0.0, False),
+    ("degraded, ignore", {"on_degraded": "ignore"}, estimate(0.0, HIGH, status="degraded"), 0.0, False),
+    (
+        "within the cone",
+        {"direction": {"axis": [0, -2, 0], "half_angle": 0.1}},
+        estimate(0.0, HIGH),
+        0.0,
+        True,
+    ),
+    (
+        "outside of the cone",
+        {"direction": {"axis": [0, 1, 0], "half_angle": 1.5}},
+        estimate(0.0, HIGH),
+        0.0,
+        False,
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("fields", "given_estimate", "speed", "fires"), [c[1:] for c in CASES], ids=[c[0] for c in CASES]
+)
+def test_which_contacts_count(
+    fields: dict[str, Any], given_estimate: Estimate, speed: float, fires: bool
+) -> None:
+    machine = engine(rule(**fields), groups={"arm": ["upper_arm", "forearm"]})
+    assert bool(run(machine, given_estimate, speed=speed)) == fires
+
+
+def test_the_decision_says_what_it_is_about() -> None:
+    other = contact("upper_arm", 70.0, 0.05)
+    machine = engine(rule(links=["any"]))
+    (decision,) = machine.step(sample(1.5), estimate(1.5, contact(newtons=60.0, probability=0.95), other))
+    assert (decision.rule, decision.link, decision.link_index, decision.contact) == ("r", "forearm", 3, 1)
+    assert decision.force == pytest.approx(60.0)
+    assert decision.point_base == (0.5, 0.0, 0.4)
+    assert decision.probability == pytest.approx(1.0)
+
+
+def test_a_contact_level_ends_with_hysteresis() -> None:
+    machine = engine(rule(collision=None, contact={"force": 50.0, "release": 0.8}))
+    steps = [60.0, 49.0, 42.0, 40.0, 49.0, 60.0]
+    seen = run(machine, *[estimate(i * STEP, contact(newtons=f)) for i, f in enumerate(steps)])
+    assert [(round(t / STEP), kind) for t, _, kind in seen] == [(0, "begin"), (3, "end"), (5, "begin")]
+
+
+def test_a_collision_latches_until_it_is_acknowledged() -> None:
+    machine = engine(rule())
+    assert run(machine, estimate(0.0, HIGH)) == [(0.0, "collision", "begin")]
+    assert run(machine, estimate(0.1, HIGH), estimate(0.2), estimate(0.3, HIGH)) == []
+    assert [(latch.rule, latch.t, latch.link) for latch in machine.latches] == [("r", 0.0, "forearm")]
+    (ended,) = machine.acknowledge()
+    assert (ended.kind, ended.rule) == ("end", "r")
+    assert not machine.latches
+    assert machine.acknowledge() == ()
+    assert run(machine, estimate(0.4, HIGH)) == [(0.4, "collision", "begin")]  # it is still there
+
+
+def test_one_rule_is_acknowledged_and_the_other_not() -> None:
+    machine = engine(rule(), rule(name="s"))
+    run(machine, estimate(0.0, HIGH))
+    machine.acknowledge("s")
+    assert [latch.rule for latch in machine.latches] == ["r"]
+
+
+def test_a_latch_is_restored() -> None:
+    first, second = engine(rule()), engine(rule())
+    (begin,) = first.step(sample(0.0), estimate(0.0, HIGH))
+    second.restore(begin)
+    assert second.latches == first.latches
+    assert run(second, estimate(5.0, HIGH)) == []
+
+
+def test_blindness_ends_nothing() -> None:
+    machine = engine(rule(collision=None, contact={"force": 50.0}))
+    run(machine, estimate(0.0, HIGH))
+    assert run(machine, estimate(0.1, status="degraded")) == []
+    assert run(machine, estimate(0.2)) == [(0.2, "contact", "end")]
+
+
+def test_a_clock_set_back_starts_durations_anew() -> None:
+    machine = engine(rule(collision={"force": 50.0, "duration": 0.1}))
+    assert run(machine, estimate(10.0, HIGH), estimate(0.0, HIGH), estimate(0.05, HIGH)) == []
+    assert run(machine, estimate(0.1, HIGH)) == [(0.1, "collision", "begin")]
+
+
+EXPECTED = {"name": "insert", "links": ["forearm"], "force": 80.0, "timeout": 1.0, "value": 3}
+
+
+@pytest.mark.parametrize(
+    ("more", "touched", "fires"),
+    [
+        ({}, contact(newtons=60.0), False),
+        ({}, contact(newtons=85.0), True),
+        ({}, contact("upper_arm", 60.0), True),
+        ({"point": [0.5, 0.0, 0.42]}, contact(newtons=60.0), False),
+        ({"point": [0.5, 0.1, 0.4]}, contact(newtons=60.0), True),
+    ],
+)
+def test_an_expected_contact_has_a_higher_level(more: dict[str, Any], touched: Contact, fires: bool) -> None:
+    machine = engine(rule(links=["any"]), expected=[{**EXPECTED, **more}])
+    run(machine, estimate(0.0))
+    assert machine.announce("insert")
+    assert bool(run(machine, estimate(0.5, touched))) == fires
+
+
+def test_windows_close() -> None:
+    machine = engine(rule(), expected=[EXPECTED])
+    assert not machine.announce("remove")
+    assert machine.by_value(3) == "insert"
+    assert machine.by_value(4) is None
+    run(machine, estimate(0.0))
+    machine.announce("insert")
+    assert run(machine, estimate(0.9, HIGH)) == []
+    assert run(machine, estimate(1.1, HIGH)) == [(1.1, "collision", "begin")]  # timed out
+    machine.acknowledge()
+    machine.announce("insert")
+    assert machine.windows == ("insert",)
+    machine.withdraw("insert")
+    assert run(machine, estimate(1.2, HIGH)) == [(1.2, "collision", "begin")]
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=60), st.integers(0, 10))
+def test_the_law_of_duration_and_latch(above: list[bool], samples: int) -> None:
+    """It fires once, at the first sample that ends a run of `duration` without a break."""
+    machine = engine(rule(collision={"force": LEVEL, "duration": samples * STEP}))
+    fired = run(
+        machine,
+        *[estimate(i * STEP, contact(newtons=60.0 if up else 20.0)) for i, up in enumerate(above)],
+    )
+    runs, count = [], 0
+    for up in above:
+        count = count + 1 if up else 0
+        runs.append(count > samples)
+    expected = [(runs.index(True) * STEP, "collision", "begin")] if any(runs) else []
+    assert fired == expected
+
+
+@given(
+    st.lists(st.floats(-1, 1), min_size=3, max_size=3),
+    st.lists(st.floats(-1, 1), min_size=3, max_size=3),
+    st.floats(0.05, math.pi),
+)
+def test_the_law_of_direction(axis: list[float], force: list[float], half_angle: float) -> None:
+    a, f = np.array(axis), np.array(force)
+    if np.linalg.norm(a) < 0.1 or np.linalg.norm(f) < 0.1:
+        return
+    angle = math.atan2(float(np.linalg.norm(np.cross(a, f))), float(a @ f))
+    if abs(angle - half_angle) < 1e-6:
+        return
+    push = 100.0 * f / np.linalg.norm(f)
+    machine = engine(rule(direction={"axis": axis, "half_angle": half_angle}))
+    assert bool(run(machine, estimate(0.0, contact(force_base=push)))) == (angle < half_angle)
+
+
+def test_a_direction_in_the_links_frame_turns_with_it() -> None:
+    direction = {"axis": [1, 0, 0], "half_angle": 0.2, "frame": "link"}
+    machine = engine(rule(links=["shoulder"], direction=direction))
+    turned = np.array([0.7, 0.0, 0.0, 0.0, 0.0, 0.0])
+    zero = engine(rule(links=["shoulder"], direction=direction))
+    motion = empty_motion(6)
+    forward_kinematics(build_model(SCENE.robot), turned, motion)
+    push = 60.0 * motion.rotation[1][:, 0]
+    hit = estimate(0.0, contact("shoulder", force_base=push))
+    assert machine.step(sample(0.0, q=turned), hit)
+    assert not zero.step(sample(0.0), hit)

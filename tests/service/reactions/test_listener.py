@@ -1,0 +1,213 @@
+"""Reactions in the pipeline's process, against the mock controller."""
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from contactsense import Estimate
+from contactsense.service.reactions.listener import ReactionListener
+from contactsense.service.reactions.rtde_inputs import RtdeInputs
+from contactsense.service.reactions.rules import ReactionRules
+from tests.service.loopback import rtde_server
+from tests.service.reactions.estimates import SCENE, contact, estimate, sample
+
+RULES: dict[str, Any] = {
+    "actions": {
+        "tell": {"type": "registers"},
+        "slow": {"type": "speed_slider", "fraction": 0.1, "restore": 1.0},
+    },
+    "inputs": {"acknowledge": "output_bit_register_70", "announce": "output_int_register_20"},
+    "rules": [
+        {
+            "name": "arm",
+            "links": ["any"],
+            "contact": {"force": 15.0, "actions": ["tell", "slow"]},
+            "collision": {"force": 50.0, "actions": ["tell"]},
+        }
+    ],
+    "expected": [{"name": "insert", "links": ["forearm"], "force": 100.0, "value": 3}],
+}
+
+
+class Play:
+    """A listener whose robot is the mock."""
+
+    def __init__(self, server: Any, rules: dict[str, Any] | None = None) -> None:
+        found = ReactionRules.model_validate({**(rules or RULES), "robot": {"rtde_port": server.port}})
+        self.server, self.inputs = server, server.controller.inputs
+        self.listener = ReactionListener(found, SCENE, "127.0.0.1")
+        self.listener.command({"type": "restore", "decisions": []})
+        self.reports: list[dict[str, Any]] = []
+
+    def until(self, condition: Callable[[], object]) -> None:
+        deadline = time.monotonic() + 10.0
+        while not condition():
+            assert time.monotonic() < deadline, (self.inputs, self.reports[-1:])
+            self.listener.tick(time.monotonic())
+            self.reports += self.listener.take_reports()
+            time.sleep(0.002)
+        self.reports += self.listener.take_reports()
+
+    def code(self) -> int:
+        return int(self.inputs.get("input_int_register_47", (-1,))[0])
+
+    def step(self, what: Estimate) -> None:
+        self.listener.receive(sample(what.t), what)
+        self.reports += self.listener.take_reports()
+
+    def events(self, kind: str) -> list[dict[str, Any]]:
+        return [r["event"] for r in self.reports if r["type"] == "event" and r["event"]["kind"] == kind]
+
+    def state(self) -> dict[str, Any]:
+        return next(r for r in reversed(self.reports) if r["type"] == "reactions")
+
+
+@pytest.fixture
+def play() -> Iterator[Play]:
+    with rtde_server() as server:
+        made = Play(server)
+        try:
+            made.until(lambda: made.code() == 0)
+            yield made
+        finally:
+            made.listener.close()
+
+
+def test_a_contact_a_collision_and_an_acknowledgement(play: Play) -> None:
+    play.step(estimate(0.0, contact(newtons=20.0)))
+    play.until(lambda: play.code() == 41)
+    assert play.inputs["speed_slider_fraction"] == (0.1,)
+    assert play.inputs["input_bit_register_65"] == (True,)
+    play.step(estimate(0.1, contact(newtons=60.0)))
+    play.until(lambda: play.code() == 42)
+    assert play.inputs["input_double_register_47"][0] == pytest.approx(60.0)
+    play.step(estimate(0.2))
+    play.until(lambda: play.inputs["speed_slider_fraction"] == (1.0,))
+    assert play.code() == 42  # latched
+    (collision,) = play.events("collision")
+    assert (collision["rule"], collision["link"], collision["contact"]) == ("arm", "forearm", 1)
+    play.listener.command({"type": "acknowledge", "rule": None, "by": "a test", "id": "7"})
+    play.until(lambda: play.code() == 0)
+    assert [event["reason"] for event in play.events("acknowledged")] == ["by a test"]
+    assert any(r.get("answer") == "7" and not r["active"] for r in play.reports)
+
+
+def test_the_robot_program_acknowledges_by_a_bit(play: Play) -> None:
+    play.server.controller.set_output("output_bit_register_70", (False,))
+    play.step(estimate(0.0, contact(newtons=60.0)))
+    play.until(lambda: play.code() == 42)
+    play.step(estimate(0.1))
+    play.server.controller.set_output("output_bit_register_70", (True,))
+    play.until(lambda: play.code() == 0)
+    assert "the robot program" in play.events("acknowledged")[0]["reason"]
+
+
+def test_the_robot_program_announces_a_contact(play: Play) -> None:
+    play.step(estimate(0.0))
+    play.until(lambda: "output_int_register_20" in play.listener._inputs_before)
+    play.server.controller.set_output("output_int_register_20", (3,))
+    play.until(lambda: play.state()["expected"] == ["insert"])
+    play.step(estimate(0.1, contact(newtons=60.0)))
+    assert not play.events("collision")
+    play.server.controller.set_output("output_int_register_20", (0,))
+    play.until(lambda: play.state()["expected"] == [])
+    play.step(estimate(0.2, contact(newtons=60.0)))
+    assert play.events("collision")
+
+
+def test_the_heartbeat_goes_on_without_samples(play: Play) -> None:
+    seen: set[bool] = set()
+
+    def beats() -> bool:
+        seen.add(bool(play.inputs["input_bit_register_64"][0]))
+        return len(seen) == 2
+
+    play.until(beats)
+    play.until(lambda: play.inputs["input_bit_register_67"] == (True,))  # no estimate: degraded
+
+
+def test_nothing_is_written_before_the_latches_are_known() -> None:
+    with rtde_server() as server:
+        made = Play(server)
+        begin = {
+            "rule": "arm", "level": "collision", "kind": "begin", "actions": ["tell"], "t": 0.0,
+            "probability": 1.0, "contact": 1, "link": "forearm", "link_index": 3, "point": [0, 0, 0],
+            "point_base": [0, 0, 0], "force_base": [0, 0, 1], "force": 1.0,
+        }  # fmt: skip
+        made.listener._restored = False
+        codes: set[int] = set()
+        try:
+            for _ in range(100):
+                made.listener.tick(time.monotonic())
+                codes.add(made.code())
+                time.sleep(0.002)
+            assert codes == {-1}
+            made.listener.command({"type": "restore", "decisions": [begin]})
+            made.until(lambda: made.code() != -1)
+            assert made.code() == 42
+        finally:
+            made.listener.close()
+
+
+def test_in_use_names_the_variable_and_what_else_to_take() -> None:
+    with rtde_server() as server:
+        first = RtdeInputs("127.0.0.1", server.port, {"a": ["input_int_register_47"]})
+        deadline = time.monotonic() + 10.0
+        while not first.ready:
+            assert time.monotonic() < deadline
+            first.poll(time.monotonic())
+            time.sleep(0.002)
+        made = Play(server)
+        try:
+            made.until(lambda: made.events("action"))
+            (event,) = made.events("action")
+            assert event["action"] == "tell"
+            assert "IN_USE: another client writes input_int_register_47" in event["reason"]
+            assert "take others in the rules' file: int and double 24 to 47" in event["reason"]
+            made.step(estimate(0.0, contact(newtons=20.0)))
+            made.until(lambda: made.inputs.get("speed_slider_fraction") == (0.1,))  # the other recipe works
+            first.close()
+            made.until(lambda: made.code() == 41)  # taken as soon as it is free
+            made.until(lambda: made.state()["actions"]["tell"]["state"] == "ok")
+        finally:
+            made.listener.close()
+            first.close()
+
+
+def test_a_controller_that_is_away_is_told_and_found_again() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    inputs = RtdeInputs("127.0.0.1", port, {"a": ["input_int_register_47"]})
+    deadline = time.monotonic() + 10.0
+    while not inputs.error:
+        assert time.monotonic() < deadline
+        inputs.poll(time.monotonic())
+        time.sleep(0.002)
+    assert (
+        inputs.error == f"RTDE inputs of the robot at 127.0.0.1:{port}: cannot be reached: Connection refused"
+    )
+    with rtde_server(port=port) as server:
+        while not inputs.ready:
+            assert time.monotonic() < deadline
+            inputs.poll(time.monotonic())
+            time.sleep(0.002)
+        assert not inputs.error
+        assert inputs.write("a", [5])
+        while server.controller.inputs.get("input_int_register_47") != (5,):
+            assert time.monotonic() < deadline
+            time.sleep(0.002)
+    inputs.close()
+
+
+def test_a_mute_controller_blocks_nobody() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        inputs = RtdeInputs("127.0.0.1", mute.getsockname()[1], {"a": ["input_int_register_47"]})
+        now = 0.0
+        for _ in range(300):
+            inputs.poll(now)
+            now += 0.01
+        assert "no answer in time" in inputs.error
+        inputs.close()

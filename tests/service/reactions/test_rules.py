@@ -1,0 +1,103 @@
+"""The rules' file: what it may say, and how it is refused."""
+
+from pathlib import Path
+
+import pytest
+
+from contactsense import Scene
+from contactsense.service.reactions.explain import explain
+from contactsense.service.reactions.rules import ReactionRules, RulesError
+from tests.service.reactions.estimates import SCENE
+
+FILE = """
+groups: {arm: [upper_arm, forearm]}
+actions:
+  tell: {type: registers}
+  slow: {type: speed_slider, fraction: 0.1}
+rules:
+  - name: arm
+    links: [arm, wrist_1]
+    while: moving
+    contact: {force: 15, actions: [tell, slow]}
+    collision: {force: 60, probability: 0.95, duration: 0.01, actions: [tell]}
+    direction: {axis: [0, 0, -1], half_angle: 0.5}
+"""
+
+
+def load(tmp_path: Path, text: str, scene: Scene = SCENE) -> ReactionRules:
+    path = tmp_path / "reactions.yaml"
+    path.write_text(text)
+    rules = ReactionRules.load(path)
+    rules.check(scene)
+    return rules
+
+
+def test_a_rule_in_words(tmp_path: Path) -> None:
+    rules = load(tmp_path, FILE)
+    words = explain(rules, rules.rules[0])
+    for part in (
+        "arm: on arm, wrist_1 while a joint is faster than 0.02 rad/s",
+        "for forces within 29 degrees of (0, 0, -1) in base axes",
+        "contact above 15 N with probability 0.9: tell (write input_int_register_47",
+        "slow (set the speed slider to 10 %, it stays there), until the force has gone",
+        "collision above 60 N with probability 0.95 for 10 ms",
+        "latched until it is acknowledged",
+    ):
+        assert part in words, words
+
+
+def test_links_of_groups(tmp_path: Path) -> None:
+    rules = load(tmp_path, FILE)
+    assert rules.links_of(("arm", "wrist_1"), SCENE) == {"upper_arm", "forearm", "wrist_1"}
+    assert rules.links_of(("any",), SCENE) == set(SCENE.link_names)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "complaint"),
+    [
+        ("force: 15", "force: -15", "rules.0.contact.force: Input should be greater than 0"),
+        ("force: 60", "force: 10", "collision.force: expected at least contact.force (15 N), got 10 N"),
+        ("half_angle: 0.5", "half_angle: 30", "half_angle: Input should be less than or equal to 3.14"),
+        ("[0, 0, -1]", "[0, 0, 0]", "axis: expected a direction, got three zeros"),
+        ("[tell]", "[call]", "rules: arm: expected actions of tell, slow, got 'call'"),
+        ("fraction: 0.1", "fraction: 0.0", "fraction: Input should be greater than or equal to 0.01"),
+        ("type: registers", "type: telepathy", "actions.tell: Input tag 'telepathy'"),
+        ("type: registers", "type: registers, code: 48", "code: Input should be less than or equal to 47"),
+        ("type: registers", "type: registers, link: 47", "expected different registers, got input_int_re"),
+        ("while: moving", "while: flying", "while: Input should be 'moving', 'rest' or 'any'"),
+        ("while: moving", "wile: moving", "wile: Extra inputs are not permitted"),
+        ("wrist_1]", "wrist_9]", "rules: arm: links: expected some of base, shoulder"),
+        ("wrist_1]", "tool]", "got 'tool'; the scene has no tool with a surface"),
+        ("rules:", "rule:", "rules: Field required"),
+        ("groups:", "- groups:", "not YAML"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, before: str, after: str, complaint: str) -> None:
+    assert before in FILE
+    with pytest.raises(RulesError) as refused:
+        load(tmp_path, FILE.replace(before, after))
+    assert complaint in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_missing_file_is_named() -> None:
+    with pytest.raises(RulesError, match=r"/nowhere/reactions\.yaml: cannot read the rules: No such file"):
+        ReactionRules.load("/nowhere/reactions.yaml")
+
+
+@pytest.mark.parametrize(
+    ("action", "complaint"),
+    [
+        ("{type: webhook, url: 'http://h/'}", "expected either secret or secret_file, got neither"),
+        ("{type: webhook, url: 'http://h/', secret: hunter2}", "secret: expected whsec_"),
+        ("{type: webhook, url: 'ftp://h/', secret_file: f}", "url: String should match"),
+        ("{type: command, command: []}", "command: Tuple should have at least 1 item"),
+        ("{type: dashboard, command: unlock protective stop}", "command: Input should be"),
+        ('{type: dashboard, command: popup, text: "a\\nplay"}', "text: String should match"),
+    ],
+)
+def test_wrong_actions(tmp_path: Path, action: str, complaint: str) -> None:
+    with pytest.raises(RulesError) as refused:
+        load(tmp_path, FILE.replace("{type: registers}", action))
+    assert complaint in str(refused.value)
+    assert "hunter2" not in str(refused.value)

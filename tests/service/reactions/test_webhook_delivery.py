@@ -1,0 +1,142 @@
+"""Webhooks: signed, retried, waiting in the journal over a restart."""
+
+import asyncio
+import http.server
+import json
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from contactsense.service.events.journal import Journal, JournalSettings
+from contactsense.service.reactions.actions.webhook import WebhookAction, decode_secret, sign
+from contactsense.service.reactions.webhook_delivery import WebhookDelivery
+
+SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
+DECISION = {"rule": "arm", "level": "collision", "kind": "begin", "link": "forearm", "force": 60.0}
+
+
+class Receiver(http.server.ThreadingHTTPServer):
+    """Answers by `statuses` in turn, the last one for ever, and keeps what came."""
+
+    def __init__(self, *statuses: int) -> None:
+        super().__init__(("127.0.0.1", 0), _Handler)
+        self.statuses, self.heard = list(statuses), list[tuple[dict[str, str], bytes]]()
+
+
+class _Handler(http.server.BaseHTTPRequestHandler):
+    server: Receiver
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        headers = {name.lower(): value for name, value in self.headers.items()}
+        status = self.server.statuses[0]
+        if len(self.server.statuses) > 1:
+            self.server.statuses.pop(0)
+        self.server.heard.append((headers, body))
+        self.send_response(status)
+        if status == 307:
+            self.send_header("Location", "/elsewhere")
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@contextmanager
+def receiver(*statuses: int) -> Iterator[Receiver]:
+    with Receiver(*statuses) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def hook(port: int) -> WebhookAction:
+    return WebhookAction(type="webhook", url=f"http://127.0.0.1:{port}/hook", secret=SECRET, timeout=5.0)
+
+
+def deliver(
+    journal: Journal, webhook: WebhookAction, enqueue: int, done: Callable[[WebhookDelivery, list[Any]], bool]
+) -> list[tuple[bool, str]]:
+    """Run a delivery until `done`; what it told."""
+    told: list[tuple[bool, str]] = []
+
+    async def scenario() -> None:
+        delivery = WebhookDelivery(
+            journal, {"hook": webhook}, lambda _, ok, reason: told.append((ok, reason)), (0.0, 0.05, 0.05)
+        )
+        delivery.start()
+        for _ in range(enqueue):
+            delivery.enqueue("hook", DECISION)
+        async with asyncio.timeout(20):
+            while not done(delivery, told):
+                await asyncio.sleep(0.01)
+        await delivery.stop()
+
+    asyncio.run(scenario())
+    return told
+
+
+def test_a_delivery_is_signed() -> None:
+    with receiver(204) as server, Journal() as journal:
+        told = deliver(
+            journal, hook(server.server_port), 1, lambda d, t: d.waiting("hook") == 0 and len(t) == 1
+        )
+        ((headers, body),) = server.heard
+    assert told == [(True, "answered 204")]
+    content = json.loads(body)
+    assert content["type"] == "collision.begin"
+    assert content["data"] == DECISION
+    stamp = int(headers["webhook-timestamp"])
+    expected = sign(decode_secret(SECRET), headers["webhook-id"], stamp, body)
+    assert headers["webhook-signature"] == expected
+
+
+def test_it_is_retried_with_the_same_id() -> None:
+    with receiver(500, 429, 200) as server, Journal() as journal:
+        told = deliver(journal, hook(server.server_port), 1, lambda d, t: len(t) == 3)
+        ids = {headers["webhook-id"] for headers, _ in server.heard}
+        assert len(ids) == 1
+    assert [ok for ok, _ in told] == [False, False, True]
+    assert "answered 500: tried again in about 0.05 s" in told[0][1]
+
+
+def test_it_is_given_up_in_the_end_and_a_redirection_is_no_success() -> None:
+    with receiver(307) as server, Journal() as journal:
+        told = deliver(
+            journal, hook(server.server_port), 1, lambda d, t: d.waiting("hook") == 0 and len(t) == 3
+        )
+        assert all(not ok for ok, _ in told)
+        assert "given up after 3 attempts" in told[-1][1]
+
+
+def test_gone_disables_also_after_a_restart(tmp_path: Path) -> None:
+    settings = JournalSettings(path=tmp_path / "j.db")
+    with receiver(410) as server:
+        with Journal(settings) as journal:
+            told = deliver(
+                journal, hook(server.server_port), 2, lambda d, t: bool(d.disabled("hook")) and bool(t)
+            )
+            assert "disabled until its URL changes" in told[0][1]
+        with Journal(settings) as journal:
+            deliver(journal, hook(server.server_port), 1, lambda d, t: bool(d.disabled("hook")))
+        assert len(server.heard) == 1
+
+
+def test_what_waits_survives_a_restart(tmp_path: Path) -> None:
+    settings = JournalSettings(path=tmp_path / "j.db")
+    with receiver(200) as server:
+        port = server.server_port
+    with Journal(settings) as journal:  # nobody there
+        told = deliver(journal, hook(port), 1, lambda d, t: len(t) == 1)
+        assert not told[0][0]
+    with Journal(settings) as journal, receiver(200) as server:
+        journal.database.execute("UPDATE deliveries SET due = 0")
+        told = deliver(journal, hook(server.server_port), 0, lambda d, t: len(t) == 1)
+        assert told == [(True, "answered 200")]
+        assert json.loads(server.heard[0][1])["data"] == DECISION

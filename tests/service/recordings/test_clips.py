@@ -1,0 +1,153 @@
+"""Clips and recordings of a running service."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from contactsense import Estimate, Sample, Scene
+from contactsense.service.api.app import create_app
+from contactsense.service.api.settings import Settings
+from contactsense.service.cli.record import record
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.servers import MockServers, MockSettings
+from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.recordings import read
+from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
+from contactsense.service.recordings.sample_rows import Ring
+from tests.service.loopback import own_address, until
+from tests.service.serving import serving
+
+SCENE = Scene(robot="ur5e")
+
+
+def sample(i: int) -> Sample:
+    value = np.full(6, float(i))
+    return Sample(0.002 * i, value, value, value, value)
+
+
+def estimate(i: int) -> Estimate:
+    return Estimate(0.002 * i, "none", (), np.zeros(7), np.zeros(6), np.zeros((6, 6)))
+
+
+@pytest.mark.parametrize("pushed", [0, 3, 10, 25])
+def test_the_ring_keeps_the_newest_rows(pushed: int) -> None:
+    ring = Ring(10, 2)
+    for i in range(pushed):
+        ring.next[:] = i
+        ring.push()
+    kept = ring.between(0, -1.0, 1e9)[:, 0]
+    np.testing.assert_array_equal(kept, np.arange(max(0, pushed - 10), pushed))
+    np.testing.assert_array_equal(ring.between(0, 4.0, 6.0)[:, 0], [k for k in kept if 4 <= k <= 6])
+
+
+def test_a_clip_reaches_back_and_goes_on(tmp_path: Path) -> None:
+    listener = ClipListener(SCENE, RecordingSettings(folder=tmp_path, minutes=0.1), 500.0)
+    for i in range(300):
+        listener.receive(sample(i), estimate(i))
+        if i == 100:
+            listener.command({"type": "clip", "number": 7, "before": 60.0, "after": 0.05, "reason": "test"})
+        if i > 100:
+            time.sleep(0.001)
+        listener.tick(time.monotonic())
+    assert until(lambda: list(tmp_path.glob("clip-*-000007.parquet")))
+    assert until(lambda: listener._reports)
+    (report,) = listener.take_reports()
+    assert (report["type"], report["number"]) == ("clip", 7)
+    clip = read(tmp_path / report["file"])
+    assert report["samples"] == len(clip) > 101
+    np.testing.assert_array_equal(clip.q[:, 0], np.arange(len(clip)))
+    np.testing.assert_allclose(clip.base_wrench[:, 0], np.arange(len(clip)))
+    listener.close()
+
+
+def test_a_recording_holds_every_row_until_it_is_ended(tmp_path: Path) -> None:
+    listener = ClipListener(SCENE, RecordingSettings(folder=tmp_path, minutes=0.1), 500.0)
+    listener.command({"type": "record", "on": True})
+    for i in range(777):
+        listener.receive(sample(i), estimate(i))
+    listener.command({"type": "record", "on": False})
+    assert until(lambda: list(tmp_path.glob("service-*.parquet")))
+    listener.close()
+    (path,) = tmp_path.glob("service-*.parquet")
+    np.testing.assert_array_equal(read(path).q[:, 0], np.arange(777))
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
+    folder = tmp_path_factory.mktemp("recordings")
+    motion = simulate(
+        Script.model_validate(
+            {
+                "robot": "ur5e",
+                "noise": {"base_force": 0.25, "base_moment": 0.05, "joint_torque": 1.0},
+                "trajectory": {"start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "dwell": 3.0},
+            }
+        )
+    )
+    chosen = MockSettings(host=own_address(), rtde_port=0, netft_port=0, http_port=0, loop=True)
+    with MockServers(motion, chosen) as servers:
+        settings = Settings.checked(
+            {
+                "robot_host": chosen.host,
+                "robot_port": servers.rtde.port,
+                "ft_host": chosen.host,
+                "ft_port": servers.netft.port,
+                "ft_http_port": servers.netft.http_port,
+                "recording": {"folder": folder},
+            }
+        )
+        with serving(create_app(settings)) as place:
+            url = f"http://{place}"
+            assert until(lambda: httpx.get(f"{url}/v1/health").json()["status"] == "ok", 280.0)
+            yield url, folder
+
+
+def listed(url: str) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = httpx.get(f"{url}/v1/clips").json()["clips"]
+    return found
+
+
+def test_a_clip_over_http(service: tuple[str, Path]) -> None:
+    url, folder = service
+    time.sleep(1.0)
+    answer = httpx.post(f"{url}/v1/clip", json={"before": 0.5, "after": 0.3, "reason": "door"})
+    assert answer.status_code == 202
+    assert answer.json()["file"] is None
+    assert until(lambda: listed(url)[-1]["file"])
+    clip = read(folder / listed(url)[-1]["file"])
+    assert clip.meta["contactsense.reason"] == "door"
+    assert clip.seconds == pytest.approx(0.8, abs=0.3)
+    np.testing.assert_allclose(np.diff(clip.t), 0.002, atol=1e-6)
+
+
+def test_a_service_records_while_the_command_runs(service: tuple[str, Path]) -> None:
+    url, folder = service
+    result = CliRunner().invoke(record, ["--url", url, "--seconds", "2"])
+    assert result.exit_code == 0, result.output
+    assert until(lambda: list(folder.glob("service-*.parquet")))
+    (path,) = folder.glob("service-*.parquet")
+    recording = read(path)
+    assert recording.seconds > 1.5
+    np.testing.assert_allclose(np.diff(recording.t), 0.002, atol=1e-6)
+
+
+def test_bad_requests_name_the_field(service: tuple[str, Path]) -> None:
+    url, _ = service
+    answer = httpx.post(f"{url}/v1/clip", json={"before": -1.0})
+    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "before")
+
+
+def test_without_a_folder_it_says_what_to_do() -> None:
+    with serving(create_app(Settings())) as place:
+        answer = httpx.post(f"http://{place}/v1/clip", json={})
+        assert answer.status_code == 409
+        assert "--recordings" in answer.text
+    result = CliRunner().invoke(record, ["--url", "http://127.0.0.1:1", "--seconds", "1"])
+    assert result.exit_code == 1
+    assert "no answer" in result.output

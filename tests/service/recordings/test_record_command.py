@@ -1,0 +1,103 @@
+"""`contactsense record` against the mock arm, and as a converter."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+import pytest
+from click.testing import CliRunner
+
+from contactsense import Scene
+from contactsense.service.cli.record import record
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.servers import MockServers, MockSettings
+from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.recordings import read
+from tests.service.loopback import own_address
+
+SCRIPT = Script.model_validate(
+    {
+        "robot": "ur5e",
+        "noise": {"base_force": 0.25, "base_moment": 0.05, "joint_torque": 1.0},
+        "trajectory": {"start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "dwell": 3.0},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def mock() -> Iterator[tuple[Motion, list[str]]]:
+    motion = simulate(SCRIPT)
+    chosen = MockSettings(host=own_address(), rtde_port=0, netft_port=0, http_port=0, loop=True)
+    with MockServers(motion, chosen) as servers:
+        yield (
+            motion,
+            ["--robot-host", chosen.host, "--robot-port", str(servers.rtde.port), "--ft-host", chosen.host,
+             "--ft-port", str(servers.netft.port), "--ft-http-port", str(servers.netft.http_port)],
+        )  # fmt: skip
+
+
+def test_every_sample_is_recorded_raw_and_as_used(tmp_path: Path, mock: tuple[Motion, list[str]]) -> None:
+    motion, source = mock
+    result = CliRunner().invoke(
+        record, [*source, "--out", str(tmp_path), "--seconds", "3", "--fields", "actual_current,robot_mode"]
+    )
+    assert result.exit_code == 0, result.output
+    assert "0 lost" in result.output
+    (path,) = tmp_path.glob("samples-*.parquet")
+    table = pa_parquet.read_table(path)
+    assert {"arrival", "base_wrench_age", "actual_current_0", "robot_mode"} <= set(table.column_names)
+    recording = read(path)  # with the scene that it carries
+    step = np.diff(recording.t)
+    np.testing.assert_allclose(step, 0.002, atol=1e-6)
+    row = np.round(recording.t * 500.0).astype(int) % len(motion.t)
+    np.testing.assert_allclose(recording.q, motion.q[row], atol=1e-9)
+    np.testing.assert_allclose(recording.joint_torque, motion.joint_torque[row], atol=1e-9)
+    used = np.isfinite(recording.base_wrench).all(axis=1)
+    assert used.mean() > 0.8
+    assert np.abs(recording.base_wrench[used][:, 2]).mean() == pytest.approx(
+        np.abs(motion.base_wrench[:, 2]).mean(), rel=0.05
+    )
+    (path,) = tmp_path.glob("wrench-*.parquet")
+    ticks = pa_parquet.read_table(path).column("tick").to_numpy()
+    assert len(ticks) > 2000
+    assert np.all(np.diff(ticks) > 0)
+
+
+def test_a_robot_that_is_not_there_is_told_and_nothing_is_left(tmp_path: Path) -> None:
+    result = CliRunner().invoke(
+        record,
+        ["--robot-host", "127.0.0.1", "--robot-port", "1", "--ft-host", "127.0.0.1", "--out",
+         str(tmp_path / "x"), "--seconds", "0.5"],
+    )  # fmt: skip
+    assert result.exit_code == 1
+    assert "nothing was recorded" in result.output
+    assert not list((tmp_path / "x").glob("*"))
+
+
+def test_without_an_address_it_says_what_is_missing(tmp_path: Path) -> None:
+    result = CliRunner().invoke(record, ["--out", str(tmp_path)])
+    assert result.exit_code == 1
+    assert "expected --robot-host" in result.output
+
+
+def test_a_recording_is_converted_and_its_problems_are_named(tmp_path: Path) -> None:
+    chance = np.random.default_rng(1)
+    columns = {"timestamp": 0.01 * np.arange(30)}
+    for group in ("actual_q", "actual_qd", "joint_torque"):
+        columns |= {f"{group}_{i}": chance.standard_normal(30) for i in range(6)}
+    columns["timestamp"][5] = columns["timestamp"][4]
+    pa_parquet.write_table(pa.table(columns), tmp_path / "a.parquet")
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\nbase_wrench: null\n")
+    arguments = ["--from", str(tmp_path / "a.parquet"), "--out", str(tmp_path / "a.csv")]
+    result = CliRunner().invoke(record, [*arguments, "--scene", str(tmp_path / "scene.yaml")])
+    assert result.exit_code == 0, result.output
+    assert "row 5: the time of the row before is repeated" in result.output
+    scene = Scene.load(tmp_path / "scene.yaml")
+    np.testing.assert_allclose(
+        read(tmp_path / "a.csv", scene).q, read(tmp_path / "a.parquet", scene).q, atol=1e-12
+    )
+    result = CliRunner().invoke(record, arguments)
+    assert result.exit_code == 1
+    assert "carries no scene" in result.output

@@ -1,0 +1,261 @@
+"""Recordings in every format that is read, and everything that can be wrong with them."""
+
+import gzip
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense.service.recordings import (
+    ColumnMapping,
+    MappingError,
+    RecordingError,
+    RecordingFile,
+    read,
+)
+from contactsense.service.recordings.cleaning import RowChecker
+from contactsense.service.recordings.metadata import metadata
+from contactsense.service.sensors.signal_mapping import WrenchMap
+
+N = 50
+SCENE = Scene(
+    robot="ur5e",
+    base_wrench=WrenchSensor(rpy=(0.1, 0.2, 0.3), translation=(0.0, 0.0, -0.05), sign="sensor_on_arm"),
+)
+TORQUES = Scene(robot="ur5e", base_wrench=None)
+
+
+def columns(n: int = N, **more: np.ndarray) -> dict[str, np.ndarray]:
+    chance = np.random.default_rng(1)
+    found = {"timestamp": np.arange(n) * 0.002 + 100.0}
+    for group in ("actual_q", "actual_qd", "joint_torque", "base_wrench"):
+        found |= {f"{group}_{i}": np.round(chance.standard_normal(n), 6) for i in range(6)}
+    return found | more
+
+
+def table(found: dict[str, np.ndarray], name: str) -> np.ndarray:
+    return np.column_stack([found[f"{name}_{i}"] for i in range(6)])
+
+
+def text(found: dict[str, np.ndarray], delimiter: str = ",") -> str:
+    rows = [delimiter.join(found)]
+    rows += [delimiter.join(f"{value:.6f}" for value in row) for row in zip(*found.values(), strict=True)]
+    return "\n".join(rows) + "\n"
+
+
+def as_csv(path: Path, found: dict[str, np.ndarray]) -> Path:
+    (path / "a.csv").write_text(text(found))
+    return path / "a.csv"
+
+
+def as_blanks(path: Path, found: dict[str, np.ndarray]) -> Path:
+    (path / "a.csv").write_text(text(found, " "))
+    return path / "a.csv"
+
+
+def as_gzip(path: Path, found: dict[str, np.ndarray]) -> Path:
+    (path / "a.csv.gz").write_bytes(gzip.compress(text(found).encode()))
+    return path / "a.csv.gz"
+
+
+def as_parquet(path: Path, found: dict[str, np.ndarray]) -> Path:
+    pa_parquet.write_table(pa.table(found), path / "a.parquet")
+    return path / "a.parquet"
+
+
+def as_folder(path: Path, found: dict[str, np.ndarray]) -> Path:
+    whole, folder = pa.table(found), path / "robot=left" / "date=2026-01-01"
+    folder.mkdir(parents=True)
+    pa_parquet.write_table(whole[:20], folder / "part-0.parquet")
+    pa_parquet.write_table(whole[20:], folder / "part-1.parquet")
+    return path / "robot=left"
+
+
+def as_arrow(path: Path, found: dict[str, np.ndarray]) -> Path:
+    whole = pa.table(found)
+    with pa.OSFile(str(path / "a.arrows"), "wb") as sink, pa.ipc.new_stream(sink, whole.schema) as stream:
+        stream.write_table(whole, max_chunksize=16)
+    return path / "a.arrows"
+
+
+@pytest.mark.parametrize("write", [as_csv, as_blanks, as_gzip, as_parquet, as_folder, as_arrow])
+def test_every_table_format_reads_the_same(
+    tmp_path: Path, write: Callable[[Path, dict[str, np.ndarray]], Path]
+) -> None:
+    found = columns()
+    recording = read(write(tmp_path, found), SCENE)
+    np.testing.assert_allclose(recording.t, found["timestamp"], atol=1e-9)
+    np.testing.assert_allclose(recording.q, table(found, "actual_q"), atol=1e-9)
+    np.testing.assert_allclose(recording.joint_torque, table(found, "joint_torque"), atol=1e-9)
+    expected = WrenchMap.of(SCENE.base_wrench).wrench(table(found, "base_wrench"))
+    np.testing.assert_allclose(recording.base_wrench, expected, atol=1e-8)
+    assert recording.problems == ()
+    np.testing.assert_array_equal(recording.rows, np.arange(N))
+
+
+@pytest.mark.parametrize("size", [1, 7, 50, 1000])
+def test_blocks_hold_every_row_once(tmp_path: Path, size: int) -> None:
+    found = columns()
+    scene = SCENE.model_copy(update={"base_wrench": SCENE.base_wrench.model_copy(update={"delay": 0.005})})
+    file = RecordingFile(as_parquet(tmp_path, found), scene)
+    blocks = list(file.blocks(size))
+    assert max(map(len, blocks)) <= size
+    np.testing.assert_array_equal(np.concatenate([block.rows for block in blocks]), np.arange(N))
+
+
+def test_the_delay_of_the_base_sensor_is_taken_off(tmp_path: Path) -> None:
+    t = np.arange(N) * 0.002
+    found = columns(timestamp=t) | {f"base_wrench_{i}": (i + 1.0) * t for i in range(6)}
+    late = Scene(robot="ur5e", base_wrench=WrenchSensor(delay=0.01))
+    recording = read(as_parquet(tmp_path, found), late)
+    expected = (np.arange(6) + 1.0) * (t[:-10, None] + 0.01)
+    np.testing.assert_allclose(recording.base_wrench[:-10], expected, atol=1e-9)
+
+
+def test_rows_that_are_wrong_are_named_and_the_rest_is_used(tmp_path: Path) -> None:
+    found = columns()
+    t = found["timestamp"]
+    t[5:7] = t[4]  # repeated
+    t[20:] += 1.0  # gap
+    t[40:] -= 50.0  # clock set back
+    t[30] = np.nan
+    found["base_wrench_2"][10:12] = np.nan
+    found["actual_q_0"][15] = np.inf
+    recording = read(as_parquet(tmp_path, found), SCENE)
+    assert [(p.kind, p.row_from, p.row_to) for p in sorted(recording.problems, key=lambda p: p.row_from)] == [
+        ("repeated", 5, 7),
+        ("not_finite", 10, 12),
+        ("not_finite", 15, 16),
+        ("gap", 20, 21),
+        ("not_finite", 30, 31),
+        ("clock_set_back", 40, 41),
+    ]
+    assert (len(recording), recording.repeated) == (N - 3, 2)
+    samples = list(recording.samples())
+    assert samples[8].base_wrench is None  # row 10, two rows before it are left out
+    assert samples[7].base_wrench is not None
+
+
+def test_a_row_with_a_missing_cell_is_ignored_and_a_word_is_no_number(tmp_path: Path) -> None:
+    lines = text(columns()).splitlines()
+    lines[4] = ",".join(lines[4].split(",")[:-3])
+    lines[8] = lines[8].replace(lines[8].split(",")[3], "oops")
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    recording = read(tmp_path / "a.csv", SCENE)
+    kinds = {problem.kind for problem in recording.problems}
+    assert kinds == {"bad_row", "not_finite"}
+    assert any("'oops'" in problem.message for problem in recording.problems)
+    assert len(recording) == N - 1
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
+@pytest.mark.parametrize("write", [as_gzip, as_arrow, as_csv])
+def test_files_that_are_cut_short_give_what_they_hold(
+    tmp_path: Path, write: Callable[[Path, dict[str, np.ndarray]], Path], share: float
+) -> None:
+    path = write(tmp_path, columns(400))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    recording = read(path, SCENE)
+    assert 0 < len(recording) < 400
+    expected = columns(400)["timestamp"][: len(recording)]
+    np.testing.assert_allclose(recording.t[:-1], expected[:-1], atol=1e-6)
+
+
+def test_other_names_and_units(tmp_path: Path) -> None:
+    found = columns()
+    renamed = {"time": found["timestamp"] * 1e3}
+    renamed |= {f"pos{i}": np.degrees(found[f"actual_q_{i}"]) for i in range(6)}
+    renamed |= {f"v_{i}": np.degrees(found[f"actual_qd_{i}"]) for i in range(6)}
+    renamed |= {f"tau_{i}": found[f"joint_torque_{i}"] for i in range(6)}
+    path = as_parquet(tmp_path, renamed)
+    (tmp_path / "m.yaml").write_text(
+        "timestamp: time\ntime_unit: ms\nangle_unit: deg\nq: [pos0, pos1, pos2, pos3, pos4, pos5]\n"
+        "qd: v\njoint_torque: tau\n"
+    )
+    recording = read(path, TORQUES, str(tmp_path / "m.yaml"))
+    np.testing.assert_allclose(recording.t, found["timestamp"])
+    np.testing.assert_allclose(recording.q, table(found, "actual_q"))
+    with pytest.raises(RecordingError, match=r"timestamp: expected a column timestamp, found time, pos0"):
+        read(path, TORQUES)
+    with pytest.raises(MappingError, match="speed"):
+        ColumnMapping.parse("speed=v")
+    with pytest.raises(MappingError, match="time_unit"):
+        ColumnMapping.parse("time_unit=h")
+
+
+def test_sensors_that_the_file_lacks_are_named(tmp_path: Path) -> None:
+    found = {name: values for name, values in columns().items() if not name.startswith("base_wrench")}
+    recording = read(as_parquet(tmp_path, found), SCENE)
+    assert recording.base_wrench is None
+    assert [problem.kind for problem in recording.problems] == ["missing_sensor"]
+    only_motion = {name: v for name, v in found.items() if not name.startswith("joint_torque")}
+    with pytest.raises(RecordingError, match="got neither"):
+        read(as_parquet(tmp_path, only_motion), SCENE)
+
+
+def test_currents_become_torques(tmp_path: Path) -> None:
+    found = columns()
+    currents = {name.replace("joint_torque", "actual_current"): v for name, v in found.items()}
+    scene = Scene(
+        robot="ur5e",
+        base_wrench=None,
+        joint_torque=JointTorqueSensor(signal="actual_current", torque_constants=(1, 2, 3, 4, 5, 6)),
+    )
+    recording = read(as_parquet(tmp_path, currents), scene)
+    expected = table(found, "joint_torque") * np.arange(1, 7)
+    np.testing.assert_allclose(recording.joint_torque, expected)
+
+
+def test_a_recording_that_carries_its_scene_needs_no_other(tmp_path: Path) -> None:
+    whole = pa.table(columns(), metadata=metadata(SCENE))
+    pa_parquet.write_table(whole, tmp_path / "a.parquet")
+    np.testing.assert_allclose(
+        read(tmp_path / "a.parquet").base_wrench, read(tmp_path / "a.parquet", SCENE).base_wrench
+    )
+    with pytest.raises(RecordingError, match="carries no scene"):
+        read(as_csv(tmp_path, columns()))
+
+
+def test_there_and_back_through_pandas_and_arrow(tmp_path: Path) -> None:
+    recording = read(as_parquet(tmp_path, columns()), SCENE)
+    assert recording.to_arrow().num_rows == N
+    pandas = pytest.importorskip("pandas")
+    assert isinstance(recording.to_pandas(), pandas.DataFrame)
+    assert "50 samples" in repr(recording)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.sampled_from([0.0, 0.002, 0.002, 0.002, 0.5, -3.0, float("nan")]), max_size=60), st.data())
+def test_the_checker_does_not_depend_on_where_blocks_end(steps: list[float], data: st.DataObject) -> None:
+    t = np.cumsum(np.nan_to_num(np.array([1.0, 0.002, 0.002, *steps])))
+    t[3:][np.isnan(np.array(steps))] = np.nan
+    whole = RowChecker()
+    kept = whole.keep(t, 0)
+    whole.finish()
+    cut = data.draw(st.integers(3, len(t)))
+    parts = RowChecker()
+    split = np.concatenate((parts.keep(t[:cut], 0), parts.keep(t[cut:], cut)))
+    parts.finish()
+    np.testing.assert_array_equal(kept, split)
+    rows = {
+        kind: {r for p in checker.problems if p.kind == kind for r in range(p.row_from, p.row_to)}
+        for checker in (whole,)
+        for kind in ("repeated", "gap", "clock_set_back", "not_finite")
+    }
+    for kind, expected in rows.items():
+        found = {r for p in parts.problems if p.kind == kind for r in range(p.row_from, p.row_to)}
+        assert found == expected, kind
+
+
+def test_a_recording_steps_through_the_localizer(tmp_path: Path) -> None:
+    localizer = Localizer(TORQUES)
+    estimates = list(localizer.run(read(as_parquet(tmp_path, columns()), TORQUES).samples()))
+    assert len(estimates) == N
+    assert isinstance(next(read(as_parquet(tmp_path, columns()), TORQUES).samples()), Sample)

@@ -1,0 +1,98 @@
+"""Rows that were handed over survive whatever happens to the writer."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pa_parquet
+import pytest
+
+from contactsense.service.recordings.problems import RecordingError
+from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter, repair
+
+NAMES = ("timestamp", "value")
+
+
+def rows_of(paths: list[Path]) -> np.ndarray:
+    tables = [pa_parquet.read_table(path) for path in paths]
+    return np.concatenate([table.column("timestamp").to_numpy() for table in tables])
+
+
+def test_rows_come_back_in_order_over_many_segments(tmp_path: Path) -> None:
+    writer = SegmentWriter(tmp_path, "a", NAMES, {"k": "v"}, Rotation(megabytes=0.002), flush_seconds=0.0)
+    for i in range(1000):
+        writer.add((0.002 * i, float(i)))
+    files = writer.close()
+    assert len(files) > 3
+    np.testing.assert_allclose(rows_of(files), 0.002 * np.arange(1000))
+    assert pa_parquet.read_schema(files[0]).metadata[b"k"] == b"v"
+    assert not list(tmp_path.glob("*.arrows"))
+
+
+def test_the_disk_limit_removes_the_oldest(tmp_path: Path) -> None:
+    rotation = Rotation(megabytes=0.01, disk_megabytes=0.02)
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, rotation, flush_seconds=0.0)
+    noise = np.random.default_rng(1).standard_normal((10_000, 2))
+    for row in noise:
+        writer.add(row)
+    files = writer.close()
+    left = sorted(tmp_path.glob("*.parquet"))
+    assert sum(path.stat().st_size for path in left) <= 20_000
+    assert left == files[-len(left) :]
+
+
+WRITER = """
+import sys, time
+from pathlib import Path
+from contactsense.service.recordings.segment_writer import SegmentWriter
+writer = SegmentWriter(Path(sys.argv[1]), "a", ("timestamp", "value"), {})
+begin = time.monotonic()
+while True:
+    t = time.monotonic() - begin
+    writer.add((t, 1.0))
+    print(t, flush=True)
+    time.sleep(0.002)
+"""
+
+
+def test_a_killed_writer_loses_at_most_a_second(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True, env=os.environ
+    )
+    assert process.stdout is not None
+    told = [0.0]
+    while told[-1] < 2.0:
+        told.append(float(process.stdout.readline()))
+    process.send_signal(signal.SIGKILL)
+    out, _ = process.communicate(timeout=10)
+    told = told[1:] + [float(line) for line in out.splitlines()[:-1]]
+    assert list(tmp_path.glob("*.arrows"))
+    again = SegmentWriter(tmp_path, "a", NAMES, {})
+    kept = rows_of(again.repaired)
+    assert told[-1] - kept[-1] < 1.0
+    np.testing.assert_allclose(kept, told[: len(kept)])
+    assert not list(tmp_path.glob("*.arrows"))
+
+
+@pytest.mark.parametrize("size", [0, 1, 40, 300, 900])
+def test_a_segment_cut_anywhere_is_repaired_or_dropped(tmp_path: Path, size: int) -> None:
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, flush_seconds=0.0)
+    for i in range(20):
+        writer.add((float(i), 0.0))
+    (path,) = tmp_path.glob("*.arrows")
+    (tmp_path / "b-cut.arrows").write_bytes(path.read_bytes()[:size])
+    found = repair(tmp_path, "b")
+    assert not (tmp_path / "b-cut.arrows").exists()
+    if found:
+        kept = rows_of(found)
+        np.testing.assert_array_equal(kept, np.arange(len(kept)))
+    writer.close()
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match=r"file.*cannot write"):
+        SegmentWriter(tmp_path / "file" / "below", "a", NAMES, {})

@@ -1,0 +1,265 @@
+"""Both sensors together, from the mock's wire to samples."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from contactsense.robots.tool import Tool
+from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.service.mock.cell import TORQUE_CONSTANTS
+from contactsense.service.mock.newton_euler import link_poses
+from contactsense.service.mock.servers import MockServers, MockSettings
+from contactsense.service.mock.wire_faults import Fault
+from contactsense.service.sensors.live_source import LiveSource, SourceSettings
+from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.signal_mapping import WrenchMap
+from contactsense.service.wire.recipe import RtdeFieldError
+from tests.service.loopback import SmallFeed, own_address, until
+from tests.service.ur_rtde import ur_rtde_installed
+
+SECONDS = np.arange(5000) / 500.0
+# Each component grows by 1 a second: an error of the value is an error of the instant.
+WRENCH = SECONDS[:, None] + np.arange(6)
+FEED = SmallFeed(base_wrench=WRENCH)
+SCENE = Scene(robot="ur5e")
+MOCK = MockSettings(rtde_port=0, netft_port=0, http_port=0)
+
+
+def settings_for(servers, **changes):
+    changes = {"wrench_rate": 1000.0} | changes
+    return SourceSettings(
+        servers.rtde.host,
+        servers.rtde.port,
+        wrench_host=servers.netft.host,
+        wrench_port=servers.netft.port,
+        wrench_http_port=servers.netft.http_port,
+        **changes,
+    )
+
+
+def collect(source, n):
+    samples = []
+    assert until(lambda: samples.extend(source.poll(0.1)) or len(samples) >= n), source.health
+    return samples
+
+
+def with_wrench(source, n):
+    """That many samples, all of them from after the force/torque sensor's clock is known."""
+    assert until(lambda: any(s.base_wrench is not None for s in source.poll(0.1))), source.health
+    return [sample for sample in collect(source, n) if sample.base_wrench is not None]
+
+
+def assert_of_its_instant(samples, shift=0.0, tolerance=2e-3):
+    errors = [sample.base_wrench - (sample.t + np.arange(6) - shift) for sample in samples]
+    assert np.abs(np.median(errors)) < tolerance
+
+
+def test_samples_of_one_instant():
+    with MockServers(FEED, MOCK) as servers, LiveSource(SCENE, settings_for(servers)) as source:
+        samples = with_wrench(source, 400)
+        health = source.health
+    assert len(samples) > 380
+    rows = [round(sample.t * 500) for sample in samples]
+    assert np.allclose([sample.q for sample in samples], FEED.q[rows])
+    assert np.allclose([sample.qd for sample in samples], FEED.qd[rows])
+    assert np.allclose([sample.joint_torque for sample in samples], FEED.joint_torque[rows])
+    assert_of_its_instant(samples)
+    assert (health.robot.state, health.robot.lost) == ("streaming", 0)
+    assert health.wrench is not None
+    assert (health.wrench.state, health.wrench.overrun, health.trouble) == ("streaming", 0, "")
+    assert health.unusable == 0
+
+
+def test_the_rate_of_the_sensor_may_be_learned():
+    with (
+        MockServers(FEED, MOCK) as servers,
+        LiveSource(SCENE, settings_for(servers, wrench_rate=None)) as source,
+    ):
+        with_wrench(source, 500)
+        assert_of_its_instant(with_wrench(source, 300))
+
+
+@pytest.mark.parametrize(("told", "shift"), [(0.006, 0.0), (0.0, 0.006)])
+def test_a_later_force_torque_stream(told, shift):
+    mock = dataclasses.replace(MOCK, netft_delay=0.006)
+    with (
+        MockServers(FEED, mock) as servers,
+        LiveSource(SCENE, settings_for(servers, wrench_delay=told, wrench_wait=0.02)) as source,
+    ):
+        assert_of_its_instant(with_wrench(source, 300), shift)
+
+
+def test_a_later_robot_stream():
+    mock = dataclasses.replace(MOCK, rtde_delay=0.006)
+    with (
+        MockServers(FEED, mock) as servers,
+        LiveSource(SCENE, settings_for(servers, wrench_delay=-0.006)) as source,
+    ):
+        assert_of_its_instant(with_wrench(source, 300))
+
+
+def test_a_sensor_turned_and_shifted_and_counting_the_other_way():
+    place = WrenchSensor(rpy=(0.3, -0.2, 1.0), translation=(0.01, -0.02, -0.05), sign="sensor_on_arm")
+    scene = Scene(robot="ur5e", base_wrench=place)
+    to_sensor = WrenchMap.of(place).to_sensor
+    with (
+        MockServers(FEED, MOCK, to_sensor=to_sensor) as servers,
+        LiveSource(scene, settings_for(servers)) as source,
+    ):
+        assert_of_its_instant(with_wrench(source, 200))
+
+
+def test_motor_currents_become_torques():
+    signal = JointTorqueSensor(signal="actual_current", torque_constants=TORQUE_CONSTANTS)
+    scene = Scene(robot="ur5e", joint_torque=signal, base_wrench=None)
+    with MockServers(FEED, MOCK) as servers:
+        settings = SourceSettings(servers.rtde.host, servers.rtde.port)
+        with LiveSource(scene, settings) as source:
+            samples = collect(source, 50)
+            assert source.health.wrench is None
+    assert all(sample.base_wrench is None for sample in samples)
+    for sample in samples:
+        assert sample.joint_torque == pytest.approx(FEED.joint_torque[round(sample.t * 500)])
+
+
+def test_no_joint_torques_wanted_none_read():
+    scene = Scene(robot="ur5e", joint_torque=None)
+    with MockServers(FEED, MOCK) as servers, LiveSource(scene, settings_for(servers)) as source:
+        assert all(sample.joint_torque is None for sample in collect(source, 10))
+
+
+def test_force_torque_values_out_of_registers():
+    names = tuple(f"output_double_register_{24 + i}" for i in range(6))
+    fields = {name: WRENCH[:, i] for i, name in enumerate(names)}
+    with MockServers(FEED, MOCK, fields=fields) as servers:
+        settings = SourceSettings(servers.rtde.host, servers.rtde.port, wrench_fields=names)
+        with LiveSource(SCENE, settings) as source:
+            for sample in collect(source, 50):
+                assert sample.base_wrench == pytest.approx(WRENCH[round(sample.t * 500)])
+            assert source.health.wrench_age == 0.0
+
+
+@pytest.mark.parametrize("registers", [False, True])
+def test_a_wrist_sensor_comes_with_the_robot_and_turns_with_its_flange(registers):
+    names = tuple(f"output_double_register_{24 + i}" for i in range(6)) if registers else ("ft_raw_wrench",)
+    columns = {name: WRENCH[:, i] for i, name in enumerate(names)} if registers else {names[0]: WRENCH}
+    place = WrenchSensor(
+        rpy=(0.0, 0.0, 0.5), translation=(0.0, 0.0, 0.02), bias=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    )
+    scene = Scene(robot="ur5e", base_wrench=None, wrist_wrench=place, tool=Tool(mass=1.0))
+    with MockServers(FEED, MOCK, fields=columns) as servers:
+        wrist = {"wrist_fields": names} if registers else {}
+        with LiveSource(scene, SourceSettings(servers.rtde.host, servers.rtde.port, **wrist)) as source:
+            samples = collect(source, 50)
+    for sample in samples:
+        felt = WRENCH[round(sample.t * 500)] - place.bias
+        rotations, origins = link_poses(scene.robot, sample.q[None])
+        turn = rotations[-1, 0] @ scene.robot.flange_rotation
+        origin = origins[-1, 0] + rotations[-1, 0] @ scene.robot.flange_translation + 0.02 * turn[:, 2]
+        turn = turn @ place.rotation
+        force, moment = turn @ felt[:3], turn @ felt[3:]
+        assert sample.wrist_wrench == pytest.approx(np.append(force, moment + np.cross(origin, force)))
+
+
+def test_wrist_fields_must_have_six_numbers():
+    scene = Scene(robot="ur5e", base_wrench=None, wrist_wrench=WrenchSensor(), tool=Tool(mass=1.0))
+    with pytest.raises(SensorError, match=r"wrist_fields.*6 numbers, got timestamp with 1"):
+        LiveSource(scene, SourceSettings("127.0.0.1", wrist_fields=("timestamp",)))
+
+
+def test_a_mute_force_torque_sensor_leaves_samples_without_it():
+    with MockServers(FEED, MOCK) as servers, LiveSource(SCENE, settings_for(servers)) as source:
+        with_wrench(source, 20)
+        servers.netft.mute = True
+        assert until(lambda: (got := source.poll(0.1)) and got[-1].base_wrench is None)
+        assert all(sample.base_wrench is None for sample in collect(source, 50))
+        assert until(lambda: source.poll(0.1) and "mute, it sends no readings" in source.health.trouble)
+        before = source.health.without_wrench
+        assert before >= 50
+        servers.netft.mute = False
+        assert len(with_wrench(source, 20)) > 10
+        assert until(lambda: source.poll(0.1) and source.health.trouble == "")
+
+
+def test_readings_beyond_the_range_are_no_readings():
+    with MockServers(FEED, MOCK) as servers, LiveSource(SCENE, settings_for(servers)) as source:
+        with_wrench(source, 20)
+        servers.netft.status = 0x80020000
+        assert until(lambda: source.poll(0.1) and "beyond its range" in source.health.trouble)
+        assert until(lambda: (got := source.poll(0.1)) and got[-1].base_wrench is None)
+        assert all(sample.base_wrench is None for sample in collect(source, 20))
+
+
+def test_numbers_that_are_none():
+    with MockServers(FEED, MOCK) as servers, LiveSource(SCENE, settings_for(servers)) as source:
+        collect(source, 10)
+        servers.rtde.fault = Fault.NAN
+        assert until(lambda: source.poll(0.1) == [] and source.health.unusable > 10)
+        servers.rtde.fault = Fault.NONE
+        assert collect(source, 10)
+
+
+def test_nobody_there_then_somebody():
+    with MockServers(FEED, MOCK) as servers:
+        settings = settings_for(servers)
+    with LiveSource(SCENE, settings) as source:
+        assert until(lambda: source.poll(0.05) or source.health.robot.failures >= 2)
+        assert until(lambda: source.poll(0.05) or "force/torque sensor" in source.health.trouble)
+        assert f"robot at 127.0.0.1:{settings.robot_port} cannot be reached" in source.health.trouble
+        again = dataclasses.replace(
+            MOCK,
+            rtde_port=settings.robot_port,
+            netft_port=settings.wrench_port,
+            http_port=settings.wrench_http_port,
+        )
+        with MockServers(FEED, again):
+            assert with_wrench(source, 20)
+
+
+@ur_rtde_installed
+def test_ur_rtde_as_the_client():
+    host = own_address()
+    signal = JointTorqueSensor(signal="actual_current", torque_constants=TORQUE_CONSTANTS)
+    scene = Scene(robot="ur5e", joint_torque=signal)
+    mock = dataclasses.replace(MOCK, host=host, rtde_port=30004)
+    with MockServers(FEED, mock) as servers:
+        with LiveSource(scene, settings_for(servers, client="ur_rtde")) as source:
+            samples = with_wrench(source, 100)
+        assert_of_its_instant(samples)
+        with pytest.raises(SensorError, match="no getter for actual_current_as_torque"):
+            LiveSource(SCENE, settings_for(servers, client="ur_rtde"))
+        with pytest.raises(SensorError, match="ur_rtde reads port 30004 only, got 30005"):
+            LiveSource(scene, dataclasses.replace(settings_for(servers), client="ur_rtde", robot_port=30005))
+
+
+def test_iteration_ends_with_close():
+    with MockServers(FEED, MOCK) as servers:
+        source = LiveSource(SCENE, settings_for(servers))
+        taken = []
+        for sample in source:
+            taken.append(sample)
+            if len(taken) == 20:
+                source.close()
+        assert len(taken) >= 20
+        assert source.poll(0.0) == []
+
+
+def test_contradictions_are_named():
+    with pytest.raises(SensorError, match=r"wrench_host.*wrench_fields.*got neither"):
+        LiveSource(SCENE, SourceSettings("127.0.0.1"))
+    names = ("output_double_register_24",) * 6
+    with pytest.raises(SensorError, match="got both"):
+        LiveSource(SCENE, SourceSettings("127.0.0.1", wrench_host="127.0.0.1", wrench_fields=names))
+    with pytest.raises(SensorError, match="expected 6 RTDE fields, got 3"):
+        LiveSource(SCENE, SourceSettings("127.0.0.1", wrench_fields=names[:3]))
+
+
+def test_a_field_that_the_robot_lacks_is_raised():
+    mock = dataclasses.replace(MOCK, version=(5, 22, 0, 0))
+    with (
+        MockServers(FEED, mock) as servers,
+        LiveSource(SCENE, settings_for(servers)) as source,
+        pytest.raises(RtdeFieldError, match="actual_current_as_torque"),
+    ):
+        source.poll(0.1)

@@ -1,0 +1,77 @@
+"""Readings that cannot be true: frozen ones, and what was wrong lately."""
+
+import numpy as np
+import pytest
+
+from contactsense.service.sensors.plausibility import RecentCounts, RepeatCheck, RobotCheck
+from contactsense.service.sensors.recent_trouble import describe_recent
+
+TIMES = np.arange(0.0, 0.2, 0.002)
+
+
+def test_a_signal_that_changes_is_not_frozen():
+    check = RepeatCheck()
+    assert [check.update(t, (t,)) for t in TIMES] == [0.0] * len(TIMES)
+
+
+def test_a_signal_that_repeats_is_frozen_from_its_first_reading_on():
+    check = RepeatCheck()
+    repeated = [check.update(t, (1.0, 2.0)) for t in TIMES]
+    assert repeated[0] == 0.0
+    assert repeated[-1] == pytest.approx(0.198)
+    assert check.update(0.3, (1.0, 2.1)) == 0.0
+
+
+def test_a_signal_slower_than_its_packets_is_not_frozen():
+    check = RepeatCheck()
+    assert max(check.update(t, round(t / 0.008 - 0.5)) for t in TIMES) < 0.04
+
+
+def test_positions_may_repeat_at_rest_but_not_in_motion():
+    q, rest, moving = np.zeros(6), np.zeros(6), np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+    check = RobotCheck()
+    assert not any(check.positions_stale(t, q, rest) for t in TIMES)
+    check = RobotCheck()
+    stale = [check.positions_stale(t, q, moving) for t in TIMES]
+    assert not stale[0]
+    assert all(stale[1:])
+    check = RobotCheck()
+    assert not any(check.positions_stale(t, q + moving * t, moving) for t in TIMES)
+
+
+def test_torques_and_whole_packets_that_repeat():
+    check = RobotCheck()
+    for t in TIMES:
+        assert check.torque_repeats(t, (1.0, 2.0)) == pytest.approx(t)
+        assert check.all_repeats(t, (1.0, 2.0, 3.0)) == pytest.approx(t)
+
+
+def test_recent_counts_expire():
+    recent = RecentCounts(1.0)
+    for t in np.arange(10.0, 12.0, 0.01):
+        recent.add(t, "lost")
+    assert recent.totals(12.0)["lost"] == pytest.approx(100, abs=11)
+    assert recent.totals(12.5)["lost"] == pytest.approx(50, abs=11)
+    assert recent.totals(13.1)["lost"] == 0
+
+
+def test_what_was_wrong_is_told_in_words():
+    recent = RecentCounts()
+    recent.add(5.0, "packets", 450)
+    recent.add(5.0, "lost", 45)
+    assert describe_recent(recent.totals(5.0), 0.002) == (
+        "10% of the robot's packets were lost within the last second; check the network and the load of this "
+        "computer",
+    )
+    recent.add(5.0, "without wrench", 100)
+    recent.add(5.0, "wrench frozen", 900)
+    first, second = describe_recent(recent.totals(5.0), 0.002)
+    assert "repeats the same reading" in first
+    assert "lost" in second  # and the samples without a reading are explained already
+
+
+def test_a_rare_loss_is_not_worth_a_word():
+    recent = RecentCounts()
+    recent.add(5.0, "packets", 499)
+    recent.add(5.0, "lost", 1)
+    assert describe_recent(recent.totals(5.0), 0.002) == ()

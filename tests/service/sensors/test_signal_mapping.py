@@ -1,0 +1,66 @@
+"""What sensors say and what samples mean."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
+
+number = st.floats(-3.0, 3.0)
+triple = st.tuples(number, number, number)
+
+
+def test_a_sensor_at_the_base_origin_says_it_as_it_is():
+    assert np.array_equal(WrenchMap.of(WrenchSensor()).to_base, np.eye(6))
+
+
+@settings(derandomize=True, deadline=None)
+@given(triple, triple, triple, triple)
+def test_a_force_is_the_same_force_from_wherever_it_is_felt(rpy, place, force, point):
+    sensor = WrenchSensor(rpy=rpy, translation=place)
+    turn = Rotation.from_euler("xyz", rpy).as_matrix()
+    # A force at a point, about the sensor's origin in the sensor's axes, and about the base's in the base's.
+    felt = np.concatenate([turn.T @ force, turn.T @ np.cross(np.subtract(point, place), force)])
+    meant = np.concatenate([force, np.cross(point, force)])
+    assert np.allclose(WrenchMap.of(sensor).to_base @ felt, meant, atol=1e-9)
+
+
+@settings(derandomize=True, deadline=None)
+@given(triple, triple, st.sampled_from(["arm_on_sensor", "sensor_on_arm"]))
+def test_there_and_back(rpy, place, sign):
+    both = WrenchMap.of(WrenchSensor(rpy=rpy, translation=place, sign=sign))
+    assert np.allclose(both.to_base @ both.to_sensor, np.eye(6), atol=1e-9)
+
+
+def test_a_sensor_that_counts_the_push_on_the_arm():
+    reading = np.array([0.0, 0.0, 200.0, 1.0, 2.0, 3.0])
+    assert np.allclose(WrenchMap.of(WrenchSensor(sign="sensor_on_arm")).to_base @ reading, -reading)
+
+
+def test_torque_signals():
+    direct = TorqueMap.of(Scene(robot="ur5e", joint_torque=JointTorqueSensor()))
+    assert direct is not None
+    assert (direct.names, direct.scale.tolist()) == (("actual_current_as_torque",), [1.0] * 6)
+    constants = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    sensor = JointTorqueSensor(signal="actual_current", torque_constants=constants)
+    current = TorqueMap.of(Scene(robot="ur5e", joint_torque=sensor))
+    assert current is not None
+    assert (current.names, tuple(current.scale)) == (("actual_current",), constants)
+    assert TorqueMap.of(Scene(robot="ur5e", joint_torque=None)) is None
+
+
+def test_currents_without_constants_are_refused():
+    scene = Scene(robot="ur5e", joint_torque=JointTorqueSensor(signal="actual_current"))
+    if all(joint.torque_constant is not None for joint in scene.robot.joints):
+        measured = TorqueMap.of(scene)
+        assert measured is not None
+        assert measured.scale.tolist() == [joint.torque_constant for joint in scene.robot.joints]
+    else:
+        with pytest.raises(
+            SensorError, match=r"expected joint_torque.torque_constants \[Nm/A\], 6 numbers: .* ur5e"
+        ):
+            TorqueMap.of(scene)

@@ -1,0 +1,147 @@
+"""Reactions over the whole way: mock controller, pipeline, registers, HTTP, journal."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from contactsense.service.api.app import create_app
+from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.main import cli
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.servers import MockServers, MockSettings
+from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.recordings.tables import write
+from tests.service.loopback import until
+from tests.service.serving import serving
+
+PUSH = {
+    "link": "forearm",
+    "point": [-0.1747, 0.0373, 0.0095],
+    "normal": [-0.0008, 0.9931, 0.1174],
+    "push": 30.0,
+    "start": 1.0,
+    "duration": 0.5,
+}
+SCRIPT = Script.model_validate(
+    {
+        "robot": "ur5e",
+        "noise": {"base_force": 0.25, "base_moment": 0.05, "joint_torque": 1.0},
+        "trajectory": {"start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "dwell": 4.0},
+        "contacts": [PUSH],
+    }
+)
+RULES = {
+    "actions": {"tell": {"type": "registers"}, "note": {"type": "command", "command": ["true"]}},
+    "rules": [{"name": "arm", "links": ["any"], "collision": {"force": 20.0, "actions": ["tell", "note"]}}],
+    "expected": [{"name": "insert", "links": ["wrist_3"], "force": 100.0}],
+}
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[MockServers, str]]:
+    chosen = MockSettings(rtde_port=0, netft_port=0, http_port=0, loop=True)
+    with MockServers(simulate(SCRIPT), chosen) as servers:
+        rules = tmp_path / "reactions.yaml"
+        rules.write_text(yaml.safe_dump({**RULES, "robot": {"rtde_port": servers.rtde.port}}))
+        settings = Settings.checked(
+            {
+                "robot_host": chosen.host,
+                "robot_port": servers.rtde.port,
+                "ft_host": chosen.host,
+                "ft_port": servers.netft.port,
+                "ft_http_port": servers.netft.http_port,
+                "reactions": {"file": rules},
+            }
+        )
+        with serving(create_app(settings)) as place:
+            yield servers, f"http://{place}"
+
+
+def test_a_touch_becomes_a_register_an_event_and_a_latch(served: tuple[MockServers, str]) -> None:
+    servers, url = served
+    inputs = servers.rtde.controller.inputs
+    collision = {"kind": "collision"}
+    assert until(lambda: httpx.get(f"{url}/v1/events", params=collision).json()["events"], 250.0)
+    (event, *_) = httpx.get(f"{url}/v1/events", params=collision).json()["events"]
+    assert (event["rule"], event["link"]) == ("arm", "forearm")
+    assert until(lambda: inputs["input_int_register_47"] == (42,))
+    assert until(lambda: httpx.get(f"{url}/v1/reactions").json()["latched"])
+    state = httpx.get(f"{url}/v1/reactions").json()
+    assert state["latched"][0]["link"] == "forearm"
+    assert "collision above 20 N" in state["rules"][0]
+    assert until(
+        lambda: httpx.get(f"{url}/v1/health").json()["reactions"]["actions"]["note"]["state"] == "ok"
+    )
+    assert until(lambda: httpx.get(f"{url}/v1/contacts").json()["status"] == "none")
+    acknowledged = httpx.post(f"{url}/v1/reactions/acknowledge")
+    assert acknowledged.status_code == 200
+    assert acknowledged.json()["latched"] == []
+    assert until(lambda: inputs["input_int_register_47"] == (0,))
+    opened = httpx.post(f"{url}/v1/reactions/expected", json={"name": "insert"})
+    assert opened.json()["expected"] == ["insert"]
+    assert httpx.post(f"{url}/v1/reactions/expected", json={"name": "remove"}).status_code == 422
+    assert httpx.post(f"{url}/v1/reactions/acknowledge", json={"rule": "leg"}).status_code == 422
+    kinds = [e["kind"] for e in httpx.get(f"{url}/v1/events").json()["events"]]
+    assert {"onset", "collision", "action", "acknowledged", "expected"} <= set(kinds)
+
+
+def test_without_rules() -> None:
+    with serving(create_app(Settings())) as place:
+        assert httpx.get(f"http://{place}/v1/reactions").json()["status"] == "off"
+        assert httpx.post(f"http://{place}/v1/reactions/acknowledge").status_code == 503
+
+
+def test_rules_that_do_not_fit_are_refused_at_the_start(tmp_path: Path) -> None:
+    rules = tmp_path / "rules.yaml"
+    rules.write_text(yaml.safe_dump(RULES))
+    with pytest.raises(
+        SettingsError, match=r"robot\.host: expected the controller's address for tell, got none"
+    ):
+        create_app(Settings.checked({"reactions": {"file": rules}}))
+    rules.write_text("rules: [{name: a, links: [leg], contact: {force: 5}}]")
+    with pytest.raises(SettingsError, match=r"rules: a: links: expected some of .* got 'leg'"):
+        create_app(Settings.checked({"reactions": {"file": rules}}))
+
+
+def test_rules_beside_the_scene_are_found(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text("robot: ur5e")
+    (tmp_path / "reactions.yaml").write_text("rules: [{name: a, links: [any], contact: {force: 5}}]")
+    app = create_app(Settings(scene=tmp_path / "scene.yaml"))
+    assert app.state.service.reactions.rules.rules[0].name == "a"
+
+
+def test_check_explains_and_replays(tmp_path: Path) -> None:
+    motion = simulate(SCRIPT)
+    columns = {"timestamp": motion.t}
+    for name, values in (
+        ("actual_q", motion.q),
+        ("actual_qd", motion.qd),
+        ("joint_torque", motion.joint_torque),
+        ("base_wrench", motion.base_wrench),
+    ):
+        columns |= {f"{name}_{i}": column for i, column in enumerate(np.asarray(values).T)}
+    write(tmp_path / "push.parquet", columns)
+    (tmp_path / "rules.yaml").write_text(yaml.safe_dump({**RULES, "robot": {"host": "192.0.2.1"}}))
+    arguments = ["reactions", "check", str(tmp_path / "rules.yaml")]
+    told = CliRunner().invoke(cli, [*arguments, "--replay", str(tmp_path / "push.parquet")])
+    assert told.exit_code == 0, told.output
+    assert "arm: on any link: collision above 20 N with probability 0.9: tell (write" in told.output
+    assert "1 times a level would have been exceeded" in told.output
+    result = CliRunner().invoke(cli, [*arguments, "--replay", str(tmp_path / "push.parquet"), "--json"])
+    (fired,) = json.loads(result.stdout)["fired"]
+    assert 1.0 < fired["t"] < 1.5
+    assert fired["link"] == "forearm"
+
+
+@pytest.mark.parametrize("text", ["rules: []", "rules: [{name: a, links: [leg], contact: {force: 5}}]", "3"])
+def test_check_refuses_in_one_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "rules.yaml").write_text(text)
+    refused = CliRunner().invoke(cli, ["reactions", "check", str(tmp_path / "rules.yaml")])
+    assert refused.exit_code == 1
+    assert "rules.yaml" in refused.output

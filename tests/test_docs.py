@@ -1,0 +1,139 @@
+"""What README and docs say holds: links, paths, commands with their options, code, the example scene."""
+
+import re
+import shlex
+from pathlib import Path
+
+import click
+import pytest
+import yaml
+from pydantic import BaseModel
+
+from contactsense.robots.tool import Tool
+from contactsense.scene import Scene
+from contactsense.sensors.settings import Friction, JointTorqueSensor, WrenchSensor
+from contactsense.service.cli.main import cli
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted(
+    [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")], key=lambda page: page.name
+)
+CELL = (ROOT / "docs" / "cell.md").read_text(encoding="utf-8")
+pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+def _prose(page: Path) -> str:
+    return re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+def _anchors(page: Path) -> set[str]:
+    headings = re.findall(r"^#+ (.*)$", _prose(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pages
+def test_links_lead_to_files_and_headings(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", _prose(page)):
+        if target.startswith("http"):
+            continue
+        path, _, anchor = target.partition("#")
+        there = (page.parent / path).resolve() if path else page
+        assert there.exists(), target
+        assert not anchor or anchor in _anchors(there), target
+
+
+@pages
+def test_paths_that_are_named_exist(page: Path) -> None:
+    folders = "robots|kinematics|contactsense|service|benchmarks|tests|docs"
+    for path in re.findall(rf"`((?:{folders})/[\w/.]*)`", _prose(page)):
+        assert (ROOT / path).exists(), path
+
+
+def test_every_page_is_named_in_the_readme() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for page in (ROOT / "docs").glob("*.md"):
+        assert f"docs/{page.name}" in readme
+
+
+def _commands(page: Path) -> set[str]:
+    text = page.read_text(encoding="utf-8")
+    text = text.replace("\\\n", " ")  # a command may go on in the next line
+    lines = re.findall(r"^ {4}(contactsense .*)$", text, re.MULTILINE)
+    return {line.split("  #")[0].strip() for line in [*lines, *re.findall(r"`(contactsense [^`]+)`", text)]}
+
+
+@pages
+def test_commands_and_their_options_exist(page: Path) -> None:
+    for line in _commands(page):
+        command: click.Command = cli
+        words = shlex.split(line)[1:]
+        while words and isinstance(command, click.Group) and not words[0].startswith("-"):
+            below = command.get_command(click.Context(command), words.pop(0))
+            assert below is not None, line
+            command = below
+        options = {
+            name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)
+        }
+        for word in words:
+            if word.startswith("--"):
+                assert word.partition("=")[0] in options | {"--help", "--version"}, line
+
+
+def test_the_newcomers_pages_name_commands() -> None:
+    for name in ("README.md", "docs/first_touch.md", "docs/service.md", "docs/calibration.md"):
+        assert _commands(ROOT / name), name
+
+
+def test_modules_that_are_run_exist() -> None:
+    named = {
+        module
+        for page in PAGES
+        for module in re.findall(r"python -m (contactsense\.[\w.]+)", page.read_text(encoding="utf-8"))
+    }
+    assert named
+    for module in named:
+        path = ROOT.joinpath(*module.split(".")[1:])
+        assert path.with_suffix(".py").exists() or (path / "__main__.py").exists(), module
+
+
+@pages
+def test_python_compiles(page: Path) -> None:
+    for code in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
+        compile(code, str(page), "exec")
+
+
+@pytest.mark.slow
+def test_the_first_touch_in_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    text = (ROOT / "docs" / "first_touch.md").read_text(encoding="utf-8")
+    for code in re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL):
+        exec(compile(code, "docs/first_touch.md", "exec"), {})
+    assert capsys.readouterr().out.strip()
+
+
+def test_the_scene_of_a_cell_loads(tmp_path: Path) -> None:
+    example = re.search(r"```yaml\n(.*?)```", CELL, re.DOTALL)
+    assert example is not None
+    path = tmp_path / "scene.yaml"
+    path.write_text(example[1], encoding="utf-8")
+    scene = Scene.load(path)
+    assert scene.link_names[-1] == "gripper"
+    assert scene.orientation.magnitude() == pytest.approx(yaml.safe_load(example[1])["mounting"][1])
+
+
+@pytest.mark.parametrize("model", [Scene, WrenchSensor, JointTorqueSensor, Friction, Tool])
+def test_the_cell_page_names_every_field(model: type[BaseModel]) -> None:
+    rows = re.findall(r"^(?:\||`tool`:)(.*)$", CELL, re.MULTILINE)
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert set(model.model_fields) <= named
+
+
+def test_figures_of_the_readme_are_those_of_the_results() -> None:
+    table = re.findall(r"^\| (none|[\d.]+ N.*?) \| (.*) \|$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    results = (ROOT / "docs" / "results.md").read_text(encoding="utf-8").split("```")[1]
+    rows = {row.split()[1]: row for row in results.splitlines() if row.startswith("ur5e ")}
+    assert len(table) == len(rows) == 4
+    for noise, cells in table:
+        key = "0/0/0" if noise == "none" else "/".join(re.findall(r"[\d.]+", noise))
+        link, median, clear = (float(figure) for figure in re.findall(r"[\d.]+", cells))
+        row = re.findall(r"[\d.]+", rows[key].split(key)[1])
+        assert (link, median, clear) == (float(row[0]), float(row[1]), float(row[4]))

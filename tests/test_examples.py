@@ -1,0 +1,59 @@
+"""The examples run as they are, and find what they show."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import contactsense
+
+ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.slow
+
+
+def _run(name: str) -> str:
+    place = str(Path(contactsense.__path__[0]).parent)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(ROOT / "examples" / name)],
+        env={**os.environ, "PYTHONPATH": place},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_first_lines() -> None:
+    out = _run("01_first_lines.py")
+    assert out.startswith("status: contact")
+    assert "on forearm" in out
+
+
+def test_live_loop() -> None:
+    out = _run("02_live_loop.py")
+    assert "onset" in out
+    assert "samples, " in out
+
+
+def test_offline_file() -> None:
+    lines = _run("03_offline_file.py").splitlines()
+    assert len(lines) == 8
+    assert all(" N at " in line for line in lines)
+
+
+@pytest.mark.skipif(
+    any(importlib.util.find_spec(name) is None for name in ("trimesh", "yourdfpy", "embreex")),
+    reason="the packages of contactsense[geometry] are not installed or have no wheels here",
+)
+def test_own_arm() -> None:
+    out = _run("04_own_arm.py")
+    assert "contact on fore" in out
+
+
+def test_each_example_is_run() -> None:
+    text = Path(__file__).read_text(encoding="utf-8")
+    for path in (ROOT / "examples").glob("*.py"):
+        assert f'_run("{path.name}")' in text
