@@ -1,8 +1,13 @@
-"""The order of the test files: on a fresh machine `make test` spends most of its time compiling."""
+"""The order of the test files, as on a fresh machine `make test` spends most of its time compiling; and who
+shares the machine."""
 
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from tests.machine import machine
 
 FIRST = "contactsense/test_localizer.py"
 """Compiles nearly all that the others use."""
@@ -31,3 +36,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return 1 if name.startswith(WITHOUT) else 2
 
     items.sort(key=turn)
+
+
+@pytest.fixture(autouse=True)
+def _machine(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A test that is marked `realtime` runs while no other does."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # the workers' common folder
+    with machine(folder, alone=request.node.get_closest_marker("realtime") is not None):
+        yield

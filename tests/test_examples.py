@@ -32,6 +32,7 @@ def test_first_lines() -> None:
     assert "on forearm" in out
 
 
+@pytest.mark.realtime
 def test_live_loop() -> None:
     out = _run("02_live_loop.py")
     assert "onset" in out

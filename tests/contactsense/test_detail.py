@@ -19,6 +19,7 @@ def _scene(robot: str, detail: str) -> Scene:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
 def test_more_detail_is_nearer_to_the_truth(robot: str) -> None:
     data = truth(f"static_points_{robot}.npz")
@@ -38,6 +39,7 @@ def test_more_detail_is_nearer_to_the_truth(robot: str) -> None:
     assert median["skin"] < median["fine"] < median["coarse"]
 
 
+@pytest.mark.slow
 def test_on_the_skin_place_and_normal_are_the_meshs() -> None:
     data = truth("static_points_ur5e.npz")
     found = Localizer(_scene("ur5e", "skin")).locate_batch(

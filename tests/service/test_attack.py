@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 
 from contactsense.service.demo.processes import Stage
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(600)]
 
 SECONDS = 8.0
 

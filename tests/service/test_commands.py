@@ -44,6 +44,7 @@ def run(*arguments: str) -> tuple[int, str, str]:
     return process.returncode, out, err
 
 
+@pytest.mark.realtime
 def test_the_demo_finds_a_push(tmp_path: Path) -> None:
     script = tmp_path / "push.yaml"
     script.write_text(SHORT.replace("PUSH", "push: 25"))
@@ -55,6 +56,7 @@ def test_the_demo_finds_a_push(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
 def test_the_demo_fails_where_the_truth_is_out_of_reach(tmp_path: Path) -> None:
     script = tmp_path / "breath.yaml"
     script.write_text(SHORT.replace("PUSH", "push: 0.1"))  # far below the noise
@@ -64,6 +66,7 @@ def test_the_demo_fails_where_the_truth_is_out_of_reach(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
 def test_the_whole_demo() -> None:
     status, out, err = run("demo")
     assert "8 of 8 contacts on 5 links found on the right link" in out, out + err

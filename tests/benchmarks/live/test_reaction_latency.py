@@ -22,6 +22,7 @@ def test_the_first_write_of_a_sample_counts(tmp_path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
 def test_it_measures() -> None:
     measured = CliRunner().invoke(latency, ["--reaction", "--seconds", "5", "--json"])
     assert measured.exit_code == 0, measured.output

@@ -9,6 +9,7 @@ from contactsense.benchmarks.live.soak import soak
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
 @pytest.mark.timeout(600)
 def test_a_minute() -> None:
     outcome = CliRunner().invoke(soak, ["--minutes", "1", "--json"], standalone_mode=False)

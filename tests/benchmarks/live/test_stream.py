@@ -37,6 +37,7 @@ def test_free_address_is_free():
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
 def test_nothing_is_lost_in_half_a_minute():
     (ours,) = measure(("rtde",), 30.0, lambda _: None)
     assert ours.lost == 0

@@ -9,6 +9,7 @@ from contactsense.benchmarks.live.latency import latency
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
 @pytest.mark.parametrize("options", [["--track", "push"], ["--track", "own", "--messagepack"]])
 def test_every_sample_is_answered(options: list[str]) -> None:
     done = CliRunner().invoke(latency, [*options, "--seconds", "1", "--json"], standalone_mode=False)

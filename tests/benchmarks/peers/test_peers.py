@@ -87,12 +87,14 @@ def test_force_line_without_force_gives_no_answer() -> None:
     assert found.link[0] == -1
 
 
+@pytest.mark.slow
 def test_particle_filter_finds_most_contacts_with_a_base_sensor(touches: Touches) -> None:
     """Mostly within 3 cm, as its paper says of joint torques on a simulated humanoid."""
     found = answers(ParticleFilter(scene()), touches)
     assert (errors(found, touches) < 0.03).mean() > 0.7
 
 
+@pytest.mark.slow
 def test_particle_filter_cannot_place_a_contact_that_one_joint_feels(touches: Touches) -> None:
     """On the shoulder a single torque is all there is, and every place on it explains it."""
     toucher = Toucher(scene().model_copy(update={"touchable": ("shoulder",)}), seed=1)
@@ -101,6 +103,7 @@ def test_particle_filter_cannot_place_a_contact_that_one_joint_feels(touches: To
     assert (errors(found, near_base) < 0.03).mean() < 0.5
 
 
+@pytest.mark.slow
 def test_exploring_filter_finds_contacts_to_the_millimetre(touches: Touches) -> None:
     found = answers(ExplorationFilter(scene()), touches)
     assert (errors(found, touches) < 0.0225).mean() >= 0.9
@@ -108,6 +111,7 @@ def test_exploring_filter_finds_contacts_to_the_millimetre(touches: Touches) -> 
     assert np.median(np.linalg.norm(found.force_base - touches.force_base[:, 0], axis=1)) < 0.5
 
 
+@pytest.mark.slow
 def test_exploring_filter_takes_contacts_one_after_another() -> None:
     wrist = scene().model_copy(update={"touchable": ("forearm", "wrist_1", "wrist_2", "wrist_3")})
     touches = Toucher(wrist, seed=2).draw(30, contacts=2, even=True)
@@ -121,6 +125,7 @@ def test_exploring_filter_takes_contacts_one_after_another() -> None:
     assert (found.link[both, 1, 0] != found.link[both, 1, 1]).all(), "at most one contact on a link"
 
 
+@pytest.mark.slow
 def test_exploring_filter_takes_two_contacts_at_once_for_something_else() -> None:
     """It relies on contacts that arrive one after another."""
     wrist = scene().model_copy(update={"touchable": ("forearm", "wrist_1", "wrist_2", "wrist_3")})
@@ -137,6 +142,7 @@ def test_exploring_filter_needs_a_sensor() -> None:
         ExplorationFilter(scene())(POSTURE, None, None)
 
 
+@pytest.mark.slow
 def test_torque_samples_list_the_truth_among_many() -> None:
     """Torques that are explained exactly at several places, far apart: the paper's point."""
     alone = scene(base=False)
@@ -153,6 +159,7 @@ def test_torque_samples_list_the_truth_among_many() -> None:
     assert listed >= 6
 
 
+@pytest.mark.slow
 def test_torque_samples_answer_with_the_least_residual() -> None:
     alone = scene(base=False)
     touches = Toucher(alone, seed=3).draw(2)

@@ -31,6 +31,7 @@ def bar() -> tuple[Fit, ...]:
     return fit_link(two_links(), two_meshes(), 1, QUICK)
 
 
+@pytest.mark.slow
 def test_finds_the_two_bodies_that_made_the_mesh(bar: tuple[Fit, ...]) -> None:
     assert len(bar) == 2
     found = bar[1]
@@ -40,6 +41,7 @@ def test_finds_the_two_bodies_that_made_the_mesh(bar: tuple[Fit, ...]) -> None:
     assert bar[0].p95 > found.p95
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bodies(bar: tuple[Fit, ...]) -> None:
     again = fit_link(
         two_links(), two_meshes(), 1, Options(guesses=20, most=1, tolerance=0.0015, samples=6000)
@@ -48,6 +50,7 @@ def test_the_same_seed_gives_the_same_bodies(bar: tuple[Fit, ...]) -> None:
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_rounded_to_a_file_the_surface_stays(bar: tuple[Fit, ...]) -> None:
     link = Link("bar", Inertia(1.0, np.zeros(3), np.eye(3)), primitives(bar[1].bodies))
     points = np.random.default_rng(0).uniform(-0.15, 0.15, size=(300, 3))
@@ -97,6 +100,7 @@ def test_samples_of_primitives_lie_on_them_evenly(kind: int, size: tuple[float, 
     assert area > 0.0
 
 
+@pytest.mark.slow
 def test_a_limit_in_all_is_kept_where_it_costs_least(bar: tuple[Fit, ...]) -> None:
     assert choose([bar, bar], 0.0015) == [1, 1]
     assert sum(choose([bar, bar], 0.0015, total=3)) == 1

@@ -154,7 +154,7 @@ def test_the_latest_estimate(steady: str) -> None:
 
 
 def test_the_stream(steady: str) -> None:
-    with connect(f"ws://{steady}/v1/stream") as stream:
+    with connect(f"ws://{steady}/v1/stream", close_timeout=0.5) as stream:
         estimates = [EstimateOut.model_validate_json(stream.recv(timeout=10)) for _ in range(100)]
     steps = [b.t - a.t for a, b in pairwise(estimates)]
     assert all(step == pytest.approx(0.002) for step in steps)

@@ -56,6 +56,7 @@ def test_a_collision_out_of_a_log():
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
 def test_the_command_compares_both() -> None:
     # On a machine that is busy elsewhere the service may come too late: what it did is told all the same.
     status, out, err = run("demo", "--react", "--json")
