@@ -11,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from contactsense import Contact, Localizer, Sample, Scene
+from contactsense import Contact, Localizer, Scene
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
-from contactsense.service.recordings.tables import read, samples_of, table_of, write
+from contactsense.service.recordings import read
+from contactsense.service.recordings.export import write_columns
 
 
 def report(recording: Path, scene: Scene) -> None:
@@ -23,7 +24,7 @@ def report(recording: Path, scene: Scene) -> None:
     begun: dict[int, float] = {}  # number of the contact -> when it began [s]
     strongest: dict[int, Contact] = {}  # the same -> its estimate under the largest force
     # `run` starts a new stream and yields one estimate per sample; nothing is kept in memory.
-    for estimate in localizer.run(samples_of(read(recording), scene)):
+    for estimate in localizer.run(read(recording, scene).samples()):
         for contact in estimate.contacts[:1]:
             before = strongest.get(contact.id)
             if before is None or force(contact) > force(before):
@@ -44,11 +45,16 @@ def force(contact: Contact) -> float:
     return float(np.linalg.norm(contact.force_base))
 
 
-def simulated(path: Path, scene: Scene) -> Path:
+def simulated(path: Path) -> Path:
     """Record the simulated arm of the demonstration."""
     motion = simulate(Script.demo())
-    columns = zip(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench, strict=True)
-    write(path, table_of([Sample(float(t), *rest) for t, *rest in columns], scene))
+    columns = {"timestamp": motion.t}
+    for i in range(6):
+        columns[f"actual_q_{i}"] = motion.q[:, i]
+        columns[f"actual_qd_{i}"] = motion.qd[:, i]
+        columns[f"joint_torque_{i}"] = motion.joint_torque[:, i]
+        columns[f"base_wrench_{i}"] = motion.base_wrench[:, i]
+    write_columns(path, columns)
     return path
 
 
@@ -58,4 +64,4 @@ if __name__ == "__main__":
     else:
         example = Scene(robot="ur5e")
         with tempfile.TemporaryDirectory() as folder:
-            report(simulated(Path(folder) / "demo.parquet", example), example)
+            report(simulated(Path(folder) / "demo.parquet"), example)

@@ -18,7 +18,7 @@ from contactsense.service.analysis import analyze as run
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
 from contactsense.service.recordings import read
-from contactsense.service.recordings.tables import write
+from contactsense.service.recordings.export import write_columns
 
 ROUNDS = 5
 """Each measurement is repeated so often; the shortest time of the processor counts, as other work on the
@@ -69,7 +69,7 @@ def _write(motion: Motion, path: Path, minutes: float) -> None:
         ("base_wrench", motion.base_wrench),
     ):  # fmt: skip
         columns |= {f"{name}_{i}": np.tile(values[:, i], rounds) for i in range(values.shape[1])}
-    write(path, columns)
+    write_columns(path, columns)
 
 
 def _measure(path: Path, scene: Scene) -> dict[str, dict[str, float]]:

@@ -49,9 +49,11 @@ def live(seconds: float, folder: Path) -> dict[str, float]:
         source = LiveSource(scene, replace(opener.keywords["settings"]))
         recorder = Recorder(folder, scene, rate=_RATE)
         source.observer = recorder
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
+        begin, half = time.monotonic(), 0
+        while (spent := time.monotonic() - begin) < seconds:
             source.poll(0.1)
+            if not half and spent > 0.5 * seconds:
+                half = _peak_memory()
         health = source.health
         source.close()
     files = recorder.close()
@@ -62,7 +64,12 @@ def live(seconds: float, folder: Path) -> dict[str, float]:
         "lost_samples": health.robot.lost,
         "lost_readings": 0 if health.wrench is None else health.wrench.lost,
         "megabytes": sum(path.stat().st_size for path in files) / 1e6,
+        "memory_growth_second_half_mb": (_peak_memory() - half) / 1e3,
     }
+
+
+def _peak_memory() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def writer(hours: float, folder: Path) -> dict[str, float]:
@@ -75,14 +82,14 @@ def writer(hours: float, folder: Path) -> dict[str, float]:
     for i in range(rows):
         made.add(chance[i % len(chance)])
         if i == rows // 2:
-            half = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            half = _peak_memory()
     files = made.close()
     return {
         "hours": hours,
         "samples": rows,
         "megabytes": sum(path.stat().st_size for path in files) / 1e6,
         "times_real_time": hours * 3600.0 / (time.monotonic() - begin),
-        "memory_growth_second_half_mb": (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - half) / 1e3,
+        "memory_growth_second_half_mb": (_peak_memory() - half) / 1e3,
     }
 
 

@@ -15,12 +15,27 @@ from contactsense.service.analysis import analyze as run
 from contactsense.service.analysis.contact_table import contact_rows, replace_parquet, write_contacts
 from contactsense.service.analysis.health import health
 from contactsense.service.analysis.report import write_report
-from contactsense.service.recordings import RecordingError, read
+from contactsense.service.recordings import (
+    ColumnMapping,
+    MappingError,
+    Recording,
+    RecordingError,
+    read,
+    scene_in,
+)
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--scene", "scene_path", required=True, type=click.Path(path_type=Path), help="Scene file.")
+@click.option(
+    "--scene",
+    "scene_path",
+    type=click.Path(path_type=Path),
+    help="Scene file (YAML).  [default: the scene that each file carries]",
+)
+@click.option(
+    "--columns", help="Names and units of columns or topics, as q=joint_,time_unit=ms or a YAML file."
+)
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for tables and report.")
 @click.option("--limits", "limits_path", type=click.Path(path_type=Path), help="Your force limits (YAML).")
 @click.option("--estimates", is_flag=True, help="Write the estimates and residuals of every sample, too.")
@@ -31,7 +46,8 @@ from contactsense.service.recordings import RecordingError, read
 @click.option("--json", "as_json", is_flag=True, help="Print the contacts for a program.")
 def analyze(
     files: tuple[Path, ...],
-    scene_path: Path,
+    scene_path: Path | None,
+    columns: str | None,
     out: Path,
     limits_path: Path | None,
     estimates: bool,
@@ -48,23 +64,29 @@ def analyze(
     robots.parquet, fleet.html and fleet.md. What an earlier run has done is not done again.
     """
     if workers is not None or scheduler is not None or any(path.is_dir() for path in files):
-        if limits_path is not None or estimates:
-            raise click.UsageError("--limits, --estimates: not for a dataset; analyze its files one by one")
+        if limits_path is not None or estimates or columns is not None:
+            raise click.UsageError(
+                "--limits, --estimates, --columns: not for a dataset; analyze its files one by one"
+            )
+        if scene_path is None:
+            raise click.UsageError("--scene: expected a scene file for a dataset")
         from contactsense.service.cli.analyze_fleet import analyze_dataset
 
         analyze_dataset(files, scene_path, out, workers or 1, scheduler, as_json)
         return
     try:
-        scene = Scene.load(scene_path)
+        scene = None if scene_path is None else Scene.load(scene_path)
         limits = None if limits_path is None else ForceLimits.load(limits_path)
-    except (SceneError, LimitsError) as error:
+        mapping = ColumnMapping.parse(columns)
+    except (SceneError, LimitsError, MappingError) as error:
         raise click.ClickException(str(error)) from None
     folders = _folders(files, out)
     results: list[dict[str, Any]] = []
     skipped = 0
     for path, folder in zip(files, folders, strict=True):
         try:
-            found = _analyze(path, scene, limits, estimates, folder)
+            own = scene_in(path) if scene is None else scene
+            found = _analyze(read(path, own, mapping), own, limits, estimates, folder)
         except RecordingError as error:
             if len(files) == 1:
                 raise click.ClickException(str(error)) from None
@@ -96,13 +118,14 @@ def _folders(files: tuple[Path, ...], out: Path) -> list[Path]:
     return [out / stem for stem in stems]
 
 
-def _analyze(path: Path, scene: Scene, limits: ForceLimits | None, estimates: bool, folder: Path) -> Analysis:
-    recording = read(path, scene)
+def _analyze(
+    recording: Recording, scene: Scene, limits: ForceLimits | None, estimates: bool, folder: Path
+) -> Analysis:
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), transient=True,
     ) as progress:  # fmt: skip
-        task = progress.add_task(path.name, total=len(recording))
+        task = progress.add_task(Path(recording.name).name, total=len(recording))
         found = run(
             recording,
             scene,

@@ -12,11 +12,11 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from contactsense.calibration import Calibration, CalibrationError, Settings, default_groups
+from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, default_groups
 from contactsense.calibration import calibrate as run
 from contactsense.scene import Scene, SceneError
-from contactsense.service.recordings.problems import RecordingError
-from contactsense.service.recordings.tables import read, stretch_of
+from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
+from contactsense.service.recordings.free_motion import read_free_motion
 
 _PARTS = ("joint_torque", "base_wrench", "mounting", "tool", "inertia")
 """Fields of a scene that calibration may change."""
@@ -34,6 +34,9 @@ _BASE = tuple(
 @click.option(
     "--report", type=click.Path(path_type=Path), help="Folder for a report with plots (Markdown, PNG)."
 )
+@click.option(
+    "--columns", help="Names and units of columns or topics, as q=joint_,time_unit=ms or a YAML file."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
 def calibrate(
     recordings: tuple[Path, ...],
@@ -42,6 +45,7 @@ def calibrate(
     in_place: bool,
     links: bool,
     report: Path | None,
+    columns: str | None,
     as_json: bool,
 ) -> None:
     """Calibrate the scene from RECORDINGS of contact-free motion.
@@ -54,7 +58,13 @@ def calibrate(
     errors = Console(stderr=True)
     try:
         scene = Scene.load(path)
-        stretches = [stretch_of(read(recording), scene) for recording in recordings]
+        mapping = ColumnMapping.parse(columns)
+        stretches: list[FreeMotion] = []
+        for recording in recordings:
+            found_here, problems = read_free_motion(recording, scene, mapping)
+            stretches += found_here
+            for problem in problems:
+                errors.print(f"{recording}: {problem}", soft_wrap=True)
         groups = default_groups(scene, stretches)
         if links:
             groups = (*(group for group in groups if group not in ("gain", "payload")), "links")
@@ -62,7 +72,7 @@ def calibrate(
             found = run(
                 scene, stretches, Settings(groups), lambda text: status.update(f"calibrating: {text}")
             )
-    except (SceneError, RecordingError, CalibrationError, ValueError) as error:
+    except (SceneError, RecordingError, MappingError, CalibrationError, ValueError) as error:
         raise click.ClickException(str(error)) from None
     try:
         if report is not None:

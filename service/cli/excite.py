@@ -15,8 +15,8 @@ from contactsense.calibration import CalibrationError
 from contactsense.calibration.excitation import ExcitationSettings, Proposal, propose_excitation
 from contactsense.robots import RobotError, load
 from contactsense.scene import Scene, SceneError
+from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.problems import RecordingError
-from contactsense.service.recordings.tables import write
 
 
 @click.command()
@@ -39,7 +39,11 @@ from contactsense.service.recordings.tables import write
     "--floor", default=ExcitationSettings.floor, show_default=True, help="Height above the base plane [m]."
 )
 @click.option(
-    "--room", default=ExcitationSettings.clearance, show_default=True, help="Distance between links [m]."
+    "--room",
+    "clearance",
+    default=ExcitationSettings.clearance,
+    show_default=True,
+    help="Distance between links [m].",
 )
 @click.option("--home", help="Posture to swing about: joint angles in degrees, separated by commas.")
 @click.option("--tries", default=60, show_default=True, type=click.IntRange(2), help="Motions to look at.")
@@ -53,7 +57,7 @@ def excite(
     rate: float,
     speed: float,
     floor: float,
-    room: float,
+    clearance: float,
     home: str | None,
     tries: int,
     seed: int,
@@ -71,12 +75,12 @@ def excite(
         raise click.UsageError(f"--rate above 0 and --speed up to 1 expected, got {rate:g} and {speed:g}")
     try:
         scene = Scene(robot=load(name)) if name is not None else Scene.load(path or "")
-        settings = ExcitationSettings(seconds, speed, floor=floor, clearance=room, home=_angles(home))
+        settings = ExcitationSettings(seconds, speed, floor=floor, clearance=clearance, home=_angles(home))
         with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task("motions", total=tries)
             found = propose_excitation(scene, settings, tries, seed, lambda: progress.advance(task))
         if into is not None:
-            write(into, table_of(found, rate))
+            write_columns(into, table_of(found, rate))
     except (RobotError, SceneError, CalibrationError, RecordingError) as error:
         raise click.ClickException(str(error)) from None
     if as_json:

@@ -2,7 +2,7 @@
 
 from contactsense.service.recordings.column_mapping import ColumnMapping, MappingError
 from contactsense.service.recordings.problems import Problem, RecordingError
-from contactsense.service.recordings.recording import Recording, RecordingFile, read
+from contactsense.service.recordings.recording import Recording, RecordingFile, read, scene_in
 
 __all__ = [
     "ColumnMapping",
@@ -12,4 +12,5 @@ __all__ = [
     "RecordingError",
     "RecordingFile",
     "read",
+    "scene_in",
 ]

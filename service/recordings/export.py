@@ -1,6 +1,6 @@
-"""Recordings and contacts in other formats: Parquet, CSV, and MCAP for Foxglove and ROS tools."""
+"""Recordings and contacts as files: Parquet, CSV, and MCAP for Foxglove and ROS tools."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,32 @@ from contactsense.service.recordings.table_files import reason
 from contactsense.types import Contact
 
 
+def write_columns(path: str | Path, columns: Mapping[str, np.ndarray]) -> None:
+    """Write columns of a recording; the format follows from the file's name: .parquet or .csv.
+
+    Args:
+        path: Where to.
+        columns: Name -> values, shape (N,); for the names see `Recording.columns`, but wrenches are written
+            as the sensor reads them.
+
+    Raises:
+        RecordingError: The format is unknown, or the file cannot be written.
+    """
+    _write_table(pa.table(dict(columns)), Path(path))
+
+
+def _write_table(table: pa.Table, path: Path) -> None:
+    try:
+        if path.suffix == ".parquet":
+            pa_parquet.write_table(table, path, compression="zstd")
+        elif path.suffix == ".csv":
+            pa_csv.write_csv(table, path, pa_csv.WriteOptions(quoting_style="none"))
+        else:
+            raise RecordingError(f"{path}: expected a name that ends in .parquet or .csv")
+    except (OSError, pa.ArrowException) as error:
+        raise RecordingError(f"{path}: cannot write: {reason(error)}") from None
+
+
 def export(recording: Recording, path: Path, contacts: Iterable[tuple[float, list[Contact]]] = ()) -> None:
     """Write a recording; the format follows from the file's name: .parquet, .csv or .mcap.
 
@@ -37,16 +63,14 @@ def export(recording: Recording, path: Path, contacts: Iterable[tuple[float, lis
     Raises:
         RecordingError: The format is unknown, an extra package is missing, or the file cannot be written.
     """
+    if path.suffix not in (".parquet", ".csv", ".mcap"):
+        raise RecordingError(f"{path}: expected a name that ends in .parquet, .csv or .mcap")
+    if path.suffix != ".mcap":
+        _write_table(recording.to_arrow(), path)
+        return
     try:
-        if path.suffix == ".parquet":
-            pa_parquet.write_table(recording.to_arrow(), path, compression="zstd")
-        elif path.suffix == ".csv":
-            pa_csv.write_csv(recording.to_arrow(), path, pa_csv.WriteOptions(quoting_style="none"))
-        elif path.suffix == ".mcap":
-            _mcap(recording, path, contacts)
-        else:
-            raise RecordingError(f"{path}: expected a name that ends in .parquet, .csv or .mcap")
-    except (OSError, pa.ArrowException) as error:
+        _mcap(recording, path, contacts)
+    except OSError as error:
         raise RecordingError(f"{path}: cannot write: {reason(error)}") from None
 
 

@@ -12,7 +12,7 @@ from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.sensors.settings import Friction
 from contactsense.service.cli.calibrate import calibrate
-from contactsense.service.recordings.tables import write
+from contactsense.service.recordings.export import write_columns
 
 TRUTH = Scene(
     robot="ur5e",
@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     groups = (("actual_q", stretch.q), ("actual_qd", stretch.qd), ("joint_torque", stretch.torque))
     for name, array in groups:
         columns |= {f"{name}_{i}": array[:, i] for i in range(6)}
-    write(made / "free.csv", columns)
+    write_columns(made / "free.csv", columns)
     (made / "scene.yaml").write_text("robot: ur5e\nbase_wrench: null\ndetail: coarse\n")
     return made
 

@@ -16,7 +16,7 @@ from contactsense.service.cli.main import cli
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
-from contactsense.service.recordings.tables import write
+from contactsense.service.recordings.export import write_columns
 from tests.service.loopback import until
 from tests.service.serving import serving
 
@@ -126,7 +126,7 @@ def test_check_explains_and_replays(tmp_path: Path) -> None:
         ("base_wrench", motion.base_wrench),
     ):
         columns |= {f"{name}_{i}": column for i, column in enumerate(np.asarray(values).T)}
-    write(tmp_path / "push.parquet", columns)
+    write_columns(tmp_path / "push.parquet", columns)
     (tmp_path / "rules.yaml").write_text(yaml.safe_dump({**RULES, "robot": {"host": "192.0.2.1"}}))
     arguments = ["reactions", "check", str(tmp_path / "rules.yaml")]
     told = CliRunner().invoke(cli, [*arguments, "--replay", str(tmp_path / "push.parquet")])

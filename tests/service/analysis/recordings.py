@@ -7,7 +7,7 @@ import numpy as np
 
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
-from contactsense.service.recordings.tables import write
+from contactsense.service.recordings.export import write_columns
 
 
 @cache
@@ -28,5 +28,5 @@ def write_motion(
     ):  # fmt: skip
         columns |= {f"{name}_{i}": np.tile(values[part, i], rounds) for i in range(values.shape[1])}
     count = len(columns["actual_q_0"])
-    write(path, {"timestamp": np.arange(count) / motion.rate, **columns})
+    write_columns(path, {"timestamp": np.arange(count) / motion.rate, **columns})
     return path

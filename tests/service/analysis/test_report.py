@@ -4,11 +4,14 @@ import json
 import re
 from pathlib import Path
 
+import pyarrow.parquet as pa_parquet
 import pytest
 import yaml
 from click.testing import CliRunner
 
+from contactsense import Scene
 from contactsense.service.cli.analyze import analyze
+from contactsense.service.recordings.metadata import metadata
 from tests.service.analysis.recordings import demo, write_motion
 
 
@@ -94,3 +97,30 @@ def test_files_of_one_name_are_refused(folder: Path, tmp_path: Path) -> None:
     )
     assert result.exit_code == 2
     assert "expected distinct file names" in result.stderr
+
+
+def test_a_recording_that_carries_its_scene_needs_no_other(folder: Path, tmp_path: Path) -> None:
+    scene = Scene.load(folder / "scene.yaml")
+    table = pa_parquet.read_table(folder / "demo.parquet").slice(0, 2600)
+    path = tmp_path / "own.parquet"
+    pa_parquet.write_table(table.replace_schema_metadata(metadata(scene)), path)
+    result = CliRunner().invoke(analyze, [str(path), "--out", str(tmp_path / "out"), "--json"])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)[0]["contacts"][0]["link"] == "forearm"
+    other = CliRunner().invoke(analyze, [str(folder / "demo.parquet"), "--out", str(tmp_path / "out")])
+    assert other.exit_code == 1
+    assert "the file carries no scene; --scene names one" in other.stderr
+
+
+def test_other_names_of_columns(folder: Path, tmp_path: Path) -> None:
+    table = pa_parquet.read_table(folder / "demo.parquet").slice(0, 2600)
+    names = [name.replace("actual_q_", "position_") for name in table.column_names]
+    path = tmp_path / "other.parquet"
+    pa_parquet.write_table(table.rename_columns(names), path)
+    arguments = [str(path), "--scene", str(folder / "scene.yaml"), "--out", str(tmp_path / "out"), "--json"]
+    failed = CliRunner().invoke(analyze, arguments)
+    assert failed.exit_code == 1
+    assert "q: expected a column actual_q_0, found timestamp, position_0" in failed.stderr
+    result = CliRunner().invoke(analyze, [*arguments, "--columns", "q=position"])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)[0]["contacts"][0]["link"] == "forearm"

@@ -1,0 +1,63 @@
+"""Recordings of contact-free motion, as calibration takes them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from contactsense.calibration import FreeMotion
+from contactsense.scene import Scene
+from contactsense.service.recordings.column_mapping import ColumnMapping
+from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.recording import RecordingFile
+from contactsense.service.sensors.signal_mapping import WrenchMap
+
+_SHORTEST = 3
+"""Fewer samples between two resets of the clock are not used."""
+
+
+def read_free_motion(
+    path: str | Path, scene: Scene, columns: ColumnMapping | str | None = None
+) -> tuple[list[FreeMotion], tuple[Problem, ...]]:
+    """Read a recording for `contactsense.calibration.calibrate`: one stretch, or one per reset of the clock.
+
+    Sensors that the file lacks are left out, and so are samples with a value that is not a finite number.
+
+    Args:
+        path: See `RecordingFile`.
+        scene: What the signals mean; torques are converted with its torque constants.
+        columns: Names and units that differ from the usual ones, see `ColumnMapping.parse`.
+
+    Returns:
+        The stretches, and what is wrong with the file.
+
+    Raises:
+        RecordingError: The file cannot be read, or has no stretch of three samples.
+        MappingError: `columns` cannot be used.
+    """
+    mapping = columns if isinstance(columns, ColumnMapping) else ColumnMapping.parse(columns)
+    sensor = scene.base_wrench
+    if sensor is not None:
+        # Calibration estimates the delay, so readings stay in the row in which they came.
+        scene = scene.model_copy(update={"base_wrench": sensor.model_copy(update={"delay": 0.0})})
+    found = RecordingFile(path, scene, mapping).read()
+    reading = None
+    if found.base_wrench is not None and scene.base_wrench is not None:
+        reading = WrenchMap.of(scene.base_wrench).reading(found.base_wrench)
+    signals = [found.q, found.qd, *(x for x in (found.joint_torque, reading) if x is not None)]
+    finite = np.isfinite(np.hstack(signals)).all(axis=1)
+    resets = np.flatnonzero(np.diff(found.t, prepend=found.t[:1]) < 0.0)
+    stretches = []
+    for rows in np.split(np.arange(len(found)), resets):
+        kept = rows[finite[rows]]
+        if len(kept) >= _SHORTEST:
+            torque = None if found.joint_torque is None else found.joint_torque[kept]
+            wrench = None if reading is None else reading[kept]
+            stretches.append(
+                FreeMotion(found.t[kept], found.q[kept], found.qd[kept], torque, wrench, str(path))
+            )
+    if not stretches:
+        raise RecordingError(
+            f"{path}: expected at least {_SHORTEST} samples with finite numbers in all columns, "
+            f"got {int(finite.sum())} of {len(found)}"
+        )
+    return stretches, found.problems

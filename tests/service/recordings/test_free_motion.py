@@ -1,0 +1,99 @@
+"""Recordings as calibration takes them: raw readings, no sample with a missing number, clock resets apart."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.service.recordings import MappingError, RecordingError
+from contactsense.service.recordings.export import write_columns
+from contactsense.service.recordings.free_motion import read_free_motion
+
+N = 20
+SCENE = Scene(
+    robot="ur5e",
+    base_wrench=WrenchSensor(
+        rpy=(0.1, 0.2, 0.3),
+        translation=(0.0, 0.0, -0.05),
+        sign="sensor_on_arm",
+        bias=(1, 2, 3, 4, 5, 6),
+        delay=0.004,
+    ),
+)
+
+
+def columns() -> dict[str, np.ndarray]:
+    chance = np.random.default_rng(1)
+    found = {"timestamp": np.arange(N) * 0.002 + 100.0}
+    for group in ("actual_q", "actual_qd", "joint_torque", "base_wrench"):
+        found |= {f"{group}_{i}": chance.standard_normal(N) for i in range(6)}
+    return found
+
+
+def group(found: dict[str, np.ndarray], name: str) -> np.ndarray:
+    return np.column_stack([found[f"{name}_{i}"] for i in range(6)])
+
+
+def test_readings_are_as_the_sensor_gave_them(tmp_path: Path) -> None:
+    made = columns()
+    write_columns(tmp_path / "a.parquet", made)
+    (found,), problems = read_free_motion(tmp_path / "a.parquet", SCENE)
+    assert problems == ()
+    assert found.reading is not None
+    assert found.torque is not None
+    # Neither frame, sign, bias nor delay of the scene are applied: calibration estimates them.
+    np.testing.assert_allclose(found.reading, group(made, "base_wrench"), atol=1e-12)
+    np.testing.assert_array_equal(found.torque, group(made, "joint_torque"))
+    np.testing.assert_array_equal(found.q, group(made, "actual_q"))
+    np.testing.assert_array_equal(found.qd, group(made, "actual_qd"))
+    np.testing.assert_array_equal(found.t, made["timestamp"])
+
+
+def test_samples_with_a_missing_number_are_left_out(tmp_path: Path) -> None:
+    made = columns()
+    made["base_wrench_2"][3] = np.nan
+    made["actual_q_0"][7] = np.inf
+    write_columns(tmp_path / "a.parquet", made)
+    (found,), problems = read_free_motion(tmp_path / "a.parquet", SCENE)
+    assert len(found.t) == N - 2
+    assert {problem.row_from for problem in problems} == {3, 7}
+
+
+def test_a_reset_of_the_clock_begins_a_new_stretch(tmp_path: Path) -> None:
+    made = columns()
+    made["timestamp"][12:] -= 50.0
+    write_columns(tmp_path / "a.parquet", made)
+    found, problems = read_free_motion(tmp_path / "a.parquet", SCENE)
+    assert [len(stretch.t) for stretch in found] == [12, 8]
+    assert [problem.kind for problem in problems] == ["clock_set_back"]
+
+
+def test_a_sensor_that_the_file_lacks_is_left_out(tmp_path: Path) -> None:
+    made = {name: values for name, values in columns().items() if not name.startswith("base")}
+    write_columns(tmp_path / "a.csv", made)
+    (found,), problems = read_free_motion(tmp_path / "a.csv", SCENE)
+    assert found.reading is None
+    assert "base_wrench is not used" in problems[0].message
+
+
+def test_the_scene_names_the_torques(tmp_path: Path) -> None:
+    made = columns() | {f"output_double_register_{24 + i}": np.full(N, float(i)) for i in range(6)}
+    write_columns(tmp_path / "a.csv", made)
+    names = tuple(f"output_double_register_{24 + i}" for i in range(6))
+    sensor = JointTorqueSensor(signal="external_torque", fields=names, sign="on_arm")
+    (found,), _ = read_free_motion(
+        tmp_path / "a.csv", Scene(robot="ur10e", base_wrench=None, joint_torque=sensor)
+    )
+    assert found.torque is not None
+    np.testing.assert_array_equal(found.torque[3], -np.arange(6.0))
+
+
+def test_too_few_samples_and_wrong_columns_are_refused(tmp_path: Path) -> None:
+    made = columns()
+    made["joint_torque_0"][2:] = np.nan
+    write_columns(tmp_path / "a.csv", made)
+    with pytest.raises(RecordingError, match=r"expected at least 3 samples .* got 2 of 20"):
+        read_free_motion(tmp_path / "a.csv", SCENE)
+    with pytest.raises(MappingError):
+        read_free_motion(tmp_path / "a.csv", SCENE, "no_such_field=x")
