@@ -4,6 +4,7 @@ The mock and each reader run in a process of their own, as they do in life.
 """
 
 import contextlib
+import importlib.util
 import json
 import multiprocessing
 import resource
@@ -223,11 +224,15 @@ def _collect(
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 def stream(seconds: float, as_json: bool) -> int:
-    """Samples lost at 500 Hz: our own reader, ur_rtde, our reader joined with the sensor under the base.
+    """Samples lost at 500 Hz: our own reader, ur_rtde where it is installed, our reader joined with the
+    sensor under the base.
 
     Exit status 1 where our own reader lost any.
     """
     clients: tuple[Client, ...] = ("rtde", "ur_rtde", "joined")
+    if importlib.util.find_spec("rtde_receive") is None:
+        click.echo("ur_rtde is not installed and is left out: it has no wheels for this Python", err=True)
+        clients = ("rtde", "joined")
     with click.progressbar(length=round(seconds * 10), label="reading", file=sys.stderr) as bar:
         done = 0
 

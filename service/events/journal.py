@@ -60,10 +60,14 @@ class Journal:
         """
         self._settings = settings or JournalSettings()
         place = self._settings.path
+        refused = f"{place}: cannot be used as a journal of events"
         try:
             self._database = sqlite3.connect(
                 ":memory:" if place is None else place, check_same_thread=False, isolation_level=None
             )
+        except sqlite3.Error as error:
+            raise JournalError(f"{refused}: {error}") from None
+        try:
             self._database.execute("PRAGMA auto_vacuum=INCREMENTAL")
             self._database.execute("PRAGMA journal_mode=WAL")
             self._database.execute("PRAGMA synchronous=NORMAL")
@@ -71,7 +75,8 @@ class Journal:
             self._last = self._reserved = self._read_last()
             self._reserve(self._last + _BLOCK)
         except sqlite3.Error as error:
-            raise JournalError(f"{place}: cannot be used as a journal of events: {error}") from None
+            self._database.close()
+            raise JournalError(f"{refused}: {error}") from None
         self.lock = threading.RLock()
         """Held by whoever uses `database`, which may take a while; appending does not need it."""
         self._numbering = threading.Lock()

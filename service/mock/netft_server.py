@@ -181,11 +181,12 @@ def _page_server(host: str, port: int, page: bytes) -> ThreadingHTTPServer:
             """Answer with the configuration page, or that there is none."""
             found = self.path == wire.CONFIGURATION_PATH
             body = page if found else b""
-            self.send_response(200 if found else 404)
-            self.send_header("Content-Type", "text/xml")
-            self.send_header("Content-Length", str(len(body)))
-            self.end_headers()
-            self.wfile.write(body)
+            with suppress(ConnectionError):  # the client did not wait for the answer
+                self.send_response(200 if found else 404)
+                self.send_header("Content-Type", "text/xml")
+                self.send_header("Content-Length", str(len(body)))
+                self.end_headers()
+                self.wfile.write(body)
 
         def log_message(self, format: str, *args: Any) -> None:
             """Say nothing."""

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from contactsense.service.api.settings import Settings, SettingsError
+from tests.service.ur_rtde import ur_rtde_installed
 
 
 def test_from_the_environment() -> None:
@@ -56,6 +57,7 @@ def test_a_base_sensor_must_be_somewhere() -> None:
         settings.open_source(settings.load_scene())
 
 
+@ur_rtde_installed
 def test_a_signal_that_the_client_cannot_read() -> None:
     settings = Settings(robot_host="192.0.2.1", ft_host="192.0.2.2", robot_client="ur_rtde")
     with pytest.raises(SettingsError, match=r"ur_rtde has no getter for actual_current_as_torque"):
