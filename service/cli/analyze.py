@@ -12,6 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from contactsense.scene import Scene, SceneError
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError
 from contactsense.service.analysis import analyze as run
+from contactsense.service.analysis.contact_arrows import contact_arrows
 from contactsense.service.analysis.contact_table import contact_rows, replace_parquet, write_contacts
 from contactsense.service.analysis.health import health
 from contactsense.service.analysis.report import write_report
@@ -23,6 +24,7 @@ from contactsense.service.recordings import (
     read,
     scene_in,
 )
+from contactsense.service.recordings.export import export
 
 
 @click.command()
@@ -39,6 +41,11 @@ from contactsense.service.recordings import (
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for tables and report.")
 @click.option("--limits", "limits_path", type=click.Path(path_type=Path), help="Your force limits (YAML).")
 @click.option("--estimates", is_flag=True, help="Write the estimates and residuals of every sample, too.")
+@click.option(
+    "--mcap",
+    is_flag=True,
+    help="Write contacts.mcap, too: the recording with its contacts as arrows, for Foxglove.",
+)
 @click.option("--workers", type=click.IntRange(1), help="Analyse as a dataset, on that many processes.")
 @click.option(
     "--scheduler", help="Analyse as a dataset on the Dask cluster at this address, tcp://HOST:PORT."
@@ -51,6 +58,7 @@ def analyze(
     out: Path,
     limits_path: Path | None,
     estimates: bool,
+    mcap: bool,
     workers: int | None,
     scheduler: str | None,
     as_json: bool,
@@ -64,9 +72,9 @@ def analyze(
     robots.parquet, fleet.html and fleet.md. What an earlier run has done is not done again.
     """
     if workers is not None or scheduler is not None or any(path.is_dir() for path in files):
-        if limits_path is not None or estimates or columns is not None:
+        if limits_path is not None or estimates or mcap or columns is not None:
             raise click.UsageError(
-                "--limits, --estimates, --columns: not for a dataset; analyze its files one by one"
+                "--limits, --estimates, --mcap, --columns: not for a dataset; analyze its files one by one"
             )
         if scene_path is None:
             raise click.UsageError("--scene: expected a scene file for a dataset")
@@ -86,7 +94,10 @@ def analyze(
     for path, folder in zip(files, folders, strict=True):
         try:
             own = scene_in(path) if scene is None else scene
-            found = _analyze(read(path, own, mapping), own, limits, estimates, folder)
+            recording = read(path, own, mapping)
+            found = _analyze(recording, own, limits, estimates, folder)
+            if mcap:
+                export(recording, folder / "contacts.mcap", contact_arrows(found, recording))
         except RecordingError as error:
             if len(files) == 1:
                 raise click.ClickException(str(error)) from None

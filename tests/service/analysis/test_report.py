@@ -4,10 +4,12 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pa_parquet
 import pytest
 import yaml
 from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
 
 from contactsense import Scene
 from contactsense.service.cli.analyze import analyze
@@ -110,6 +112,32 @@ def test_a_recording_that_carries_its_scene_needs_no_other(folder: Path, tmp_pat
     other = CliRunner().invoke(analyze, [str(folder / "demo.parquet"), "--out", str(tmp_path / "out")])
     assert other.exit_code == 1
     assert "the file carries no scene; --scene names one" in other.stderr
+
+
+def test_contacts_as_arrows(folder: Path, tmp_path: Path) -> None:
+    make_reader = pytest.importorskip("mcap.reader").make_reader
+    factory = pytest.importorskip("mcap_ros2.decoder").DecoderFactory()
+    arguments = [str(folder / "demo.parquet"), "--scene", str(folder / "scene.yaml"), "--out", str(tmp_path)]
+    result = CliRunner().invoke(analyze, [*arguments, "--mcap", "--json"])
+    assert result.exit_code == 0, result.output
+    (contact, *_) = json.loads(result.stdout)[0]["contacts"]
+    with (tmp_path / "contacts.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[factory])
+        messages = reader.iter_decoded_messages(topics=["/contacts"])
+        found = [(1e-9 * message.log_time, update) for _, _, message, update in messages]
+    end = contact["begin"] + contact["duration"]
+    on = [(t, update.entities[0].arrows[0]) for t, update in found if update.entities and t < end]
+    off = [t for t, update in found if update.deletions]
+    assert len(on) == pytest.approx(25.0 * contact["duration"], abs=2)
+    assert off[0] == pytest.approx(end)
+    # Each arrow ends at the contact; the arm moves, so the largest force is where the table says it is.
+    strongest = max((arrow for _, arrow in on), key=lambda arrow: arrow.shaft_length)
+    position, turn = strongest.pose.position, strongest.pose.orientation
+    length = strongest.shaft_length + strongest.head_length
+    along = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).apply([length, 0.0, 0.0])
+    tip = along + [position.x, position.y, position.z]
+    place = [contact[f"point_base_{a}"] for a in "xyz"]
+    np.testing.assert_allclose(tip, place, atol=2e-3)
 
 
 def test_other_names_of_columns(folder: Path, tmp_path: Path) -> None:
