@@ -135,7 +135,7 @@ def test_contacts_as_arrows(folder: Path, tmp_path: Path) -> None:
     position, turn = strongest.pose.position, strongest.pose.orientation
     length = strongest.shaft_length + strongest.head_length
     along = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).apply([length, 0.0, 0.0])
-    tip = along + [position.x, position.y, position.z]
+    tip = np.array([position.x, position.y, position.z]) + along
     place = [contact[f"point_base_{a}"] for a in "xyz"]
     np.testing.assert_allclose(tip, place, atol=2e-3)
 
