@@ -83,9 +83,9 @@ def contacts(
         if _clearance(surfaces, motion, point, p) < 0.004:
             continue
         push = chance.uniform(5.0, 60.0)
-        lean = np.cross(normal, chance.standard_normal(3))
-        lean *= friction * np.sqrt(chance.random()) / np.linalg.norm(lean)
-        force = push * (lean - normal)
+        tangential = np.cross(normal, chance.standard_normal(3))
+        tangential *= friction * np.sqrt(chance.random()) / np.linalg.norm(tangential)
+        force = push * (tangential - normal)
         xi = torsion * push * chance.uniform(-1.0, 1.0)
         wrench = np.concatenate((force, np.cross(point, force) + xi * normal))
         torque = np.where(np.arange(len(arm.joints)) < link, -motion.screw @ wrench, 0.0)

@@ -88,7 +88,7 @@ def stream(
     model, motion, gravity = build_model(robot), empty_motion(6), Scene(robot=robot).gravity_base
     torque, wrench, rng = np.empty(6), np.empty(6), np.random.default_rng(seed)
     held, normal = finger.at(0.0)
-    lean = 0.1 * np.array([1.0, 0.0, 0.0])
+    tangential = 0.1 * np.array([1.0, 0.0, 0.0])
     for t in np.arange(0.0, FREE + seconds, 1.0 / RATE):
         q = _HOME + case.speed / _RATES * np.sin(_RATES * t)
         qd, qdd = case.speed * np.cos(_RATES * t), -case.speed * _RATES * np.sin(_RATES * t)
@@ -98,7 +98,7 @@ def stream(
             held, normal = finger.at(case.slide * float(np.clip(since - 0.5, 0.0, 1.0)))
         R, o = motion.rotation[LINK], motion.origin[LINK]
         point = R @ held + o
-        force = R @ (lean - normal) * PUSH * float(np.clip(since / RAMP, 0.0, 1.0))
+        force = R @ (tangential - normal) * PUSH * float(np.clip(since / RAMP, 0.0, 1.0))
         w = np.concatenate((force, np.cross(point, force)))
         yield (
             Sample(

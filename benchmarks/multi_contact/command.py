@@ -14,7 +14,7 @@ from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
 from contactsense.benchmarks.multi_contact.measure import WITHIN, Arrival, localizer_for, measure
 from contactsense.benchmarks.multi_contact.pairs import measure_pairs
 from contactsense.benchmarks.multi_contact.stream import measure_stream
-from contactsense.benchmarks.multi_contact.trials import Lean, Links
+from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links
 
 SCENARIOS: tuple[tuple[Arrival, float | None], ...] = (
     ("one_by_one", 0.5),
@@ -40,7 +40,8 @@ SCENARIOS: tuple[tuple[Arrival, float | None], ...] = (
 )
 @click.option(
     "--lean",
-    type=click.Choice(get_args(Lean)),
+    "direction",
+    type=click.Choice(get_args(ForceDirection)),
     default="cone",
     show_default=True,
     help="Directions of the forces: all over the friction disc, or square to the surface.",
@@ -65,7 +66,7 @@ def several(
     trials: int,
     force: float,
     links: Links,
-    lean: Lean,
+    direction: ForceDirection,
     noise: tuple[float, float, float] | None,
     truth: Path | None,
     speeds: tuple[float, ...],
@@ -93,7 +94,8 @@ def several(
             task = progress.add_task("following", total=len(streams) * trials)
             for robot, level, speed in streams:
                 row = measure_stream(
-                    localizer_for(robot, level, contacts=2), level, trials, speed, force=force, lean=lean,
+                    localizer_for(robot, level, contacts=2), level, trials, speed, force=force,
+                    direction=direction,
                     tick=lambda: progress.advance(task),
                 )  # fmt: skip
                 results.append({"robot": robot, "noise": str(level)} | row)
@@ -104,16 +106,16 @@ def several(
                 for arrival, drift in SCENARIOS[:1] if count == 1 else SCENARIOS:
                     row = measure(
                         localizer, level, trials, count, force=force, arrival=arrival, drift=drift,
-                        links=links, lean=lean, tick=lambda: progress.advance(task),
+                        links=links, direction=direction, tick=lambda: progress.advance(task),
                     )  # fmt: skip
                     known = "" if count == 1 else _scenario_name(arrival, drift)
                     results.append({"robot": robot, "noise": str(level), "arriving": known} | row)
     if as_json:
         click.echo(json.dumps(results, indent=1))
     elif speeds and truth is None:
-        _print_streams(results, f"{force:g} N, {lean}, different links")
+        _print_streams(results, f"{force:g} N, {direction}, different links")
     else:
-        subtitle = "pairs of the moving truth" if truth else f"{force:g} N, {lean}, {links} links"
+        subtitle = "pairs of the moving truth" if truth else f"{force:g} N, {direction}, {links} links"
         _print(results, subtitle)
 
 

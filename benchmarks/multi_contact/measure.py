@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from contactsense import Contact, JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, Noise
-from contactsense.benchmarks.multi_contact.trials import Lean, Links, Trials
+from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links, Trials
 
 Arrival = Literal["at_once", "one_by_one"]
 
@@ -44,7 +44,7 @@ def measure(
     arrival: Arrival = "one_by_one",
     drift: float | None = None,
     links: Links = "different",
-    lean: Lean = "cone",
+    direction: ForceDirection = "cone",
     seed: int = 1,
     tick: Callable[[], object] = lambda: None,
 ) -> dict[str, Any]:
@@ -60,7 +60,7 @@ def measure(
             `at_once`: one sample with all of them, none known.
         drift: Change of the other forces when a contact starts, known to the localizer [N]; None: these
             forces change arbitrarily, and the localizer assumes nothing about them.
-        links, lean: See `Trials.draw`.
+        links, direction: See `Trials.draw`.
         seed: Random seed.
         tick: Called after each trial.
 
@@ -71,13 +71,13 @@ def measure(
     rng = np.random.default_rng(seed + 1)
     errors, seconds = [], []
     for _ in range(trials_count):
-        trial = trials.draw(contacts, force, links, lean)
+        trial = trials.draw(contacts, force, links, direction)
         pushes = list(trial.pushes)
         contacts_found: tuple[Contact, ...] = ()
         duration = 0.0
         for count in range(1, contacts + 1) if arrival == "one_by_one" else (contacts,):
             if arrival == "one_by_one":
-                pushes[: count - 1] = [trials.changed(push, drift, lean) for push in pushes[: count - 1]]
+                pushes[: count - 1] = [trials.changed(push, drift, direction) for push in pushes[: count - 1]]
             base, torque = trial.measure(pushes[:count])
             base = base + rng.standard_normal(6) * np.repeat(noise[:2], 3)
             torque = torque + rng.standard_normal(len(torque)) * noise.torque

@@ -13,7 +13,7 @@ from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import Constants, build_constants
 
 Links = Literal["different", "same"]
-Lean = Literal["cone", "normal"]
+ForceDirection = Literal["cone", "normal"]
 
 CLEARANCE = 0.005
 """Clearance that a finger needs above a point [m]."""
@@ -70,7 +70,7 @@ class Trials:
             np.arange(len(self._constants.surfaces.kind)), np.diff(self._constants.samples.start)
         )
 
-    def draw(self, count: int, force: float, links: Links, lean: Lean) -> Trial:
+    def draw(self, count: int, force: float, links: Links, direction: ForceDirection) -> Trial:
         """A random posture with `count` pushes of `force` newtons, on points uniform over the surface
         area.
 
@@ -78,20 +78,20 @@ class Trials:
             count: Number of contacts.
             force: Magnitude of each force [N].
             links: Whether all are on different links or all on one.
-            lean: `cone`: directions uniform over the friction disc; `normal`: normal to the surface.
+            direction: `cone`: directions uniform over the friction disc; `normal`: normal to the surface.
         """
         while True:
             q = self._rng.uniform(-np.pi, np.pi, self._constants.model.joints)
             forward_kinematics(self._constants.model, q, self._motion)
             pushes: list[Push] = []
             for _ in range(MAX_DRAWS):
-                push = self._push(force, lean)
+                push = self._push(force, direction)
                 if push is not None and all(_fits(push, other, links) for other in pushes):
                     pushes.append(push)
                 if len(pushes) == count:
                     return Trial(q, tuple(pushes), self._motion.screw.copy())
 
-    def _push(self, size: float, lean: Lean) -> Push | None:
+    def _push(self, size: float, direction: ForceDirection) -> Push | None:
         """One push, or None where the drawn place cannot be touched."""
         arm, chance = self._constants, self._rng
         s = int(chance.choice(len(self._primitive), p=np.exp(arm.samples.log_share)))
@@ -107,9 +107,9 @@ class Trials:
         if (link == 0 and point[2] < CLEARANCE) or not self._free(point + CLEARANCE * normal):
             return None
         torsion = self._scene.torsion * size * chance.standard_normal()
-        return Push(link, point, normal, self._force(normal, size, lean), torsion)
+        return Push(link, point, normal, self._force(normal, size, direction), torsion)
 
-    def changed(self, push: Push, drift: float | None, lean: Lean) -> Push:
+    def changed(self, push: Push, drift: float | None, direction: ForceDirection) -> Push:
         """The push a while later.
 
         Its force has changed by about `drift` in each component, or, with None, become another one of the
@@ -117,12 +117,12 @@ class Trials:
         """
         size = float(np.linalg.norm(push.force))
         if drift is None:
-            return replace(push, force=self._force(push.normal, size, lean))
+            return replace(push, force=self._force(push.normal, size, direction))
         return replace(push, force=push.force + drift * self._rng.standard_normal(3))
 
-    def _force(self, normal: np.ndarray, size: float, lean: Lean) -> np.ndarray:
+    def _force(self, normal: np.ndarray, size: float, direction: ForceDirection) -> np.ndarray:
         force = -normal
-        if lean == "cone":
+        if direction == "cone":
             across = np.cross(normal, self._rng.standard_normal(3))
             ratio = self._scene.friction * np.sqrt(self._rng.random())
             force = force + ratio * across / np.linalg.norm(across)

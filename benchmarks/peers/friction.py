@@ -37,16 +37,16 @@ def edges(nx, ny, nz, friction, out):  # type: ignore[no-untyped-def]
     norm = sqrt(tx * tx + ty * ty + tz * tz)
     tx, ty, tz = tx / norm, ty / norm, tz / norm
     bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-    lean = sqrt(2.0) * friction
+    slope = sqrt(2.0) * friction
     for k in range(4):
         sign = 1.0 if k < 2 else -1.0
         if k % 2 == 0:
             out[k, 0], out[k, 1], out[k, 2] = sign * tx, sign * ty, sign * tz
         else:
             out[k, 0], out[k, 1], out[k, 2] = sign * bx, sign * by, sign * bz
-        out[k, 0] = lean * out[k, 0] - nx
-        out[k, 1] = lean * out[k, 1] - ny
-        out[k, 2] = lean * out[k, 2] - nz
+        out[k, 0] = slope * out[k, 0] - nx
+        out[k, 1] = slope * out[k, 1] - ny
+        out[k, 2] = slope * out[k, 2] - nz
 
 
 @kernel

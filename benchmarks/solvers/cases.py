@@ -152,9 +152,9 @@ def _along_the_axis() -> Iterator[Case]:
     pipe = Cylinder(0.05)
     yield Case("axis", "force along the axis", pipe, (0.0, 0.0, 5.0), (0.1, 0.0, 0.0), Status.PARALLEL)
     for power in (3, 6, 9, 12, 15):
-        lean = 10.0**-power
-        force = (-5.0 * lean, 0.0, 5.0)
-        yield _contact("axis", f"lean 1e-{power}", pipe, (0.05, 0.0, 0.1), (1.0, 0.0, 0.0), force)
+        tilt = 10.0**-power
+        force = (-5.0 * tilt, 0.0, 5.0)
+        yield _contact("axis", f"tilt 1e-{power}", pipe, (0.05, 0.0, 0.1), (1.0, 0.0, 0.0), force)
     floor = Plane((0.0, 0.0, 1.0), 0.1)
     yield Case("axis", "force in the plane", floor, (1.0, 2.0, 0.0), (0.1, 0.0, 0.3), Status.PARALLEL)
 

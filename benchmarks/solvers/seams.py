@@ -98,12 +98,12 @@ def _block(bx: float, by: float, bz: float, r: float) -> Callable[[np.random.Gen
     def draw(rng: np.random.Generator, count: int) -> Points:
         # The normal deviates slightly from that of a face or an edge; the point may lie slightly inside.
         signs = rng.choice((-1.0, 1.0), size=(count, 3))
-        lean = np.column_stack(
+        components = np.column_stack(
             [np.where(rng.uniform(size=count) < 0.5, 0.0, _nudges(rng, count)) for _ in range(3)]
         )
-        lean[np.arange(count), rng.integers(0, 3, count)] = 1.0
-        n = unit(signs * lean)
-        inwards = np.where(lean == 0.0, np.column_stack([_nudges(rng, count) for _ in range(3)]), 0.0)
+        components[np.arange(count), rng.integers(0, 3, count)] = 1.0
+        n = unit(signs * components)
+        inwards = np.where(components == 0.0, np.column_stack([_nudges(rng, count) for _ in range(3)]), 0.0)
         return signs * half * (1.0 - inwards) + r * n, n
 
     return draw

@@ -31,12 +31,12 @@ def revolved(points: np.ndarray, normals: np.ndarray, axis: np.ndarray, least: f
     """A rounded cylinder along `axis` through oriented points; None where they do not bend about that
     axis."""
     frame = frame_along(axis)
-    local, lean = points @ frame, normals @ frame
-    side = np.abs(lean[:, 2]) < 0.5
+    local, local_normals = points @ frame, normals @ frame
+    side = np.abs(local_normals[:, 2]) < 0.5
     if side.sum() < 12:
         return None
     # p = c + rho n in the plane across the axis, by least squares in c and rho.
-    q, n = local[side, :2], lean[side, :2]
+    q, n = local[side, :2], local_normals[side, :2]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
     rows = np.zeros((2 * len(q), 3))
     rows[0::2, 0], rows[1::2, 1] = 1.0, 1.0

@@ -116,10 +116,10 @@ def surface_points(
     lead = 2 * count
     if kind == REVOLVED:
         h, R0, R1, r = size[:4]
-        lean = np.arctan2(R0 - R1, 2.0 * h) if h > 0.0 or R0 != R1 else 0.0
+        taper = np.arctan2(R0 - R1, 2.0 * h) if h > 0.0 or R0 != R1 else 0.0
         # Profile from the lower pole to the upper: cap, rim, side, rim, cap, as polyline in (z, rho).
-        low = np.linspace(-np.pi / 2, lean, 40)
-        high = np.linspace(lean, np.pi / 2, 40)
+        low = np.linspace(-np.pi / 2, taper, 40)
+        high = np.linspace(taper, np.pi / 2, 40)
         z = np.concatenate(([-h - r], -h + r * np.sin(low), h + r * np.sin(high), [h + r]))
         rho = np.concatenate(([0.0], R0 + r * np.cos(low), R1 + r * np.cos(high), [0.0]))
         length = np.hypot(np.diff(z), np.diff(rho))

@@ -339,8 +339,8 @@ def support(kind, size, dx, dy, dz):  # type: ignore[no-untyped-def]
             qz, qr = h, R1
         else:
             qz, qr = -h, R0
-        lean = qr / across if across > 0.0 else 0.0
-        return (lean + r) * dx, (lean + r) * dy, qz + r * dz
+        radial = qr / across if across > 0.0 else 0.0
+        return (radial + r) * dx, (radial + r) * dy, qz + r * dz
     if kind == ELLIPSOID:
         aa, bb, cc = size[0] * size[0], size[1] * size[1], size[2] * size[2]
         scale = sqrt(aa * dx * dx + bb * dy * dy + cc * dz * dz)

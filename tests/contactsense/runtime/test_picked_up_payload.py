@@ -68,14 +68,14 @@ def test_a_payload_is_picked_up_carried_and_put_down(localizer: Localizer) -> No
     )
 
 
-@pytest.mark.parametrize("lean", [0.15, 0.4])
-def test_a_push_not_along_gravity_remains_a_contact(localizer: Localizer, lean: float) -> None:
+@pytest.mark.parametrize("angle", [0.15, 0.4])
+def test_a_push_not_along_gravity_remains_a_contact(localizer: Localizer, angle: float) -> None:
     """As strong as the weight, at the flange, but not quite along gravity."""
     samples = _stream(3.0, (9.0, 9.0))
     model, motion = build_model(ARM), empty_motion(6)
     torque, wrench = np.empty(6), np.empty(6)
     inverse_dynamics(model, POSTURE, np.zeros(6), np.zeros(6), np.zeros(3), motion, torque, wrench)
-    f = 9.81 * MASS * np.array([np.sin(lean), 0.0, -np.cos(lean)])
+    f = 9.81 * MASS * np.array([np.sin(angle), 0.0, -np.cos(angle)])
     w = np.concatenate((f, np.cross(motion.origin[6], f)))
     pushed = [
         Sample(s.t, s.q, s.qd, np.subtract(s.joint_torque, motion.screw @ w), np.add(s.base_wrench, w))  # type: ignore[arg-type]
