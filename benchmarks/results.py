@@ -11,6 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 TRUTH = "../shared/data/truth"
+MESHES = "../shared/data/ur_visual"
 _FRAME = "━─┏┓┗┛┡┩└┘├┤┳┻╇┴┼┬"
 """Characters of which the horizontal lines of a table's frame are made."""
 
@@ -32,7 +33,7 @@ SECTIONS = (
         "Link and place, static contacts",
         """2000 contacts per arm, 5 to 60 N, on all links, distributed uniformly over the exposed surface.
 Noise is the standard deviation of one sample: of each component of base force and base moment, and of each
-joint torque. Link and place are estimated together.""",
+joint torque. Link and place are estimated together; `--method torques_first` shows what that adds.""",
         f"contactsense bench truth {TRUTH} --brief",
     ),
     (
@@ -43,20 +44,15 @@ joint torque. Link and place are estimated together.""",
     (
         "With the skin of the links",
         "The contact is moved onto the meshes along its line of action.",
-        f"contactsense bench truth {TRUTH} --brief --robot ur5e --detail skin --meshes ../shared/data/ur_visual",
-    ),
-    (
-        "With the link estimated first",
-        """The link with the best evidence is chosen first, then the place on it. The difference from the
-first table is what the geometry adds.""",
-        f"contactsense bench truth {TRUTH} --brief --robot ur5e --method torques_first",
+        f"contactsense bench truth {TRUTH} --brief --robot ur5e --detail skin --meshes {MESHES}",
     ),
     ("Base sensor alone", "", f"contactsense bench truth {TRUTH} --brief --robot ur5e --sensors base"),
     ("Joint torques alone", "", f"contactsense bench truth {TRUTH} --brief --robot ur5e --sensors torques"),
     (
         "Compared with the dense posterior",
         "How close the errors are to the best possible ones: [accuracy](accuracy.md#the-dense-posterior).",
-        "python -m contactsense.benchmarks.posterior --contacts 200 --robot ur5e --sensors all --noise 0 --noise 0.25",
+        "python -m contactsense.benchmarks.posterior --contacts 200 --robot ur5e --sensors all "
+        "--noise 0 --noise 0.25",
     ),
     (
         "Calibration",
