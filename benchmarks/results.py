@@ -20,8 +20,8 @@ INTRODUCTION = """# Results
 Each figure with the command that prints it. `make results` measures everything again and writes this page.
 It needs an idle machine and the ground truth in `../shared/data/truth`, which was made independently of
 this project with MuJoCo and the arms' visual meshes. [Accuracy](accuracy.md) explains the columns. Notes
-under a table hold for all tables below it. Without `--robot`, `--sensors` and `--noise` the commands print all
-arms, sensors and noises.
+under a table apply to all tables below it. Without `--robot`, `--sensors` and `--noise` the commands print
+all arms, sensors and noises.
 """
 
 DRAWN = "python -m contactsense.benchmarks.speed_error --contacts 100"
