@@ -61,10 +61,9 @@ joint torque. Link and place are estimated together; `--method torques_first` sh
     ),
     (
         "Time against error",
-        """Two and three contacts: 20 N each, added one after another on other links. Errors are taken after
-the last one. `contactsense` knows the places of the earlier contacts, and their forces to within 0.5 N (with
-`forces free` not at all). Times for several contacts are of single calls from Python, for one contact of a
-batch. The command also prints the table.""",
+        """Two and three contacts of 20 N are added one after another on other links. `contactsense` knows the
+places of the earlier ones, and their forces to within 0.5 N (with `forces free` not at all). The command also
+prints the table.""",
         DRAWN,
     ),
     (
