@@ -11,6 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 TRUTH = "../shared/data/truth"
+MESHES = "../shared/data/ur_visual"
 _FRAME = "━─┏┓┗┛┡┩└┘├┤┳┻╇┴┼┬"
 """Characters of which the horizontal lines of a table's frame are made."""
 
@@ -18,10 +19,9 @@ INTRODUCTION = """# Results
 
 Each figure with the command that prints it. `make results` measures everything again and writes this page.
 It needs an idle machine and the ground truth in `../shared/data/truth`, which was made independently of
-this project with MuJoCo and the arms' visual meshes. [Accuracy](accuracy.md) explains the columns. Other
-pages have figures of their own: [solvers](solvers.md), [motion](motion.md), [several
-contacts](multi_contact.md), [calibration](calibration.md), [geometry](geometry.md), [other
-methods](peers.md).
+this project with MuJoCo and the arms' visual meshes. [Accuracy](accuracy.md) explains the columns. Notes
+under a table apply to all tables below it. Without `--robot`, `--sensors` and `--noise` the commands print
+all arms, sensors and noises.
 """
 
 DRAWN = "python -m contactsense.benchmarks.speed_error --contacts 100"
@@ -32,53 +32,43 @@ SECTIONS = (
     (
         "Link and place, static contacts",
         """2000 contacts per arm, 5 to 60 N, on all links, distributed uniformly over the exposed surface.
-Noise is the standard deviation of one sample: of each component of the base force, of each
-component of the base moment, and of each joint torque. Link and place are estimated together.""",
+Noise is the standard deviation of one sample: of each component of base force and base moment, and of each
+joint torque. Link and place are estimated together; `--method torques_first` shows what that adds.""",
         f"contactsense bench truth {TRUTH} --brief",
     ),
     (
         "With one or two primitives per link",
-        "`detail: coarse`.",
-        f"contactsense bench truth {TRUTH} --brief --detail coarse",
+        "",
+        f"contactsense bench truth {TRUTH} --brief --robot ur5e --detail coarse",
     ),
     (
         "With the skin of the links",
-        "`detail: skin`: the contact is moved onto the meshes along its line of action.",
-        f"contactsense bench truth {TRUTH} --brief --detail skin --meshes ../shared/data/ur_visual",
+        "The contact is moved onto the meshes along its line of action.",
+        f"contactsense bench truth {TRUTH} --brief --robot ur5e --detail skin --meshes {MESHES}",
     ),
-    (
-        "With the link estimated first",
-        """The link with the best evidence from base wrench and joint torques is chosen first, then the place
-on it. The difference from the first table is what the geometry adds.""",
-        f"contactsense bench truth {TRUTH} --brief --method torques_first",
-    ),
-    ("Base sensor alone", "", f"contactsense bench truth {TRUTH} --brief --sensors base"),
-    ("Joint torques alone", "", f"contactsense bench truth {TRUTH} --brief --sensors torques"),
+    ("Base sensor alone", "", f"contactsense bench truth {TRUTH} --brief --robot ur5e --sensors base"),
+    ("Joint torques alone", "", f"contactsense bench truth {TRUTH} --brief --robot ur5e --sensors torques"),
     (
         "Compared with the dense posterior",
-        "How close they are to the best possible estimates: see [accuracy](accuracy.md#the-dense-posterior).",
-        "python -m contactsense.benchmarks.posterior --contacts 200",
+        "How close the errors are to the best possible ones: [accuracy](accuracy.md#the-dense-posterior).",
+        "python -m contactsense.benchmarks.posterior --contacts 200 --robot ur5e --sensors all "
+        "--noise 0 --noise 0.25",
     ),
     (
         "Calibration",
-        "Whether the stated probabilities and regions are right: see [accuracy](accuracy.md#calibration).",
-        f"contactsense bench calibration {TRUTH} --brief",
+        "Are the stated probabilities and regions right? See [accuracy](accuracy.md#calibration).",
+        f"contactsense bench calibration {TRUTH} --brief --robot ur5e --sensors all --sensors base",
     ),
     (
         "Time against error",
-        """One contact: the ground truth. Two and three: further contacts
-of 20 N are added one after another on other links, at places that the ground truth touches in
-other postures. Errors are taken after the last contact was added, with estimates assigned to
-contacts. `contactsense` knows the contacts that it found before, and that their forces stay
-within 0.5 N; with `forces free`, and for the filter, it knows nothing of the forces. Methods for
-one contact appear with one contact only. Times for several contacts are of single calls from
-Python, those for one contact of a batch.""",
+        """Two and three contacts of 20 N are added one after another on other links. `contactsense` knows the
+places of the earlier ones, and their forces to within 0.5 N (with `forces free` not at all). The command also
+prints the table.""",
         DRAWN,
     ),
     (
         "Time per sample",
-        """One core, from Python, on the contacts of the demo (0.25 N, 0.05 Nm, 1 Nm), in µs. Calls of
-Pinocchio's RNEA for a 6-joint arm alternate with the calls that are measured.""",
+        """One core, from Python, on the contacts of the demo (0.25 N, 0.05 Nm, 1 Nm), in µs.""",
         "contactsense bench speed",
     ),
     (
@@ -107,13 +97,18 @@ def _machine() -> str:
     return f"{date.today().isoformat()}, {os.cpu_count()} cores, {model}, Python {platform.python_version()}"
 
 
-def without_frame(output: str) -> str:
+def without_frame(output: str, notes: set[str] | None = None) -> str:
     """What a command printed, its tables without box-drawing frames and in columns as narrow as they can be.
 
     A rule is left below each header and between groups of rows. Titles, captions and numbers stay as they
     are, but ` / ` and ` %` within a cell become `/` and `%`.
+
+    Args:
+        output: What the command printed.
+        notes: Titles and captions that the page has already: they are left out. New ones are added.
     """
     lines: list[str] = []
+    notes = set() if notes is None else notes
     rows: list[list[str] | None] = []
     for line in output.splitlines():
         if line[:1] in ("┃", "│"):
@@ -124,8 +119,11 @@ def without_frame(output: str) -> str:
             if line[0] == "└":
                 lines += _aligned(rows)
                 rows = []
-        else:
-            lines.append(line.strip() if "━" in output else line)
+        elif "━" not in output:
+            lines.append(line)
+        elif line.strip() not in notes:
+            notes.add(line.strip())
+            lines.append(line.strip())
     return "\n".join(lines)
 
 
@@ -150,10 +148,12 @@ def _short(cell: str) -> str:
 def _page() -> Iterator[str]:
     yield INTRODUCTION
     yield f"Measured on: {_machine()}.\n"
+    notes: set[str] = set()
     for heading, about, command in SECTIONS:
         print(command, flush=True)
         done = subprocess.run(shlex.split(command), cwd=ROOT, capture_output=True, text=True, check=True)
-        lines = without_frame("\n".join(line.rstrip() for line in done.stdout.strip("\n").splitlines()))
+        printed = "\n".join(line.rstrip() for line in done.stdout.strip("\n").splitlines())
+        lines = without_frame(printed, notes)
         yield f"## {heading}\n"
         if about:
             yield f"{about}\n"

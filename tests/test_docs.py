@@ -122,7 +122,7 @@ def test_the_scene_of_a_cell_loads(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("model", [Scene, WrenchSensor, JointTorqueSensor, Friction, Tool])
 def test_the_cell_page_names_every_field(model: type[BaseModel]) -> None:
-    rows = re.findall(r"^(?:\||`tool`:)(.*)$", CELL, re.MULTILINE)
+    rows = re.findall(r"^(?:- |`tool`:)(.*)$", CELL, re.MULTILINE)
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
     assert set(model.model_fields) <= named
 

@@ -118,7 +118,7 @@ def table(found: Sequence[Row], geometry: Geometry, detail: Detail) -> Table:
         title=f"ours ({detail}) beside the dense posterior on {geometry}, {contacts} contacts an arm",
         caption=(
             "error median / 95 % in mm, failures included, and ours to the dense posterior's with the 95 % "
-            "interval of contacts drawn anew; points: our link decisions less the dense posterior's; time: "
+            "bootstrap interval; points: our link decisions less the dense posterior's; time: "
             f"of one of its answers; ambiguous: over {100 * AMBIGUOUS:.0f} % of its probability lies on "
             "other links"
         ),

@@ -123,22 +123,21 @@ def seams_table(count: int, tick: Tick) -> Table:
 
 
 def iterations_table(count: int, tick: Tick) -> Table:
-    """Steps of Newton's method."""
+    """Steps of Newton's method, a line for each body."""
     found = list(iterations.rows(max(count // 10, 1), tick))
+    bodies: dict[str, list[iterations.Row]] = defaultdict(list)
+    for row in found:
+        bodies[row.surface].append(row)
     rows = [
         (
-            row.surface,
-            row.wrenches,
-            _count(row.count),
-            _count(row.failures),
-            f"{row.median:.0f}",
-            f"{row.p99:.0f}",
-            str(row.most),
-            number(row.residual),
+            name,
+            _count(sum(row.failures for row in kinds)),
+            *(f"{row.median:.0f}/{row.p99:.0f}/{row.most}" for row in kinds),
+            number(max(row.residual for row in kinds)),
         )
-        for row in found
+        for name, kinds in bodies.items()
     ]
-    head = ("body", "wrenches", "count", "failures", "steps: median", "p99", "most", "worst residual")
+    head = ("body", "failures", "contacts", "any force", "torsion 1", "worst residual")
     return Table(head, rows, [_plain(row) for row in found])
 
 

@@ -1,4 +1,4 @@
-"""How far a union of primitives is from the skin it stands for, both ways."""
+"""How far a union of primitives is from the skin that it approximates, in both directions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -162,7 +162,7 @@ HEADINGS = (
     "primitives to skin p50 / p95 / max [mm]",
     "normals p50 / p95 [deg]",
 )
-"""Of what `row` says."""
+"""Columns of `row`."""
 
 
 def row(found: Errors) -> tuple[str, str, str]:

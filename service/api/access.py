@@ -1,4 +1,4 @@
-"""Who may use the service: by token, by the Host that was asked for, by the Origin of a web page.
+"""Who may use the service: by token, by the requested Host, by the Origin of a web page.
 
 A web page in somebody's browser can reach a service on that person's own computer. The Host check stops a
 name that an attacker points at 127.0.0.1 (DNS rebinding), the Origin check stops foreign pages, WebSockets
@@ -16,13 +16,13 @@ from urllib.parse import parse_qs, urlsplit
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 SUBPROTOCOL = "contactsense"
-"""What a WebSocket that brings its token as a subprotocol is answered with."""
+"""Subprotocol in the answer to a WebSocket that sends its token as a subprotocol."""
 TOKEN_PREFIX = "bearer."
-"""In front of the token, where it comes as a WebSocket subprotocol."""
+"""Prefix of the token in a WebSocket subprotocol."""
 OPEN_PATHS = ("/v1/ready", "/docs", "/openapi.json")
 """What needs no token: whether the service is ready, and the description of the interface."""
 _LINGER = 2.0
-"""Longest time for which a body that nobody wants is thrown away [s]."""
+"""Longest time for which an unwanted body is read and discarded [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class AccessRules:
     """Who may come in."""
 
     token: str | None = None
-    """Expected with each request; None: nobody needs one."""
+    """Expected with each request; None: no token is needed."""
     hosts: tuple[str, ...] = ()
     """Names besides localhost under which the service is reached; addresses in numbers always are."""
     origins: tuple[str, ...] = ()

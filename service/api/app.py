@@ -59,8 +59,8 @@ frame turns with its joint. **Wrenches** are force then moment, moments about th
 SI: m, rad, s, N, Nm.
 
 **Stream.** `WS /v1/stream` sends one `EstimateOut` per sample as JSON text. `?every=10` sends one in ten,
-`?rate=30` at most so many a second (0.001 at least). A reader that is too slow loses the oldest and is told
-how many, by `{"lost": n}`; one that takes nothing for 10 s is dropped.
+`?rate=30` at most so many per second (0.001 at least). A reader that is too slow loses the oldest and
+receives their number, `{"lost": n}`; one that takes nothing for 10 s is dropped.
 
 **WebSocket routes.** OpenAPI has no place for them, hence this table.
 
@@ -68,10 +68,10 @@ how many, by `{"lost": n}`; one that takes nothing for 10 s is dropped.
 | --- | --- | --- | --- |
 | `WS /v1/stream` | `every` (1 to 1000000), `rate` [Hz] | `EstimateOut`, or `{"lost": n}` | 1008, 1012 |
 
-Code 1008 follows an `ErrorOut` where a parameter is wrong; 1012 says that the service ends.
+Code 1008 follows an `ErrorOut` where a parameter is wrong; 1012 means that the service ends.
 
-**Token.** Where the service has one, each request brings it as `Authorization: Bearer TOKEN`. A WebSocket
-may bring it instead as the subprotocols `contactsense, bearer.TOKEN`, as browsers can, or as `?token=TOKEN`.
+**Token.** Where the service has one, each request sends it as `Authorization: Bearer TOKEN`. A WebSocket
+may send it instead as the subprotocols `contactsense, bearer.TOKEN`, as browsers can, or as `?token=TOKEN`.
 `/v1/ready`, `/docs` and `/openapi.json` need none.
 
 This software is not a safety function.
@@ -133,7 +133,7 @@ class Service:
         self.refused: dict[int, int] = {}
         """Requests beyond the limits, by status."""
         self.reload_checks: list[Callable[[Scene], None]] = []
-        """Called before a new scene is taken; raise `SettingsError` where it, or a file beside it, is bad."""
+        """Called before a new scene is used; raise `SettingsError` if it, or a file beside it, is invalid."""
         self.reloaded: messages.ReloadHealth | None = None
         self.metrics = Metrics(self.health)
         self._locate = LocateProcess(self.scene)
@@ -216,7 +216,7 @@ class Service:
             await self._locate.start()
 
     async def reload(self) -> None:
-        """Read the scene, and what stands beside it, anew; where that is bad, nothing changes."""
+        """Read the scene, and the files beside it, again; if they are invalid, nothing changes."""
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
         try:
             scene = await asyncio.to_thread(self._settings.load_scene)
@@ -238,7 +238,7 @@ class Service:
         """Estimates as JSON for static samples.
 
         Raises:
-            LocateError: Not now; the text says why.
+            LocateError: Not now; the text gives the reason.
         """
         plain = [StaticSample(s.q, s.base_wrench, s.joint_torque, s.wrist_wrench) for s in samples]
         return await self._locate.locate(plain, external)
@@ -250,7 +250,7 @@ class Service:
         return status == "idle" or (status in ("ok", "degraded") and self.runner.current)
 
     def health(self) -> HealthOut:
-        """How everything fares, worked out now."""
+        """State of the service, computed now."""
         runner, connections = self.runner, self.connections
         source = runner.source.model_copy(update={"age": runner.sample_age})
         pipeline = runner.pipeline.model_copy(
@@ -296,7 +296,7 @@ Shared = Annotated[Service, Depends(_service)]
 
 
 async def health(service: Shared) -> HealthOut:
-    """How the service, its pipeline, its sensors and its readers fare; 200 as long as the service lives."""
+    """State of the service, its pipeline, its sensors and its readers; 200 as long as the service runs."""
     return service.health()
 
 
@@ -352,7 +352,7 @@ async def scene(service: Shared) -> SceneOut:
 
 
 async def contacts(service: Shared) -> Response:
-    """The latest estimate. 503 while there is none that is current; the reason says why."""
+    """The latest estimate. 503 with the reason while there is none that is current."""
     if not service.runner.current or service.hub.last is None:
         raise HTTPException(503, f"no current estimate: {service.runner.message}")
     return Response(service.hub.last, media_type="application/json")
@@ -384,7 +384,7 @@ async def stream(
     every: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
     rate: Annotated[float | None, Query(ge=0.001, le=1e6, allow_inf_nan=False)] = None,
 ) -> None:
-    """One estimate per sample as JSON text, thinned out as asked for."""
+    """One estimate per sample as JSON text, thinned out as requested."""
     await websocket.accept()
     with service.hub.subscribe(every, 0.0 if rate is None else 1.0 / rate) as reader:
         sending = asyncio.create_task(_send(websocket, reader))
@@ -406,7 +406,7 @@ async def _send(websocket: WebSocket, reader: Reader) -> None:
 
 
 async def _until_gone(websocket: WebSocket) -> None:
-    """Take what the reader says, which is nothing of interest, until it leaves."""
+    """Receive and ignore the reader's messages until it leaves."""
     with contextlib.suppress(WebSocketDisconnect):
         while True:
             message = await websocket.receive()
@@ -474,7 +474,7 @@ def create_app(
         503: {"model": ErrorOut, "description": "Too many requests wait already: try again later."},
     }
     stale: dict[int | str, dict[str, Any]] = {
-        503: {"model": ErrorOut, "description": "There is no current estimate: the reason says why."}
+        503: {"model": ErrorOut, "description": "There is no current estimate, with the reason."}
     }
     for status, description in COMMON_REFUSALS.items():
         app.router.responses[status] = {"model": ErrorOut, "description": description}

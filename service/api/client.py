@@ -41,7 +41,7 @@ class Client:
             raise ClientError(f"{self.stream_url} cannot be reached: {error}") from None
 
     def health(self) -> HealthOut:
-        """How the service fares.
+        """State of the service.
 
         Raises:
             ClientError: It does not say.
@@ -56,7 +56,7 @@ class Client:
         """The next message of the stream.
 
         Raises:
-            ClientError: None for too long, with what the service has to say; or the service has gone.
+            ClientError: None for too long, with the reason that the service gives; or the service has ended.
         """
         try:
             return self._stream.recv(timeout=SILENCE)

@@ -8,9 +8,15 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
+from contactsense.service.api.messages import ErrorOut
 from contactsense.service.recordings.clip_listener import RecordingSettings
 
-router = APIRouter()
+router = APIRouter(
+    responses={
+        409: {"model": ErrorOut, "description": "The service has no folder for recordings."},
+        503: {"model": ErrorOut, "description": "There are no samples to record."},
+    }
+)
 _MOST = 1000
 
 
@@ -21,14 +27,14 @@ class ClipIn(BaseModel):
 
     before: float | None = Field(None, gt=0.0, description="Time before now [s]; default: the service's.")
     after: float | None = Field(None, gt=0.0, description="Time after now [s]; default: the service's.")
-    reason: str = Field("", max_length=500, description="Why; goes into the file's metadata.")
+    reason: str = Field("", max_length=500, description="Reason, for the file's metadata.")
 
 
 class ClipOut(BaseModel):
     """One clip."""
 
     number: int = Field(description="Number of the clip since the service began.")
-    reason: str = Field("", description="Why it was asked for.")
+    reason: str = Field("", description="Why it was requested.")
     file: str | None = Field(None, description="Name of the file; null while it is still being recorded.")
     samples: int | None = Field(None, description="Samples in it.")
 
@@ -58,7 +64,7 @@ class RecordingOut(BaseModel):
 
 
 class Clips:
-    """What the service knows of its clips and recording."""
+    """State of clips and recording."""
 
     def __init__(self, settings: RecordingSettings) -> None:
         self.settings = settings

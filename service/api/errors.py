@@ -30,9 +30,9 @@ def _errors(status: int, errors: list[FieldError], headers: Mapping[str, str] | 
     return JSONResponse(ErrorOut(errors=errors).model_dump(), status, headers)
 
 
-def _told(error: RequestValidationError | WebSocketRequestValidationError) -> list[FieldError]:
-    """Pydantic's complaints as field and reason; what came is told as text, for it may be NaN."""
-    told = []
+def _field_errors(error: RequestValidationError | WebSocketRequestValidationError) -> list[FieldError]:
+    """Pydantic's complaints as field and reason; the received value is given as text, since it may be NaN."""
+    errors = []
     for issue in error.errors():
         field = ""
         for step in issue["loc"]:
@@ -45,13 +45,13 @@ def _told(error: RequestValidationError | WebSocketRequestValidationError) -> li
             reason += f", got {issue['input']!r:.40}"
         if issue["type"] == "json_invalid":
             field, reason = "", f"not JSON: {issue['ctx']['error']} at character {issue['loc'][-1]}"
-        told.append(FieldError(field=field, reason=reason))
-    return told
+        errors.append(FieldError(field=field, reason=reason))
+    return errors
 
 
 async def _refuse(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    return _errors(422, _told(error))
+    return _errors(422, _field_errors(error))
 
 
 async def _refuse_field(request: Request, error: Exception) -> Response:
@@ -61,10 +61,10 @@ async def _refuse_field(request: Request, error: Exception) -> Response:
 
 async def _refuse_stream(websocket: WebSocket, error: Exception) -> None:
     assert isinstance(error, WebSocketRequestValidationError)
-    told = _told(error)
+    errors = _field_errors(error)
     await websocket.accept()
-    await websocket.send_text(ErrorOut(errors=told).model_dump_json())
-    reason = "; ".join(f"{issue.field}: {issue.reason}" for issue in told)
+    await websocket.send_text(ErrorOut(errors=errors).model_dump_json())
+    reason = "; ".join(f"{issue.field}: {issue.reason}" for issue in errors)
     room = reason.encode()[:123]  # of a close frame
     await websocket.close(1008, room.decode(errors="ignore"))
 

@@ -1,4 +1,4 @@
-"""What goes over HTTP and WebSocket, with units and frames for the OpenAPI page.
+"""Messages over HTTP and WebSocket, with units and frames for the OpenAPI page.
 
 Names and shapes are those of `contactsense.types`. The base frame is the robot controller's own; wrenches are
 force then moment, moments about the base origin.
@@ -53,7 +53,7 @@ class LocateOneIn(SampleIn):
 
     external: bool = Field(
         True,
-        description="true: gravity is already taken off, the readings are what contacts cause. "
+        description="true: gravity is already subtracted, the readings are caused by contacts only. "
         "false: raw readings; the scene's model is subtracted.",
     )
 
@@ -62,7 +62,7 @@ class LocateManyIn(_In):
     """Several samples to locate, each by itself."""
 
     samples: list[SampleIn] = Field(min_length=1, max_length=MAX_SAMPLES, description="The samples.")
-    external: bool = Field(True, description="As for one sample; holds for all of them.")
+    external: bool = Field(True, description="As for one sample; applies to all of them.")
 
 
 def _one_or_many(value: Any) -> str:
@@ -103,7 +103,7 @@ class ContactOut(BaseModel):
 
 
 class EstimateOut(BaseModel):
-    """What the localizer makes of one sample."""
+    """The localizer's answer to one sample."""
 
     t: float = Field(description="Time of the sample on the robot's clock [s].")
     status: Status = Field(
@@ -126,7 +126,7 @@ class EstimateOut(BaseModel):
     )
     wrench: list[float | None] = Field(
         description="External wrench on the arm under the best explanation, force then moment about the base "
-        "origin, base axes [N, Nm]; null where it cannot be told."
+        "origin, base axes [N, Nm]; null where it cannot be determined."
     )
     covariance: list[list[float | None]] = Field(
         description="Covariance of wrench, 6 x 6; null where it is not bounded."
@@ -181,7 +181,7 @@ class RobotOut(BaseModel):
 class SceneOut(BaseModel):
     """The arm in its place."""
 
-    links: list[str] = Field(description="Names of all links that can be told apart, base first.")
+    links: list[str] = Field(description="Names of all links, base first.")
     gravity_base: Three = Field(description="Gravity in base axes [m/s^2].")
     scene: dict[str, Any] = Field(description="The scene as its YAML file would have it.")
 
@@ -196,17 +196,17 @@ class SensorHealth(BaseModel):
     lost: int = Field(
         0, description="Readings that it took and that never arrived, by gaps in their numbering."
     )
-    last_error: str = Field("", description="What went wrong last; stays after recovery.")
+    last_error: str = Field("", description="The latest error; kept after recovery.")
 
 
 class SourceHealth(BaseModel):
     """The sensors' side."""
 
     connected: bool = Field(False, description="Whether samples come from the robot.")
-    trouble: str = Field("", description="What is wrong at this moment; empty if all is well.")
+    trouble: str = Field("", description="What is wrong at this moment; empty if nothing is.")
     rate: float = Field(0.0, description="Samples a second over the last second [Hz].")
     age: float | None = Field(None, description="Time since the last sample [s]; null before the first.")
-    without_wrench: int = Field(0, description="Samples that came without the base sensor's reading.")
+    without_wrench: int = Field(0, description="Samples without the base sensor's reading.")
     robot: SensorHealth = Field(SensorHealth(), description="The robot's controller.")
     base_wrench: SensorHealth | None = Field(
         None, description="The force/torque sensor under the base; null where none is read over the network."
@@ -219,7 +219,7 @@ class PipelineHealth(BaseModel):
     alive: bool = Field(False, description="Whether it runs and answers.")
     restarts: int = Field(0, description="How often it had to be started again.")
     dropped: int = Field(0, description="Estimates that could not be handed over in time.")
-    step: float | None = Field(None, description="Time that one sample takes it, lately, typically [s].")
+    step: float | None = Field(None, description="Recent typical time per sample [s].")
     listener_errors: int = Field(0, description="Exceptions of listeners, such as reactions or recorder.")
     last_listener_error: str = Field("", description="The latest of them.")
     step_counts: list[int] = Field(
@@ -275,10 +275,10 @@ class ReadyOut(BaseModel):
 
 
 class HealthOut(BaseModel):
-    """How the service fares."""
+    """State of the service."""
 
     status: Literal["ok", "degraded", "starting", "waiting", "failing", "idle"] = Field(
-        description="Worked out when asked for. ok: samples arrive and are estimated; degraded: they are, "
+        description="Computed at each request. ok: samples arrive and are estimated; degraded: they are, "
         "but something is missing or wrong, see reasons; starting: kernels are being loaded; waiting: no "
         "usable samples, sensors are tried again all the time; failing: the pipeline itself broke or hangs "
         "and is started again; idle: no robot was named, only POST /v1/locate works."
@@ -310,7 +310,7 @@ class FieldError(BaseModel):
     """What is wrong with one field."""
 
     field: str = Field(description="Path of the field, as samples[3].q.")
-    reason: str = Field(description="What was expected and what came.")
+    reason: str = Field(description="What was expected and what was received.")
 
 
 class ErrorOut(BaseModel):
@@ -339,7 +339,7 @@ def estimate_json(estimate: Estimate) -> bytes:
 
     It ends with an empty list of events: `contactsense.service.live.hub.with_events` puts them in once the
     journal has numbered them. JSON has no NaN: an estimate with one where a number must be, which would be a
-    defect of the localizer, becomes one that is `degraded` and says so. The stream goes on.
+    defect of the localizer, becomes one that is `degraded` and gives the reason. The stream continues.
     """
     try:
         return json.dumps(estimate_dict(estimate), allow_nan=False, separators=(",", ":")).encode()

@@ -1,4 +1,4 @@
-"""What Prometheus scrapes: rates, ages, losses, times, connections. Worked out when it is asked for."""
+"""What Prometheus scrapes: rates, ages, losses, times, connections. Computed at each request."""
 
 from collections.abc import Callable, Iterator
 

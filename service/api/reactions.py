@@ -65,7 +65,7 @@ async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> R
     responses={422: {"model": ErrorOut}, 503: {"model": ErrorOut, "description": "No pipeline runs."}},
 )
 async def expected(shared: Shared, request: ExpectedIn) -> ReactionsOut:
-    """Open or close the window of an expected contact; where and up to which force stands in the file."""
+    """Open or close the window of an expected contact; its place and force are in the file."""
     known = [] if shared.rules is None else [window.name for window in shared.rules.expected]
     if request.name not in known:
         raise FieldRefusedError(

@@ -45,7 +45,7 @@ def is_loopback(host: str) -> bool:
 
 
 class SettingsError(ValueError):
-    """A setting cannot be used: which one, what was expected, what came."""
+    """A setting cannot be used: which one, what was expected, what was given."""
 
 
 def _split(value: Any) -> Any:
@@ -99,9 +99,9 @@ class Settings(BaseModel):
     six numbers, or six of one."""
     constant_readings: bool = False
     """Whether readings may never change, as those of a simulator without noise; otherwise a signal that never
-    changes is taken for frozen and left out."""
+    changes counts as frozen and is ignored."""
     token: Annotated[str, Field(min_length=16)] | None = None
-    """What every request must bring as Authorization: Bearer; best given by the environment."""
+    """Token that every request must send as Authorization: Bearer; best given by the environment."""
     token_file: Path | None = None
     """File with the token, instead of `token`."""
     tls_certificate: Path | None = None
@@ -127,7 +127,7 @@ class Settings(BaseModel):
     log_format: Format = "text"
     """Log lines for people, or JSON."""
     log_file: Path | None = None
-    """File to log to instead of stderr; put aside at 10 MB, five of them are kept."""
+    """File to log to instead of stderr; rotated at 10 MB, five files are kept."""
     queue: PositiveInt = 500
     """Estimates kept for a slow reader of the stream before it loses the oldest."""
     events: Annotated[JournalSettings, BeforeValidator(_from_json)] = JournalSettings()
@@ -137,7 +137,7 @@ class Settings(BaseModel):
     recording: Annotated[RecordingSettings, BeforeValidator(_from_json)] = RecordingSettings()
     """Clips and recordings, see `contactsense.service.recordings.clip_listener`."""
     controllers: Annotated[ControllerSettings, BeforeValidator(_from_json)] = ControllerSettings()
-    """Ways in for controllers. As JSON in an environment variable."""
+    """Interfaces for controllers. As JSON in an environment variable."""
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] = os.environ) -> "Settings":
@@ -151,7 +151,7 @@ class Settings(BaseModel):
 
     @classmethod
     def checked(cls, values: Mapping[str, object], name: str = "settings") -> "Settings":
-        """Settings from loose values; `name` says in complaints where they come from.
+        """Settings from loose values; `name` names their source in error messages.
 
         Raises:
             SettingsError: A value cannot be used.
@@ -165,7 +165,7 @@ class Settings(BaseModel):
         """Who may use the service.
 
         Raises:
-            SettingsError: The file with the token cannot be read, or holds none.
+            SettingsError: The file with the token cannot be read, or contains none.
         """
         token = self.token
         if self.token_file is not None:
@@ -233,7 +233,7 @@ class Settings(BaseModel):
         """Maker of the source of samples, picklable; None where no robot is named.
 
         Raises:
-            SettingsError: The scene asks for something that cannot be read this way.
+            SettingsError: The scene requires something that cannot be read this way.
         """
         if self.controllers.source == "push":
             return partial(PushSource, path=self.controllers.socket_path)
@@ -242,8 +242,8 @@ class Settings(BaseModel):
         if scene.base_wrench is not None and (self.ft_host is None) == (self.ft_fields is None):
             raise SettingsError(
                 "the scene has a force/torque sensor under the base: expected either its address (ft_host) "
-                f"or six RTDE fields (ft_fields), got {'both' if self.ft_host else 'neither'}; base_wrench: "
-                "null in the scene does without"
+                f"or six RTDE fields (ft_fields), got {'both' if self.ft_host else 'neither'}; set "
+                "base_wrench: null in the scene to run without it"
             )
         settings = SourceSettings(
             robot_host=self.robot_host,

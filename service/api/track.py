@@ -57,7 +57,7 @@ class Tracks:
                     await _first(
                         self._forward(websocket, process.channel), _answer(websocket, process.channel)
                     )
-                    # The process is gone, not the controller: there is somebody to tell.
+                    # The process has ended, but the controller is connected: report it.
                     await _close(websocket, 1011, "the localizer's process has ended")
         except (WebSocketDisconnect, RuntimeError):
             pass  # the controller has gone
@@ -121,7 +121,7 @@ class Tracks:
 
 
 class _Form:
-    """In which form a controller speaks."""
+    """Form of a controller's messages."""
 
     binary = False
 

@@ -1,5 +1,5 @@
-"""`contactsense calibrate RECORDING... --scene scene.yaml`: what contact-free motion tells of arm and
-sensors."""
+"""`contactsense calibrate RECORDING... --scene scene.yaml`: parameters of arm and sensors from
+contact-free motion."""
 
 import json
 from pathlib import Path
@@ -29,8 +29,10 @@ _BASE = tuple(
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--scene", "path", required=True, type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--out", type=click.Path(path_type=Path), help="Write the calibrated scene into this file.")
-@click.option("--write", "in_place", is_flag=True, help="Write it back into the scene file.")
-@click.option("--links", is_flag=True, help="Estimate the links' inertia, too; torque constants then stay.")
+@click.option("--write", "in_place", is_flag=True, help="Change the scene file itself.")
+@click.option(
+    "--links", is_flag=True, help="Estimate the links' inertia, too; torque constants are then kept."
+)
 @click.option(
     "--report", type=click.Path(path_type=Path), help="Folder for a report with plots (Markdown, PNG)."
 )
@@ -50,8 +52,8 @@ def calibrate(
 ) -> None:
     """Calibrate the scene from RECORDINGS of contact-free motion.
 
-    Prints what was found with its standard deviation, what the motion did not tell, and residuals before and
-    after. Nothing is written without --out or --write.
+    Prints parameters with their standard deviations, parameters that the motion does not determine, and
+    residuals before and after. Nothing is written without --out or --write.
     """
     if out is not None and in_place:
         raise click.UsageError("--out and --write: expected one of them, got both")

@@ -10,14 +10,14 @@ from contactsense.calibration.recording_residuals import residuals
 from contactsense.scene import Scene
 
 _DOTS = 4000
-"""Points a curve has at the most."""
+"""Most points of a curve."""
 
 
 def write_report(folder: Path, found: Calibration, stretches: list[FreeMotion], scene: Scene) -> None:
     """Write report.md and a picture per recording into `folder`.
 
     Args:
-        folder: Made if it is absent.
+        folder: Created if it is absent.
         found: The result.
         stretches: What it was made from.
         scene: The scene before.

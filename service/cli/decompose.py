@@ -1,4 +1,4 @@
-"""`contactsense decompose`: meshes of an arm become a few convex primitives a link."""
+"""`contactsense decompose`: fit a few convex primitives to the meshes of each link."""
 
 import time
 from collections.abc import Iterable
@@ -27,18 +27,31 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help="Folder with <link>.ply (or .dae, .obj, .stl, .glb) in each link's frame, in metres.",
 )
-@click.option("--source", default="", help="Where the meshes are from, for the head of the file.")
+@click.option("--source", default="", help="Source of the meshes, for the head of the file.")
 @click.option("--tip", help="Last link of the arm in a URDF; else the longest chain of revolute joints.")
 @click.option("--tolerance", default="2mm", show_default=True, help="Wanted 95th percentile of the distance.")
-@click.option("--max", "most", type=click.IntRange(min=1), help="Largest number of primitives in all.")
+@click.option("--max", "most", type=click.IntRange(min=1), help="Largest number of primitives in total.")
 @click.option(
-    "--link-max", type=click.IntRange(min=1), default=8, show_default=True, help="The same on a link."
+    "--link-max",
+    type=click.IntRange(min=1),
+    default=8,
+    show_default=True,
+    help="Largest number of primitives on a link.",
 )
 @click.option("--no-boxes", is_flag=True, help="Bodies of revolution only.")
 @click.option(
-    "--seed", default=0, show_default=True, help="Of all chance; the same seed gives the same result."
+    "--seed",
+    default=0,
+    show_default=True,
+    help="Seed of the random numbers; the same seed gives the same result.",
 )
-@click.option("--jobs", type=click.IntRange(min=1), default=2, show_default=True, help="Links at a time.")
+@click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=2,
+    show_default=True,
+    help="Links that are fitted at the same time.",
+)
 @click.option("--out", type=click.Path(path_type=Path), help="Write the primitives to this YAML file.")
 @click.option(
     "--picture", type=click.Path(path_type=Path), help="Draw skin, primitives and error to this PNG."

@@ -1,4 +1,4 @@
-"""`contactsense demo`: a simulated arm, the service, and the truth beside what the service says."""
+"""`contactsense demo`: a simulated arm, the service, and its estimates beside the truth."""
 
 import signal
 import time
@@ -38,10 +38,10 @@ COLUMNS = {
 @click.option(
     "--script", type=click.Path(path_type=Path), help="What the arm does (YAML); default: the demo's."
 )
-@click.option("--serve", is_flag=True, help="Stay until interrupted; the arm begins anew again and again.")
+@click.option("--serve", is_flag=True, help="Keep running until interrupted; the motion repeats.")
 @click.option("--port", default=0, help="Port to serve at.  [default: a free one]")
 @click.option(
-    "--react", is_flag=True, help="Sweep into obstacles without and with a reaction, and compare the forces."
+    "--react", is_flag=True, help="Move into obstacles without and with a reaction, and compare the forces."
 )
 @click.option("--json", "as_json", is_flag=True, help="With --react: print the comparison as JSON.")
 def demo(script: Path | None, serve: bool, port: int, react: bool, as_json: bool) -> int:
@@ -111,7 +111,7 @@ def _start(console: Console, stack: ExitStack, script: Script, port: int, more: 
 
 
 class _Loading:
-    """What the service says of its loading, as a bar; a line per tenth where there is no terminal."""
+    """Progress of the service's loading as a bar; a line per tenth where there is no terminal."""
 
     def __init__(self, console: Console) -> None:
         self._bar = CompilationBar(console)
@@ -122,7 +122,7 @@ class _Loading:
             self._bar.update(CompilationProgress(health.loading, health.loading_left))
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         self._bar.close()
 
 
@@ -155,7 +155,7 @@ def _compare(console: Console, client: Client, board: Scoreboard, motion: Motion
 def _stay(console: Console, client: Client) -> None:
     client.close()  # an unread stream would only fill up
     console.print(
-        f"The arm goes on; Ctrl-C ends it.\n  latest estimate  {client.url}/v1/contacts\n"
+        f"The simulation continues; Ctrl-C ends it.\n  latest estimate  {client.url}/v1/contacts\n"
         f"  stream           {client.stream_url}\n  interface        {client.url}/docs"
     )
     with suppress(KeyboardInterrupt):

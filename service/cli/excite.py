@@ -28,7 +28,7 @@ from contactsense.service.recordings.problems import RecordingError
 @click.option(
     "--seconds", default=ExcitationSettings.seconds, show_default=True, help="Length of the motion [s]."
 )
-@click.option("--rate", default=125.0, show_default=True, help="Rows a second in the table [Hz].")
+@click.option("--rate", default=125.0, show_default=True, help="Rows per second in the table [Hz].")
 @click.option(
     "--speed",
     default=ExcitationSettings.speed,
@@ -45,9 +45,11 @@ from contactsense.service.recordings.problems import RecordingError
     show_default=True,
     help="Distance between links [m].",
 )
-@click.option("--home", help="Posture to swing about: joint angles in degrees, separated by commas.")
-@click.option("--tries", default=60, show_default=True, type=click.IntRange(2), help="Motions to look at.")
-@click.option("--seed", default=0, show_default=True, help="Of the random numbers.")
+@click.option("--home", help="Mean posture: joint angles in degrees, separated by commas.")
+@click.option(
+    "--tries", default=60, show_default=True, type=click.IntRange(2), help="Number of candidate motions."
+)
+@click.option("--seed", default=0, show_default=True, help="Seed of the random numbers.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
 def excite(
     name: str | None,
@@ -66,8 +68,8 @@ def excite(
     """Propose a motion from rest to rest for `contactsense calibrate`.
 
     Joint limits, the height above the plane on which the base stands and distances between the links are kept
-    as far as the model knows them. What stands around the arm is not known: run it slowly first, hand on the
-    emergency stop. --into writes timestamp, actual_q_0.., actual_qd_0.. as a recording has them.
+    as far as the model knows them. The surroundings of the arm are not known: run it slowly first, with a
+    hand on the emergency stop. --into writes timestamp, actual_q_0.., actual_qd_0.. as a recording has them.
     """
     if (name is None) == (path is None):
         raise click.UsageError("--robot and --scene: expected one of them")
@@ -151,8 +153,8 @@ def _print(found: Proposal, scene: Scene, into: Path | None) -> None:
         table.add_row(joint.name, *numbers, f"{found.speed[j]:.2f}", f"{found.torque[j]:.0f}")
     console.print(table)
     console.print(f"condition number of the scaled regressor: {expected.condition:.3g}")
-    console.print(f"lowest place {found.lowest:.3f} m above the base plane")
+    console.print(f"lowest point {found.lowest:.3f} m above the base plane")
     if np.isfinite(found.nearest):
-        console.print(f"links that are no neighbours keep {found.nearest:.3f} m")
+        console.print(f"smallest distance between links that are not neighbours {found.nearest:.3f} m")
     if into is not None:
         console.print(f"{found.motion.period:g} s written into {into}", highlight=False)

@@ -26,7 +26,7 @@ COMMANDS = {
 cli = LazyGroup(
     COMMANDS,
     name="contactsense",
-    help="Tell where a robot arm is being touched.",
+    help="Estimate where a robot arm is being touched.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 click.version_option(package_name="contactsense")(cli)

@@ -16,7 +16,7 @@ from contactsense.service.mock.script import Script, ScriptError
 from contactsense.service.mock.servers import MockSettings
 
 READY = "mock arm at "
-"""What the line on stdout begins with that tells the addresses."""
+"""Beginning of the line on stdout that lists the addresses."""
 
 _FURTHER = "  [default: its usual port if RTDE has its own, else none; 0 takes a free one]"
 
@@ -28,7 +28,7 @@ _FURTHER = "  [default: its usual port if RTDE has its own, else none; 0 takes a
 @click.option(
     "--scene",
     type=click.Path(path_type=Path),
-    help="Scene (YAML) to rehearse: its arm, mounting, tool and sensors.",
+    help="Scene (YAML) to simulate: its arm, mounting, tool and sensors.",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at.")
 @click.option("--rtde-port", default=PORT, show_default=True, help="RTDE port (TCP); 0 takes a free one.")
@@ -40,9 +40,9 @@ _FURTHER = "  [default: its usual port if RTDE has its own, else none; 0 takes a
 @click.option("--primary-port", type=int, help=f"Primary client interface (TCP).{_FURTHER}")
 @click.option("--secondary-port", type=int, help=f"Secondary client interface (TCP).{_FURTHER}")
 @click.option("--realtime-port", type=int, help=f"Real-time client interface (TCP).{_FURTHER}")
-@click.option("--loop", is_flag=True, help="Begin anew after the end; the script must end where it begins.")
+@click.option("--loop", is_flag=True, help="Repeat the script; it must end where it begins.")
 @click.option(
-    "--sent-log", type=click.Path(path_type=Path), help="File in which to note when each robot packet left."
+    "--sent-log", type=click.Path(path_type=Path), help="File to record when each robot packet left."
 )
 @click.option(
     "--contact-log",
@@ -52,7 +52,7 @@ _FURTHER = "  [default: its usual port if RTDE has its own, else none; 0 takes a
 @click.option(
     "--received-log",
     type=click.Path(path_type=Path),
-    help="File in which to note when a reaction's registers were written.",
+    help="File to record when a reaction's registers were written.",
 )
 def mock(
     script: Path | None,
@@ -72,9 +72,8 @@ def mock(
 ) -> int:
     """Simulate a UR arm with its controller, and the force/torque sensor under its base.
 
-    Speaks RTDE, the dashboard, the client interfaces and Net F/T as the real devices do, so every client of
-    theirs can read it and command it. Time stamps are seconds since the beginning of the script. Runs until
-    it is interrupted.
+    Speaks RTDE, the dashboard, the client interfaces and Net F/T as the real devices do, so their clients can
+    read it and command it. Time stamps are seconds since the beginning of the script. Runs until interrupted.
     """
     try:
         robot = simulated_robot(script, scene, loop)

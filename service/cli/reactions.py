@@ -20,7 +20,7 @@ from contactsense.service.recordings import Recording, RecordingError, read
 
 @click.group()
 def reactions() -> None:
-    """Rules by which contacts act on the robot."""
+    """Rules for reactions to contacts."""
 
 
 @reactions.command()
@@ -28,11 +28,11 @@ def reactions() -> None:
 @click.option("--scene", "scene_file", type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--robot", default="ur5e", show_default=True, help="Robot where there is no scene file.")
 @click.option(
-    "--replay", type=click.Path(path_type=Path), help="Recording: say when the rules would have fired."
+    "--replay", type=click.Path(path_type=Path), help="Recording: print when the rules would have fired."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def check(file: Path, scene_file: Path | None, robot: str, replay: Path | None, as_json: bool) -> int:
-    """Check the rules in FILE and say in words what each does.
+    """Check the rules in FILE and describe each in words.
 
     With --replay no collision is acknowledged and no contact is announced: a latched collision fires once.
     To see each time that a collision level would have been exceeded it is acknowledged as soon as nothing

@@ -36,7 +36,7 @@ _SOURCE = (
 @click.option("--robot-host", help="Address of the robot's controller.")
 @click.option("--robot-port", type=int, help="Its RTDE port.  [default: 30004]")
 @click.option("--robot-client", type=click.Choice(["rtde", "ur_rtde"]), help="Which client reads the robot.")
-@click.option("--robot-rate", type=float, help="Robot samples a second.  [default: 500]")
+@click.option("--robot-rate", type=float, help="Robot samples per second.  [default: 500]")
 @click.option("--ft-host", help="Address of the force/torque sensor under the base (Net F/T).")
 @click.option("--ft-port", type=int, help="Its RDT port (UDP).  [default: 49152]")
 @click.option("--ft-http-port", type=int, help="Port of its configuration page.  [default: 80]")

@@ -20,7 +20,7 @@ from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.controllers.robot_program_servers import PortError
 
 READY = "serving at "
-"""What the line on stdout begins with that tells the address."""
+"""Beginning of the line on stdout that names the address."""
 
 GROUPED = (
     ("journal", "events", "path"),
@@ -43,7 +43,7 @@ GROUPED = (
 )
 @click.option("--robot-port", type=int, help="Its RTDE port.  [default: 30004]")
 @click.option("--robot-client", type=click.Choice(["rtde", "ur_rtde"]), help="Which client reads the robot.")
-@click.option("--robot-rate", type=float, help="Robot samples a second.  [default: 500]")
+@click.option("--robot-rate", type=float, help="Robot samples per second.  [default: 500]")
 @click.option("--ft-host", help="Address of the force/torque sensor under the base (Net F/T).")
 @click.option("--ft-port", type=int, help="Its RDT port (UDP).  [default: 49152]")
 @click.option("--ft-http-port", type=int, help="Port of its configuration page.  [default: 80]")
@@ -61,14 +61,21 @@ GROUPED = (
 @click.option(
     "--token-file",
     type=click.Path(path_type=Path),
-    help="File with the token that requests must bring; or CONTACTSENSE_TOKEN in the environment.",
+    help="File with the token that requests must send; or CONTACTSENSE_TOKEN in the environment.",
 )
 @click.option("--tls-certificate", type=click.Path(path_type=Path), help="Certificate for TLS (PEM).")
 @click.option("--tls-key", type=click.Path(path_type=Path), help="Its private key (PEM).")
 @click.option("--insecure-no-tls", is_flag=True, default=None, help="Serve other computers without TLS.")
-@click.option("--allowed-host", "allowed_hosts", multiple=True, help="A name under which it is reached.")
-@click.option("--allowed-origin", "allowed_origins", multiple=True, help="A web page that may use it.")
-@click.option("--max-connections", type=int, help="Open connections at most.  [default: 200]")
+@click.option(
+    "--allowed-host", "allowed_hosts", multiple=True, help="Further host name that requests may use."
+)
+@click.option(
+    "--allowed-origin",
+    "allowed_origins",
+    multiple=True,
+    help="Origin of a web page that may use the service.",
+)
+@click.option("--max-connections", type=int, help="Most open connections.  [default: 200]")
 @click.option("--max-body", type=int, help="Largest body of a request, in bytes.  [default: 8000000]")
 @click.option(
     "--constant-readings",
@@ -87,7 +94,9 @@ GROUPED = (
 @click.option("--xmlrpc-port", type=int, help="Port for XML-RPC calls of robot programs; 0 takes a free one.")
 @click.option("--line-port", type=int, help="Port of the line socket for robot programs.")
 @click.option("--controller-host", help="Address of these two ports.  [default: 127.0.0.1]")
-@click.option("--controller-clients", help="Addresses of robots that may connect to them, by commas.")
+@click.option(
+    "--controller-clients", help="Addresses of robots that may connect to them, separated by commas."
+)
 @click.option("--queue", type=int, help="Estimates kept for a slow reader.  [default: 500]")
 def serve(**options: Any) -> int:
     """Serve estimates over HTTP and WebSocket.
@@ -168,7 +177,7 @@ def listen(host: str, port: int) -> socket.socket:
     to that only for sockets that were opened by protocol number.
 
     Raises:
-        OSError: the place cannot be had.
+        OSError: the address is not available.
     """
     listener = socket.create_server((host, port), backlog=128)
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -27,8 +27,8 @@ def _split(value: Any) -> Any:
 
 
 class ControllerSettings(BaseModel):
-    """Ways in for controllers. Robot programs can neither encrypt nor bring a token; hence their ports are on
-    the loopback interface unless `host` says otherwise, and then only for the addresses in `clients`."""
+    """Interfaces for controllers. Robot programs can neither encrypt nor send a token; hence their ports are
+    on the loopback interface unless `host` says otherwise, and then only for the addresses in `clients`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -8,7 +8,7 @@ import time
 from contactsense.service.sensors.robot_stream import SensorError
 
 PATIENCE = 2.0
-"""A look-up that takes longer than this is told of [s]."""
+"""A look-up that takes longer than this is reported [s]."""
 RETRY = 1.0
 """Time between a look-up that failed and the next one [s]."""
 

@@ -30,7 +30,7 @@ from contactsense.service.wire.rtde_fields import OUTPUTS, WIDTHS
 from contactsense.types import Sample
 
 OUTAGE = 0.5
-"""A longer gap in the robot's stream is an outage, of which the state tells, not a loss of packets [s]."""
+"""A longer gap in the robot's stream is an outage, which the state reports, not a loss of packets [s]."""
 _LOST = 0.5
 """Readings that come for so long and belong to no sample are on a clock that is not understood [s]."""
 _TORQUE_SCALE = 1.5
@@ -63,16 +63,16 @@ class SourceSettings:
     extra_fields: tuple[str, ...] = ()
     """Further RTDE fields to read, for recordings."""
     wrench_rate: float | None = None
-    """How many readings a second the sensor numbers [Hz]; None: learn it from their arrivals, which takes a
-    moment, the longer the busier the host."""
+    """Rate at which the sensor numbers its readings [Hz]; None: estimated from their arrivals, which takes
+    longer on a busy host."""
     wrench_delay: float = 0.0
-    """By how much a force/torque reading is always longer on its way than a robot packet [s]."""
+    """Constant difference of the network delays, force/torque reading less robot packet [s]."""
     wrench_max_age: float = 0.005
     """A force/torque reading older than this, and than 1.5 times the time between two, is no reading [s]. In
     motion readings of 10 ms ago look like a contact."""
     constant_readings: bool = False
     """Whether readings may stay the same for ever, as those of a simulator without noise do; otherwise a
-    signal that never changes is taken for frozen."""
+    signal that never changes counts as frozen."""
     wrench_wait: float = 0.003
     """How long a robot sample may wait for the force/torque reading of its instant [s]."""
 
@@ -87,7 +87,7 @@ class SourceHealth:
     unusable: int
     """Robot records without finite joint positions and velocities; not delivered."""
     without_wrench: int
-    """Samples delivered without the base wrench that the scene asks for: sensor silent, or no number."""
+    """Samples delivered without the base wrench that the scene requires: sensor silent, or no number."""
     wrench_age: float
     """How much older than the latest sample its force/torque value was [s]; infinite where there was none."""
     recent: tuple[str, ...] = ()
@@ -106,7 +106,7 @@ class SourceHealth:
 
 
 class RawObserver(Protocol):
-    """Sees what the sensors deliver, as it comes, such as `contactsense.service.recordings.recorder`."""
+    """Receives what the sensors deliver, such as `contactsense.service.recordings.recorder`."""
 
     def robot(
         self,
@@ -130,7 +130,7 @@ class LiveSource:
         settings: Where they come from.
 
     Raises:
-        SensorError: The scene asks for a signal that cannot be had this way.
+        SensorError: The scene requires a signal that is not available this way.
     """
 
     def __init__(self, scene: Scene, settings: SourceSettings) -> None:
@@ -186,7 +186,7 @@ class LiveSource:
         """Samples that have come, oldest first; waits up to `timeout` seconds for the first.
 
         Raises:
-            RtdeFieldError: The robot does not know a field that the scene asks for.
+            RtdeFieldError: The robot does not know a field that the scene requires.
         """
         records = self._robot.poll(timeout)
         if self._sensor is not None:
@@ -356,7 +356,7 @@ def _wrench_fields(settings: SourceSettings) -> tuple[str, ...]:
         raise SensorError(
             "the scene has a base force/torque sensor: expected either its address (wrench_host) or six RTDE "
             f"fields that carry its reading (wrench_fields), got {got}; "
-            "base_wrench: null in the scene does without"
+            "set base_wrench: null in the scene to run without it"
         )
     if settings.wrench_fields and len(settings.wrench_fields) != 6:
         raise SensorError(f"wrench_fields: expected 6 RTDE fields, got {len(settings.wrench_fields)}")

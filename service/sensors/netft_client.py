@@ -21,7 +21,7 @@ DEFAULT_HTTP_PORT = 80
 
 _QUEUE = 8192
 _STUCK = 0.25
-"""Records that come for so long and are all refused: the sensor has begun to count anew [s]."""
+"""Records that come for so long and are all refused: the sensor has reset its counter [s]."""
 _STUCK_RECORDS = 20
 """The same, in records."""
 _NEWTON = {
@@ -76,27 +76,27 @@ class WrenchHealth:
     """Records that the sensor itself marked as bad (beyond its range, or worse); not delivered."""
     reconnects: int
     overrun: int
-    """Readings dropped because nobody fetched them."""
+    """Readings dropped because they were not fetched."""
     rate: float
     """Records received in the last second [Hz]."""
     age: float | None
     """Time since the latest record [s]; None before the first."""
     restarts: int = 0
-    """How often the sensor began to count its readings anew, as after a restart."""
+    """How often the sensor reset its counter of readings, as after a restart."""
 
 
 class NetFtStream:
     """Readings of a Net F/T sensor for ever; a silent or absent sensor is retried by pynetft.
 
     pynetft refuses records whose number is below the highest one seen, for ever where the sensor was
-    restarted; its client is made anew then.
+    restarted; a new client is then created.
 
     Args:
         host: Address of the sensor.
         port: UDP port of its Raw Data Transfer.
-        http_port: TCP port of its web server, which tells counts per unit.
+        http_port: TCP port of its web server, which gives counts per unit.
         counts: Counts per newton and per newton metre, instead of asking the web server.
-        timeout: Longest silence before the stream counts as broken and is asked for again [s].
+        timeout: Longest silence before the stream counts as broken and is requested again [s].
 
     Raises:
         SensorError: The arguments make no sense.
@@ -168,7 +168,7 @@ class NetFtStream:
         elif refused - self._refused_at_delivery >= _STUCK_RECORDS:
             past = self.health
             self._restarts += 1
-            error = f"{self._place} has begun to count its readings anew, as after a restart"
+            error = f"{self._place} has reset its counter of readings, as after a restart"
             self._past = replace(past, error=error)
             # Stopping waits for the client's thread.
             threading.Thread(target=self._client.stop, name="stop pynetft", daemon=True).start()
@@ -206,10 +206,10 @@ class NetFtStream:
                     return
 
     def bias(self) -> None:
-        """Let the sensor call its present reading zero; the arm's weight goes with it, seldom what is wanted.
+        """Set the sensor's zero at its present reading, which removes the arm's weight, too: seldom useful.
 
         Raises:
-            SensorError: No data flows, so the sensor cannot be told.
+            SensorError: The sensor sends no data, so it cannot receive the request.
         """
         if self._client is None:
             raise SensorError(f"{self._place} cannot be biased: it is not connected")

@@ -12,7 +12,7 @@ from collections.abc import Hashable
 import numpy as np
 
 REPEAT_LIMIT = 0.04
-"""A noisy signal that has repeated all its values for longer than this is frozen, which is told [s]."""
+"""A noisy signal that has repeated all its values for longer than this is frozen, which is reported [s]."""
 TORQUE_AGE = 0.008
 """Torques that have repeated for longer than this are left out; slower signals repeat a little [s]."""
 MOTION_LIMIT = 2e-4
@@ -30,8 +30,8 @@ class RepeatCheck:
         """For how long the values have been the same [s]; 0 while they change.
 
         Args:
-            t: Time of the reading [s], on any clock that goes on.
-            values: The reading as it came, before any conversion.
+            t: Time of the reading [s], on any monotonic clock.
+            values: The reading as received, before any conversion.
         """
         if values != self._last or t < self._since:
             self._last, self._since = values, t
@@ -40,10 +40,10 @@ class RepeatCheck:
 
 
 class RobotCheck:
-    """Tells whether a robot repeats old values while it claims to go on.
+    """Detects a robot that repeats old values with new time stamps.
 
     At rest positions and velocities may repeat, so there the torques decide: they are measured, thus noisy.
-    A stale packet among others that go on looks like a contact within a few milliseconds, so the first
+    A stale packet among current ones looks like a contact within a few milliseconds, so the first
     repetition counts.
     """
 

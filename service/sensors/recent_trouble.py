@@ -1,4 +1,4 @@
-"""What went wrong with the readings of the last second, in words for the person who mends it."""
+"""What went wrong with the readings of the last second, as messages for the operator."""
 
 from collections import Counter
 
@@ -29,8 +29,8 @@ _SHARES = {
     "load of this computer",
     "duplicates": "{share:.0%} of the robot's packets within the last second repeat the time stamp of the "
     "one before",
-    "out_of_order": "{share:.0%} of the robot's packets within the last second came in the wrong order; late "
-    "ones are left out",
+    "out_of_order": "{share:.0%} of the robot's packets within the last second arrived in the wrong order; "
+    "late ones are ignored",
     "without wrench": "{share:.0%} of the samples within the last second lack the force/torque reading",
 }
 

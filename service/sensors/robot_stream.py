@@ -41,7 +41,7 @@ class StreamHealth:
     """What a stream has been through since it was opened."""
 
     state: State = "connecting"
-    """`connecting`: no data yet; `streaming`; `waiting`: down, the next attempt comes; `closed`: by us."""
+    """`connecting`: no data yet; `streaming`; `waiting`: down, the next attempt follows; `closed`: by us."""
     error: str = ""
     """The latest trouble, one line for a person; stays after recovery."""
     received: int = 0
@@ -59,7 +59,7 @@ class StreamHealth:
     failures: int = 0
     """Attempts and connections that ended in an error, bad packets included."""
     connections: int = 0
-    """Connections that came to deliver data."""
+    """Connections that delivered data."""
 
 
 class RobotStream(Protocol):

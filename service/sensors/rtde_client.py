@@ -1,6 +1,6 @@
 """Our own RTDE reader: every packet of the robot, in order, none skipped.
 
-`RtdeConnection` is one connection and raises on trouble; `RtdeStream` keeps one open, trying again for ever.
+`RtdeConnection` is one connection and raises on errors; `RtdeStream` keeps one open and reconnects.
 """
 
 import select
@@ -44,7 +44,7 @@ class RtdeConnection:
     Raises:
         SensorError: No robot there, or it does not answer, or it refuses.
         RtdeFieldError: It does not know a field; the message names it.
-        RtdeProtocolError: What answers does not speak RTDE.
+        RtdeProtocolError: The server does not speak RTDE.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class RtdeConnection:
         """Packets that have come, oldest first; waits up to `timeout` seconds for the first.
 
         Raises:
-            SensorError: The robot hung up, or no complete packet came for the silence allowed.
+            SensorError: The robot closed the connection, or sent no complete packet for too long.
             RtdeProtocolError: The bytes are no RTDE; packets before the bad one were delivered.
         """
         if self._pending is not None:
@@ -226,10 +226,10 @@ class _Attempt(threading.Thread):
 
 
 class RtdeStream:
-    """Robot records for ever: connects, reads, and after any trouble tries again with growing intervals.
+    """Robot records without end: connects, reads, and after any error retries with growing intervals.
 
     Arguments as for `RtdeConnection`. Nothing is connected before the first `poll`, and no `poll` waits for
-    longer than it was told: names are resolved and connections made in threads.
+    longer than its timeout: names are resolved and connections made in threads.
     """
 
     def __init__(
@@ -273,7 +273,7 @@ class RtdeStream:
         """Records that have come, oldest first; waits up to `timeout` seconds for the first.
 
         Raises:
-            RtdeFieldError: The robot does not know a field. No later attempt could mend that.
+            RtdeFieldError: The robot does not know a field. No later attempt could solve that.
         """
         if self.health.state == "closed":
             return []

@@ -22,7 +22,7 @@ class TorqueMap:
     fields: tuple[str, ...]
     """One field with a number per joint, or one field per joint."""
     minus: tuple[str, ...]
-    """Fields whose values are taken off, in the same order; none where nothing is."""
+    """Fields whose values are subtracted, in the same order; empty: none."""
     scale: np.ndarray
     """Newton metres per unit, in the actuator's sign, shape (n,)."""
 
@@ -31,7 +31,7 @@ class TorqueMap:
         """The scene's choice; None where it uses no joint torques.
 
         Raises:
-            SensorError: Motor currents are named, but nobody knows the torque constants.
+            SensorError: Motor currents are named, but the torque constants are unknown.
         """
         sensor = scene.joint_torque
         if sensor is None:

@@ -3,8 +3,8 @@
 Nothing here looks at a clock. Each stream brings readings numbered on its own clock and the host time at
 which each arrived. Arrivals are late, never early, so the line below all (own time, arrival) points is the
 sensor's clock as the host sees it plus the shortest way through the network (S. B. Moon et al., "Estimation
-and removal of clock skew from network delay measurements", INFOCOM 1999). What they do not tell is a delay
-that never varies; where the two streams differ in it, `Aligner(delay=...)` takes it off.
+and removal of clock skew from network delay measurements", INFOCOM 1999). They do not determine a delay
+that never varies; where the two streams differ in it, `Aligner(delay=...)` subtracts it.
 """
 
 from collections import deque
@@ -21,9 +21,9 @@ _FIRST_BLOCK = 0.02
 _BLOCKS = 240
 """So many blocks are looked back upon: a minute."""
 _START = 0.2
-"""It takes arrivals over so long a stretch to tell a period that nobody has told [s]."""
+"""Arrivals over this time are needed to estimate a period that is not given [s]."""
 _TRUST = 2.0
-"""A stretch at least so long tells a better period than the one given [s]."""
+"""Over at least this time the estimated period is better than the given one [s]."""
 _AHEAD = 0.5
 """Readings whose numbers run ahead of their arrivals by more than this are on another clock [s]."""
 _SKEW = 5e-4
@@ -42,12 +42,12 @@ class ClockMap:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything: the sensor's clock was set anew."""
+        """Discard all points: the sensor's clock was reset."""
         self._origin: tuple[float, int] | None = None
         self._points: deque[tuple[float, float]] = deque(maxlen=_BLOCKS)
         self._block_end = 0.0
         self.ready = False
-        """Whether enough has arrived to tell times."""
+        """Whether enough has arrived to estimate times."""
         self.period = self._given or 0.0
         """Seconds per unit of the sensor's clock, as learned so far."""
         self._offset = 0.0
@@ -126,10 +126,10 @@ class Aligned:
 
 
 class Aligner:
-    """Keeps the latest force/torque readings and tells their value at a robot sample's instant.
+    """Keeps the latest force/torque readings and interpolates them at a robot sample's instant.
 
     Args:
-        period: Seconds per unit of the force/torque sensor's clock; None to learn it from the arrivals.
+        period: Seconds per unit of the force/torque sensor's clock; None to estimate it from the arrivals.
         max_age: A reading older than this, and than 1.5 times the time between two, is no answer, and a gap
             longer than this is not bridged [s].
         delay: By how much the way of a reading to the host is always longer than that of a robot packet [s].
@@ -177,7 +177,7 @@ class Aligner:
         self._readings.append((number, np.asarray(wrench, dtype=float)))
 
     def forget_sensor(self) -> None:
-        """Learn the force/torque sensor's clock anew."""
+        """Estimate the force/torque sensor's clock again from the start."""
         self._sensor.reset()
         self._readings.clear()
         self._wraps, self._last, self._stride = 0, None, 0

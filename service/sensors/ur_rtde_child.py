@@ -1,4 +1,4 @@
-"""The process in which ur_rtde's receive interface lives; it may abort or hang without harm to its parent.
+"""The process in which ur_rtde's receive interface runs; it may abort or hang without harm to its parent.
 
 Started by `contactsense.service.sensors.ur_rtde_client`. Arguments: a socket's descriptor, host, frequency,
 field names. Sends datagrams on the socket: `R` and doubles for a record, `E` and text for a failure.
@@ -47,7 +47,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Read until the connection is gone, then say so and leave."""
+    """Read until the connection is lost, then report it and end."""
     if sys.platform == "linux":
         # A child that hangs inside ur_rtde would not notice that its parent has gone.
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

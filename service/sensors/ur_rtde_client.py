@@ -1,7 +1,7 @@
-"""Second source of robot samples: the receive interface of ur_rtde, for those who want the client they know.
+"""Second source of robot samples: the receive interface of ur_rtde.
 
-It may abort the process, hang while it holds the interpreter, or go on serving its last values, so it lives
-in a child process under watch. It also skips samples: the health counts them.
+It may abort the process, hang while it holds the interpreter, or repeat its last values, so it runs in
+a child process under supervision. It also skips samples: the health counts them.
 """
 
 import importlib.util
@@ -141,7 +141,7 @@ class UrRtdeStream:
     def _receive(self, timeout: float) -> list[RobotRecord]:
         assert self._channel is not None
         if self._end is not None:
-            raise SensorError(self._obituary(self._end))
+            raise SensorError(self._end_of_process(self._end))
         records: list[RobotRecord] = []
         poller = select.poll()
         poller.register(self._channel, select.POLLIN)
@@ -156,7 +156,7 @@ class UrRtdeStream:
                 if datagram[:1] != b"R":
                     self._end = datagram[1:].decode("utf-8", "replace")
                     if not records:
-                        raise SensorError(self._obituary(self._end))
+                        raise SensorError(self._end_of_process(self._end))
                     break
                 self._take(datagram, records)
         self._listen()
@@ -176,9 +176,9 @@ class UrRtdeStream:
         if self._counter.admit(record):
             records.append(record)
 
-    def _obituary(self, told: str) -> str:
-        if told:
-            return f"ur_rtde: {told} (robot at {self._host})"
+    def _end_of_process(self, reported: str) -> str:
+        if reported:
+            return f"ur_rtde: {reported} (robot at {self._host})"
         assert self._child is not None
         try:
             status = self._child.wait(1.0)
@@ -186,8 +186,8 @@ class UrRtdeStream:
             status = None
         self._listen()
         words = self._words.decode("utf-8", "replace").strip().splitlines()
-        said = f": {words[-1].strip()}" if words else ""
-        return f"the process of ur_rtde ended with status {status} (robot at {self._host}){said}"
+        last = f": {words[-1].strip()}" if words else ""
+        return f"the process of ur_rtde ended with status {status} (robot at {self._host}){last}"
 
     def _listen(self) -> None:
         # Drained even where nobody asks: a full pipe would stall the child.

@@ -32,6 +32,13 @@ def test_a_table_without_its_frame_keeps_cells_groups_and_caption() -> None:
     ]
 
 
+def test_notes_that_the_page_has_already_are_left_out() -> None:
+    printed = "errors\n┏━━━┓\n┃ a ┃\n┡━━━┩\n│ 1 │\n└───┘\nin mm"
+    notes = {"in mm"}
+    assert without_frame(printed, notes).splitlines() == ["errors", "a", "─", "1"]
+    assert notes == {"errors", "in mm"}
+
+
 def test_output_without_a_table_is_kept() -> None:
     text = "source   lost\nrtde        0"
     assert without_frame(text) == text

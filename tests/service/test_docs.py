@@ -1,4 +1,4 @@
-"""What docs/service.md shows works as it stands there."""
+"""What docs/service.md and docs/mock.md show works as it stands there."""
 
 import json
 import re
@@ -9,21 +9,24 @@ import pytest
 
 from contactsense import Localizer, Scene
 from contactsense.service.api.messages import LocateOneIn
+from contactsense.service.mock.cell import Cell
+from contactsense.service.mock.robot_controller import RobotController
 from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
 
 PAGE = (Path(__file__).parents[2] / "docs" / "service.md").read_text(encoding="utf-8")
+MOCK = (Path(__file__).parents[2] / "docs" / "mock.md").read_text(encoding="utf-8")
 
 
-def block(language: str) -> str:
-    found = re.search(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+def block(language: str, page: str = PAGE) -> str:
+    found = re.search(rf"```{language}\n(.*?)```", page, re.DOTALL)
     assert found is not None
     return found[1]
 
 
 def test_the_script_can_be_played() -> None:
-    motion = simulate(Script.parse(block("yaml")))
-    assert len(motion.touches) == 1
+    script = Script.parse(block("yaml", MOCK))
+    robot = RobotController(Cell.of_script(script), script)
+    assert len(robot.script.contacts) == 1
 
 
 def test_the_request_is_answered_as_the_page_says() -> None:
