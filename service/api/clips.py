@@ -8,10 +8,18 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
+from contactsense.service.api.errors import BODY_REFUSALS, Responses
+from contactsense.service.api.messages import ErrorOut
 from contactsense.service.recordings.clip_listener import RecordingSettings
 
 router = APIRouter()
 _MOST = 1000
+_NO_FOLDER: Responses = {
+    409: {"model": ErrorOut, "description": "The service has no folder for recordings."},
+}
+_NO_SAMPLES: Responses = {
+    503: {"model": ErrorOut, "description": "There are no samples to record: the reason says why."},
+}
 
 
 class ClipIn(BaseModel):
@@ -99,7 +107,7 @@ def _send(service: Any, command: dict[str, Any]) -> None:
         raise HTTPException(503, f"no samples to record: {service.runner.message}")
 
 
-@router.post("/v1/clip", status_code=202)
+@router.post("/v1/clip", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
 async def clip(service: Shared, request: ClipIn) -> ClipOut:
     """Keep a stretch around this moment as a file, with the samples as they were used and their estimates."""
     command = service.clips.request(request.before, request.after, request.reason)
@@ -108,13 +116,13 @@ async def clip(service: Shared, request: ClipIn) -> ClipOut:
     return found
 
 
-@router.get("/v1/clips")
+@router.get("/v1/clips", responses=_NO_FOLDER)
 async def clips(service: Shared) -> ClipsOut:
     """Clips since the service began."""
     return ClipsOut(folder=str(service.clips.settings.folder), clips=list(service.clips.clips.values()))
 
 
-@router.post("/v1/recording", status_code=202)
+@router.post("/v1/recording", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
 async def record(service: Shared, request: RecordingIn) -> RecordingOut:
     """Begin or end writing every sample to the service's folder."""
     _send(service, {"type": "record", "on": request.on})
@@ -123,7 +131,7 @@ async def record(service: Shared, request: RecordingIn) -> RecordingOut:
     return found
 
 
-@router.get("/v1/recording")
+@router.get("/v1/recording", responses=_NO_FOLDER)
 async def recording(service: Shared) -> RecordingOut:
     """Whether the service records, and how much."""
     found: RecordingOut = service.clips.recording
