@@ -173,7 +173,8 @@ class Service:
 
     def _listeners(self) -> tuple[ListenerFactory, ...]:
         factory = self.reactions.factory
-        return (*self._settings.listeners(), *(() if factory is None else (factory,)))
+        # Reactions come first: they are in a hurry, recordings are not.
+        return (*(() if factory is None else (factory,)), *self._settings.listeners())
 
     async def _load(self) -> None:
         await self.runner.loaded.wait()  # two processes that compile the same kernels would only be slower

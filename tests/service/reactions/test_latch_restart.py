@@ -1,5 +1,5 @@
-"""A latched collision outlives `kill -9` of the service, and the registers tell of it; an acknowledged one does
-not come back."""
+"""A latched collision outlives `kill -9` of the service, and the registers tell of it; an acknowledged one
+does not come back."""
 
 import contextlib
 import os
