@@ -23,6 +23,7 @@ import numpy as np
 import yaml
 from websockets.asyncio.client import connect
 
+from contactsense.benchmarks.live.echo import Echo, EchoTimes, set_apart
 from contactsense.service.api.client import Client, ClientError
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
@@ -60,6 +61,8 @@ class ReactionLatency:
     """Of that, the localizer's share, typically [ms]."""
     histogram: list[tuple[float, int]]
     """Lower edge [ms] and number of writes."""
+    echo: EchoTimes
+    """Round trips of plain messages in the same time."""
 
 
 def script() -> dict[str, Any]:
@@ -109,16 +112,20 @@ def measure(seconds: float) -> ReactionLatency:
                 "--loop", "--script", str(folder / "push.yaml"),
                 "--sent-log", str(folder / "sent"), "--received-log", str(folder / "received"),
             )  # fmt: skip
-            _set_apart(arm.pid)
-            first, last = _wait(client, seconds)
+            set_apart(arm.pid)
+            echo = Echo()
+            with echo.run():
+                first, last = _wait(client, seconds)
             step = client.health().pipeline.step or float("nan")
             numbers = range(round(first * RATE), round(last * RATE))
             late = [1e-6 * (received.left_ns(k / RATE) - sent.left_ns(k / RATE)) for k in numbers]
             there = [received.left_ns(k / RATE) > 0 for k in numbers]
-    return _result(last - first, np.array(late), np.array(there), step)
+    return _result(last - first, np.array(late), np.array(there), step, echo.times())
 
 
-def _result(seconds: float, late: np.ndarray, there: np.ndarray, step: float) -> ReactionLatency:
+def _result(
+    seconds: float, late: np.ndarray, there: np.ndarray, step: float, echo: EchoTimes
+) -> ReactionLatency:
     begins = there & ~np.concatenate(([True], there[:-1]))
     values, onsets = late[there], late[begins]
     if len(onsets) == 0:
@@ -128,7 +135,7 @@ def _result(seconds: float, late: np.ndarray, there: np.ndarray, step: float) ->
     return ReactionLatency(
         round(seconds, 3), len(values), len(onsets), p50, p90, p99, p999, worst,
         round(float(np.median(onsets)), 3), round(float(onsets.max()), 3), round(1e3 * step, 3),
-        list(zip(EDGES, counts.tolist(), strict=True)),
+        list(zip(EDGES, counts.tolist(), strict=True)), echo,
     )  # fmt: skip
 
 
@@ -142,13 +149,6 @@ def _wait(client: Client, seconds: float) -> tuple[float, float]:
         if first is None and passed > _WARM_UP:
             first = t
     return first if first is not None else t, t
-
-
-def _set_apart(pid: int) -> None:
-    """Let the mock run as if it were another machine, where that is allowed: in real time."""
-    for thread in os.listdir(f"/proc/{pid}/task"):
-        with contextlib.suppress(OSError):
-            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(2))
 
 
 @contextlib.contextmanager
@@ -206,7 +206,8 @@ def report(seconds: float, as_json: bool) -> int:
         f"beginning of a push, {READERS} readers and a POST a second beside it\n"
         f"packet to register write [ms]: p50 {result.p50:.2f}, p90 {result.p90:.2f}, p99 {result.p99:.2f}, "
         f"p99.9 {result.p999:.2f}, worst {result.worst:.2f}; the localizer's step takes {result.step:.2f}\n"
-        f"first writes of a push [ms]: p50 {result.onset_p50:.2f}, worst {result.onset_worst:.2f}"
+        f"first writes of a push [ms]: p50 {result.onset_p50:.2f}, worst {result.onset_worst:.2f}\n"
+        f"{result.echo}"
     )
     most = max(count for _, count in result.histogram)
     for (low, count), high in zip(result.histogram, (*EDGES[1:], float("inf")), strict=True):

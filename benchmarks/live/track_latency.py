@@ -6,8 +6,6 @@ reads the answers: one that is late holds up no sample, and hides none of the wa
 
 import contextlib
 import json
-import os
-import sys
 import threading
 import time
 import urllib.request
@@ -20,6 +18,7 @@ import numpy as np
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
+from contactsense.benchmarks.live.echo import Echo, EchoTimes, set_apart
 from contactsense.benchmarks.live.reaction_latency import EDGES
 from contactsense.service.api.client import ClientError
 from contactsense.service.cli.serve import READY
@@ -53,6 +52,8 @@ class TrackLatency:
     worst: float
     histogram: list[tuple[float, int]]
     """Lower edge [ms] and number of estimates."""
+    echo: EchoTimes
+    """Round trips of plain messages in the same time."""
 
 
 def measure(seconds: float, way: Way, binary: bool) -> TrackLatency:
@@ -72,7 +73,8 @@ def measure(seconds: float, way: Way, binary: bool) -> TrackLatency:
         address = url.replace("http", "ws", 1) + "/v1/track"
         try:
             with connect(address, compression=None, close_timeout=0.5) as connection:
-                sent, arrived = _exchange(connection, messages)
+                echo = Echo()
+                sent, arrived = _exchange(connection, messages, echo)
         except TimeoutError:
             raise ClientError(f"{address}: no estimate for {_SILENCE:g} s") from None
         except (OSError, WebSocketException) as error:
@@ -86,7 +88,7 @@ def measure(seconds: float, way: Way, binary: bool) -> TrackLatency:
     counts, _ = np.histogram(answered, (*EDGES, np.inf))
     return TrackLatency(
         way, binary, waited.size, answered.size, p50, p90, p99, p999, worst,
-        list(zip(EDGES, counts.tolist(), strict=True)),
+        list(zip(EDGES, counts.tolist(), strict=True)), echo.times(),
     )  # fmt: skip
 
 
@@ -105,7 +107,9 @@ def _messages(n: int, binary: bool) -> list[bytes]:
     return [msgpack.packb(content) if binary else json.dumps(content).encode() for content in contents]
 
 
-def _exchange(connection: ClientConnection, messages: list[bytes]) -> tuple[np.ndarray, np.ndarray]:
+def _exchange(
+    connection: ClientConnection, messages: list[bytes], echo: Echo
+) -> tuple[np.ndarray, np.ndarray]:
     """When each sample left and when its estimate arrived, NaN where it did not, each (n,) [s]."""
     binary = messages[0][:1] != b"{"
     sent, arrived = np.full(len(messages), np.nan), np.full(len(messages), np.nan)
@@ -130,7 +134,6 @@ def _exchange(connection: ClientConnection, messages: list[bytes]) -> tuple[np.n
     receive(_LOADING)  # a localizer of its own is loaded first
 
     def send_all() -> None:
-        _set_apart()
         begin = time.monotonic()
         with contextlib.suppress(OSError, WebSocketException):  # told where answers are read
             for i in range(1, len(messages)):
@@ -138,19 +141,13 @@ def _exchange(connection: ClientConnection, messages: list[bytes]) -> tuple[np.n
                 transmit(i)
 
     sender = threading.Thread(target=send_all, name="sender", daemon=True)
-    sender.start()
-    _set_apart()
-    while receive(_SILENCE) < len(messages) - 1:
-        pass
-    sender.join()
+    with echo.run():
+        sender.start()
+        set_apart()  # the client's own threads included
+        while receive(_SILENCE) < len(messages) - 1:
+            pass
+        sender.join()
     return sent, arrived
-
-
-def _set_apart() -> None:
-    """Let this thread run as if it were another machine, where that is allowed: in real time."""
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(2))
 
 
 def _until_it_listens(url: str) -> None:
@@ -188,7 +185,8 @@ def report(seconds: float, way: Way, binary: bool, as_json: bool) -> int:
         f"{result.estimates} of {result.samples} samples answered "
         f"({'MessagePack' if binary else 'JSON'}, {'pipeline' if way == 'push' else 'own localizer'})\n"
         f"round trip [ms]: p50 {result.p50:.2f}, p90 {result.p90:.2f}, p99 {result.p99:.2f}, "
-        f"p99.9 {result.p999:.2f}, worst {result.worst:.2f}"
+        f"p99.9 {result.p999:.2f}, worst {result.worst:.2f}\n"
+        f"{result.echo}"
     )
     most = max(count for _, count in result.histogram)
     for (low, count), high in zip(result.histogram, (*EDGES[1:], float("inf")), strict=True):

@@ -8,16 +8,18 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
+from contactsense.service.api.errors import BODY_REFUSALS, Responses
 from contactsense.service.api.messages import ErrorOut
 from contactsense.service.recordings.clip_listener import RecordingSettings
 
-router = APIRouter(
-    responses={
-        409: {"model": ErrorOut, "description": "The service has no folder for recordings."},
-        503: {"model": ErrorOut, "description": "There are no samples to record."},
-    }
-)
+router = APIRouter()
 _MOST = 1000
+_NO_FOLDER: Responses = {
+    409: {"model": ErrorOut, "description": "The service has no folder for recordings."},
+}
+_NO_SAMPLES: Responses = {
+    503: {"model": ErrorOut, "description": "There are no samples to record: the reason says why."},
+}
 
 
 class ClipIn(BaseModel):
@@ -27,14 +29,14 @@ class ClipIn(BaseModel):
 
     before: float | None = Field(None, gt=0.0, description="Time before now [s]; default: the service's.")
     after: float | None = Field(None, gt=0.0, description="Time after now [s]; default: the service's.")
-    reason: str = Field("", max_length=500, description="Reason, for the file's metadata.")
+    reason: str = Field("", max_length=500, description="Why; goes into the file's metadata.")
 
 
 class ClipOut(BaseModel):
     """One clip."""
 
     number: int = Field(description="Number of the clip since the service began.")
-    reason: str = Field("", description="Why it was requested.")
+    reason: str = Field("", description="Why it was asked for.")
     file: str | None = Field(None, description="Name of the file; null while it is still being recorded.")
     samples: int | None = Field(None, description="Samples in it.")
 
@@ -64,7 +66,7 @@ class RecordingOut(BaseModel):
 
 
 class Clips:
-    """State of clips and recording."""
+    """What the service knows of its clips and recording."""
 
     def __init__(self, settings: RecordingSettings) -> None:
         self.settings = settings
@@ -105,7 +107,7 @@ def _send(service: Any, command: dict[str, Any]) -> None:
         raise HTTPException(503, f"no samples to record: {service.runner.message}")
 
 
-@router.post("/v1/clip", status_code=202)
+@router.post("/v1/clip", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
 async def clip(service: Shared, request: ClipIn) -> ClipOut:
     """Keep a stretch around this moment as a file, with the samples as they were used and their estimates."""
     command = service.clips.request(request.before, request.after, request.reason)
@@ -114,13 +116,13 @@ async def clip(service: Shared, request: ClipIn) -> ClipOut:
     return found
 
 
-@router.get("/v1/clips")
+@router.get("/v1/clips", responses=_NO_FOLDER)
 async def clips(service: Shared) -> ClipsOut:
     """Clips since the service began."""
     return ClipsOut(folder=str(service.clips.settings.folder), clips=list(service.clips.clips.values()))
 
 
-@router.post("/v1/recording", status_code=202)
+@router.post("/v1/recording", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
 async def record(service: Shared, request: RecordingIn) -> RecordingOut:
     """Begin or end writing every sample to the service's folder."""
     _send(service, {"type": "record", "on": request.on})
@@ -129,7 +131,7 @@ async def record(service: Shared, request: RecordingIn) -> RecordingOut:
     return found
 
 
-@router.get("/v1/recording")
+@router.get("/v1/recording", responses=_NO_FOLDER)
 async def recording(service: Shared) -> RecordingOut:
     """Whether the service records, and how much."""
     found: RecordingOut = service.clips.recording

@@ -1,6 +1,7 @@
 """How the service refuses: always `ErrorOut`, the field and the reason."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from fastapi import FastAPI, Request, Response, WebSocket
 from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
@@ -8,6 +9,35 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from contactsense.service.api.messages import ErrorOut, FieldError
+
+Responses = dict[int | str, dict[str, Any]]
+
+
+def _documented(refusals: Mapping[int, str]) -> Responses:
+    return {status: {"model": ErrorOut, "description": text} for status, text in refusals.items()}
+
+
+COMMON_REFUSALS = _documented(
+    {
+        400: "The Host is not one of the service's, or the request is not HTTP.",
+        401: "A token is missing or wrong.",
+        403: "The request comes from a foreign web page.",
+        413: "The body is too large.",
+        429: "Too many requests a second from one address.",
+        503: "There are too many connections.",
+    }
+)
+"""What any route may answer."""
+BODY_REFUSALS = _documented(
+    {
+        400: "The body is not text in UTF-8, or the Host is not one of the service's.",
+        408: "The body did not arrive in time.",
+        422: "The request cannot be used: field and reason.",
+    }
+)
+"""What a route that takes a body may answer besides."""
+PARAMETER_REFUSALS = _documented({422: "A parameter cannot be used: field and reason."})
+"""What a route with parameters may answer besides."""
 
 
 class FieldRefusedError(Exception):

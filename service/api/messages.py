@@ -218,6 +218,11 @@ class PipelineHealth(BaseModel):
 
     alive: bool = Field(False, description="Whether it runs and answers.")
     restarts: int = Field(0, description="How often it had to be started again.")
+    scheduling: Literal["real time", "short slices", "normal"] = Field(
+        "normal",
+        description="How urgently the system lets it run; reactions are in time on a busy computer only "
+        "with real time.",
+    )
     dropped: int = Field(0, description="Estimates that could not be handed over in time.")
     step: float | None = Field(None, description="Recent typical time per sample [s].")
     listener_errors: int = Field(0, description="Exceptions of listeners, such as reactions or recorder.")

@@ -7,12 +7,15 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
-from contactsense.service.api.errors import FieldRefusedError
+from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Responses
 from contactsense.service.api.messages import ErrorOut
 from contactsense.service.reactions.health import ReactionsOut
 from contactsense.service.reactions.state import Reactions
 
 router = APIRouter()
+_NOT_POSSIBLE: Responses = {
+    503: {"model": ErrorOut, "description": "There are no rules, or no pipeline runs."},
+}
 
 
 class AcknowledgeIn(BaseModel):
@@ -46,10 +49,7 @@ async def reactions(shared: Shared) -> ReactionsOut:
     return shared.out()
 
 
-@router.post(
-    "/v1/reactions/acknowledge",
-    responses={422: {"model": ErrorOut}, 503: {"model": ErrorOut, "description": "No pipeline runs."}},
-)
+@router.post("/v1/reactions/acknowledge", responses={**BODY_REFUSALS, **_NOT_POSSIBLE})
 async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> ReactionsOut:
     """Clear latched collisions. A force that is still above its level latches again, and acts again."""
     rule = None if request is None else request.rule
@@ -60,10 +60,7 @@ async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> R
     return shared.out()
 
 
-@router.post(
-    "/v1/reactions/expected",
-    responses={422: {"model": ErrorOut}, 503: {"model": ErrorOut, "description": "No pipeline runs."}},
-)
+@router.post("/v1/reactions/expected", responses={**BODY_REFUSALS, **_NOT_POSSIBLE})
 async def expected(shared: Shared, request: ExpectedIn) -> ReactionsOut:
     """Open or close the window of an expected contact; its place and force are in the file."""
     known = [] if shared.rules is None else [window.name for window in shared.rules.expected]

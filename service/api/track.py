@@ -15,6 +15,7 @@ from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.controllers.track_process import MessageChannel, TrackProcess
 from contactsense.service.controllers.track_session import error_message
 from contactsense.service.live.hub import Hub
+from contactsense.service.live.scheduling import WEB, hurry, relax
 
 router = APIRouter()
 TRY_AGAIN, RESTARTED, REFUSED, NORMAL = 1013, 1012, 1008, 1000
@@ -49,6 +50,9 @@ class Tracks:
             await _refuse(websocket, MessageError("", what), TRY_AGAIN)
             return
         self.opened += 1
+        # This loop is on the way of each sample now. At other times it gets no real time: whoever floods the
+        # service with requests would take it from all others on this computer.
+        hurry(WEB, alone=True)
         try:
             if push:
                 await self._push(websocket)
@@ -63,6 +67,8 @@ class Tracks:
             pass  # the controller has gone
         finally:
             self.opened -= 1
+            if self.opened == 0:
+                relax()
 
     async def _push(self, websocket: WebSocket) -> None:
         try:

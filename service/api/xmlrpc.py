@@ -3,6 +3,7 @@
 from fastapi import APIRouter, Request, Response
 from starlette.exceptions import HTTPException
 
+from contactsense.service.api.errors import BODY_REFUSALS
 from contactsense.service.controllers.robot_program_servers import XML, answer_call
 from contactsense.service.controllers.xmlrpc import MAX_BODY
 
@@ -14,7 +15,7 @@ router = APIRouter()
     response_class=Response,
     responses={
         200: {"content": {XML: {}}, "description": "An array of doubles, the status first."},
-        413: {"description": "The body is too large."},
+        408: BODY_REFUSALS[408],
     },
 )
 async def rpc2(request: Request) -> Response:

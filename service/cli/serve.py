@@ -18,6 +18,7 @@ from contactsense.service.api.app import create_app
 from contactsense.service.api.connections import http_protocol, websocket_protocol
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.controllers.robot_program_servers import PortError
+from contactsense.service.live.scheduling import favour_latency, hurry
 
 READY = "serving at "
 """Beginning of the line on stdout that names the address."""
@@ -146,6 +147,8 @@ def serve(**options: Any) -> int:
         )
         # uvicorn shuts down in order on either signal, and then passes it on.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+        hurry()
+        favour_latency()
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(config).run([listener])
     return 0

@@ -17,6 +17,7 @@ from contactsense.service.controllers.sample_message import (
 from contactsense.service.controllers.scene_message import make_scene
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.live.hub import with_events
+from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry
 
 _CHUNK = 1 << 16
 
@@ -29,6 +30,11 @@ class TrackSession:
         self._localizer: Localizer | None = None
         self._decoder = SampleDecoder(scene)
         self._summaries = ContactSummaries()
+
+    @property
+    def loaded(self) -> bool:
+        """Whether there has been a sample, for which the localizer was loaded."""
+        return self._localizer is not None
 
     def answer(self, message: bytes, binary: bool) -> bytes:
         """The estimate for the sample in a message; an error that names the field where it has none."""
@@ -76,7 +82,11 @@ def work(connection: socket.socket, scene: Scene) -> None:
     """Body of the process. Ends when the service closes the connection."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service ends us in order
     session, unframer = TrackSession(scene), Unframer()
+    in_time: Scheduling | None = None
     with connection, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         while chunk := connection.recv(_CHUNK):
             for message, binary in unframer.feed(chunk):
                 connection.sendall(frame(session.answer(message, binary), binary))
+            if session.loaded and not in_time:  # not before the kernels are compiled, which may take minutes
+                in_time = hurry(PIPELINE)
+                favour_latency()

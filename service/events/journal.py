@@ -1,4 +1,4 @@
-"""The journal of events: SQLite in WAL mode, with the webhooks that wait in the same file.
+"""The journal of events: SQLite in WAL mode, with webhooks that wait and latched collisions in the same file.
 
 Events get their number at once and are readable at once. A thread commits them every half second, so that a
 process that is killed loses no more than that. Numbers are reserved in blocks ahead of their use: after a
@@ -28,6 +28,7 @@ CREATE TABLE IF NOT EXISTS numbers (name TEXT PRIMARY KEY, value INTEGER NOT NUL
 CREATE TABLE IF NOT EXISTS deliveries
     (id INTEGER PRIMARY KEY AUTOINCREMENT, action TEXT NOT NULL, webhook_id TEXT NOT NULL, body TEXT NOT NULL,
      attempts INTEGER NOT NULL DEFAULT 0, due REAL NOT NULL);
+CREATE TABLE IF NOT EXISTS latches (rule TEXT PRIMARY KEY, body TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS disabled (action TEXT PRIMARY KEY, url TEXT NOT NULL, reason TEXT NOT NULL);
 """
 

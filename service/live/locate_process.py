@@ -4,7 +4,9 @@ up the stream."""
 import asyncio
 import contextlib
 import multiprocessing
+import os
 import signal
+import sys
 import threading
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
@@ -20,6 +22,8 @@ Numbers = Sequence[float]
 
 WAITING = 32
 """Requests that may wait for their turn."""
+_NICE = 5
+"""Single samples come after the stream, whose processes should have the processor first."""
 _FIRST = 600.0
 """Time for the first answer, before which kernels may have to be compiled [s]."""
 _LATER = 60.0
@@ -130,6 +134,8 @@ class LocateProcess:
 def work(connection: Connection, scene: Scene) -> None:
     """Body of the process. Ends when the service has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform != "win32":
+        os.nice(_NICE)
     localizer = Localizer(scene)
     with contextlib.suppress(EOFError, OSError):
         while True:

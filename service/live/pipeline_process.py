@@ -7,7 +7,6 @@ are dropped and counted.
 
 import contextlib
 import json
-import os
 import signal
 import socket
 import struct
@@ -26,6 +25,7 @@ from contactsense.robots.jit.compilation import Compilation
 from contactsense.service.api.messages import PipelineHealth, SensorHealth, SourceHealth, estimate_json
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.live.listener import Listener, Reporter
+from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry
 from contactsense.service.live.step_times import StepTimes
 from contactsense.service.sensors import live_source as live
 from contactsense.service.sensors.netft_client import WrenchHealth
@@ -38,9 +38,6 @@ ESTIMATE, HEALTH, LOADING, LAST_WORDS, REPORT = b"E", b"H", b"C", b"L", b"R"
 the process, what a listener reports."""
 HEARTBEAT = 0.25
 """Longest time between two health messages while the process is well [s]."""
-
-REALTIME_PRIORITY = 1
-"""Of the process under SCHED_FIFO, where it may (as root, or with LimitRTPRIO or CAP_SYS_NICE)."""
 
 _OUTBOX = 1000
 _TICK = 0.01
@@ -213,12 +210,13 @@ def work(
         try:
             with _reported_loading(scene, outbox):
                 localizer = Localizer(scene, progress=False)
-            _schedule_in_real_time()  # not before the kernels are compiled, which may take minutes
+            scheduling = hurry(PIPELINE)  # not before kernels are compiled, which may take minutes
             with (
                 contextlib.closing(open_source(scene)) as source,
                 contextlib.closing(Listeners([make(scene) for make in factories], outbox)) as listeners,
             ):
-                run(source, localizer, outbox, listeners, Inbox(connection))
+                favour_latency()
+                run(source, localizer, outbox, listeners, Inbox(connection), scheduling)
         except (BrokenPipeError, ConnectionResetError):
             raise
         except Exception as error:
@@ -255,20 +253,13 @@ def _reported_loading(scene: Scene, outbox: Outbox) -> Iterator[None]:
         raise BrokenPipeError
 
 
-def _schedule_in_real_time() -> None:
-    """Run before all that is not real-time: web server, viewers and others must not keep the robot waiting.
-    The kernel leaves them a share all the same (sched_rt_runtime_us)."""
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
-
-
 def run(
     source: Source,
     localizer: Stepper,
     outbox: Outbox,
     listeners: Listeners | None = None,
     inbox: Inbox | None = None,
+    scheduling: Scheduling = "normal",
 ) -> None:
     """Step through samples for ever.
 
@@ -313,6 +304,7 @@ def run(
             health.age = None if last_sample is None else now - last_sample
             pipeline = PipelineHealth(
                 alive=True,
+                scheduling=scheduling,
                 dropped=outbox.dropped,
                 step=step_time,
                 listener_errors=listeners.errors,

@@ -113,6 +113,8 @@ class Runner:
         self.handover: float | None = None
         """How long the latest report was on its way from the process to here [s]."""
         self._told: tuple[Status, str] = ("starting", "")
+        self.others: Callable[[], Sequence[str]] = tuple
+        """Tells what else is wrong in the service, each a sentence."""
         self.since = datetime.now(UTC)
         """When this status began."""
         if open_source is None:
@@ -369,7 +371,10 @@ class Runner:
                 connected=self.source.connected,
                 trouble=(self.source.trouble,) if self.source.trouble else (),
                 estimate=_degraded(self._latest),
-                others=tuple(f"{task.name} had to be started again: {task.error}" for task in failing),
+                others=(
+                    *(f"{task.name} had to be started again: {task.error}" for task in failing),
+                    *self.others(),
+                ),
             )
         )
         status, reasons = found

@@ -6,7 +6,7 @@ the one that exceeds it most probably. What no single push explains counts for r
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -140,11 +140,16 @@ class Engine:
             if state.name == "collision" and state.begin is not None and rule in (None, state.rule.name)
         )
 
-    def restore(self, begin: Decision) -> None:
-        """Latch again what had been latched in a process before this one."""
+    def restore(self, begin: Decision) -> bool:
+        """Latch again what had been latched in a process before this one; False where the rules have no such
+        level."""
         for state in self._levels:
             if (state.rule.name, state.name, "collision") == (begin.rule, begin.level, begin.level):
-                state.active, state.begin, self._busy = True, begin, True
+                # The actions may be others by now; those of today are what an acknowledgement ends.
+                state.active, state.begin = True, replace(begin, actions=state.level.actions)
+                self._busy = True
+                return True
+        return False
 
     def announce(self, name: str) -> bool:
         """Open the window of an expected contact, now; False where there is none of that name."""

@@ -52,7 +52,7 @@ class ReactionListener:
         self._now = self._last_estimate = self._last_write = self._last_report = -1e9
         self._began: float | None = None
         self._t = 0.0
-        self._restored = False
+        self._restored = self._informed = False
         self._inputs_before: dict[str, int] = {}
         self._report_state(started=True)
 
@@ -68,6 +68,8 @@ class ReactionListener:
         if decisions or self._decision is not None:
             self._write()
             self._carry_out(decisions)
+        if any(decision.level == "collision" for decision in decisions):
+            self._report_state()  # at once: a latch must survive whatever comes next
 
     def tick(self, now: float) -> None:
         """Heartbeat, connections, results, and what the robot program writes."""
@@ -106,13 +108,24 @@ class ReactionListener:
         elif kind == "withdraw":
             self.withdraw(message.get("name"))
         elif kind == "restore":
-            for begin in message["decisions"]:
-                self._engine.restore(Decision(**{k: _tupled(v) for k, v in begin.items()}))
-            self._restored = True
-            self._select()
+            self._restore([Decision(**{k: _tupled(v) for k, v in d.items()}) for d in message["decisions"]])
         else:
             return
         self._report_state(answer=message.get("id"))
+
+    def _restore(self, decisions: Sequence[Decision]) -> None:
+        """Latch again what a process before this one had latched. No action is carried out again, but the
+        registers tell of it from their first write on."""
+        for decision in decisions:
+            if not self._engine.restore(decision):
+                self._tell(
+                    ContactEvent(
+                        kind="acknowledged", t=self._t, rule=decision.rule, contact=decision.contact,
+                        link=decision.link, reason="by the rules' file: it has no such level any more",
+                    )
+                )  # fmt: skip
+        self._restored = self._informed = True
+        self._select()
 
     def acknowledge(self, rule: str | None, by: str) -> None:
         """Clear latched collisions."""
@@ -262,6 +275,7 @@ class ReactionListener:
                 "type": "reactions",
                 "started": started,
                 "answer": answer,
+                "restored": self._informed,
                 "active": [decision.as_dict() for decision in self._engine.active],
                 "expected": list(self._engine.windows),
                 "actions": {name: health.model_dump() for name, health in self._health.items()},

@@ -3,7 +3,8 @@
 import asyncio
 import contextlib
 import itertools
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from contactsense.service.reactions.rules import ReactionRules, RulesError
 FILE = "reactions.yaml"
 """Name of the rules' file where it lies beside the scene."""
 _ANSWER = 1.0
+log = logging.getLogger("contactsense")
 
 
 class ReactionSettings(BaseModel):
@@ -70,19 +72,40 @@ class Reactions:
     def __init__(
         self, rules: ReactionRules | None, robot_host: str | None, send: Callable[[dict[str, Any]], bool]
     ) -> None:
-        self.rules = rules
-        self._send = send
-        self._host = None if rules is None else rules.robot.host or robot_host
+        self._robot_host, self._send = robot_host, send
+        self.rules: ReactionRules | None = None
+        self.replace(rules)
         self._report: dict[str, Any] = {"active": [], "expected": [], "actions": {}}
+        self._latched: list[dict[str, Any]] = []
+        self.on_latched: Callable[[list[dict[str, Any]]], None] | None = None
+        """Called with the latched collisions whenever there are others than before."""
         self._answers: dict[str, asyncio.Event] = {}
         self._numbers = itertools.count(1)
         self._webhook_health: dict[str, ActionHealth] = {}
-        if rules is not None and self._host is None:
+
+    def replace(self, rules: ReactionRules | None) -> None:
+        """Go on with other rules. Collisions that are latched stay so where their rule still has that level.
+
+        Raises:
+            RulesError: An action needs the robot's address, and there is none; nothing has changed.
+        """
+        host = None if rules is None else rules.robot.host or self._robot_host
+        if rules is not None and host is None:
             needed = [n for n, a in rules.actions.items() if a.type not in ("webhook", "command")]
             if needed:
                 raise RulesError(
                     f"robot.host: expected the controller's address for {', '.join(needed)}, got none"
                 )
+        self.rules, self._host = rules, host
+
+    def restore(self, decisions: Sequence[dict[str, Any]]) -> None:
+        """Latch again what had been latched when the service last ran, before the pipeline starts."""
+        self._latched = list(decisions)
+        self._report = {**self._report, "active": list(decisions)}
+        for found in decisions if self.rules is not None else ():
+            log.warning(
+                "rule %s: the collision on %s is still latched", found["rule"], found["link"] or "the arm"
+            )
 
     @property
     def factory(self) -> Callable[[Scene], ReactionListener] | None:
@@ -100,10 +123,16 @@ class Reactions:
     def hear(self, report: dict[str, Any]) -> None:
         """Take a report of type `reactions` from the pipeline's process."""
         if report["started"]:  # a new process: what was latched stays latched
-            latched = [d for d in self._report["active"] if d["level"] == "collision"]
-            self._send({"type": "restore", "decisions": latched})
+            self._send({"type": "restore", "decisions": self._latched})
             return
+        if not report["restored"]:  # it does not know yet
+            report = {**report, "active": [*self._latched, *report["active"]]}
         self._report = report
+        latched = [d for d in report["active"] if d["level"] == "collision"]
+        if latched != self._latched:
+            self._latched = latched
+            if self.on_latched is not None:
+                self.on_latched(latched)
         if report["answer"] in self._answers:
             self._answers[report["answer"]].set()
 

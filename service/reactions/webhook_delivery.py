@@ -64,6 +64,13 @@ class WebhookDelivery:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
+    async def replace(self, webhooks: Mapping[str, WebhookAction]) -> None:
+        """Go on with other webhooks; what waits for one that is gone stays in the journal."""
+        await self.stop()
+        self._webhooks = dict(webhooks)
+        self._news = {name: asyncio.Event() for name in webhooks}
+        self.start()
+
     def enqueue(self, name: str, decision: Mapping[str, Any]) -> None:
         """Put a decision into the outbox."""
         body = {
@@ -78,7 +85,8 @@ class WebhookDelivery:
                 "INSERT INTO deliveries (action, webhook_id, body, due) VALUES (?, ?, ?, ?)",
                 (name, f"msg_{uuid.uuid4().hex}", text, time.time() + self._delays[0]),
             )
-        self._news[name].set()
+        if name in self._news:  # it may have gone with a reload just now
+            self._news[name].set()
 
     def waiting(self, name: str) -> int:
         """Number of deliveries that wait."""

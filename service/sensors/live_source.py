@@ -85,7 +85,7 @@ class SourceHealth:
     wrench: WrenchHealth | None
     """None where the force/torque values come with the robot's packets, or there is no such sensor."""
     unusable: int
-    """Robot records without finite joint positions and velocities; not delivered."""
+    """Robot records without usable joint positions and velocities; not delivered."""
     without_wrench: int
     """Samples delivered without the base wrench that the scene requires: sensor silent, or no number."""
     wrench_age: float
@@ -169,7 +169,7 @@ class LiveSource:
         self._without_since: float | None = None
         self._checked = not settings.constant_readings
         self._period = 1.0 / settings.frequency
-        self._robot_check = RobotCheck()
+        self._robot_check = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
         self._wrench_check = RepeatCheck()
         self._recent = RecentCounts()
         self._seen = replace(self._robot.health)
@@ -272,6 +272,10 @@ class LiveSource:
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
             self._unusable += 1
             self._recent.add(time.monotonic(), "not finite")
+            return None
+        if self._robot_check.velocities_impossible(qd):
+            self._unusable += 1
+            self._recent.add(time.monotonic(), "too fast")
             return None
         torque = None
         raw: tuple[Number, ...] = ()

@@ -17,6 +17,11 @@ TORQUE_AGE = 0.008
 """Torques that have repeated for longer than this are left out; slower signals repeat a little [s]."""
 MOTION_LIMIT = 2e-4
 """Positions that repeat while the velocities add up to more than this are stale [rad]."""
+REST_SPEED = 1e-3
+"""No joint of an arm at rest is faster than this; its positions may repeat [rad/s]."""
+SPEED_SCALE = 3.0
+"""A velocity beyond so many times the joint's limit is no velocity. Limits in robot descriptions are those of
+the drives; a packet in which bytes are missing gives any number at all."""
 
 
 class RepeatCheck:
@@ -45,14 +50,26 @@ class RobotCheck:
     At rest positions and velocities may repeat, so there the torques decide: they are measured, thus noisy.
     A stale packet among current ones looks like a contact within a few milliseconds, so the first
     repetition counts.
+
+    Args:
+        speed_limits: Largest speed of each joint, shape (n,) [rad/s]; infinite where none is known.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, speed_limits: np.ndarray) -> None:
+        self._fastest = SPEED_SCALE * speed_limits
         self._last_q: tuple[float, ...] = ()
         self._last_t = 0.0
         self._moved = 0.0
         self._state = RepeatCheck()
         self._torque = RepeatCheck()
+
+    def velocities_impossible(self, qd: np.ndarray) -> bool:
+        """Whether a joint would be far faster than it can be.
+
+        Args:
+            qd: Joint velocities, shape (n,) [rad/s].
+        """
+        return bool((np.abs(qd) > self._fastest).any())
 
     def positions_stale(self, t: float, q: np.ndarray, qd: np.ndarray) -> bool:
         """Whether the positions repeat although the velocities say that the arm moves.
@@ -68,7 +85,9 @@ class RobotCheck:
         if values != self._last_q or not 0.0 < step < 1.0:
             self._last_q, self._moved = values, 0.0
             return False
-        self._moved += step * float(np.abs(qd).max())
+        speed = float(np.abs(qd).max())
+        # A single wrong velocity must not count against an arm that rests from then on.
+        self._moved = self._moved + step * speed if speed > REST_SPEED else 0.0
         return self._moved > MOTION_LIMIT
 
     def torque_repeats(self, t: float, torque: tuple[float, ...]) -> float:

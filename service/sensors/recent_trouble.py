@@ -9,6 +9,8 @@ WITHOUT_WRENCH = 0.05
 
 _ALWAYS = {
     "not finite": "the robot sends joint positions or velocities that are not numbers",
+    "too fast": "the robot sends joint velocities far beyond what its joints can do; such packets are left "
+    "out: is the connection to it damaged, or are its joint limits in the scene too low?",
     "bad_stamps": "the robot sends time stamps that are not numbers",
     "positions frozen": "the robot repeats the same joint positions while its velocities say that it moves: "
     "its packets are stale; restart RTDE on the controller",

@@ -25,7 +25,7 @@ _START = 0.2
 _TRUST = 2.0
 """Over at least this time the estimated period is better than the given one [s]."""
 _AHEAD = 0.5
-"""Readings whose numbers run ahead of their arrivals by more than this are on another clock [s]."""
+"""Readings or stamps that run ahead of their arrivals by more than this are on another clock [s]."""
 _SKEW = 5e-4
 """Quartz clocks agree within this much; a steeper line is jitter [s/s]."""
 
@@ -154,6 +154,7 @@ class Aligner:
         self._last: int | None = None
         self._last_arrival_ns = 0
         self._last_time: float | None = None
+        self._last_robot_arrival_ns = 0
 
     def add(self, tick: int, arrival_ns: int, wrench: Sequence[float]) -> None:
         """Take a force/torque reading; `tick` is its number on the sensor's clock, modulo 2^32."""
@@ -184,9 +185,12 @@ class Aligner:
 
     def observe_robot(self, timestamp: float, arrival_ns: int) -> None:
         """Take the time stamp of a robot sample [s] and its arrival."""
-        if self._last_time is not None and not 0.0 <= timestamp - self._last_time < 3600.0:
-            self._robot.reset()
-        self._last_time = timestamp
+        if self._last_time is not None:
+            step = timestamp - self._last_time
+            # A clock set ahead would be taken for one that had been slow for as long as is looked back upon.
+            if step < 0.0 or step - (arrival_ns - self._last_robot_arrival_ns) * 1e-9 > _AHEAD:
+                self._robot.reset()
+        self._last_time, self._last_robot_arrival_ns = timestamp, arrival_ns
         self._robot.observe(timestamp, arrival_ns)
 
     def covers(self, timestamp: float) -> bool:

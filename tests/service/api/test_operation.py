@@ -11,7 +11,7 @@ import pytest
 
 from contactsense.service import logs
 from contactsense.service.api.app import create_app
-from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.api.settings import Settings
 from tests.service import fakes
 from tests.service.serving import serving
 
@@ -61,7 +61,8 @@ def test_a_reload_takes_a_good_scene_and_leaves_a_bad_one(tmp_path: Path) -> Non
     service = create_app(Settings(scene=path)).state.service
 
     async def reload() -> None:
-        await service.reload()
+        async with service.running():
+            await service.reload()
 
     path.write_text("robot: ur10e\n")
     asyncio.run(reload())
@@ -75,19 +76,28 @@ def test_a_reload_takes_a_good_scene_and_leaves_a_bad_one(tmp_path: Path) -> Non
     assert service.health().reload == service.reloaded
 
 
-def test_a_file_beside_the_scene_may_forbid_a_reload(tmp_path: Path) -> None:
-    path = tmp_path / "scene.yaml"
+def test_rules_beside_the_scene_are_reloaded_and_may_forbid_it(tmp_path: Path) -> None:
+    path, rules = tmp_path / "scene.yaml", tmp_path / "reactions.yaml"
     path.write_text("robot: ur5e\n")
+    rules.write_text("rules: [{name: a, links: [any], contact: {force: 5}}]")
     service = create_app(Settings(scene=path)).state.service
 
-    def bad_rules(_: object) -> None:
-        raise SettingsError("reactions.yaml: levels: expected a number")
+    async def reload() -> None:
+        async with service.running():
+            await service.reload()
 
-    service.reload_checks.append(bad_rules)
     path.write_text("robot: ur10e\n")
-    asyncio.run(service.reload())
-    assert service.scene.robot.name == "ur5e"
-    assert "reactions.yaml" in service.reloaded.message
+    for bad in ("rules: [{name: b, links: [leg], contact: {force: 5}}]", "actions: {x: {type: registers}}"):
+        rules.write_text(bad)
+        asyncio.run(reload())
+        assert service.scene.robot.name == "ur5e"
+        assert "reactions.yaml" in service.reloaded.message
+        assert service.reactions.rules.rules[0].name == "a"
+    rules.write_text("rules: [{name: b, links: [any], contact: {force: 5}}]")
+    asyncio.run(reload())
+    assert service.reloaded.ok
+    assert service.reactions.rules.rules[0].name == "b"
+    assert service.scene.robot.name == "ur10e"
 
 
 @pytest.fixture

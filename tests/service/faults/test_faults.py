@@ -7,11 +7,14 @@ times are asserted, as a busy computer would fail them.
 """
 
 import json
+import os
 import re
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import httpx
 import pytest
@@ -65,6 +68,23 @@ ROWS = [
     Row("CLOSE", "server", "waiting", "closed the connection|cannot be reached"),
     Row("HALF", "server", "waiting", "has been mute|gave no answer"),
     Row("GARBAGE", "server", "waiting", "expected|has been mute|gave no answer"),
+    Row("SPLIT", "server", "ok", ""),
+    Row("ZERO_LENGTH", "server", "waiting", "expected|has been mute|gave no answer"),
+    Row("LOST_BYTE", "server", "waiting", "expected|has been mute|gave no answer"),
+    Row("TIME_BACK", "server", "ok|degraded", ""),
+    Row("closed", "handshake", "waiting", "closed the connection|connection lost"),
+    Row("mute", "handshake", "waiting", "gave no answer|no answer in time"),
+    Row("garbage", "handshake", "waiting", "expected"),
+    Row("wrong version", "handshake", "waiting", "version"),
+    Row("start refused", "handshake", "waiting", "refuse"),
+    Row("NOT_FOUND", "handshake", "failing", "does not know|NOT_FOUND"),
+    Row("killed", "process", "failing", "exit code -9"),
+    Row("stopped", "process", "failing", "was stopped, or dead,|has not reported"),
+    Row("velocities are absurd", "robot", "waiting", "velocities far beyond what its joints can do"),
+    Row("bursts of 50 ms", "robot", "ok|degraded", ""),
+    Row("bursts of 400 ms", "robot", "ok|degraded", ""),
+    Row("100 ms late", "robot", "ok|degraded", ""),
+    Row("jitter of 12 ms", "robot", "ok|degraded", ""),
     Row("q is NaN", "robot", "waiting", "positions or velocities that are not numbers"),
     Row("torque is NaN", "robot", "degraded", "joint torques that are not numbers"),
     Row("stamp is NaN", "robot", "waiting", "time stamps that are not numbers"),
@@ -77,6 +97,7 @@ ROWS = [
     Row("spikes of 300 Nm", "robot", "ok|degraded", ""),
     Row("mute", "sensor", "degraded", "mute, it sends no readings|lack the force/torque reading"),
     Row("frozen", "sensor", "degraded", "repeats the same reading"),
+    Row("biased by 40 N", "sensor", "degraded", "contradict"),
     Row("all zero", "sensor", "degraded", "exactly zero"),
     Row(
         "restarted, counts from 1",
@@ -97,8 +118,12 @@ ROWS = [
 class Cell:
     """A moving mock arm behind proxies, and a service in a process of its own that reads it."""
 
-    def __init__(self, servers: MockServers, robot: RtdeProxy, sensor: NetFtProxy, url: str) -> None:
+    def __init__(
+        self, servers: MockServers, robot: RtdeProxy, sensor: NetFtProxy, url: str, service: int
+    ) -> None:
         self.servers, self.robot, self.sensor, self.url = servers, robot, sensor, url
+        self._service = service
+        self._locates = max(self._workers())  # the younger one: the pipeline was there first
         self.onsets: list[float] = []
         self.last = ""
         self._over = threading.Event()
@@ -110,6 +135,16 @@ class Cell:
         self.servers.rtde.fault = Fault[row.name] if row and row.where == "server" else Fault.NONE
         self.robot.fault = ROBOT_FAULTS[row.name] if row and row.where == "robot" else None
         self.sensor.fault = SENSOR_FAULTS[row.name] if row and row.where == "sensor" else None
+        self.robot.handshake = row.name if row and row.where == "handshake" else None
+        if row and row.where == "process":
+            (pipeline,) = self._workers() - {self._locates}
+            os.kill(pipeline, signal.SIGKILL if row.name == "killed" else signal.SIGSTOP)
+
+    def _workers(self) -> frozenset[int]:
+        """Numbers of the service's processes that work."""
+        children = Path(f"/proc/{self._service}/task/{self._service}/children").read_text().split()
+        commands = {int(child): Path(f"/proc/{child}/cmdline").read_bytes() for child in children}
+        return frozenset(child for child, command in commands.items() if b"spawn_main" in command)
 
     def until(self, condition: Callable[[str, str], bool]) -> float:
         """How long it took until status and message are so [s]."""
@@ -163,7 +198,10 @@ def cell() -> Iterator[Cell]:
             while httpx.get(f"{url}/v1/health").json()["status"] != "ok":
                 assert time.monotonic() < deadline, httpx.get(f"{url}/v1/health").json()
                 time.sleep(0.1)
-            found = Cell(servers, robot, sensor, url)
+            # Also starts the process that locates, which takes the processor for a while.
+            body = {"q": [0.0] * 6, "joint_torque": [0.0] * 6}
+            httpx.post(f"{url}/v1/locate", json=body, timeout=280.0).raise_for_status()
+            found = Cell(servers, robot, sensor, url, service.pid)
             yield found
             found.close()
         robot.close()

@@ -26,6 +26,7 @@ class Link:
         self.names = tuple(names)
         self.recipe: Recipe | None = None
         self.held: bytes = b""
+        self.queue: list[bytes] = []
         self.first: Values | None = None
         self.count = 0
 
@@ -37,17 +38,42 @@ class Link:
         return self.recipe.pack(values)
 
 
+HANDSHAKES = {
+    "closed": None,
+    "mute": b"",
+    "garbage": random.Random(1).randbytes(64),
+    "wrong version": b"\x00\x04V\x00",
+    "start refused": b"\x00\x04S\x00",
+    "NOT_FOUND": b"\x00\x26O\x00DOUBLE,VECTOR6D,VECTOR6D,NOT_FOUND",
+}
+"""What a robot does to whoever connects: None: it hangs up; else what it answers, instead of the reply that
+the third byte names, where that is one."""
+
+
 class RtdeProxy:
-    """Stands between a robot and its clients. Set `fault` to spoil the data packets."""
+    """Stands between a robot and its clients. Set `fault` to spoil the data packets, `handshake` to drop all
+    clients and to receive them badly."""
 
     def __init__(self, host: str, port: int) -> None:
         self._target = (host, port)
         self.fault: RobotFault | None = None
+        self._handshake: str | None = None
+        self._dropped = 0
         self._listener = socket.create_server((host, 0))
         self.port: int = self._listener.getsockname()[1]
         self._stop = threading.Event()
         self._threads = [threading.Thread(target=self._accept, daemon=True)]
         self._threads[0].start()
+
+    @property
+    def handshake(self) -> str | None:
+        """One of `HANDSHAKES`; None: as it should be."""
+        return self._handshake
+
+    @handshake.setter
+    def handshake(self, name: str | None) -> None:
+        self._dropped += name != self._handshake
+        self._handshake = name
 
     def close(self) -> None:
         self._stop.set()
@@ -74,10 +100,15 @@ class RtdeProxy:
 
     def _pass(self, client: socket.socket, robot: socket.socket) -> None:
         up, down, link = bytearray(), bytearray(), Link(())
+        epoch, handshake = self._dropped, self._handshake
+        if handshake == "closed":
+            robot.close()
+            client.close()
+            return
         with client, robot, suppress(OSError):
             for end in (client, robot):
                 end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            while not self._stop.is_set():
+            while not self._stop.is_set() and epoch == self._dropped:
                 for end in select.select([client, robot], [], [], 0.1)[0]:
                     chunk = end.recv(1 << 16)
                     if not chunk:
@@ -90,23 +121,38 @@ class RtdeProxy:
                         robot.sendall(chunk)
                     else:
                         down += chunk
-                        client.sendall(b"".join(self._spoiled(link, frame) for frame in _frames(down)))
+                        frames = [_received(frame, handshake) for frame in _frames(down)]
+                        client.sendall(b"".join(self._spoiled(link, frame) for frame in frames if frame))
 
     def _spoiled(self, link: Link, frame: bytes) -> bytes:
-        if frame[2:3] == b"O":
+        if frame[2:3] == b"O" and self._handshake is None:
             types = frame[4:].decode().split(",")
             link.recipe = Recipe(frame[3], link.names, types)
         if frame[2:3] != b"U" or self.fault is None or link.recipe is None:
+            waiting, link.queue = b"".join(link.queue), []
             link.first, link.held = None, b""
-            return frame
+            return waiting + frame
         link.count += 1
         return b"".join(self.fault(link, frame))
+
+
+def _received(frame: bytes, handshake: str | None) -> bytes:
+    """What a client hears of the robot's frame in that handshake."""
+    if handshake is None:
+        return frame
+    reply = HANDSHAKES[handshake]
+    assert reply is not None
+    if handshake in ("mute", "garbage"):
+        return reply
+    return reply if frame[2:3] == reply[2:3] else frame
 
 
 def _frames(buffer: bytearray) -> list[bytes]:
     found = []
     while len(buffer) >= 3:
         size = struct.unpack_from(">H", buffer)[0]
+        if size < 3:  # no frame: passed on as it is
+            size = len(buffer)
         if len(buffer) < size:
             break
         found.append(bytes(buffer[:size]))
@@ -156,6 +202,37 @@ def _doubled(link: Link, packet: bytes) -> list[bytes]:
     return [packet, packet]
 
 
+def _held(count: int) -> RobotFault:
+    """Bursts of that many packets."""
+
+    def fault(link: Link, packet: bytes) -> list[bytes]:
+        link.queue.append(packet)
+        if len(link.queue) < count:
+            return []
+        packets, link.queue = link.queue, []
+        return packets
+
+    return fault
+
+
+def _late(count: int) -> RobotFault:
+    """Each packet so many later."""
+
+    def fault(link: Link, packet: bytes) -> list[bytes]:
+        link.queue.append(packet)
+        return [link.queue.pop(0)] if len(link.queue) > count else []
+
+    return fault
+
+
+def _jitter(link: Link, packet: bytes) -> list[bytes]:
+    link.queue.append(packet)
+    if len(link.queue) < random.Random(link.count).randint(1, 6):
+        return []
+    packets, link.queue = link.queue, []
+    return packets
+
+
 def _spikes(link: Link, packet: bytes) -> list[bytes]:
     def change(values: Values, recipe: Recipe) -> None:
         where = recipe.slices[TORQUE]
@@ -176,6 +253,11 @@ ROBOT_FAULTS: dict[str, RobotFault] = {
     "10 % are missing": _missing,
     "doubled": _doubled,
     "spikes of 300 Nm": _spikes,
+    "velocities are absurd": _set("actual_qd", 1e300),
+    "bursts of 50 ms": _held(25),
+    "bursts of 400 ms": _held(200),
+    "100 ms late": _late(50),
+    "jitter of 12 ms": _jitter,
 }
 
 SensorFault = Callable[["NetFtProxy", bytes], list[bytes]]

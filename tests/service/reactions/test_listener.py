@@ -212,3 +212,43 @@ def test_a_mute_controller_blocks_nobody() -> None:
             now += 0.01
         assert "no answer in time" in inputs.error
         inputs.close()
+
+
+def test_a_latch_is_reported_at_once_and_restored_by_the_next_process() -> None:
+    with rtde_server() as server:
+        first = Play(server)
+        try:
+            first.until(lambda: first.code() == 0)
+            first.listener.take_reports()
+            first.step(estimate(0.0, contact(newtons=60.0)))
+            (report,) = [r for r in first.reports if r["type"] == "reactions" and r["active"]]
+            assert report["restored"]
+        finally:
+            first.listener.close()
+        latched = [d for d in report["active"] if d["level"] == "collision"]
+        second = Play(server)
+        try:
+            assert not second.listener.take_reports()[0]["restored"]
+            second.listener.command({"type": "restore", "decisions": latched})
+            second.until(lambda: second.code() == 42)
+            assert second.inputs["input_bit_register_66"] == (True,)
+            assert not second.events("collision")  # it is told once
+        finally:
+            second.listener.close()
+
+
+def test_a_latch_whose_rule_is_gone_is_told_and_dropped() -> None:
+    with rtde_server() as server:
+        made = Play(server)
+        begin = {
+            "rule": "leg", "level": "collision", "kind": "begin", "actions": ["tell"], "t": 0.0,
+            "probability": 1.0, "contact": 1, "link": "forearm", "link_index": 3, "point": [0, 0, 0],
+            "point_base": [0, 0, 0], "force_base": [0, 0, 1], "force": 1.0,
+        }  # fmt: skip
+        try:
+            made.listener.command({"type": "restore", "decisions": [begin]})
+            made.until(lambda: made.code() == 0)
+            (event,) = made.events("acknowledged")
+            assert "no such level any more" in event["reason"]
+        finally:
+            made.listener.close()

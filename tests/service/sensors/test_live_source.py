@@ -200,6 +200,16 @@ def test_numbers_that_are_none():
         assert collect(source, 10)
 
 
+def test_velocities_that_no_joint_reaches():
+    fields = {"actual_qd": np.full(6, 1e300)}
+    with (
+        MockServers(FEED, MOCK, fields=fields) as servers,
+        LiveSource(SCENE, settings_for(servers)) as source,
+    ):
+        assert until(lambda: source.poll(0.1) == [] and source.health.unusable > 10)
+        assert "velocities far beyond what its joints can do" in source.health.trouble
+
+
 def test_nobody_there_then_somebody():
     with MockServers(FEED, MOCK) as servers:
         settings = settings_for(servers)

@@ -7,6 +7,7 @@ from contactsense.service.sensors.plausibility import RecentCounts, RepeatCheck,
 from contactsense.service.sensors.recent_trouble import describe_recent
 
 TIMES = np.arange(0.0, 0.2, 0.002)
+LIMITS = np.full(6, np.pi)
 
 
 def test_a_signal_that_changes_is_not_frozen():
@@ -29,18 +30,40 @@ def test_a_signal_slower_than_its_packets_is_not_frozen():
 
 def test_positions_may_repeat_at_rest_but_not_in_motion():
     q, rest, moving = np.zeros(6), np.zeros(6), np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
-    check = RobotCheck()
+    check = RobotCheck(LIMITS)
     assert not any(check.positions_stale(t, q, rest) for t in TIMES)
-    check = RobotCheck()
+    check = RobotCheck(LIMITS)
     stale = [check.positions_stale(t, q, moving) for t in TIMES]
     assert not stale[0]
     assert all(stale[1:])
-    check = RobotCheck()
+    check = RobotCheck(LIMITS)
     assert not any(check.positions_stale(t, q + moving * t, moving) for t in TIMES)
 
 
+def test_one_absurd_velocity_does_not_make_an_arm_at_rest_stale_for_ever():
+    q, rest = np.zeros(6), np.zeros(6)
+    check = RobotCheck(LIMITS)
+    assert not check.positions_stale(0.0, q, rest)
+    assert check.positions_stale(0.002, q, np.full(6, 1e300))
+    assert not any(check.positions_stale(t, q, rest) for t in TIMES[2:])
+
+
+def test_positions_that_repeat_are_stale_again_after_a_rest():
+    q, rest, moving = np.zeros(6), np.zeros(6), np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+    check = RobotCheck(LIMITS)
+    assert not any(check.positions_stale(t, q, rest) for t in TIMES[:50])
+    assert all(check.positions_stale(t, q, moving) for t in TIMES[50:])
+
+
+def test_velocities_far_beyond_the_joints_limits_are_impossible():
+    check = RobotCheck(LIMITS)
+    assert not check.velocities_impossible(np.full(6, -np.pi))
+    assert check.velocities_impossible(np.array([0.0, 0.0, 0.0, 0.0, 0.0, -1e300]))
+    assert not RobotCheck(np.full(6, np.inf)).velocities_impossible(np.full(6, 1e300))
+
+
 def test_torques_and_whole_packets_that_repeat():
-    check = RobotCheck()
+    check = RobotCheck(LIMITS)
     for t in TIMES:
         assert check.torque_repeats(t, (1.0, 2.0)) == pytest.approx(t)
         assert check.all_repeats(t, (1.0, 2.0, 3.0)) == pytest.approx(t)

@@ -235,6 +235,21 @@ def test_a_robot_that_starts_anew_is_learned_anew():
     assert aligner.at(1.0).wrench[0] == pytest.approx(3.5, abs=1e-6)
 
 
+def test_a_robots_clock_that_is_set_ahead_and_back_is_learned_anew():
+    aligner = Aligner(period=1e-3)
+    errors = []
+    for k in range(20_000):
+        arrival = k * 1_000_000
+        aligner.add(k, arrival, [float(k)] * 6)
+        if k % 2 == 0:
+            ahead = 100.0 if 5_000 <= k < 10_000 else 0.0
+            stamp = k * 1e-3 + ahead
+            aligner.observe_robot(stamp, arrival)
+            found = aligner.at(stamp).wrench
+            errors.append(math.inf if found is None else abs(found[0] - k))
+    assert max(errors) < 0.1  # milliseconds
+
+
 def test_the_same_reading_twice_is_one():
     aligner = Aligner()
     for k in range(300):

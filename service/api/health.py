@@ -1,0 +1,36 @@
+"""How the service fares: for people, for load balancers, for Prometheus."""
+
+from fastapi import APIRouter, Response
+from fastapi.responses import PlainTextResponse
+
+from contactsense.service.api import messages
+from contactsense.service.api.messages import ErrorOut, HealthOut
+from contactsense.service.api.metrics import CONTENT_TYPE
+from contactsense.service.api.service import Shared
+
+router = APIRouter()
+
+
+@router.get("/v1/health")
+async def health(service: Shared) -> HealthOut:
+    """How the service, its pipeline, its sensors and its readers fare; 200 as long as the service lives."""
+    return service.health()
+
+
+@router.get(
+    "/v1/ready",
+    responses={503: {"model": messages.ReadyOut | ErrorOut, "description": "They are not: the reasons."}},
+)
+async def ready(service: Shared, response: Response) -> messages.ReadyOut:
+    """Whether estimates are current: 200, or 503 with the reasons. Needs no token."""
+    if not service.ready:
+        response.status_code = 503
+    return messages.ReadyOut(
+        ready=service.ready, status=service.runner.status, reasons=list(service.runner.reasons)
+    )
+
+
+@router.get("/metrics", response_class=PlainTextResponse)
+async def metrics(service: Shared) -> Response:
+    """All counters, ages and times in Prometheus' text format."""
+    return Response(service.metrics.text(), media_type=CONTENT_TYPE)

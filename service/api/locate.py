@@ -1,0 +1,62 @@
+"""`POST /v1/locate`: the contact behind static samples that come with the request."""
+
+from collections.abc import Sequence
+
+from fastapi import APIRouter, Response
+from starlette.exceptions import HTTPException
+
+from contactsense import Scene
+from contactsense.service.api import messages
+from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError
+from contactsense.service.api.messages import ErrorOut, EstimateOut, EstimatesOut, LocateIn
+from contactsense.service.api.service import Shared
+from contactsense.service.live.locate_process import LocateError
+
+router = APIRouter()
+
+
+@router.post(
+    "/v1/locate",
+    response_model=EstimateOut | EstimatesOut,
+    responses={
+        **BODY_REFUSALS,
+        503: {"model": ErrorOut, "description": "Too many requests wait already: try again later."},
+    },
+)
+async def locate(service: Shared, request: LocateIn) -> Response:
+    """Locate the contact behind one static sample, or behind each of many (`{"samples": [...]}`).
+
+    Needs no robot: samples come with the request. One sample is answered by an `EstimateOut`, many by
+    `EstimatesOut`.
+    """
+    many = isinstance(request, messages.LocateManyIn)
+    samples: Sequence[messages.SampleIn] = (
+        request.samples if isinstance(request, messages.LocateManyIn) else [request]
+    )
+    for index, sample in enumerate(samples):
+        _check(sample, service.scene, f"samples[{index}]." if many else "")
+    try:
+        encoded = await service.locate(samples, request.external)
+    except LocateError as error:
+        raise HTTPException(503, str(error), {"Retry-After": "1"}) from None
+    body = b'{"estimates":[' + b",".join(encoded) + b"]}" if many else encoded[0]
+    return Response(body, media_type="application/json")
+
+
+def _check(sample: messages.SampleIn, here: Scene, prefix: str) -> None:
+    n = len(here.robot.joints)
+    for name in ("q", "joint_torque"):
+        value = getattr(sample, name)
+        if value is not None and len(value) != n:
+            raise FieldRefusedError(
+                prefix + name, f"expected {n} numbers, one per joint of {here.robot.name}, got {len(value)}"
+            )
+    if sample.base_wrench is None and sample.joint_torque is None:
+        raise FieldRefusedError(
+            prefix + "base_wrench", "expected base_wrench or joint_torque or both, got neither"
+        )
+    for name in ("base_wrench", "joint_torque", "wrist_wrench"):
+        if getattr(sample, name) is not None and getattr(here, name) is None:
+            raise FieldRefusedError(
+                prefix + name, f"the scene has no such sensor; leave it out or add {name} to the scene"
+            )

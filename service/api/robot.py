@@ -1,0 +1,48 @@
+"""The arm and its scene."""
+
+from fastapi import APIRouter
+
+from contactsense.service.api import messages
+from contactsense.service.api.messages import RobotOut, SceneOut
+from contactsense.service.api.service import Shared
+
+router = APIRouter()
+
+
+@router.get("/v1/robot")
+async def robot(service: Shared) -> RobotOut:
+    """The arm: links with mass and surface, joints with limits."""
+    arm = service.scene.robot
+    return RobotOut(
+        name=arm.name,
+        mass=arm.mass,
+        links=[
+            messages.LinkOut(
+                name=link.name,
+                mass=link.inertia.mass,
+                com=link.inertia.com.tolist(),
+                primitives=[primitive.model_dump(mode="json") for primitive in link.primitives],
+            )
+            for link in arm.links
+        ],
+        joints=[
+            messages.JointOut(
+                name=joint.name,
+                position_limits=joint.position_limits,
+                velocity_limit=joint.velocity_limit,
+                torque_limit=joint.torque_limit,
+            )
+            for joint in arm.joints
+        ],
+    )
+
+
+@router.get("/v1/scene")
+async def scene(service: Shared) -> SceneOut:
+    """The arm in its place: mounting, tool, sensors and their noise."""
+    here = service.scene
+    return SceneOut(
+        links=list(here.link_names),
+        gravity_base=here.gravity_base.tolist(),
+        scene=here.model_dump(mode="json"),
+    )

@@ -1,0 +1,261 @@
+"""What all requests share: scene, pipeline, hub, journal, reactions; started, reloaded and ended together."""
+
+import asyncio
+import contextlib
+import logging
+import signal
+import threading
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Annotated, Any
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from contactsense import Scene
+from contactsense.service.api import clips, messages, track
+from contactsense.service.api.connections import ConnectionLimits
+from contactsense.service.api.limits import RequestLimits
+from contactsense.service.api.messages import HealthOut
+from contactsense.service.api.metrics import Metrics
+from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.controllers.robot_program import NewestEstimate, RobotProgramMethods
+from contactsense.service.controllers.robot_program_servers import RobotProgramServers
+from contactsense.service.events.journal import Journal, JournalError
+from contactsense.service.events.model import ContactEvent
+from contactsense.service.live.hub import Hub
+from contactsense.service.live.locate_process import LocateError, LocateProcess, StaticSample
+from contactsense.service.live.pipeline_process import ListenerFactory, Source, utc_now
+from contactsense.service.live.supervisor import OnLoading, Runner
+from contactsense.service.reactions.latch_store import LatchStore
+from contactsense.service.reactions.rules import ReactionRules, RulesError
+from contactsense.service.reactions.state import Reactions
+from contactsense.service.reactions.webhook_delivery import WebhookDelivery
+
+log = logging.getLogger("contactsense")
+
+
+class Service:
+    """What the requests share."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        source: Callable[[Scene], Source] | None,
+        on_loading: OnLoading | None = None,
+    ) -> None:
+        self.scene = settings.load_scene()
+        self.hub = Hub(settings.queue)
+        self._settings = settings
+        if settings.events.path is not None:
+            try:
+                Journal(settings.events).close()
+            except JournalError as error:
+                raise SettingsError(str(error)) from None
+        self.clips = clips.Clips(settings.recording)
+        self.journal: Journal
+        """Events; open while the service runs."""
+        self.webhooks: WebhookDelivery
+        """Webhooks that wait; delivered while the service runs."""
+        self.latches: LatchStore
+        """Latched collisions in the journal's file; open while the service runs."""
+        try:
+            self.reactions = Reactions(
+                self._load_rules(self.scene), settings.robot_host, lambda command: self.runner.send(command)
+            )
+        except RulesError as error:
+            raise SettingsError(str(error)) from None
+        self._given_source = source
+        self.runner = Runner(
+            self.scene,
+            source or settings.open_source(self.scene),
+            self.hub.publish,
+            self._hear,
+            self._listeners(),
+            on_loading,
+        )
+        self.tracks = track.Tracks(settings.controllers, self.hub)
+        newest = NewestEstimate(self.hub, lambda: self.runner.current)
+        self.robot_program = RobotProgramMethods(newest, self.reactions)
+        self.ports = RobotProgramServers(settings.controllers, self.robot_program)
+        self.began = time.monotonic()
+        self.connections = ConnectionLimits(
+            connections=settings.max_connections, reader_time=settings.reader_timeout
+        )
+        """Limits of connections, for `http_protocol` and `websocket_protocol`."""
+        self.limits = RequestLimits(body=settings.max_body, rate=settings.max_request_rate)
+        self.refused: dict[int, int] = {}
+        """Requests beyond the limits, by status."""
+        self.reloaded: messages.ReloadHealth | None = None
+        self.metrics = Metrics(self.health)
+        self._locate = LocateProcess(self.scene)
+
+    @contextlib.asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Pipeline running, kernels on their way, SIGHUP heard."""
+        loop = asyncio.get_running_loop()
+        self.journal = Journal(self._settings.events)
+        self.webhooks = WebhookDelivery(self.journal, self.reactions.webhooks, self._note_webhook)
+        self.webhooks.start()
+        self.latches = LatchStore(self.journal)
+        self.reactions.restore(self.latches.load())
+        self.reactions.on_latched = self.latches.save
+        self.runner.others = self._troubles
+        loading = loop.create_task(self._load())
+        self.runner.start()
+        reloads: set[asyncio.Task[None]] = set()
+
+        def hang_up() -> None:
+            task = loop.create_task(self.reload())
+            reloads.add(task)
+            task.add_done_callback(reloads.discard)
+
+        hears = threading.current_thread() is threading.main_thread() and hasattr(signal, "SIGHUP")
+        if hears:
+            loop.add_signal_handler(signal.SIGHUP, hang_up)
+        try:
+            await self.ports.start()
+            yield
+        finally:
+            if hears:
+                loop.remove_signal_handler(signal.SIGHUP)
+            loading.cancel()
+            self._locate.stop()
+            await asyncio.wait([loading, *reloads])
+            await self.ports.stop()
+            await self.runner.stop()
+            await self.webhooks.stop()
+            await asyncio.to_thread(self.latches.close)
+            self.journal.close()
+
+    def _hear(self, report: dict[str, Any]) -> None:
+        """Take a report of the pipeline's process."""
+        kind = report["type"]
+        if kind == "event":
+            event = ContactEvent.model_validate(report["event"])
+            self.record(event if event.time else event.model_copy(update={"time": utc_now()}))
+        elif kind == "reactions":
+            self.reactions.hear(report)
+        elif kind == "webhook":
+            self.webhooks.enqueue(report["action"], report["decision"])
+        else:
+            self.clips.hear(report)
+
+    def _troubles(self) -> list[str]:
+        """What is wrong beside the pipeline: estimates alone are no reason to call the service well."""
+        found = [f"action {n} does not work: {a.error}" for n, a in self.reactions.actions.items() if a.error]
+        if self.journal.error:
+            found.append(f"{self.journal.error}: events are in memory only; is the disk full?")
+        return found
+
+    def _note_webhook(self, name: str, ok: bool, reason: str) -> None:
+        event = self.reactions.note_webhook(name, ok, reason)
+        self.record(event.model_copy(update={"time": utc_now()}))
+
+    def record(self, event: ContactEvent) -> None:
+        """Put an event into the journal and into the stream."""
+        self.hub.add_event(self.journal.append(event).model_dump_json().encode())
+        if event.kind == "collision" and self.clips.settings.folder is not None:
+            self.runner.send(self.clips.request(None, None, f"collision on {event.link}"))
+
+    def _load_rules(self, scene: Scene) -> ReactionRules | None:
+        """The rules beside the scene.
+
+        Raises:
+            SettingsError: The file cannot be used.
+        """
+        try:
+            return self._settings.reactions.load(scene, self._settings.scene)
+        except RulesError as error:
+            raise SettingsError(str(error)) from None
+
+    def _listeners(self) -> tuple[ListenerFactory, ...]:
+        factory = self.reactions.factory
+        # Reactions come first: they are in a hurry, recordings are not.
+        return (*(() if factory is None else (factory,)), *self._settings.listeners())
+
+    async def _load(self) -> None:
+        await self.runner.loaded.wait()  # two processes that compile the same kernels would only be slower
+        with contextlib.suppress(LocateError, OSError):  # tried again when it is needed
+            await self._locate.start()
+
+    async def reload(self) -> None:
+        """Read the scene, and what stands beside it, anew; where that is bad, nothing changes."""
+        at = datetime.now(UTC).isoformat(timespec="milliseconds")
+        try:
+            scene = await asyncio.to_thread(self._settings.load_scene)
+            source = self._given_source or await asyncio.to_thread(self._settings.open_source, scene)
+            rules = await asyncio.to_thread(self._load_rules, scene)
+            self.reactions.replace(rules)
+        except (SettingsError, RulesError) as error:
+            log.error("reload: nothing has changed: %s", error)
+            self.reloaded = messages.ReloadHealth(time=at, ok=False, message=str(error))
+            return
+        self.scene = scene
+        await self.webhooks.replace(self.reactions.webhooks)
+        self.runner.restart(scene, source, self._listeners())
+        self._locate.restart(scene)
+        log.info("reload: the pipeline is started again with the new scene")
+        self.reloaded = messages.ReloadHealth(time=at, ok=True, message="")
+
+    async def locate(self, samples: Sequence[messages.SampleIn], external: bool) -> list[bytes]:
+        """Estimates as JSON for static samples.
+
+        Raises:
+            LocateError: Not now; the text says why.
+        """
+        plain = [StaticSample(s.q, s.base_wrench, s.joint_torque, s.wrist_wrench) for s in samples]
+        return await self._locate.locate(plain, external)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the service does its work: estimates are current, or no robot was named."""
+        status = self.runner.status
+        return status == "idle" or (status in ("ok", "degraded") and self.runner.current)
+
+    def health(self) -> HealthOut:
+        """How everything fares, worked out now."""
+        runner, connections = self.runner, self.connections
+        source = runner.source.model_copy(update={"age": runner.sample_age})
+        pipeline = runner.pipeline.model_copy(
+            update={
+                "estimates": runner.estimates,
+                "estimate_age": runner.estimate_age,
+                "report_age": runner.report_age,
+                "handover": runner.handover,
+            }
+        )
+        return HealthOut(
+            status=runner.status,
+            message=runner.message,
+            loading=runner.loading,
+            loading_left=runner.loading_left,
+            reasons=list(runner.reasons),
+            ready=self.ready,
+            since=runner.since.isoformat(timespec="milliseconds"),
+            uptime=time.monotonic() - self.began,
+            version=version("contactsense"),
+            source=source,
+            pipeline=pipeline,
+            stream=messages.StreamHealth(readers=self.hub.readers, lost=self.hub.lost),
+            reactions=self.reactions.health(),
+            clients=messages.ClientHealth(
+                connections=connections.opened,
+                refused=connections.refused,
+                late=connections.late,
+                dropped=connections.dropped,
+                beyond_limits={str(status): count for status, count in self.refused.items()},
+            ),
+            lag=runner.lag,
+            reload=self.reloaded,
+        )
+
+
+def _service(connection: HTTPConnection) -> Service:
+    service: Service = connection.app.state.service
+    return service
+
+
+Shared = Annotated[Service, Depends(_service)]

@@ -1,0 +1,82 @@
+"""Latched collisions in the journal's file, and what the service makes of them."""
+
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+from contactsense.service.events.journal import Journal, JournalSettings
+from contactsense.service.reactions.latch_store import LatchStore
+from contactsense.service.reactions.rules import ReactionRules
+from contactsense.service.reactions.state import Reactions
+
+RULES = ReactionRules.model_validate(
+    {
+        "actions": {"tell": {"type": "registers"}},
+        "rules": [{"name": "arm", "links": ["any"], "collision": {"force": 20.0, "actions": ["tell"]}}],
+    }
+)
+
+
+def latch(rule: str = "arm") -> dict[str, Any]:
+    return {"rule": rule, "level": "collision", "t": 1.0, "link": "forearm", "force": 30.0}
+
+
+def report(*active: dict[str, Any], restored: bool = True) -> dict[str, Any]:
+    return {
+        "started": False, "answer": None, "restored": restored, "active": list(active), "expected": [],
+        "actions": {},
+    }  # fmt: skip
+
+
+def test_what_is_saved_last_is_found_by_the_next_service(tmp_path: Path) -> None:
+    settings = JournalSettings(path=tmp_path / "events.db")
+    with Journal(settings) as journal:
+        store = LatchStore(journal)
+        store.save([latch("a")])
+        store.save([latch("b"), latch("c")])
+        store.close()
+    with Journal(settings) as journal:
+        store = LatchStore(journal)
+        assert [found["rule"] for found in store.load()] == ["b", "c"]
+        store.save([])
+        store.close()
+        assert store.load() == []
+
+
+def test_it_is_in_the_file_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "events.db"
+    with Journal(JournalSettings(path=path)) as journal:
+        store = LatchStore(journal)
+        store.save([latch()])
+        store.close()
+        with sqlite3.connect(path) as other:  # as after a kill: nothing has been closed in order
+            assert other.execute("SELECT rule FROM latches").fetchall() == [("arm",)]
+        other.close()
+
+
+def test_saved_when_it_changes_and_sent_to_each_new_process() -> None:
+    sent: list[dict[str, Any]] = []
+    saved: list[list[dict[str, Any]]] = []
+    reactions = Reactions(RULES, "192.0.2.1", lambda command: sent.append(command) is None)
+    reactions.on_latched = saved.append
+    reactions.restore([latch()])
+    assert [found.link for found in reactions.latches] == ["forearm"]
+    reactions.hear({**report(), "started": True})
+    assert sent == [{"type": "restore", "decisions": [latch()]}]
+    reactions.hear(report(restored=False))  # the process has not heard of it yet
+    assert len(reactions.latches) == 1
+    assert not saved
+    reactions.hear(report(latch()))
+    assert not saved
+    reactions.hear(report(latch(), {**latch(), "level": "contact"}))
+    assert not saved
+    reactions.hear(report())
+    assert saved == [[]]
+    assert not reactions.latches
+
+
+def test_other_rules_leave_the_latches(tmp_path: Path) -> None:
+    reactions = Reactions(RULES, "192.0.2.1", lambda command: True)
+    reactions.hear(report(latch()))
+    reactions.replace(RULES.model_copy(update={"expected": ()}))
+    assert len(reactions.latches) == 1
