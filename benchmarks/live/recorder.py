@@ -31,7 +31,7 @@ _SCRIPT = {
 }
 
 
-def live(seconds: float, folder: Path) -> dict[str, float]:
+def live(seconds: float, rotation: Rotation, folder: Path) -> dict[str, float]:
     """Record the mock arm; samples, losses, megabytes."""
     motion = simulate(Script.model_validate(_SCRIPT))
     chosen = MockSettings(rtde_port=0, netft_port=0, http_port=0, loop=True)
@@ -47,7 +47,7 @@ def live(seconds: float, folder: Path) -> dict[str, float]:
         opener = settings.open_source(scene)
         assert isinstance(opener, partial)
         source = LiveSource(scene, replace(opener.keywords["settings"]))
-        recorder = Recorder(folder, scene, rate=_RATE)
+        recorder = Recorder(folder, scene, rotation, rate=_RATE)
         source.observer = recorder
         begin, half = time.monotonic(), 0
         while (spent := time.monotonic() - begin) < seconds:
@@ -95,12 +95,21 @@ def writer(hours: float, folder: Path) -> dict[str, float]:
 
 @click.command()
 @click.option("--seconds", default=60.0, show_default=True, help="Length of the live recording.")
+@click.option(
+    "--rotate-seconds",
+    default=Rotation.seconds,
+    show_default=True,
+    help="Longest file of the live recording.",
+)
 @click.option("--hours", default=1.0, show_default=True, help="Length of the recording of the writer alone.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
-def main(seconds: float, hours: float, as_json: bool) -> None:
+def main(seconds: float, rotate_seconds: float, hours: float, as_json: bool) -> None:
     """Record the mock arm live, then write a long recording faster than real time."""
     with tempfile.TemporaryDirectory() as folder:
-        found = {"live": live(seconds, Path(folder) / "live"), "writer": writer(hours, Path(folder) / "long")}
+        found = {
+            "live": live(seconds, Rotation(rotate_seconds), Path(folder) / "live"),
+            "writer": writer(hours, Path(folder) / "long"),
+        }
     if as_json:
         click.echo(json.dumps(found, indent=1))
         return

@@ -1,12 +1,15 @@
 """Tables on their way to disk: Arrow IPC streams while rows come, Parquet when a segment is complete.
 
 An Arrow stream is readable up to its last complete batch, whatever happens to the writer. A segment is closed
-after so many bytes or so much time; leftovers of a killed writer are turned into Parquet at the next start.
+after so many bytes or so much time, and turned into Parquet by a thread: that takes seconds, in which whoever
+reads sensors would lose readings. Leftovers of a killed writer are turned into Parquet at the next start.
 """
 
 import os
 import time
+from collections import deque
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,10 +78,12 @@ class SegmentWriter:
         self._stream: pa.RecordBatchStreamWriter | None = None
         self._path = folder
         self._opened, self._bytes = 0.0, 0
+        self._completer = ThreadPoolExecutor(1, thread_name_prefix="segments")
+        self._completing: deque[Future[None]] = deque()
         self.rows = 0
         """Rows taken so far."""
         self.files: list[Path] = []
-        """Complete files, in their order."""
+        """Complete files, in their order; grows in a thread."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self.repaired = repair(folder, prefix)
@@ -122,14 +127,27 @@ class SegmentWriter:
                 or time.monotonic() - self._opened >= self._rotation.seconds
             ):
                 self._finish()
+            while self._completing and self._completing[0].done():
+                self._completing.popleft().result()
         except OSError as error:
             raise RecordingError(f"{self._path}: cannot write: {reason(error)}") from None
 
     def close(self) -> list[Path]:
-        """Complete the last segment; all files of this run."""
-        self.flush()
-        if self._stream is not None:
-            self._finish()
+        """Complete all segments; all files of this run.
+
+        Raises:
+            RecordingError: The disk is full, or the folder is gone.
+        """
+        try:
+            self.flush()
+            if self._stream is not None:
+                self._finish()
+            while self._completing:
+                self._completing.popleft().result()
+        except OSError as error:
+            raise RecordingError(f"{self._path}: cannot write: {reason(error)}") from None
+        finally:
+            self._completer.shutdown()
         return self.files
 
     def _open(self) -> None:
@@ -149,7 +167,10 @@ class SegmentWriter:
         self._stream.close()
         self._sink.close()
         self._stream = self._sink = None
-        done = to_parquet(self._path, self._group)
+        self._completing.append(self._completer.submit(self._complete, self._path))
+
+    def _complete(self, path: Path) -> None:
+        done = to_parquet(path, self._group)
         if done is not None:
             self.files.append(done)
         limit = self._rotation.disk_megabytes

@@ -1,17 +1,20 @@
 """Rows that were handed over survive whatever happens to the writer."""
 
+import errno
 import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pa_parquet
 import pytest
 
+from contactsense.service.recordings import segment_writer
 from contactsense.service.recordings.problems import RecordingError
-from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter, repair
+from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter, repair, to_parquet
 
 NAMES = ("timestamp", "value")
 
@@ -96,3 +99,37 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordingError, match=r"file.*cannot write"):
         SegmentWriter(tmp_path / "file" / "below", "a", NAMES, {})
+
+
+def test_rows_are_taken_while_a_segment_becomes_parquet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, go_on = threading.Event(), threading.Event()
+
+    def slow(path: Path, group: int) -> Path | None:
+        begun.set()
+        assert go_on.wait(30.0)
+        return to_parquet(path, group)
+
+    monkeypatch.setattr(segment_writer, "to_parquet", slow)
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, Rotation(megabytes=0.002), flush_seconds=0.0)
+    for i in range(1000):
+        writer.add((float(i), 0.0))
+    assert begun.wait(30.0)
+    assert writer.files == []
+    go_on.set()
+    np.testing.assert_array_equal(rows_of(writer.close()), np.arange(1000.0))
+
+
+def test_a_segment_that_cannot_become_parquet_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, group: int) -> Path | None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(segment_writer, "to_parquet", full)
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, flush_seconds=0.0)
+    writer.add((0.0, 0.0))
+    with pytest.raises(RecordingError, match="No space left on device"):
+        writer.close()
+    assert list(tmp_path.glob("*.arrows"))  # the next start repairs it
