@@ -9,7 +9,6 @@ from contactsense import Localizer
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.result_rows import LINK, POINT_BASE
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_history import ContactHistory
@@ -73,9 +72,9 @@ class ContactSmoother:
 
     def __init__(self, scene: Scene) -> None:
         """Prepare for `scene`."""
-        constants = build_constants(scene)
-        # One of its own: `locate` would disturb a stream.
+        # One of its own: `locate` would disturb a stream. Its constants are used, as they take long to build.
         self._scene, self._localizer = scene, Localizer(scene)
+        constants = self._localizer._buffers.constants
         self._surfaces, self._prior = constants.surfaces, constants.prior
         self._depth, self._sensors = constants.sensors.depth, constants.sensors
         self._model, self._motion = build_model(scene.robot), empty_motion(len(scene.robot.joints))
