@@ -97,7 +97,7 @@ def writer(hours: float, folder: Path) -> dict[str, float]:
 @click.option("--seconds", default=60.0, show_default=True, help="Length of the live recording.")
 @click.option(
     "--rotate-seconds",
-    default=Rotation.seconds,
+    default=600.0,
     show_default=True,
     help="Longest file of the live recording.",
 )

@@ -1,9 +1,9 @@
 """`contactsense bench smoothing FOLDER`: contacts on moving arms, the live answer at their end beside the
-answer from all of their samples."""
+answer from all of their samples and the limit of what the readings say."""
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,89 +12,182 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from scipy.stats import binomtest
 
 from contactsense import Localizer, SampleBlock
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
 from contactsense.benchmarks.motion.command import MODELS, samples, scene_for
 from contactsense.benchmarks.motion.score import FORCE
-from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read
+from contactsense.benchmarks.motion.smoothing_limit import smoothing_limit
+from contactsense.benchmarks.motion.streams import SUITES, Stream, read, redrawn
+from contactsense.runtime.constants import build_constants
 from contactsense.runtime.result_rows import LINK, POINT_BASE
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
-from contactsense.service.analysis.smoothing import ContactSmoother, SmoothedContact
+from contactsense.service.analysis.contact_windows import contact_windows
+from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
 
 CHI_SQUARE_90 = 6.251
 """90 % of squared Mahalanobis distances in three dimensions are below this."""
+KINDS = ("hold", "slide", "impact", "press", "two at a time", "all")
+"""Kinds of contacts; "all" leaves out runs in which two act at a time, for which the live answer is kept."""
+RESAMPLED = 1000
+"""Random draws of contacts for the interval of a ratio."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Comparison:
-    """Of contacts of one arm, suite, kind of motion, noise and model."""
+    """Of one contact, at its last sample that has a live answer and a true force of at least `FORCE`."""
 
-    live: list[float] = field(default_factory=list)
-    """Error of the last live answer of each contact [m]."""
-    smoothed: list[float] = field(default_factory=list)
-    """Error of the smoothed answer for the same sample [m]."""
-    live_all: list[float] = field(default_factory=list)
+    event: tuple[int, int]
+    """Run and number of the event: the same contact with other noise has the same."""
+    kind: str
+    """One of `KINDS`."""
+    live: float
+    """Error of the live answer [m]."""
+    whole: float
+    """Error of the answer from the whole contact; the live one where there is none [m]."""
+    limit: float
+    """Error of the oracle of `contactsense.benchmarks.motion.smoothing_limit`; infinite where two contacts
+    act or where the contact is too short for windows [m]."""
+    live_all: list[float]
     """Errors of all live answers [m]."""
-    smoothed_all: list[float] = field(default_factory=list)
-    """Errors of the smoothed answers for the same samples [m]."""
-    predicted: list[float] = field(default_factory=list)
-    """Root of the trace of its covariance [m]."""
-    covered: list[bool] = field(default_factory=list)
+    whole_all: list[float]
+    """Errors of the whole contact's answer for the same samples [m]."""
+    live_right: bool
+    """Whether the live answer names the right link."""
+    whole_right: bool
+    """Whether the whole contact's answer does."""
+    live_probability: float
+    """Probability of the live answer's link."""
+    whole_probability: float | None
+    """Probability of the link that the whole contact names; None where the live answer is kept."""
+    predicted: float | None
+    """Root of the trace of the whole contact's covariance [m]."""
+    covered: bool | None
     """Whether the truth is in its 90 % region."""
-    link_live: list[bool] = field(default_factory=list)
-    link_smoothed: list[bool] = field(default_factory=list)
 
-    def add(
-        self, history: ContactHistory, smoothed: SmoothedContact | None, stream: Stream, frames: Summarizer
-    ) -> None:
-        """Compare at the last sample that has a live answer and a true contact of at least `FORCE`."""
+
+class Comparer:
+    """Compares the contacts of one arm's streams."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Prepare for `scene`."""
+        self._smoother, self._frames = ContactSmoother(scene), Summarizer(scene)
+        self._prior, self._bandwidth = build_constants(scene).prior, scene.bandwidth
+
+    def compare(self, history: ContactHistory, stream: Stream) -> Comparison | None:
+        """Compare one contact; None where nothing touched at one place or the touch was too light."""
         at = history.row[history.sample]
         strong = np.flatnonzero(
             (stream.link[at] >= 0) & (np.linalg.norm(stream.wrench[at, :3], axis=1) >= FORCE)
         )
         if len(strong) == 0:
-            return
-        truth, links = stream.point_base[at], stream.link[at]
+            return None
+        truth, links, last = stream.point_base[at], stream.link[at], int(strong[-1])
+        (event, kind), link = _event(stream, int(at[last])), int(links[last])
         live = np.linalg.norm(history.rows[:, POINT_BASE] - truth, axis=1)
-        smooth, last = live.copy(), int(strong[-1])
-        self.link_live.append(bool(history.rows[last, LINK] == links[last]))
-        self.link_smoothed.append(self.link_live[-1])
-        if smoothed is not None:
-            link = smoothed.best.link
-            self.link_smoothed[-1] = bool(link == links[last])
+        whole, right = live.copy(), bool(history.rows[last, LINK] == link)
+        whole_right, probability, predicted, covered = right, None, None, None
+        found = self._smoother.smooth(history)
+        if found is not None:
             for k in strong:
-                origin, rotation = frames.link_pose(stream.q[at[k]], link)
-                point, _, covariance = smoothed.at(float(stream.t[at[k]]))
+                origin, rotation = self._frames.link_pose(stream.q[at[k]], found.best.link)
+                point, _, covariance = found.at(float(stream.t[at[k]]))
                 error = origin + rotation @ point - truth[k]
-                smooth[k] = np.linalg.norm(error)
+                whole[k] = np.linalg.norm(error)
             covariance = rotation @ covariance @ rotation.T
-            self.predicted.append(float(np.sqrt(np.trace(covariance))))
-            self.covered.append(bool(error @ np.linalg.solve(covariance, error) <= CHI_SQUARE_90))
-        self.live.append(float(live[last]))
-        self.smoothed.append(float(smooth[last]))
-        self.live_all += live[strong].tolist()
-        self.smoothed_all += smooth[strong].tolist()
+            whole_right = found.best.link == link
+            probability = float(found.link_probability[found.best.link])
+            predicted = float(np.sqrt(np.trace(covariance)))
+            covered = bool(error @ np.linalg.solve(covariance, error) <= CHI_SQUARE_90)
+        windows = contact_windows(history, self._bandwidth)
+        limit = np.inf
+        if windows is not None and kind != "two at a time":
+            limit = smoothing_limit(
+                stream,
+                history,
+                self._smoother.measurement(history, windows, link),
+                self._prior,
+                self._frames,
+                int(at[last]),
+                kind in ("slide", "press"),
+            ).error
+        return Comparison(
+            (stream.run, event), kind, float(live[last]), float(whole[last]), limit,
+            live[strong].tolist(), whole[strong].tolist(), right, whole_right,
+            float(history.link_probability[last, int(history.rows[last, LINK])]),
+            probability, predicted, covered,
+        )  # fmt: skip
 
-    def row(self) -> dict[str, Any]:
-        """The numbers, errors in mm."""
-        return {
-            "contacts": len(self.live),
-            "link_right_live": float(np.mean(self.link_live)),
-            "link_right_smoothed": float(np.mean(self.link_smoothed)),
-            "error_mm_live": _quantiles(self.live),
-            "error_mm_smoothed": _quantiles(self.smoothed),
-            "error_mm_live_all": _quantiles(self.live_all),
-            "error_mm_smoothed_all": _quantiles(self.smoothed_all),
-            "predicted_mm": float(1e3 * np.median(self.predicted)) if self.predicted else None,
-            "covered_90": float(np.mean(self.covered)) if self.covered else None,
-        }
+
+def summary(contacts: Sequence[Comparison]) -> dict[str, Any]:
+    """The numbers of some contacts, errors in mm."""
+    answered = [c for c in contacts if c.covered is not None]
+    within = sum(bool(c.covered) for c in answered)
+    interval = binomtest(within, len(answered)).proportion_ci(0.9, "wilson") if answered else None
+    return {
+        "contacts": len({c.event for c in contacts}),
+        "answers": len(contacts),
+        "kept_live": len(contacts) - len(answered),
+        "link_right": {
+            "live": float(np.mean([c.live_right for c in contacts])),
+            "whole": float(np.mean([c.whole_right for c in contacts])),
+        },
+        "probability": {
+            "live": float(np.mean([c.live_probability for c in contacts])),
+            "whole": float(np.mean([c.whole_probability for c in answered])) if answered else None,
+            "whole_right": float(np.mean([c.whole_right for c in answered])) if answered else None,
+        },
+        "end": {
+            name: _quantiles([getattr(c, name) for c in contacts]) for name in ("live", "whole", "limit")
+        },
+        "ratio": _ratio(contacts),
+        "all_samples": {
+            "live": _quantiles([e for c in contacts for e in c.live_all]),
+            "whole": _quantiles([e for c in contacts for e in c.whole_all]),
+        },
+        "predicted_mm": 1e3 * float(np.median([c.predicted for c in answered])) if answered else None,
+        "covered_90": within / len(answered) if answered else None,
+        "covered_90_interval": [float(interval.low), float(interval.high)] if interval else None,
+    }
 
 
-def _quantiles(errors: list[float]) -> dict[str, float]:
-    return {"median": 1e3 * float(np.median(errors)), "p95": 1e3 * float(np.quantile(errors, 0.95))}
+def _quantiles(errors: list[float]) -> dict[str, float | None]:
+    """Median and 95th percentile [mm]; None where they are infinite."""
+    found = np.quantile(errors, [0.5, 0.95], method="higher")
+    return {
+        name: 1e3 * float(value) if np.isfinite(value) else None
+        for name, value in zip(("median", "p95"), found, strict=True)
+    }
+
+
+def _ratio(contacts: Sequence[Comparison]) -> list[float]:
+    """Median error at the end, of the whole contact over that of the live answer: 5 %, best guess, 95 %.
+
+    Contacts are drawn anew, each with all of its noise.
+    """
+    events = sorted({c.event for c in contacts})
+    of = [[c for c in contacts if c.event == event] for event in events]
+    rng = np.random.default_rng(0)
+
+    def ratio(chosen: Sequence[int]) -> float:
+        drawn = [c for i in chosen for c in of[i]]
+        return float(np.median([c.whole for c in drawn]) / np.median([c.live for c in drawn]))
+
+    again = [ratio(rng.integers(0, len(of), len(of)).tolist()) for _ in range(RESAMPLED)]
+    return [
+        float(np.quantile(again, 0.05)), ratio(range(len(of))), float(np.quantile(again, 0.95))
+    ]  # fmt: skip
+
+
+def _event(stream: Stream, row: int) -> tuple[int, str]:
+    """Number and kind of the contact that acts in a sample."""
+    for number, event in enumerate(stream.events):
+        if event.start <= row < event.stop:
+            return number, "two at a time" if stream.multi else event.type
+    raise AssertionError(f"nothing touches in sample {row}")
 
 
 @click.command()
@@ -106,79 +199,108 @@ def _quantiles(errors: list[float]) -> dict[str, float]:
     help="Noise column, 0 (none) to 3; may be repeated.",
 )  # fmt: skip
 @click.option("--model", type=click.Choice(list(MODELS)), default="exact", show_default=True)
+@click.option(
+    "--draws", type=click.IntRange(1), default=3, show_default=True, help="Each contact with so much noise."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def smoothing(
     folder: Path, names: tuple[str, ...], suites: tuple[str, ...], levels: tuple[int, ...], model: str,
-    as_json: bool,
+    draws: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Compare the last live answer of each contact in FOLDER's ground truth with the smoothed one."""
+    """Compare the last live answer of each contact in FOLDER's ground truth with the whole contact's.
+
+    The arms' contacts are counted together. The limit is the error of an oracle with the same readings that
+    is told link, surface and when the place moves; all but the place.
+    """
+    streams = {(name, suite): read(folder, name, suite) for name in names for suite in suites}
     rounds = [
-        (name, suite, COLUMNS[level], wrong)
-        for wrong in MODELS[model]
-        for name in names
-        for suite in suites
-        for level in levels
+        (suite, COLUMNS[level], wrong) for wrong in MODELS[model] for suite in suites for level in levels
     ]
     results = []
-    for name, suite, noise, wrong in track(
+    for suite, noise, wrong in track(
         rounds, description="smoothing", console=Console(stderr=True), transient=True
     ):
-        results += measure(read(folder, name, suite), noise, wrong)
+        found: list[Comparison] = []
+        for number, name in enumerate(names):
+            found += [
+                replace(c, event=(100 * number + c.event[0], c.event[1]))
+                for c in measure(streams[name, suite], noise, wrong, draws)
+            ]
+        for kind in KINDS:
+            chosen = [c for c in found if c.kind == kind or (kind == "all" and c.kind != "two at a time")]
+            if chosen:
+                results.append(
+                    {
+                        "suite": suite,
+                        "noise": noise._asdict(),
+                        "wrong_model": wrong,
+                        "kind": kind,
+                        **summary(chosen),
+                    }
+                )
     if as_json:
-        click.echo(json.dumps({"results": results}, indent=1))
-        return
+        click.echo(json.dumps({"robots": names, "draws": draws, "results": results}, indent=1))
+    else:
+        _print_table(results, names)
+
+
+def _print_table(results: Sequence[dict[str, Any]], names: Sequence[str]) -> None:
     table = Table(
-        title="errors in mm: live / from all samples of the contact",
-        caption="end: last answer of each contact; all: every sample with a live answer",
+        title=f"{', '.join(names)}; errors in mm: live / whole contact / limit",
+        caption=(
+            "answers: contacts x draws of noise, in brackets those that keep the live answer; P: mean "
+            "probability of the link named; end: last live answer of each contact; ratio: of the medians, "
+            "whole / live, with the 90 % interval of contacts drawn anew; all: every sample with a live "
+            "answer; in 90 %: truth within the 90 % region, with its 90 % interval"
+        ),
     )
-    for heading in ("arm", "suite", "noise N", "model", "motion"):
+    suites, models = len({r["suite"] for r in results}) > 1, len({r["wrong_model"] for r in results}) > 1
+    for heading in (*["suite"] * suites, *["model"] * models, "noise", "contact"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("contacts", "link %", "median, end", "p95, end", "median, all", "p95, all", "predicted",
+    for heading in ("contacts", "answers", "link %", "P %", "median, end", "ratio", "p95, end", "median, all",
                     "in 90 %"):  # fmt: skip
         table.add_column(heading, justify="right", no_wrap=True)
     for r in results:
+        end, every, p = r["end"], r["all_samples"], r["probability"]
+        low, ratio, high = r["ratio"]
+        covered, within = r["covered_90"], r["covered_90_interval"]
         table.add_row(
-            r["robot"], r["suite"], f"{r['noise']['force']:g}", "wrong" if r["wrong_model"] else "exact",
-            r["kind"], str(r["contacts"]),
-            f"{100 * r['link_right_live']:.0f} / {100 * r['link_right_smoothed']:.0f}",
-            *(
-                f"{r['error_mm_live' + which][q]:.2f} / {r['error_mm_smoothed' + which][q]:.2f}"
-                for which in ("", "_all")
-                for q in ("median", "p95")
-            ),
-            "." if r["predicted_mm"] is None else f"{r['predicted_mm']:.2f}",
-            "." if r["covered_90"] is None else f"{100 * r['covered_90']:.0f} %",
+            *[r["suite"]] * suites,
+            *["wrong" if r["wrong_model"] else "exact"] * models,
+            f"{r['noise']['force']:g} N",
+            r["kind"],
+            str(r["contacts"]),
+            f"{r['answers']} ({r['kept_live']})",
+            f"{100 * r['link_right']['live']:.1f} / {100 * r['link_right']['whole']:.1f}",
+            f"{100 * p['live']:.1f} / " + ("." if p["whole"] is None else f"{100 * p['whole']:.1f}"),
+            " / ".join(_number(value["median"]) for value in end.values()),
+            f"{ratio:.2f} ({low:.2f}-{high:.2f})",
+            " / ".join(_number(value["p95"], 1) for value in end.values()),
+            " / ".join(_number(value["median"]) for value in every.values()),
+            "." if covered is None else
+            f"{100 * covered:.0f} ({100 * within[0]:.0f}-{100 * within[1]:.0f})",
         )  # fmt: skip
-    Console(width=150).print(table)
+    Console(width=170).print(table)
 
 
-def measure(streams: list[Stream], noise: Noise, wrong: bool) -> list[dict[str, Any]]:
-    """One row per kind of motion, and one for all of them."""
+def _number(value: float | None, digits: int = 2) -> str:
+    return "." if value is None else f"{value:.{digits}f}"
+
+
+def measure(streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int = 1) -> Iterator[Comparison]:
+    """Compare all contacts of one arm's streams, each with so many draws of noise (one without noise)."""
     scene = scene_for(streams[0], noise, wrong)
-    localizer, smoother, frames = Localizer(scene), ContactSmoother(scene), Summarizer(scene)
-    found = {kind: Comparison() for kind in (*KINDS, "all")}
-    for stream in streams:
-        for history in _contacts(stream, scene, localizer, noise, wrong):
-            smoothed = smoother.smooth(history)
-            for kind in (stream.kind, "all"):
-                found[kind].add(history, smoothed, stream, frames)
-    return [
-        {
-            "robot": streams[0].robot,
-            "suite": streams[0].suite,
-            "kind": kind,
-            "noise": noise._asdict(),
-            "wrong_model": wrong,
-            **comparison.row(),
-        }
-        for kind, comparison in found.items()
-        if comparison.live
-    ]
+    localizer, comparer = Localizer(scene), Comparer(scene)
+    for draw in range(draws if any(noise) else 1):
+        for stream in streams:
+            drawn = redrawn(stream, draw)
+            for history in _contacts(drawn, localizer, noise, wrong):
+                comparison = comparer.compare(history, drawn)
+                if comparison is not None:
+                    yield comparison
 
 
-def _contacts(
-    stream: Stream, scene: Scene, localizer: Localizer, noise: Noise, wrong: bool
-) -> Iterator[ContactHistory]:
+def _contacts(stream: Stream, localizer: Localizer, noise: Noise, wrong: bool) -> Iterator[ContactHistory]:
     each = list(samples(stream, noise, wrong))
     block = SampleBlock(
         stream.t,

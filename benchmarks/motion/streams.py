@@ -12,9 +12,11 @@ import numpy as np
 SUITES = ("motion", "probe")
 Kind = Literal["standstill", "slow", "fast"]
 KINDS: tuple[Kind, ...] = ("standstill", "slow", "fast")
-_COMMON = ("t", "q", "qd", "tau", "base_wrench", "noise_tau", "noise_wrench", "run", "gravity", "meta")
+_COMMON = (
+    "t", "q", "qd", "tau", "base_wrench", "noise_tau", "noise_wrench", "run", "gravity", "meta", "n_base"
+)  # fmt: skip
 _OWN = {
-    "motion": ("active", "link", "c_base", "f", "xi", "n_base", "run_kind", "run_multi", "ev_run",
+    "motion": ("active", "link", "c_base", "f", "xi", "run_kind", "run_multi", "ev_run",
                "ev_slot", "ev_start", "ev_stop", "ev_type"),
     "probe": ("active", "link", "c_base", "f", "m_c", "fn_link", "run_moving", "qdd"),
 }  # fmt: skip
@@ -60,6 +62,8 @@ class Stream:
     """Touched link; -1 where nothing or more than one link is touched, shape (N,)."""
     point_base: np.ndarray
     """Contact point, shape (N, 3) [m]."""
+    normal_base: np.ndarray
+    """Outward unit normal there, zero without contact, shape (N, 3)."""
     wrench: np.ndarray
     """Wrench of that contact about the base origin, shape (N, 6) [N, Nm]."""
     events: tuple[Event, ...]
@@ -99,7 +103,7 @@ def redrawn(stream: Stream, draw: int) -> Stream:
 
 
 def _runs(data: dict[str, np.ndarray], robot: str, suite: str) -> Iterator[Stream]:
-    touched, link, point, wrench = _contacts(data, suite)
+    touched, link, point, normal, wrench = _contacts(data, suite)
     qd = data["qd"].astype(float)
     if suite == "probe":
         qd += _HALF_STEP * data["qdd"]
@@ -137,6 +141,7 @@ def _runs(data: dict[str, np.ndarray], robot: str, suite: str) -> Iterator[Strea
             touched=touched[here],
             link=link[here],
             point_base=point[here],
+            normal_base=normal[here],
             wrench=wrench[here],
             events=events,
         )
@@ -144,21 +149,23 @@ def _runs(data: dict[str, np.ndarray], robot: str, suite: str) -> Iterator[Strea
 
 def _contacts(
     data: dict[str, np.ndarray], suite: str
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Whether touched; the link if there is one only; point and wrench of that contact."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Whether touched; the link if there is one only; point, normal and wrench of that contact."""
     if suite == "probe":
         force, point = data["f"], data["c_base"]
         moment = np.cross(point, force) + data["m_c"]
         single = (data["fn_link"] > 0.0).sum(axis=1) == 1
         link = np.where(data["active"] & single, data["link"], -1).astype(np.int64)
-        return data["active"], link, point, np.hstack((force, moment))
+        return data["active"], link, point, data["n_base"].astype(float), np.hstack((force, moment))
     active = data["active"]
     slot = np.where(active[:, 0], 0, 1)
     rows = np.arange(len(slot))
     force, point = data["f"][rows, slot], data["c_base"][rows, slot]
-    twist = data["xi"][rows, slot, None] * data["n_base"][rows, slot]
+    normal = data["n_base"][rows, slot].astype(float)
+    twist = data["xi"][rows, slot, None] * normal
     link = np.where(active.sum(axis=1) == 1, data["link"][rows, slot], -1).astype(np.int64)
-    return np.asarray(active.any(axis=1)), link, point, np.hstack((force, np.cross(point, force) + twist))
+    wrench = np.hstack((force, np.cross(point, force) + twist))
+    return np.asarray(active.any(axis=1)), link, point, normal, wrench
 
 
 def _presses(touched: np.ndarray) -> tuple[Event, ...]:

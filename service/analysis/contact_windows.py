@@ -11,11 +11,12 @@ import numpy as np
 
 from contactsense.service.analysis.contact_history import ContactHistory
 
-SHORTEST = 0.02
-"""Windows are at least so long [s]."""
-MOST = 48
-"""Windows of a contact, where the arm does not move too fast for so few."""
-LARGEST_TURN = 0.05
+SHORTEST, LONGEST = 0.02, 0.1
+"""Windows are at least and, while there are fewer than `MOST`, at most so long [s]."""
+FEWEST, MOST = 12, 24
+"""Windows of a contact that is long enough, where the arm does not move too fast for so few. The force is
+free in each, so what noise does to it from one window to the next counts as evidence: few are better."""
+LARGEST_TURN = 0.2
 """No joint turns farther within a window [rad]."""
 LIMIT = 400
 """Most windows, however the arm moves."""
@@ -35,6 +36,8 @@ class ContactWindows:
     """Mean external base wrench, base axes, base origin [N, Nm], shape (W, 6)."""
     joint_torque: np.ndarray
     """Mean external torque about each joint [Nm], shape (W, n)."""
+    edges: np.ndarray
+    """Samples of the contact at which windows begin and end, shape (W + 1,), int64."""
 
 
 def contact_windows(history: ContactHistory, bandwidth: float) -> ContactWindows | None:
@@ -49,7 +52,8 @@ def contact_windows(history: ContactHistory, bandwidth: float) -> ContactWindows
     if len(t) < 4 or duration < SHORTEST:
         return None
     fastest = float(np.max(np.abs(history.block.qd), initial=0.0))
-    length = min(duration / MOST, LARGEST_TURN / max(fastest, 1e-9))
+    length = duration / min(max(duration / LONGEST, FEWEST), MOST)
+    length = min(length, LARGEST_TURN / max(fastest, 1e-9))
     length = max(length, SHORTEST, duration / LIMIT)
     count = max(int(duration / length), 1)
     edges = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], count + 1)))
@@ -65,4 +69,4 @@ def contact_windows(history: ContactHistory, bandwidth: float) -> ContactWindows
         means.append(((total[end] - total[begin]) + (r[end] - r[begin]) / K) / whole[:, None])
     middle = 0.5 * (t[begin] + t[end])
     q = np.column_stack([np.interp(middle, t, column) for column in history.block.q.T])
-    return ContactWindows(middle, (end - begin).astype(np.float64), q, means[0], means[1])
+    return ContactWindows(middle, (end - begin).astype(np.float64), q, means[0], means[1], edges)

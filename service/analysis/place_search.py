@@ -1,44 +1,79 @@
-"""The most probable place of a contact on one link, from all of its windows together.
+"""The most probable path of a contact on one link, from all of its windows together.
 
-In each window the force f and the torsion xi are free; place c (fixed, or moving between knots), offset h of
-the real surface and the biases b of the sensors are shared. With the wrench G u = (f, p x f + xi n), u = (f,
-xi), p = c + h n, in the link's frame, a window's measurement in units of its noise is y = A G u + D b + e,
-linear in u: u is eliminated window by window, and Gauss-Newton runs on what is shared. The priors are those
-of `contactsense.localization.posterior`; those of lean and torsion count once for the whole contact, as what
-a contact patch does in one window it does in the next.
+In each window the force f and the torsion xi are free; the path of the place (one knot: a fixed place), the
+offset h of the real surface at its knots and the biases b of the sensors are shared.
+`contactsense.service.analysis.path_elimination` eliminates force and torsion; Gauss-Newton runs on what is
+shared. The priors are those of `contactsense.localization.posterior`; those of lean and torsion count once
+for the whole contact, as what a contact patch does in one window it does in the next.
 """
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from contactsense.localization.posterior import STUDENT_DOF, Prior
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.robots.surface.union import distances
+from contactsense.service.analysis.path_elimination import eliminate_forces, project_knots
 
 ITERATIONS = 25
 FIRST_STEPS = 3
 """After so many steps a search that is far from the best is given up."""
+RESCALED = 8
+"""For so many steps lean and torsion are measured by the force of the step before, then by a fixed one."""
 CONVERGED = 1e-2
 """Decrease of the energy that ends the search."""
-SLIDING_SPEED = 0.2
-"""Speed at which contacts slide over a link, standard deviation [m/s]."""
+SLIDING_SPEED = 0.02
+"""Scale of the speed at which contacts slide over a link [m/s]."""
+SPEED_DOF = 1.0
+"""Degrees of freedom of the Student t distribution of that speed: some hands are much faster."""
+SURFACE_DOF, SURFACE_SCALE = 2.0, 0.5
+"""Degrees of freedom of the Student t distribution of the surface's offset, and its scale as a part of the
+scene's standard deviation: most of a link is nearer to its primitives than that, its details are farther."""
+LARGEST_OFFSET = 6.0
+"""No offset is larger than so many of these standard deviations."""
+NORMAL_DEVIATION = 0.1
+"""Standard deviation of the real surface's normal from that of the primitive [rad]."""
 LEAST_SHARE = 0.2
 """Lean and torsion are measured by at least this part of the largest force."""
+LOG_PEAK = (
+    math.lgamma(0.5 * (SURFACE_DOF + 1.0))
+    - math.lgamma(0.5 * SURFACE_DOF)
+    + 0.5 * math.log(2.0 / SURFACE_DOF)
+)
+"""Logarithm of the peak of that distribution at unit scale, over that of a normal distribution's."""
+
+
+class WindowSums(NamedTuple):
+    """What each window says of the wrench in the link's frame: sums over its measurements, in units of the
+    noise."""
+
+    information: np.ndarray
+    """A^T A, shape (W, 6, 6)."""
+    value: np.ndarray
+    """A^T y, shape (W, 6)."""
+    bias: np.ndarray
+    """A^T D, shape (W, 6, B)."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinkMeasurement:
-    """What W windows say of a contact on one link, in units of the noise; m rows each."""
+    """What W windows say of a contact on one link: measurements y = A w + D b + noise of unit variance, with
+    the wrench w in the link's frame, about its origin, and biases b."""
 
-    value: np.ndarray
-    """y, shape (W, m)."""
-    matrix: np.ndarray
-    """A: rows of a wrench in the link's frame, about its origin, shape (W, m, 6)."""
-    bias: np.ndarray
-    """D: rows of the biases, shape (W, m, B)."""
+    sums: WindowSums
+    """For the wrench."""
+    bias_information: np.ndarray
+    """Sum of D^T D, shape (B, B)."""
+    bias_value: np.ndarray
+    """Sum of D^T y, shape (B,)."""
     bias_variance: np.ndarray
     """Variance of the biases before, shape (B,)."""
+    square: float
+    """Sum of y^T y."""
+    rows: int
+    """Number of measurements y."""
     t: np.ndarray
     """Middle of each window [s], shape (W,)."""
 
@@ -59,12 +94,67 @@ class Place:
     """Force in each window, link axes [N], shape (W, 3)."""
     covariance: np.ndarray
     """Covariance of the place in each window [m^2], shape (W, 3, 3)."""
-    sliding: bool
-    """Whether the place moves."""
+    knots: np.ndarray
+    """Places on the primitives between which the path runs, one if it is fixed, shape (K, 3) [m]."""
     energy: float
     """Energy: half the squared residuals in units of the noise, and of what departs from the prior."""
     freedom: float
     """Degrees of freedom of the residuals: twice the energy that is expected where the model is right."""
+
+    @property
+    def sliding(self) -> bool:
+        """Whether the place moves."""
+        return len(self.knots) > 1
+
+
+class PathArrays(NamedTuple):
+    """A path for the kernels."""
+
+    places: np.ndarray
+    """Knots, shape (K, 3) [m]."""
+    offset: np.ndarray
+    """Offset h of the real surface at each, shape (K,) [m]."""
+    frames: np.ndarray
+    """Two tangents of each, shape (K, 2, 3)."""
+    knot: np.ndarray
+    """Knot before each window, shape (W,), int64."""
+    fraction: np.ndarray
+    """Part of the way to the next one, shape (W,)."""
+
+
+class EliminationArrays(NamedTuple):
+    """What `eliminate_forces` fills, W windows, B biases, s = 3 K + B unknowns; then its scratch."""
+
+    point: np.ndarray
+    """Places on the surface, shape (W, 3)."""
+    normal: np.ndarray
+    """Normals, shape (W, 3)."""
+    u: np.ndarray
+    """Force and torsion, shape (W, 4)."""
+    matrix: np.ndarray
+    """Gauss-Newton matrix, shape (s, s)."""
+    gradient: np.ndarray
+    """Gradient, shape (s,)."""
+    total: np.ndarray
+    """Sum of the windows' matrices of u, lower triangle, shape (4, 4)."""
+    G: np.ndarray
+    """From u to the wrench, shape (6, 4); the first three rows are those of (1 0)."""
+    LG: np.ndarray
+    """L G, shape (6, 4)."""
+    H: np.ndarray
+    """Matrix of u in one window, shape (4, 4)."""
+    Y: np.ndarray
+    """What couples u with the other unknowns of a window, shape (4, 6 + B)."""
+    E: np.ndarray
+    """Change of the moment by the unknowns of the two knots, shape (6, 3)."""
+    rhs: np.ndarray
+    """A^T times the residuals, shape (6,)."""
+    r: np.ndarray
+    """Right-hand side of the equations for u, shape (4,)."""
+    wrench: np.ndarray
+    """G u, shape (6,)."""
+    unknown: np.ndarray
+    """Number of each unknown of a window, shape (6 + B,), int64."""
 
 
 class PlaceSearch:
@@ -75,144 +165,129 @@ class PlaceSearch:
     ) -> None:
         """`knots`: 1 for a place that is fixed, else the number of places between which it moves."""
         self._surfaces, self._link, self._prior, self._m = surfaces, link, prior, measured
-        windows = len(measured.t)
-        self._share = 1.0 / windows
-        self._times = np.linspace(measured.t[0], measured.t[-1], knots) if knots > 1 else measured.t[:1]
-        hats = np.eye(knots)
-        self._hat = (
-            np.column_stack([np.interp(measured.t, self._times, row) for row in hats])
-            if knots > 1
-            else np.ones((windows, 1))
-        )
+        t = measured.t
+        self._knots, self._share = knots, 1.0 / len(t)
+        self._step = (t[-1] - t[0]) / (knots - 1) if knots > 1 else 1.0
+        at = (t - t[0]) / self._step if knots > 1 else np.zeros(len(t))
+        self._knot = np.minimum(at.astype(np.int64), max(knots - 2, 0))
+        self._fraction = at - self._knot
+        self._sigma = SLIDING_SPEED * self._step
 
     def run(self, start: np.ndarray, limit: float = np.inf) -> Place | None:
-        """Search from a point near the surface, link frame [m]; None where no push fits, or where the energy
-        is not below `limit` after a few steps."""
-        knots, biases = len(self._times), self._m.bias.shape[2]
-        places = np.repeat(start[None], knots, axis=0)
-        places, _ = self._project(places)
-        h, b = 0.0, np.zeros(biases)
-        scale: np.ndarray | None = None
-        state = self._evaluate(places, h, b, scale)
+        """Search from a point, shape (3,), or a path of knots, shape (K, 3), near the surface, link frame
+        [m]; None where no push fits, where the measurements determine none, or where the energy is not below
+        `limit` after a few steps."""
+        try:
+            return self._run(start, limit)
+        except np.linalg.LinAlgError:
+            return None
+
+    def _run(self, start: np.ndarray, limit: float) -> Place | None:
+        K, B = self._knots, len(self._m.bias_value)
+        places = np.array(np.broadcast_to(start, (K, 3)), dtype=np.float64)
+        h, b = np.zeros(K), np.zeros(B)
+        largest = LARGEST_OFFSET * self._prior.surface_deviation
+        state = self._evaluate(places, h, b, None, False)
+        scale = state.scale
         for iteration in range(ITERATIONS):
             if iteration == FIRST_STEPS and state.energy > limit:
                 return None
-            scale = state.scale
-            state = self._evaluate(places, h, b, scale)
+            if iteration < RESCALED:
+                scale = self._scale(state)
+            state = self._evaluate(state.places, h, b, scale, True)
+            if not np.isfinite(state.energy):
+                return None
             step = -np.linalg.solve(state.matrix, state.gradient)
-            length = float(np.max(np.linalg.norm(step[: 3 * knots].reshape(-1, 3), axis=1)))
+            change = step[: 3 * K].reshape(K, 3)
+            v = np.einsum("ki,kij->kj", change[:, :2], state.frames)
+            length = float(np.sqrt(np.max(np.sum(v * v, axis=1))))
             size = min(1.0, 0.1 / max(length, 1e-12))
             gained = 0.0
             for _ in range(5):
-                moved, _ = self._project(places + size * step[: 3 * knots].reshape(-1, 3))
-                tried = self._evaluate(
-                    moved, h + size * step[3 * knots], b + size * step[3 * knots + 1 :], scale
-                )
-                if tried.energy < state.energy:
+                h1 = np.clip(h + size * change[:, 2], -largest, largest)
+                b1 = b + size * step[3 * K :]
+                tried = self._evaluate(state.places + size * v, h1, b1, scale, False)
+                if tried.energy < state.energy and (tried.push > 0.0 or state.push <= 0.0):
                     gained = state.energy - tried.energy
-                    places, h, b = moved, h + size * step[3 * knots], b + size * step[3 * knots + 1 :]
-                    state = tried
+                    h, b, state = h1, b1, tried
                     break
                 size *= 0.4
             if gained < CONVERGED:
                 break
-        return self._result(state, h)
+        return self._result(self._evaluate(state.places, h, b, self._scale(state), True), h)
 
-    def _project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Nearest points of the link's surface, and normals there."""
-        for _ in range(2):
-            d, _, normal = distances(self._surfaces, np.ascontiguousarray(points), self._link)
-            points = points - d[:, None] * normal
-        return points, normal
-
-    def _evaluate(self, places: np.ndarray, h: float, b: np.ndarray, scale: np.ndarray | None) -> "_State":
-        m, prior = self._m, self._prior
-        knots, biases = len(places), len(b)
-        if knots == 1:
-            c, n = self._project(places)
-            c, n = (np.repeat(x, len(m.t), axis=0) for x in (c, n))
-        else:
-            c, n = self._project(self._hat @ places)
-        p = c + h * n
-        # Wrench of (f, xi) about the link's origin.
-        G = np.zeros((len(m.t), 6, 4))
-        G[:, :3, :3] = np.eye(3)
-        G[:, 3:, :3] = _cross(p)
-        G[:, 3:, 3] = n
-        J = m.matrix @ G
-        y = m.value - m.bias @ b
-        rhs = np.einsum("wmi,wm->wi", J, y)
-        H = np.einsum("wmi,wmk->wik", J, J)
-        if scale is None:
-            scale = np.full((len(m.t), 2), prior.force)
-            scale[:, 1] = (STUDENT_DOF + 2.0) / STUDENT_DOF
-        # Priors of torsion and lean, both relative to the force; and of the size of the force.
-        P = np.zeros((len(m.t), 4, 4))
-        F = scale[:, 0]
-        tangential = np.eye(3) - np.einsum("wi,wk->wik", n, n)
-        lean = self._share * scale[:, 1] / (prior.friction_ratio * F) ** 2
-        P[:, :3, :3] = lean[:, None, None] * tangential
-        P[:, :3, :3] += (0.25 * self._share / prior.force**2) * np.eye(3)
-        P[:, 3, 3] = self._share / (prior.torsion_lever * F) ** 2
-        H = H + P
-        u = np.linalg.solve(H, rhs[..., None])[..., 0]
-        e = y - np.einsum("wmi,wi->wm", J, u)
-        d = places - np.roll(places, 1, axis=0)
-        walk = 0.0
-        if knots > 1:
-            sigma = SLIDING_SPEED * (self._times[1] - self._times[0])
-            walk = float(np.sum(d[1:] ** 2)) / sigma**2
-        energy = 0.5 * (
-            float(np.sum(e * e)) + float(np.einsum("wi,wik,wk->", u, P, u))
-            + (h / prior.surface_deviation) ** 2 + float(np.sum(b * b / m.bias_variance)) + walk
-        )  # fmt: skip
-        # Shared unknowns: knots (3 each), offset, biases.
-        f = u[:, :3]
-        size = 3 * knots + 1 + biases
-        dw = np.zeros((len(m.t), 6, size))
-        turn = -_cross(f) @ tangential
-        for k in range(knots):
-            dw[:, 3:, 3 * k : 3 * k + 3] = self._hat[:, k, None, None] * turn
-        dw[:, 3:, 3 * knots] = np.cross(n, f)
-        Js = m.matrix @ dw
-        Js[:, :, 3 * knots + 1 :] = m.bias
-        Hus = np.einsum("wmi,wms->wis", J, Js)
-        S = np.einsum("wms,wmr->sr", Js, Js) - np.einsum("wis,wir->sr", Hus, np.linalg.solve(H, Hus))
-        g = -np.einsum("wms,wm->s", Js, e)
-        S[3 * knots, 3 * knots] += 1.0 / prior.surface_deviation**2
-        g[3 * knots] += h / prior.surface_deviation**2
-        diagonal = np.arange(3 * knots + 1, size)
-        S[diagonal, diagonal] += 1.0 / m.bias_variance
-        g[diagonal] += b / m.bias_variance
-        # Along the normal a place does not move; somewhere on the link it is.
-        extent = 0.5 * float(np.max(self._surfaces.radius))
-        S[np.arange(3 * knots), np.arange(3 * knots)] += 1.0 / extent**2
-        if knots > 1:
-            for k in range(1, knots):
-                for i in range(3):
-                    a, z = 3 * k + i, 3 * (k - 1) + i
-                    S[a, a] += 1.0 / sigma**2
-                    S[z, z] += 1.0 / sigma**2
-                    S[a, z] -= 1.0 / sigma**2
-                    S[z, a] -= 1.0 / sigma**2
-                    g[a] += d[k, i] / sigma**2
-                    g[z] -= d[k, i] / sigma**2
-        push = -np.einsum("wi,wi->w", f, n)
-        least = LEAST_SHARE * float(np.max(np.abs(push), initial=1e-3))
-        F = np.maximum(np.abs(push), least)
-        rho = np.sum(np.einsum("wik,wk->wi", tangential, f) ** 2, axis=1) / (prior.friction_ratio * F) ** 2
-        weight = (STUDENT_DOF + 2.0) / (STUDENT_DOF + rho)
-        return _State(energy, S, g, c, n, u, np.linalg.slogdet(H)[1].sum(), np.column_stack((F, weight)))
-
-    def _result(self, state: "_State", h: float) -> Place | None:
-        """What the search has ended with."""
-        prior, knots = self._prior, len(self._times)
+    def _scale(self, state: "_State") -> np.ndarray:
+        """Size of the normal force and weight of the lean's prior in each window, shape (W, 2)."""
         f, n = state.u[:, :3], state.normal
-        impulse = -np.einsum("wi,wi->", f, n)
-        if impulse <= 0.0:
+        push = -np.einsum("wi,wi->w", f, n)
+        F = np.abs(push)
+        F = np.maximum(F, LEAST_SHARE * max(float(F.max()), 1e-3))
+        lean = np.einsum("wi,wi->w", f, f) - push * push
+        rho = lean / (self._prior.friction_ratio * F) ** 2
+        return np.column_stack((F, (STUDENT_DOF + 2.0) / (STUDENT_DOF + rho)))
+
+    def _evaluate(
+        self, places: np.ndarray, h: np.ndarray, b: np.ndarray, scale: np.ndarray | None, derivatives: bool
+    ) -> "_State":
+        m, prior, K = self._m, self._prior, self._knots
+        W, B = len(m.t), len(b)
+        if scale is None:
+            scale = np.column_stack((np.full(W, prior.force), np.full(W, (STUDENT_DOF + 2.0) / STUDENT_DOF)))
+        F = scale[:, 0]
+        rows = np.empty((W, 3))
+        rows[:, 0] = self._share * scale[:, 1] / (prior.friction_ratio * F) ** 2
+        rows[:, 1] = 0.25 * self._share / prior.force**2
+        rows[:, 2] = self._share / (prior.torsion_lever * F) ** 2
+        path = PathArrays(places, h, np.empty((K, 2, 3)), self._knot, self._fraction)
+        size = 3 * K + B
+        out = EliminationArrays(
+            np.empty((W, 3)), np.empty((W, 3)), np.empty((W, 4)), np.zeros((size, size)), np.zeros(size),
+            np.zeros((4, 4)),
+            np.zeros((6, 4)), np.empty((6, 4)), np.empty((4, 4)), np.empty((4, 6 + B)), np.empty((6, 3)),
+            np.empty(6), np.empty(4), np.empty(6), np.empty(6 + B, dtype=np.int64),
+        )  # fmt: skip
+        project_knots(self._surfaces, self._link, places, path.frames)
+        energy = eliminate_forces(self._surfaces, self._link, rows, m.sums, path, b, out, derivatives)
+        Nb = m.bias_information @ b
+        energy += 0.5 * m.square - float(b @ m.bias_value) + 0.5 * float(b @ Nb)
+        s = SURFACE_SCALE * prior.surface_deviation
+        offset = (h / s) ** 2
+        energy += 0.5 * (SURFACE_DOF + 1.0) * float(np.sum(np.log1p(offset / SURFACE_DOF)))
+        energy += 0.5 * float(np.sum(b * b / m.bias_variance))
+        S, g = out.matrix, out.gradient
+        if derivatives:
+            S[3 * K :, 3 * K :] += m.bias_information + np.diag(1.0 / m.bias_variance)
+            g[3 * K :] += Nb - m.bias_value + b / m.bias_variance
+            weight = (SURFACE_DOF + 1.0) / (SURFACE_DOF + offset) / s**2
+            at = np.arange(2, 3 * K, 3)
+            S[at, at] += weight
+            g[at] += weight * h
+        if K > 1:
+            d = np.diff(places, axis=0)
+            square = np.sum(d * d, axis=1) / self._sigma**2
+            energy += 0.5 * (SPEED_DOF + 2.0) * float(np.sum(np.log1p(square / SPEED_DOF)))
+            if derivatives:
+                weight = (SPEED_DOF + 2.0) / (SPEED_DOF + square) / self._sigma**2
+                # Rows of the increments' derivatives by all knots' tangential coordinates.
+                J = np.zeros((K - 1, 3, 3 * K))
+                for k in range(K - 1):
+                    J[k, :, 3 * k : 3 * k + 2] = -path.frames[k].T
+                    J[k, :, 3 * k + 3 : 3 * k + 5] = path.frames[k + 1].T
+                S[: 3 * K, : 3 * K] += np.einsum("k,kis,kir->sr", weight, J, J)
+                g[: 3 * K] += np.einsum("k,kis,ki->s", weight, J, d)
+        return _State(energy, places, path.frames, S, g, out.point, out.normal, out.u, out.total, scale)
+
+    def _result(self, state: "_State", h: np.ndarray) -> Place | None:
+        """What the search has ended with."""
+        prior, K, W = self._prior, self._knots, len(self._m.t)
+        f, n = state.u[:, :3], state.normal
+        if state.push <= 0.0:
             return None
+        # The force hardly changes from window to window: its integral counts once, as for one force of all.
+        # Counted in each window it would favour places whose moment the force's noise moves least.
+        log_det_force = 2.0 * float(np.sum(np.log(np.diag(np.linalg.cholesky(state.total)))))
         sign, log_det = np.linalg.slogdet(state.matrix)
-        if sign <= 0.0:
+        if sign <= 0.0 or not np.isfinite(log_det):
             return None
         F = state.scale[:, 0]
         log_prior = self._share * float(
@@ -222,51 +297,55 @@ class PlaceSearch:
                 - 0.5 * np.log(F / prior.force) ** 2
             )
         )
-        extent = 0.5 * float(np.max(self._surfaces.radius))
-        # The normal directions of the knots carry the ridge alone.
-        log_prior += np.log(2.0 * np.pi / prior.area) - np.log(extent) * knots
-        if knots > 1:
-            sigma = SLIDING_SPEED * (self._times[1] - self._times[0])
-            log_prior -= 2.0 * (knots - 1) * np.log(sigma)
-        evidence = log_prior - state.energy - 0.5 * log_det - 0.5 * state.log_det_windows
-        C = np.linalg.inv(state.matrix)[: 3 * knots + 1, : 3 * knots + 1]
-        freedom = float(self._m.value.size - 4 * len(n))
-        tangential = np.eye(3) - np.einsum("wi,wk->wik", n, n)
-        map_ = np.zeros((len(n), 3, 3 * knots + 1))
-        for k in range(knots):
-            map_[:, :, 3 * k : 3 * k + 3] = self._hat[:, k, None, None] * tangential
-        map_[:, :, 3 * knots] = n
-        covariance = map_ @ C @ np.swapaxes(map_, 1, 2)
+        # Laplace's integral over the first place (uniform over the surface), increments and offsets.
+        log_prior += np.log(2.0 * np.pi / prior.area) - 2.0 * (K - 1) * np.log(self._sigma)
+        log_prior += K * (LOG_PEAK - np.log(SURFACE_SCALE * prior.surface_deviation))
+        evidence = log_prior - state.energy - 0.5 * log_det - 0.5 * log_det_force
+        # The peak of the offset's distribution is narrower than the distribution.
+        S, at = state.matrix.copy(), np.arange(2, 3 * K, 3)
+        s = SURFACE_SCALE * prior.surface_deviation
+        weight = (SURFACE_DOF + 1.0) / (SURFACE_DOF + (h / s) ** 2) / s**2
+        S[at, at] += np.minimum(weight, prior.surface_deviation**-2) - weight
+        C = np.linalg.inv(S)[: 3 * K, : 3 * K]
+        tangential = np.eye(3) - n[:, :, None] * n[:, None, :]
+        hat = np.zeros((W, K))
+        hat[np.arange(W), self._knot] = 1.0 - self._fraction
+        hat[np.arange(W), np.minimum(self._knot + 1, K - 1)] += self._fraction
+        rows = np.zeros((W, K, 3, 3))
+        rows[..., :2] = hat[:, :, None, None] * (tangential[:, None] @ np.swapaxes(state.frames, 1, 2)[None])
+        rows[..., 2] = hat[:, :, None] * n[:, None]
+        jacobian = np.swapaxes(rows, 1, 2).reshape(W, 3, 3 * K)
+        covariance = jacobian @ C @ np.swapaxes(jacobian, 1, 2)
+        # The moment of the torsion turns with the normal, which shifts the place.
+        lever = float(np.sum(np.abs(F * state.u[:, 3])) / np.sum(F * F))
+        covariance += (NORMAL_DEVIATION * lever) ** 2 * tangential
         return Place(
             self._link,
             float(evidence),
-            state.point + h * n,
+            state.point + (hat @ h)[:, None] * n,
             n,
             f,
             covariance,
-            knots > 1,
+            state.places,
             state.energy,
-            freedom,
+            float(self._m.rows - 4 * W),
         )
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
     energy: float
+    places: np.ndarray
+    frames: np.ndarray
     matrix: np.ndarray
     gradient: np.ndarray
     point: np.ndarray
     normal: np.ndarray
     u: np.ndarray
-    log_det_windows: float
+    total: np.ndarray
     scale: np.ndarray
-    """Size of the normal force and weight of the lean's prior in each window, shape (W, 2)."""
 
-
-def _cross(v: np.ndarray) -> np.ndarray:
-    """Matrices of the cross product v x, shape (W, 3, 3)."""
-    X = np.zeros((len(v), 3, 3))
-    X[:, 0, 1], X[:, 0, 2] = -v[:, 2], v[:, 1]
-    X[:, 1, 0], X[:, 1, 2] = v[:, 2], -v[:, 0]
-    X[:, 2, 0], X[:, 2, 1] = -v[:, 1], v[:, 0]
-    return X
+    @property
+    def push(self) -> float:
+        """Sum of the normal forces; negative where the contact would pull [N]."""
+        return -float(np.einsum("wi,wi->", self.u[:, :3], self.normal))

@@ -1,7 +1,7 @@
 """A second look at a contact once it is over: link and place from all of its samples together."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,13 +9,13 @@ from contactsense import Localizer
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.result_rows import LINK, POINT_BASE
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_windows import ContactWindows, contact_windows
-from contactsense.service.analysis.place_search import LinkMeasurement, Place, PlaceSearch
-from contactsense.tracking.contact_tracker import SLIDE
+from contactsense.service.analysis.link_windows import link_windows
+from contactsense.service.analysis.place_accessibility import log_accessible_share
+from contactsense.service.analysis.place_search import LinkMeasurement, Place, PlaceSearch, WindowSums
 
 APART = 0.03
 """Starts on one link are at least so far apart [m]."""
@@ -23,10 +23,12 @@ STARTS = 6
 """Most starts."""
 LOOKS = (0.3, 0.5, 0.7, 0.9)
 """When a contact is looked at for starts, as parts of its duration."""
-KNOT_TIME, MOST_KNOTS = 0.15, 12
-"""Time between the places of a contact that slides [s], and the most of them."""
-SLIDING_SHARE = 0.1
-"""A contact that slides for this part of its time may move; so may one that does not fit a fixed place."""
+KNOTS = (2, 3, 4, 6, 9, 12)
+"""Places between which a contact that slides moves."""
+KNOT_TIME = 0.1
+"""Time between them is at least this, but for the first two [s]."""
+TRACK = 4
+"""Places of the live estimates from which a path that moves is searched."""
 LEAST_PROBABILITY = 0.01
 """Links that the live estimates of the contact's second half find less probable than this are left out."""
 MISFIT = 6.0
@@ -65,46 +67,49 @@ class SmoothedContact:
 
 
 class ContactSmoother:
-    """For the contacts of one scene, which has no wrist sensor."""
+    """For the contacts of one scene. Only with a base wrench and without a wrist sensor there are answers:
+    torques alone determine too little of each window's force."""
 
     def __init__(self, scene: Scene) -> None:
         """Prepare for `scene`."""
-        constants = build_constants(scene)
-        # One of its own: `locate` would disturb a stream.
+        # One of its own: `locate` would disturb a stream. Its constants are used, as they take long to build.
         self._scene, self._localizer = scene, Localizer(scene)
+        constants = self._localizer._buffers.constants
         self._surfaces, self._prior = constants.surfaces, constants.prior
         self._depth, self._sensors = constants.sensors.depth, constants.sensors
         self._model, self._motion = build_model(scene.robot), empty_motion(len(scene.robot.joints))
 
     def smooth(self, history: ContactHistory) -> SmoothedContact | None:
         """Look again at a contact; None where its samples allow no answer."""
+        if self._scene.base_wrench is None or self._scene.wrist_wrench is not None:
+            return None
         windows = contact_windows(history, self._scene.bandwidth)
-        if windows is None or len(history.rows) == 0 or self._scene.wrist_wrench is not None:
+        if windows is None or len(history.rows) == 0:
             return None
         if not (np.isfinite(windows.base_wrench).all() and np.isfinite(windows.joint_torque).all()):
             return None
-        duration = float(windows.t[-1] - windows.t[0])
-        slides = bool(np.mean(history.phase == SLIDE) > SLIDING_SHARE)
-        moving = min(int(duration / KNOT_TIME), MOST_KNOTS, len(windows.t) // 2)
         measured: dict[int, LinkMeasurement] = {}
+        found: list[Place] = []
         places: list[Place] = []
         lowest = np.inf
         for link, start in self._starts(history, windows):
             if link not in measured:
-                measured[link] = self._measurement(history, windows, link)
-            search = PlaceSearch(self._surfaces, link, self._prior, measured[link], 1)
-            place = search.run(start, lowest + HOPELESS)
-            if place is None or _is_duplicate(place, places):
+                measured[link] = self.measurement(history, windows, link)
+            place = PlaceSearch(self._surfaces, link, self._prior, measured[link], 1).run(
+                start, lowest + HOPELESS
+            )
+            if place is None or _is_duplicate(place, found):
                 continue
-            places.append(place)
+            found.append(place)
             lowest = min(lowest, place.energy)
-            if moving > 1 and (slides or place.energy > 0.5 * place.freedom):
-                search = PlaceSearch(self._surfaces, link, self._prior, measured[link], moving)
-                moved = search.run(place.point[0], lowest + HOPELESS)
-                if moved is not None and not _is_duplicate(moved, places):
-                    places.append(moved)
-                    lowest = min(lowest, moved.energy)
-        places = [place for place in places if _fits(place)]
+            paths = [place, *self._paths(link, place.knots, measured[link])]
+            places += self._explanation(paths, windows)
+        # A contact that slides far fits no fixed place to begin with; the live estimates have followed it.
+        for link in set(measured) - {place.link for place in places}:
+            track = self._track(history, link)
+            if track is not None:
+                places += self._explanation([*self._paths(link, track, measured[link])], windows)
+        places = [place for place in places if np.isfinite(place.log_evidence)]
         if not places:
             return None
         places.sort(key=lambda place: -place.log_evidence)
@@ -114,55 +119,99 @@ class ContactSmoother:
         np.add.at(link_probability, [place.link for place in places], probability)
         return SmoothedContact(windows, tuple(places), probability, link_probability)
 
-    def _poses(
-        self, windows: ContactWindows, body: int
-    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Origin, rotation and screws (n, 6) of a body's frame in each window."""
-        for q in windows.q:
-            forward_kinematics(self._model, q, self._motion)
-            yield (
-                self._motion.origin[body].copy(),
-                self._motion.rotation[body].copy(),
-                self._motion.screw.copy(),
-            )
+    def _explanation(self, paths: list[Place], windows: ContactWindows) -> list[Place]:
+        """The paths that fit as one place; none where none fits."""
+        paths = [path for path in paths if _fits(path)]
+        return [self._touchable(_mixture(paths), windows)] if paths else []
 
-    def _measurement(self, history: ContactHistory, windows: ContactWindows, link: int) -> LinkMeasurement:
+    def _track(self, history: ContactHistory, link: int) -> np.ndarray | None:
+        """Where the live estimates were on a link, body frame, at `TRACK` times; None if they were seldom
+        there."""
+        on = np.flatnonzero(history.rows[:, LINK] == link)
+        if len(on) < max(len(history.rows) // 4, TRACK):
+            return None
+        body, points = int(self._depth[link]), []
+        for part in np.array_split(on, TRACK):
+            k = part[len(part) // 2]
+            forward_kinematics(self._model, history.block.q[history.sample[k]], self._motion)
+            base = history.rows[k, POINT_BASE]
+            points.append((base - self._motion.origin[body]) @ self._motion.rotation[body])
+        return np.array(points)
+
+    def _paths(self, link: int, path: np.ndarray, measured: LinkMeasurement) -> Iterator[Place]:
+        """Paths that move, from few knots to many while more knots tell more; `path`: knots of the first
+        guess, shape (K, 3)."""
+        duration = float(measured.t[-1] - measured.t[0])
+        best = -np.inf
+        for knots in KNOTS:
+            if knots > 2 and duration < KNOT_TIME * (knots - 1):
+                break
+            if len(measured.t) < 2 * knots:
+                break
+            search = PlaceSearch(self._surfaces, link, self._prior, measured, knots)
+            grid = np.linspace(0.0, 1.0, len(path))
+            at = np.linspace(0.0, 1.0, knots)
+            start = np.column_stack([np.interp(at, grid, column) for column in path.T])
+            found = search.run(start)
+            if found is None:
+                break
+            yield found
+            if found.log_evidence < best:
+                break
+            best, path = found.log_evidence, found.knots
+
+    def _touchable(self, place: Place, windows: ContactWindows) -> Place:
+        """The place with the evidence that it can be touched, at begin, middle and end of the contact."""
+        shares = []
+        for w in {0, len(windows.t) // 2, len(windows.t) - 1}:
+            forward_kinematics(self._model, windows.q[w], self._motion)
+            shares.append(
+                log_accessible_share(
+                    self._surfaces,
+                    self._prior,
+                    place.link,
+                    place.point[w],
+                    place.covariance[w],
+                    self._motion.rotation,
+                    self._motion.origin,
+                )
+            )
+        return replace(place, log_evidence=place.log_evidence + min(shares))
+
+    def measurement(self, history: ContactHistory, windows: ContactWindows, link: int) -> LinkMeasurement:
         """What the windows say of a contact on one link."""
-        scene, body = self._scene, int(self._depth[link])
-        count, joints = len(windows.t), windows.q.shape[1]
-        root = np.sqrt(windows.samples)[:, None, None]
-        step = float(np.median(np.diff(history.t)))
-        gain = noise_variance_ratio(scene.bandwidth, step)
-        X, S = np.zeros((count, 6, 6)), np.zeros((count, joints, 6))
-        for w, (origin, rotation, screw) in enumerate(self._poses(windows, body)):
-            X[w, :3, :3] = X[w, 3:, 3:] = rotation
-            X[w, 3:, :3] = np.cross(origin, rotation.T).T
-            S[w, :body] = screw[:body]
-        values, matrices, biases, variances = [], [], [], []
-        if scene.base_wrench is not None:
-            C = self._sensors.base_covariance
-            whiten = root * np.linalg.inv(np.linalg.cholesky(C))[None]
-            values.append(np.einsum("wmk,wk->wm", whiten, windows.base_wrench))
-            matrices.append(whiten @ X)
-            biases.append(whiten)
-            variances.append(np.mean(history.base_wrench_std**2, axis=0) - gain * np.diag(C))
+        scene = self._scene
+        found = link_windows(self._model, history, windows, scene.bandwidth, int(self._depth[link]))
+        gain = noise_variance_ratio(scene.bandwidth, float(np.median(np.diff(history.t))))
+        C, X = self._sensors.base_covariance, found.transform
+        information, samples = np.linalg.inv(C), windows.samples
+        y = np.einsum("wij,wj->wi", X, found.wrench)
+        weighted = samples[:, None, None] * np.swapaxes(X, 1, 2) @ information
+        L, a, M = weighted @ X, np.einsum("wij,wj->wi", weighted, y), weighted
+        N, d = samples.sum() * information, information @ (samples @ y)
+        square = float(np.einsum("w,wi,ij,wj->", samples, y, information, y))
+        variance = np.mean(history.base_wrench_std**2, axis=0) - gain * np.diag(C)
+        rows = y.size
         if scene.joint_torque is not None:
-            noise = np.sqrt(self._sensors.torque_variance)
-            whiten = root * np.diag(1.0 / noise)[None]
-            values.append(np.einsum("wmk,wk->wm", whiten, windows.joint_torque))
-            matrices.append(whiten @ S @ X)
-            biases.append(whiten)
-            variances.append(np.mean(history.joint_torque_std**2, axis=0) - gain * noise**2)
-        bias = np.zeros((count, sum(b.shape[1] for b in biases), sum(b.shape[2] for b in biases)))
-        row = 0
-        for b in biases:
-            bias[:, row : row + b.shape[1], row : row + b.shape[1]] = b
-            row += b.shape[1]
+            precision = 1.0 / self._sensors.torque_variance
+            A, y = found.screw @ X, found.torque
+            weighted = samples[:, None, None] * np.swapaxes(A, 1, 2) * precision
+            L, a = L + weighted @ A, a + np.einsum("wij,wj->wi", weighted, y)
+            M = np.concatenate((M, weighted), axis=2)
+            corner = np.zeros((6, len(precision)))
+            N = np.block([[N, corner], [corner.T, samples.sum() * np.diag(precision)]])
+            d = np.concatenate((d, precision * (samples @ y)))
+            square += float(np.einsum("w,wi,i->", samples, y * y, precision))
+            more = np.mean(history.joint_torque_std**2, axis=0) - gain / precision
+            variance = np.concatenate((variance, more))
+            rows += y.size
         return LinkMeasurement(
-            np.concatenate(values, axis=1),
-            np.concatenate(matrices, axis=1),
-            bias,
-            np.maximum(np.concatenate(variances), 1e-8),
+            WindowSums(L, a, np.ascontiguousarray(M)),
+            N,
+            d,
+            np.maximum(variance, 1e-8),
+            square,
+            rows,
             windows.t,
         )
 
@@ -197,7 +246,7 @@ class ContactSmoother:
                 few = slice(w, w + 1)
             estimate = self._localizer.locate(
                 windows.q[w],
-                base_wrench=windows.base_wrench[few].mean(axis=0) if self._scene.base_wrench else None,
+                base_wrench=windows.base_wrench[few].mean(axis=0),
                 joint_torque=-windows.joint_torque[few].mean(axis=0) if self._scene.joint_torque else None,
                 detect=False,
             )
@@ -212,10 +261,28 @@ def _fits(place: Place) -> bool:
     return bool(2.0 * place.energy < place.freedom + MISFIT * np.sqrt(2.0 * place.freedom))
 
 
+def _mixture(paths: list[Place]) -> Place:
+    """One place from a fixed one and paths that started there: mean and covariance over them, weighted by
+    their evidence. That the place is fixed, and that it moves, have equal probability before."""
+    moving = max(sum(path.sliding for path in paths), 1)
+    evidence = np.array([p.log_evidence - np.log(2.0 * (moving if p.sliding else 1)) for p in paths])
+    weight = np.exp(evidence - evidence.max())
+    total = weight.sum()
+    weight /= total
+    point = np.einsum("p,pwi->wi", weight, [path.point for path in paths])
+    away = np.array([path.point for path in paths]) - point
+    covariance = np.einsum("p,pwik->wik", weight, [path.covariance for path in paths])
+    covariance += np.einsum("p,pwi,pwk->wik", weight, away, away)
+    return replace(
+        paths[int(np.argmax(weight))],
+        log_evidence=float(evidence.max() + np.log(total)),
+        point=point,
+        covariance=covariance,
+    )
+
+
 def _is_duplicate(place: Place, others: list[Place]) -> bool:
     return any(
-        place.link == other.link
-        and place.sliding == other.sliding
-        and float(np.max(np.linalg.norm(place.point - other.point, axis=1))) < 2e-3
+        place.link == other.link and float(np.max(np.linalg.norm(place.point - other.point, axis=1))) < 2e-3
         for other in others
     )

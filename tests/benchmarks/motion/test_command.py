@@ -27,7 +27,8 @@ def _stream() -> Stream:
         robot="ur5e", gravity=9.81, suite="motion", run=0, kind="slow", multi=False,
         t=np.arange(N) * 0.002, q=zero, qd=zero, torque=zero, base_wrench=zero, noise_torque=zero,
         noise_wrench=zero, touched=touched, link=np.where(touched, 3, -1),
-        point_base=np.tile([0.1, 0.2, 0.3], (N, 1)), wrench=wrench,
+        point_base=np.tile([0.1, 0.2, 0.3], (N, 1)), normal_base=np.tile([0.0, 0.0, 1.0], (N, 1)),
+        wrench=wrench,
         events=(Event(200, 400, "hold"), Event(700, 725, "impact")),
     )  # fmt: skip
 

@@ -1,6 +1,7 @@
-"""`contactsense bench smoothing` on ground truth: the second look is better over whole contacts."""
+"""`contactsense bench smoothing` on ground truth: live answers, the whole contact's, and their limit."""
 
 import json
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -9,12 +10,31 @@ from contactsense.benchmarks.motion.smoothing import smoothing
 from tests.shared import shared
 
 
-@pytest.mark.slow
-def test_over_whole_contacts_the_second_look_is_better() -> None:
+def rows(*options: str) -> dict[str, dict[str, Any]]:
     folder = shared("truth/motion_ur5e.npz").parent
-    result = CliRunner().invoke(smoothing, [str(folder), "--robot", "ur5e", "--level", "2", "--json"])
+    result = CliRunner().invoke(smoothing, [str(folder), "--robot", "ur5e", *options, "--json"])
     assert result.exit_code == 0, result.output
-    found = next(row for row in json.loads(result.stdout)["results"] if row["kind"] == "all")
-    assert found["contacts"] >= 30
-    assert found["link_right_smoothed"] >= found["link_right_live"] - 0.05
-    assert found["error_mm_smoothed_all"]["median"] < found["error_mm_live_all"]["median"]
+    return {row["kind"]: row for row in json.loads(result.stdout)["results"]}
+
+
+@pytest.mark.slow
+def test_the_whole_contact_is_better_than_its_last_live_answer() -> None:
+    found = rows("--level", "2", "--draws", "2")
+    every, slide = found["all"], found["slide"]
+    assert every["answers"] == 2 * every["contacts"] >= 50
+    assert every["kept_live"] <= 0.1 * every["answers"]
+    assert every["link_right"]["whole"] >= every["link_right"]["live"] - 0.05
+    assert every["end"]["limit"]["median"] < every["end"]["whole"]["median"] < every["end"]["live"]["median"]
+    assert slide["end"]["whole"]["median"] < 0.75 * slide["end"]["live"]["median"]
+    assert every["all_samples"]["whole"]["median"] < 0.75 * every["all_samples"]["live"]["median"]
+    # Regions hold the truth, and not by being wide.
+    assert every["covered_90"] >= 0.85
+    assert every["predicted_mm"] < 2.0 * every["end"]["whole"]["median"]
+    assert found["two at a time"]["kept_live"] == found["two at a time"]["answers"]
+
+
+@pytest.mark.slow
+def test_without_noise_the_limit_is_the_truth() -> None:
+    found = rows("--level", "0")
+    assert found["all"]["end"]["limit"]["median"] < 0.05
+    assert found["slide"]["end"]["limit"]["median"] < 0.2

@@ -1,0 +1,200 @@
+"""Energy of a path of contact places, its gradient and Gauss-Newton matrix, from all windows of a contact.
+
+In each window w a contact at p = c + h n acts with the force f and the torsion xi, u = (f, xi): the wrench in
+the link's frame is G u = (f, p x f + xi n). With the measurement's rows A, the biases b and their rows D the
+residuals are y - A G u - D b. Here A and y come as L = A^T A, a = A^T y and M = A^T D, summed over a window's
+rows. Each window's u is linear and is eliminated (Schur complement). What is left are the unknowns that
+windows share: two tangential coordinates and the surface's offset h at each knot of the path, and b.
+"""
+
+import math
+
+from contactsense.kinematics.linalg.cholesky import cholesky
+from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.union import nearest
+from contactsense.tracking.contact_tracker import tangents
+
+
+@kernel
+def _nearest(surfaces, link, x, y, z):  # type: ignore[no-untyped-def]
+    """Nearest point of the link's surface, and the outward normal there."""
+    _, _, px, py, pz, nx, ny, nz = nearest(
+        surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius,
+        surfaces.start[link], surfaces.start[link + 1], x, y, z,
+    )  # fmt: skip
+    return px, py, pz, nx, ny, nz
+
+
+@kernel
+def project_knots(surfaces, link, places, frames):  # type: ignore[no-untyped-def]
+    """Move places (K, 3), link frame, to the link's surface; fill `frames` (K, 2, 3) with tangents."""
+    for k in range(places.shape[0]):
+        nx, ny, nz = 0.0, 0.0, 1.0
+        for _ in range(2):
+            x, y, z, nx, ny, nz = _nearest(surfaces, link, places[k, 0], places[k, 1], places[k, 2])
+            places[k, 0], places[k, 1], places[k, 2] = x, y, z
+        ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
+        frames[k, 0, 0], frames[k, 0, 1], frames[k, 0, 2] = ax, ay, az
+        frames[k, 1, 0], frames[k, 1, 1], frames[k, 1, 2] = bx, by, bz
+
+
+@kernel
+def eliminate_forces(surfaces, link, prior_rows, windows, path, b, out, derivatives):  # type: ignore[no-untyped-def]
+    """Eliminate force and torsion of every window.
+
+    Args:
+        surfaces: Primitives of all links.
+        link: The link.
+        prior_rows: Precision of tangential force, any force and torsion in each window, shape (W, 3).
+        windows: L, a and M of each window, see `contactsense.service.analysis.place_search.WindowSums`.
+        path: Knots and their tangents, and which knots a window lies between, see `PathArrays`.
+        b: Biases, shape (B,).
+        out: Results, see `EliminationArrays`; matrix and gradient are added to.
+        derivatives: Whether matrix and gradient are asked for.
+
+    Returns:
+        Sum over the windows of -1/2 r^T H^-1 r, r being the right-hand side of the equations for u and H
+        their matrix; infinite where a window does not determine u.
+    """
+    L, a, M = windows.information, windows.value, windows.bias
+    biases, knots = b.shape[0], path.places.shape[0]
+    local = 6 + biases
+    energy = 0.0
+    G, LG, H, Y, E = out.G, out.LG, out.H, out.Y, out.E
+    for w in range(a.shape[0]):
+        k0, alpha = path.knot[w], path.fraction[w]
+        k1 = min(k0 + 1, knots - 1)
+        x = (1.0 - alpha) * path.places[k0, 0] + alpha * path.places[k1, 0]
+        y = (1.0 - alpha) * path.places[k0, 1] + alpha * path.places[k1, 1]
+        z = (1.0 - alpha) * path.places[k0, 2] + alpha * path.places[k1, 2]
+        if w > 0 and knots == 1:
+            x, y, z = out.point[0, 0], out.point[0, 1], out.point[0, 2]
+            nx, ny, nz = out.normal[0, 0], out.normal[0, 1], out.normal[0, 2]
+        else:
+            x, y, z, nx, ny, nz = _nearest(surfaces, link, x, y, z)
+        out.point[w, 0], out.point[w, 1], out.point[w, 2] = x, y, z
+        out.normal[w, 0], out.normal[w, 1], out.normal[w, 2] = nx, ny, nz
+        h = (1.0 - alpha) * path.offset[k0] + alpha * path.offset[k1]
+        px, py, pz = x + h * nx, y + h * ny, z + h * nz
+        G[3, 0], G[3, 1], G[3, 2], G[3, 3] = 0.0, -pz, py, nx
+        G[4, 0], G[4, 1], G[4, 2], G[4, 3] = pz, 0.0, -px, ny
+        G[5, 0], G[5, 1], G[5, 2], G[5, 3] = -py, px, 0.0, nz
+        # a - M b, the right-hand side of a free wrench.
+        for i in range(6):
+            s = a[w, i]
+            for k in range(biases):
+                s -= M[w, i, k] * b[k]
+            out.rhs[i] = s
+        _normal_equations(L[w], G, LG, H, out.rhs, out.r)
+        lean, size, torsion = prior_rows[w, 0], prior_rows[w, 1], prior_rows[w, 2]
+        H[0, 0] += lean * (1.0 - nx * nx) + size
+        H[1, 1] += lean * (1.0 - ny * ny) + size
+        H[2, 2] += lean * (1.0 - nz * nz) + size
+        H[1, 0] -= lean * nx * ny
+        H[2, 0] -= lean * nx * nz
+        H[2, 1] -= lean * ny * nz
+        H[3, 3] += torsion
+        for i in range(4):
+            for k in range(i + 1):
+                out.total[i, k] += H[i, k]
+        if cholesky(H, 4) == math.inf:
+            return math.inf
+        u = out.u[w]
+        for i in range(4):
+            s = out.r[i]
+            for k in range(i):
+                s -= H[i, k] * u[k]
+            u[i] = s / H[i, i]
+            energy -= 0.5 * u[i] * u[i]
+        for i in range(3, -1, -1):
+            s = u[i]
+            for k in range(i + 1, 4):
+                s -= H[k, i] * u[k]
+            u[i] = s / H[i, i]
+        if not derivatives:
+            continue
+        # Columns of the change of the wrench: both knots' tangents and offsets; only moments change.
+        fx, fy, fz = u[0], u[1], u[2]
+        for c in range(6):
+            k, weight = (k0, 1.0 - alpha) if c < 3 else (k1, alpha)
+            if c % 3 < 2:
+                tx, ty, tz = path.frames[k, c % 3, 0], path.frames[k, c % 3, 1], path.frames[k, c % 3, 2]
+                along = tx * nx + ty * ny + tz * nz
+                tx, ty, tz = (
+                    weight * (tx - along * nx),
+                    weight * (ty - along * ny),
+                    weight * (tz - along * nz),
+                )
+            else:
+                tx, ty, tz = weight * nx, weight * ny, weight * nz
+            E[c, 0] = ty * fz - tz * fy
+            E[c, 1] = tz * fx - tx * fz
+            E[c, 2] = tx * fy - ty * fx
+        _scatter(L[w], M[w], E, LG, G, H, Y, out, u, k0, k1, knots, local)
+    return energy
+
+
+@kernel
+def _normal_equations(L, G, LG, H, rhs, r):  # type: ignore[no-untyped-def]
+    """L G; lower triangle of H = G^T L G; r = G^T rhs. The upper half of G is (1 0)."""
+    for i in range(6):
+        for k in range(3):
+            LG[i, k] = L[i, k] + L[i, 3] * G[3, k] + L[i, 4] * G[4, k] + L[i, 5] * G[5, k]
+        LG[i, 3] = L[i, 3] * G[3, 3] + L[i, 4] * G[4, 3] + L[i, 5] * G[5, 3]
+    for i in range(4):
+        r[i] = G[3, i] * rhs[3] + G[4, i] * rhs[4] + G[5, i] * rhs[5]
+        if i < 3:
+            r[i] += rhs[i]
+        for k in range(i + 1):
+            H[i, k] = G[3, i] * LG[3, k] + G[4, i] * LG[4, k] + G[5, i] * LG[5, k]
+            if i < 3:
+                H[i, k] += LG[i, k]
+
+
+@kernel
+def _scatter(L, M, E, LG, G, H, Y, out, u, k0, k1, knots, local):  # type: ignore[no-untyped-def]
+    """Add one window's part of the Schur complement to the matrix, and that of the gradient."""
+    # What is left of the right-hand side once the wrench is explained.
+    for i in range(6):
+        out.rhs[i] -= LG[i, 0] * u[0] + LG[i, 1] * u[1] + LG[i, 2] * u[2] + LG[i, 3] * u[3]
+    for i in range(3):
+        out.wrench[i] = u[i]
+        out.wrench[3 + i] = G[3 + i, 0] * u[0] + G[3 + i, 1] * u[1] + G[3 + i, 2] * u[2] + G[3 + i, 3] * u[3]
+    # Y = chol(H)^-1 [G^T L E, G^T M].
+    for c in range(local):
+        for i in range(4):
+            if c < 6:
+                s = LG[3, i] * E[c, 0] + LG[4, i] * E[c, 1] + LG[5, i] * E[c, 2]
+            else:
+                s = G[3, i] * M[3, c - 6] + G[4, i] * M[4, c - 6] + G[5, i] * M[5, c - 6]
+                if i < 3:
+                    s += M[i, c - 6]
+            for k in range(i):
+                s -= H[i, k] * Y[k, c]
+            Y[i, c] = s / H[i, i]
+    S, g, index = out.matrix, out.gradient, out.unknown
+    for c in range(3):
+        index[c], index[3 + c] = 3 * k0 + c, 3 * k1 + c
+    for c in range(6, local):
+        index[c] = 3 * knots + c - 6
+    for c in range(6):
+        e0 = L[3, 3] * E[c, 0] + L[3, 4] * E[c, 1] + L[3, 5] * E[c, 2]
+        e1 = L[4, 3] * E[c, 0] + L[4, 4] * E[c, 1] + L[4, 5] * E[c, 2]
+        e2 = L[5, 3] * E[c, 0] + L[5, 4] * E[c, 1] + L[5, 5] * E[c, 2]
+        g[index[c]] -= E[c, 0] * out.rhs[3] + E[c, 1] * out.rhs[4] + E[c, 2] * out.rhs[5]
+        for d in range(6):
+            S[index[c], index[d]] += e0 * E[d, 0] + e1 * E[d, 1] + e2 * E[d, 2]
+        for d in range(6, local):
+            s = M[3, d - 6] * E[c, 0] + M[4, d - 6] * E[c, 1] + M[5, d - 6] * E[c, 2]
+            S[index[c], index[d]] += s
+            S[index[d], index[c]] += s
+    for c in range(6, local):
+        s = 0.0
+        for i in range(6):
+            s += M[i, c - 6] * out.wrench[i]
+        g[index[c]] += s
+    for c in range(local):
+        for d in range(local):
+            S[index[c], index[d]] -= (
+                Y[0, c] * Y[0, d] + Y[1, c] * Y[1, d] + Y[2, c] * Y[2, d] + Y[3, c] * Y[3, d]
+            )

@@ -1,0 +1,83 @@
+"""How much of the neighbourhood of a place can be touched while a contact lasts: the rule of
+`contactsense.localization.accessibility` for a place that all samples of a contact have told."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.localization.accessibility import (
+    HEXAGON,
+    QUADRATURE_RINGS,
+    accessible_share,
+    clearance,
+    is_mounting_face,
+)
+from contactsense.localization.posterior import Prior
+from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.surface.union import distances
+
+_RADII, _WEIGHTS = (np.repeat(column, len(HEXAGON)) for column in zip(*QUADRATURE_RINGS, strict=True))
+_UNIT = _RADII[:, None] * np.tile(np.array(HEXAGON), (len(QUADRATURE_RINGS), 1))
+
+
+class BodyFrames(NamedTuple):
+    """Body frames of all primitives in the base frame, in one posture."""
+
+    rotation: np.ndarray
+    """Orientations, shape (P, 3, 3)."""
+    origin: np.ndarray
+    """Origins, shape (P, 3) [m]."""
+
+
+def body_frames(surfaces: Surfaces, rotation: np.ndarray, origin: np.ndarray) -> BodyFrames:
+    """Frames of the primitives where the links have `rotation` (n + 1, 3, 3) and `origin` (n + 1, 3)."""
+    link = np.minimum(surfaces.link, len(origin) - 1)
+    return BodyFrames(
+        rotation[link] @ surfaces.rotation,
+        np.einsum("pij,pj->pi", rotation[link], surfaces.origin) + origin[link],
+    )
+
+
+def log_accessible_share(
+    surfaces: Surfaces,
+    prior: Prior,
+    link: int,
+    point: np.ndarray,
+    covariance: np.ndarray,
+    rotation: np.ndarray,
+    origin: np.ndarray,
+) -> float:
+    """Logarithm of the part of a place's neighbourhood that can be touched in one posture.
+
+    Args:
+        surfaces: Primitives of all links.
+        prior: Prior of contacts.
+        link: The link.
+        point: The place, link frame, shape (3,) [m].
+        covariance: Its covariance, shape (3, 3) [m^2].
+        rotation, origin: Poses of all links in the base frame, shapes (n + 1, 3, 3) and (n + 1, 3).
+    """
+    d, _, normal = distances(surfaces, point[None], link)
+    n = normal[0]
+    basis = np.linalg.svd(n[None])[2][1:]
+    values, vectors = np.linalg.eigh(basis @ covariance @ basis.T)
+    around = point - d[0] * n + (_UNIT * np.sqrt(np.maximum(values, 0.0))) @ (basis.T @ vectors).T
+    d, which, normal = distances(surfaces, around, link)
+    around -= d[:, None] * normal
+    body = min(link, len(origin) - 1)
+    lifted = (around + prior.clearance * normal) @ rotation[body].T + origin[body]
+    share = np.empty(len(lifted))
+    _shares(surfaces, body_frames(surfaces, rotation, origin), prior, which, lifted, share)
+    height = (rotation[body][2] @ (point - d[0] * n)) + origin[body][2]
+    if is_mounting_face(link, height, float(rotation[body][2] @ n), 2.0 * prior.surface_deviation):
+        return -math.inf
+    return math.log(float(_WEIGHTS @ share) / float(_WEIGHTS.sum()))
+
+
+@kernel
+def _shares(surfaces, frames, prior, which, points, share):  # type: ignore[no-untyped-def]
+    for i in range(points.shape[0]):
+        free = clearance(surfaces, frames, which[i], points[i, 0], points[i, 1], points[i, 2], 0.0)
+        share[i] = accessible_share(free, prior)
