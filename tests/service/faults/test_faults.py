@@ -61,6 +61,8 @@ class Row:
     """A pattern; ok where the fault does no harm."""
     reason: str
     """A pattern for the message."""
+    onsets: int = 0
+    """How many contacts may begin; those on the base only."""
 
 
 ROWS = [
@@ -97,7 +99,8 @@ ROWS = [
     Row("spikes of 300 Nm", "robot", "ok|degraded", ""),
     Row("mute", "sensor", "degraded", "mute, it sends no readings|lack the force/torque reading"),
     Row("frozen", "sensor", "degraded", "repeats the same reading"),
-    Row("biased by 40 N", "sensor", "degraded", "contradict"),
+    # Nothing tells it from somebody who pushes the base: the joints feel neither.
+    Row("biased by 40 N", "sensor", "ok", "", onsets=1),
     Row("all zero", "sensor", "degraded", "exactly zero"),
     Row(
         "restarted, counts from 1",
@@ -125,6 +128,8 @@ class Cell:
         self._service = service
         self._locates = max(self._workers())  # the younger one: the pipeline was there first
         self.onsets: list[float] = []
+        self.links: list[str] = []
+        """The most probable link of each estimate with a contact."""
         self.last = ""
         self._over = threading.Event()
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -172,6 +177,8 @@ class Cell:
                     continue
                 except ConnectionClosed:
                     return
+                if '"contacts":[{' in str(message):
+                    self.links.append(json.loads(message)["contacts"][0]["link"])
                 if '"onset"' in str(message):
                     self.onsets.append(json.loads(message)["t"])
 
@@ -214,6 +221,7 @@ def test_a_fault_is_told_does_no_harm_and_is_outlived(cell: Cell, row: Row) -> N
     cell.until(lambda status, message: status == "ok")
     time.sleep(0.5)
     before = len(cell.onsets)
+    cell.links.clear()
     begin = time.monotonic()
     cell.set(row)
     try:
@@ -236,4 +244,5 @@ def test_a_fault_is_told_does_no_harm_and_is_outlived(cell: Cell, row: Row) -> N
     print(
         f"{row.where}: {row.name}: told after {told:.2f} s, well again after {recovered:.2f} s ({cell.last})"
     )
-    assert len(cell.onsets) == before
+    assert len(cell.onsets) <= before + row.onsets
+    assert set(cell.links) <= {"base"}
