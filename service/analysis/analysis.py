@@ -17,6 +17,7 @@ from contactsense.service.analysis.contact_history import ContactCollector, Cont
 from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.force_limits import ForceLimits
+from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.residual_statistics import ResidualStatistics, ResidualSummary
 from contactsense.service.analysis.sample_table import sample_table
 from contactsense.service.analysis.smoothing import ContactSmoother
@@ -124,6 +125,8 @@ def analyze(
 class AnalysisRun:
     """One way through a recording; keeps the localizer for the next one."""
 
+    scene: Scene
+    """The scene."""
     residuals: ResidualStatistics
     """Of the recording that was last gone through."""
     biases: tuple[np.ndarray, np.ndarray]
@@ -132,7 +135,7 @@ class AnalysisRun:
     def __init__(self, scene: Scene, localizer: Localizer | None = None, smooth: bool = True) -> None:
         """Prepare for `scene`."""
         self.localizer = localizer or Localizer(scene)
-        self._scene = scene
+        self.scene = scene
         self._summarizer = Summarizer(scene)
         self._smooth = smooth
         self._smoother: ContactSmoother | None = None
@@ -146,6 +149,7 @@ class AnalysisRun:
         cuts: Sequence[int] | None = None,
         statistics: ResidualStatistics | None = None,
         own: tuple[int, int] | None = None,
+        friction: FrictionResiduals | None = None,
     ) -> Iterator[ContactSummary]:
         """The contacts of a recording, each when it has ended.
 
@@ -157,8 +161,9 @@ class AnalysisRun:
             statistics: Takes in the residuals instead of `residuals`.
             own: Samples of which residuals are taken in, whole blocks; after them only a contact that is on
                 is followed.
+            friction: Takes in the same residuals.
         """
-        name, joints = recording.name, len(self._scene.robot.joints)
+        name, joints = recording.name, len(self.scene.robot.joints)
         span = (float(recording.t[0]), float(recording.t[-1])) if len(recording) else (0.0, 0.0)
         self.residuals = statistics or ResidualStatistics(*span, joints)
         first, last = own or (0, len(recording))
@@ -168,10 +173,12 @@ class AnalysisRun:
             rows = recording.rows[at : at + len(found)]
             if first <= at < last:
                 self.residuals.add(found)
+                if friction is not None:
+                    friction.add(block, found)
                 self.biases = self.localizer.biases
             at += len(found)
             if keep is not None:
-                keep(sample_table(rows, found, self._scene))
+                keep(sample_table(rows, found, self.scene))
             for history in collector.add(rows, block, found):
                 yield self._finish(history, name)
             if progress is not None:
@@ -203,6 +210,6 @@ class AnalysisRun:
         contact = self._summarizer.summarize(history, name)
         if not self._smooth:
             return contact
-        self._smoother = self._smoother or ContactSmoother(self._scene)
+        self._smoother = self._smoother or ContactSmoother(self.scene)
         smoothed = self._smoother.smooth(history)
         return contact if smoothed is None else self._summarizer.with_place(contact, history, smoothed)

@@ -20,7 +20,13 @@ from contactsense.service.recordings import RecordingError, read
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--scene", "scene_path", required=True, type=click.Path(path_type=Path), help="Scene file.")
+@click.option(
+    "--scene",
+    "scene_path",
+    type=click.Path(path_type=Path),
+    help="Scene file. For a dataset also a folder with ROBOT.yaml for each robot; without it each robot's "
+    "own, robot=ROBOT/scene.yaml.",
+)
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for tables and report.")
 @click.option("--limits", "limits_path", type=click.Path(path_type=Path), help="Your force limits (YAML).")
 @click.option("--estimates", is_flag=True, help="Write the estimates and residuals of every sample, too.")
@@ -31,7 +37,7 @@ from contactsense.service.recordings import RecordingError, read
 @click.option("--json", "as_json", is_flag=True, help="Print the contacts for a program.")
 def analyze(
     files: tuple[Path, ...],
-    scene_path: Path,
+    scene_path: Path | None,
     out: Path,
     limits_path: Path | None,
     estimates: bool,
@@ -45,7 +51,7 @@ def analyze(
     each. A file that cannot be read is reported and skipped; the exit status is 1 then.
 
     A folder, or --workers or --scheduler, makes it a dataset: OUT gets contacts/robot=NAME/date=DATE/,
-    robots.parquet, fleet.html and fleet.md. What an earlier run has done is not done again.
+    robots.parquet, days.parquet, fleet.html and fleet.md. What an earlier run has done is not done again.
     """
     if workers is not None or scheduler is not None or any(path.is_dir() for path in files):
         if limits_path is not None or estimates:
@@ -54,6 +60,10 @@ def analyze(
 
         analyze_dataset(files, scene_path, out, workers or 1, scheduler, as_json)
         return
+    if scene_path is None:
+        raise click.UsageError(
+            "Missing option '--scene': only the robots of a dataset have scenes of their own"
+        )
     try:
         scene = Scene.load(scene_path)
         limits = None if limits_path is None else ForceLimits.load(limits_path)
