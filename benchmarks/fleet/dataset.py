@@ -32,7 +32,7 @@ FORCES, DURATIONS = (10.0, 60.0), (0.4, 1.5)
 """Forces [N] and durations [s] of contacts."""
 CONTACT_INTERVAL, FIRST_CONTACT = 6.0, 5.0
 """Time between the begins of contacts, and before the first [s]."""
-BROKEN_EVERY = 100
+BROKEN_EVERY = 101
 """Of so many recordings one is broken."""
 
 

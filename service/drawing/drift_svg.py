@@ -55,7 +55,8 @@ def drift_chart(dates: Sequence[str], values: np.ndarray, names: Sequence[str], 
             f'<polyline points="{line}" fill="none" stroke="{colour}"><title>{escape(name)}</title>'
             f"</polyline>"
             f"{dot if len(places) == 1 else ''}"
-            f'<text x="{WIDTH - RIGHT + 8}" y="{TOP + 12 + 15 * j}" fill="{colour}">{escape(name)}</text>'
+            f'<text x="{WIDTH - RIGHT + 8}" y="{TOP + 12 + 15 * j}" style="fill:{colour}">'
+            f"{escape(name)}</text>"
         )
     for i, anchor in ((0, "start"), (len(dates) - 1, "end")) if len(dates) > 1 else ((0, "start"),):
         day = escape(dates[i] or "no date")

@@ -55,13 +55,14 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
         "recordings": sum(robot.recordings for robot in summary.robots),
         "hours": f"{hours:.2f}",
         "rate": _rate(table.num_rows, hours),
-        "robots": [_robot(robot_row(robot)) for robot in summary.robots],
+        "robots": [_robot(robot) for robot in summary.robots],
         "charts": _charts(summary),
         "links": [
             (name, link_colour(order.get(name, -1)), count, _rate(count, hours))
             for name, count in links.most_common()
         ],
         "forces": list(zip(names, counts, [100.0 * c / most for c in counts], strict=True)),
+        "doubtful": sum(robot.contacts for robot in summary.robots if robot.needs_calibration()),
         "false_alarms": f"{summary.expected_false_alarms:.3g}",
         "problems": summary.problems[:MOST_PROBLEMS],
         "more_problems": max(len(summary.problems) - MOST_PROBLEMS, 0),
@@ -75,6 +76,10 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
             separators=(",", ":"),
         ),
     }
+
+
+def _joint_names(scene: Scene) -> list[str]:
+    return [joint.name.removesuffix("_joint") for joint in scene.robot.joints]
 
 
 def _groups(summary: FleetSummary) -> list[tuple[str, list[RobotSummary]]]:
@@ -97,10 +102,13 @@ def _rate(count: int, hours: float) -> str:
     return f"{count / hours:.2f}" if hours else "0"
 
 
-def _robot(row: dict[str, Any]) -> dict[str, Any]:
+def _robot(robot: RobotSummary) -> dict[str, Any]:
+    row = robot_row(robot)
+    joints = _joint_names(robot.scene)
     base, joint = _largest(row["base_bias_drift"][:3]), _largest(row["joint_bias_drift"])
     moment = _largest(row["base_bias_drift"][3:])
-    coulomb, viscous = _largest(row["coulomb_drift"]), _largest(row["viscous_drift"])
+    coulomb = _largest(row["coulomb_drift"])
+    worst = "" if coulomb is None else f", {joints[row['coulomb_drift'].index(coulomb)]}"
     return {
         "robot": row["robot"] or "unknown",
         "recordings": row["recordings"],
@@ -111,7 +119,7 @@ def _robot(row: dict[str, Any]) -> dict[str, Any]:
         "degraded": f"{100.0 * row['degraded']:.1f} %",
         "base_drift": f"{_text(base, 'N')}, {_text(moment, 'Nm', 3)}",
         "joint_drift": _text(joint, "Nm"),
-        "friction_drift": f"{_text(coulomb, 'Nm')}, {_text(viscous, 'Nms/rad')}",
+        "friction_drift": _text(coulomb, "Nm") + worst,
         "ratio": f"{row['residual_ratio']:.2f}",
         "calibrate": row["needs_calibration"],
     }
@@ -135,7 +143,7 @@ def _charts(summary: FleetSummary) -> list[tuple[str, str, str]]:
         if len(bias.dates) < 2:
             continue
         name = robot.robot or "unknown"
-        joints = [joint.name for joint in robot.scene.robot.joints]
+        joints = _joint_names(robot.scene)
         largest = max([0.0, *np.abs(coulomb.drift[np.isfinite(coulomb.drift)])])
         friction = drift_chart(
             coulomb.dates, coulomb.values, joints, "Nm", f"Coulomb friction of {name} beyond the scene's"

@@ -111,8 +111,8 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
         "base_ratio": found.base_ratio.tolist(),
         "joint_ratio": found.joint_ratio.tolist(),
         "base_bias": base.tolist(),
-        # At the end of a segment a bias holds some friction; the fit tells them apart.
-        "joint_bias": np.where(np.isfinite(change.bias), change.bias, torque).tolist(),
+        "joint_bias": torque.tolist(),
+        "joint_constant": _plain(change.bias),
         **{name: _plain(getattr(change, name)) for name in FRICTION},
     }
     table = contact_table(contacts)

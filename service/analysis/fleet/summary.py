@@ -44,7 +44,9 @@ class RobotSummary:
     base_bias: list[list[float]] = field(default_factory=list)
     """Biases of the base wrench at the end of each segment [N, Nm]."""
     joint_bias: list[list[float]] = field(default_factory=list)
-    """Biases of the joint torques in each segment [Nm]."""
+    """Biases of the joint torques at the end of each segment [Nm]."""
+    joint_constant: list[list[float | None]] = field(default_factory=list)
+    """The same over the whole segment, told apart from friction; None where it is not known."""
     base_ratio: list[list[float]] = field(default_factory=list)
     """Residuals of the base wrench without contact, in standard deviations, of each segment."""
     joint_ratio: list[list[float]] = field(default_factory=list)
@@ -64,7 +66,11 @@ class RobotSummary:
 
     def bias_by_day(self) -> tuple[Daily, Daily]:
         """Biases of base wrench [N, Nm] and joint torques [Nm], the median of each day."""
-        return daily_median(self.dates, self.base_bias), daily_median(self.dates, self.joint_bias)
+        constant, end = (daily_median(self.dates, rows) for rows in (self.joint_constant, self.joint_bias))
+        # At the end of a segment a bias holds some friction. Of a joint that never moves it is all there is.
+        known = np.isfinite(constant.values).any(axis=0)
+        joint = Daily(end.dates, np.where(known, constant.values, end.values))
+        return daily_median(self.dates, self.base_bias), joint
 
     def friction_by_day(self) -> tuple[Daily, Daily]:
         """Coulomb [Nm] and viscous [Nms/rad] friction beyond the scene's on each day."""
@@ -162,7 +168,7 @@ def summarize(
         for key in ("touched", "samples", "degraded"):
             setattr(robot, key, getattr(robot, key) + result[key])
         robot.dates.append(result["date"])
-        for key in ("base_bias", "joint_bias", "base_ratio", "joint_ratio", *FRICTION):
+        for key in ("base_bias", "joint_bias", "base_ratio", "joint_ratio", "joint_constant", *FRICTION):
             getattr(robot, key).append(result[key])
     schema = pa.schema([("robot", pa.string()), ("date", pa.string()), *SCHEMA])
     contacts = pa.concat_tables(tables) if tables else schema.empty_table()
