@@ -11,6 +11,8 @@ from contactsense.sensors.stream_state import DEGRADED, MISSING, TOUCHED
 
 BINS = 1200
 """Most points of a curve over a whole recording."""
+FIRST_WIDTH = 0.01
+"""Width of a bin where the end of the recording is not known yet [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,15 +56,26 @@ class ResidualSummary:
 class ResidualStatistics:
     """Takes in blocks of one recording."""
 
-    def __init__(self, start: float, end: float, joints: int) -> None:
-        """The recording lasts from `start` to `end` [s]."""
-        self._start, self._width = start, max(end - start, 1e-9) / BINS
+    def __init__(self, joints: int, start: float | None = None, end: float | None = None) -> None:
+        """Before the first block.
+
+        Args:
+            joints: Number of joints.
+            start, end: When the recording begins and ends [s]; None: to be seen, bins are joined as it goes.
+        """
+        self._start = start
+        width = FIRST_WIDTH if start is None or end is None else max(end - start, 1e-9) / BINS
+        self._width = np.array([width])
         self._largest = np.full((BINS, 2 + joints), np.nan)
         self._std = np.full((BINS, 1 + joints), np.nan)
         self._squares, self._counts = np.zeros(6 + joints), np.zeros(6, dtype=np.int64)
 
     def add(self, found: BlockEstimates) -> None:
         """Count a block in."""
+        if self._start is None:
+            self._start = float(found.t[0]) if len(found) else None
+        if self._start is None:
+            return
         _add(
             found.t, found.flags, found.energy, found.base_wrench, found.base_wrench_std,
             found.joint_torque, found.joint_torque_std, self._start, self._width, self._largest, self._std,
@@ -76,7 +89,7 @@ class ResidualStatistics:
         ratio = np.sqrt(self._squares / max(free, 1))
         largest, std = self._largest[filled], self._std[filled]
         return ResidualSummary(
-            t=self._start + filled * self._width,
+            t=(self._start or 0.0) + filled * self._width[0],
             energy=largest[:, 0],
             base_force=largest[:, 1],
             base_force_std=std[:, 0],
@@ -101,7 +114,7 @@ def _add(
     joint_torque: np.ndarray,
     joint_torque_std: np.ndarray,
     start: float,
-    width: float,
+    width: np.ndarray,
     largest: np.ndarray,
     std: np.ndarray,
     squares: np.ndarray,
@@ -123,7 +136,11 @@ def _add(
                 _add_square(base_wrench[i, k] / base_wrench_std[i, k], k, squares)
             for k in range(n):
                 _add_square(joint_torque[i, k] / joint_torque_std[i, k], 6 + k, squares)
-        at = min(max(int((t[i] - start) / width), 0), bins - 1)
+        while t[i] - start > (bins + 1) * width[0]:
+            _join_bins(largest)
+            _join_bins(std)
+            width[0] *= 2.0
+        at = min(max(int((t[i] - start) / width[0]), 0), bins - 1)
         fx, fy, fz = base_wrench[i, 0], base_wrench[i, 1], base_wrench[i, 2]
         _keep_largest(energy[i], at, 0, largest)
         _keep_largest(math.sqrt(fx * fx + fy * fy + fz * fz), at, 1, largest)
@@ -132,6 +149,19 @@ def _add(
         for k in range(n):
             _keep_largest(abs(joint_torque[i, k]), at, 2 + k, largest)
             _keep_largest(joint_torque_std[i, k], at, 1 + k, std)
+
+
+@kernel
+def _join_bins(kept: np.ndarray) -> None:
+    """Each two neighbours become one."""
+    half = kept.shape[0] // 2
+    for at in range(kept.shape[0]):
+        for k in range(kept.shape[1]):
+            value = math.nan
+            if at < half:
+                a, b = kept[2 * at, k], kept[2 * at + 1, k]
+                value = a if a >= b or math.isnan(b) else b
+            kept[at, k] = value
 
 
 @kernel

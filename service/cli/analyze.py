@@ -15,7 +15,8 @@ from contactsense.service.analysis import analyze as run
 from contactsense.service.analysis.contact_table import contact_rows, replace_parquet, write_contacts
 from contactsense.service.analysis.health import health
 from contactsense.service.analysis.report import write_report
-from contactsense.service.recordings import RecordingError, read
+from contactsense.service.recordings import RecordingError
+from contactsense.service.recordings.recording import RecordingFile
 
 
 @click.command()
@@ -107,12 +108,12 @@ def _folders(files: tuple[Path, ...], out: Path) -> list[Path]:
 
 
 def _analyze(path: Path, scene: Scene, limits: ForceLimits | None, estimates: bool, folder: Path) -> Analysis:
-    recording = read(path, scene)
+    recording = RecordingFile(path, scene)
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), transient=True,
     ) as progress:  # fmt: skip
-        task = progress.add_task(path.name, total=len(recording))
+        task = progress.add_task(path.name, total=recording.rows)
         found = run(
             recording,
             scene,

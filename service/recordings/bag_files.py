@@ -57,6 +57,7 @@ class BagFile:
                 for i in range(6):
                     self._columns[f"{prefix}_{i}"] = np.interp(t, stamps, values[:, i], np.nan, np.nan)
         self.names = list(self._columns)
+        self.rows: int | None = len(t)
 
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None

@@ -163,6 +163,11 @@ class RecordingFile:
         self._joints = len(scene.robot.joints)
         self._plan()
 
+    @property
+    def rows(self) -> int | None:
+        """Number of rows, where that is known before all are read."""
+        return self._table.rows
+
     def read(self, first: int = 0, last: int | None = None) -> Recording:
         """The recording, or its rows from `first` up to but without `last`."""
         return concatenate(list(self.blocks(BLOCK, first, last)), self.name, self.meta)

@@ -88,7 +88,7 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
     if last <= first:
         raise RecordingError(f"{recording.name}: expected samples from row {segment.first} on, got none")
     own = (float(t[first]), float(t[last - 1]))
-    statistics = ResidualStatistics(*own, recording.q.shape[1])
+    statistics = ResidualStatistics(recording.q.shape[1], *own)
     friction = FrictionResiduals(run.scene)
     contacts = [
         contact
