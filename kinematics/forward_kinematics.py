@@ -4,19 +4,17 @@ All quantities are in base axes, moments and angular momenta about the base orig
 moment). The kernels fill arrays of the caller and allocate nothing. They do not check shapes; callers do.
 """
 
-import math
-
 import numpy as np
 
 from contactsense.kinematics.model import Model, Motion
+from contactsense.kinematics.trigonometry import sine_and_versine
 from contactsense.robots.jit.kernel import kernel
 
 
 @kernel
 def _rotate_about(axis: np.ndarray, angle: float, before: np.ndarray, after: np.ndarray) -> None:
     """Set `after = before @ Rot(axis, angle)` by Rodrigues' formula."""
-    s = math.sin(angle)
-    v = 2.0 * math.sin(0.5 * angle) ** 2  # 1 - cos, exact for small angles
+    s, v = sine_and_versine(angle)
     x, y, z = axis[0], axis[1], axis[2]
     r00 = 1.0 - v * (y * y + z * z)
     r01 = v * x * y - s * z

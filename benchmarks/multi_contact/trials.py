@@ -70,6 +70,11 @@ class Trials:
             np.arange(len(self._constants.surfaces.kind)), np.diff(self._constants.samples.start)
         )
 
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of the links, the base first."""
+        return tuple(self._scene.link_names)
+
     def draw(self, count: int, force: float, links: Links, direction: ForceDirection) -> Trial:
         """A random posture with `count` pushes of `force` newtons, on points uniform over the surface
         area.
@@ -90,6 +95,17 @@ class Trials:
                     pushes.append(push)
                 if len(pushes) == count:
                     return Trial(q, tuple(pushes), self._motion.screw.copy())
+
+    def push_at(
+        self, q: np.ndarray, force: float, direction: ForceDirection
+    ) -> tuple[Push, np.ndarray, np.ndarray]:
+        """One push at joint positions q [rad], and rotation (3, 3) and origin (3,) [m] of the pushed link."""
+        forward_kinematics(self._constants.model, q, self._motion)
+        push = None
+        while push is None:
+            push = self._push(force, direction)
+        body = self._constants.sensors.depth[push.link]
+        return push, self._motion.rotation[body].copy(), self._motion.origin[body].copy()
 
     def _push(self, size: float, direction: ForceDirection) -> Push | None:
         """One push, or None where the drawn place cannot be touched."""

@@ -19,7 +19,7 @@ from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import MomentumObserver, advance, empty_observer, start_step
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
 UPDATE_INTERVAL = 2.0
 """Time between two updates, in time constants of the observer."""
@@ -95,7 +95,7 @@ def restart(bias_filter: BiasFilter, inertia_error: float, base_weight: np.ndarr
     bias_filter.scalars[ESTIMATES_MASSES] = 1.0 if inertia_error > 0.0 else 0.0
 
 
-@kernel
+@inlined_kernel
 def predict(
     bias_filter: BiasFilter,
     torque_model: JointTorqueModel,
@@ -126,28 +126,52 @@ def predict(
         P[i, i] += growth * base_noise[i, i]
     for j in range(n):
         P[6 + j, 6 + j] += growth * torque_noise[j]
+    for a in range(6):
+        for b in range(6):
+            bias_filter.base_covariance[a, b] = P[a, b]
+    for j in range(n):
+        bias_filter.torque_variance[j] = P[6 + j, 6 + j]
     if bias_filter.scalars[ESTIMATES_MASSES] > 0.0:
-        step = start_step(bias_filter.mass_regressor, dt, bandwidth)
-        H, G = motion.momentum, motion.gravity
-        for k in range(n):
-            last = k + 2 > n
-            # A joint carries the links distal to it only.
-            for j in range(k + 1):
-                s, v = motion.screw[j], motion.screw_rate[j]
-                h, drift = dot6(s, H[k + 1]), dot6(v, H[k + 1])
-                weight = dot6(s, G[k + 1])
-                if not last:
-                    h -= dot6(s, H[k + 2])
-                    drift -= dot6(v, H[k + 2])
-                    weight -= dot6(s, G[k + 2])
-                h *= torque_model.inertia
-                drift = torque_model.inertia * drift + torque_model.gravity * weight
-                advance(bias_filter.mass_regressor, (n + 6) * k + j, h, drift, step)
-            for i in range(6):
-                h = H[k + 1, i] - (0.0 if last else H[k + 2, i])
-                g = G[k + 1, i] - (0.0 if last else G[k + 2, i])
-                advance(bias_filter.mass_regressor, (n + 6) * k + n + i, h, g, step)
-    _residual_covariance(bias_filter, n)
+        _advance_mass_regressor(bias_filter, torque_model, motion, dt, bandwidth)
+        _add_mass_covariance(bias_filter, n)
+
+
+@inlined_kernel
+def update_is_due(bias_filter: BiasFilter, bandwidth: float) -> bool:
+    """Whether the filter takes in the residuals of this sample, where nothing touches."""
+    K = 2.0 * math.pi * bandwidth
+    return bool(
+        bias_filter.scalars[TIME_SINCE_UPDATE] * K >= UPDATE_INTERVAL
+        and bias_filter.scalars[TIME_SINCE_CONTACT] * K >= PAUSE_AFTER_CONTACT
+    )
+
+
+@kernel
+def _advance_mass_regressor(
+    bias_filter: BiasFilter, torque_model: JointTorqueModel, motion: Motion, dt: float, bandwidth: float
+) -> None:
+    """Columns of Phi for the masses; arguments as for `predict`."""
+    n = bias_filter.torque_variance.shape[0]
+    step = start_step(bias_filter.mass_regressor, dt, bandwidth)
+    H, G = motion.momentum, motion.gravity
+    for k in range(n):
+        last = k + 2 > n
+        # A joint carries the links distal to it only.
+        for j in range(k + 1):
+            s, v = motion.screw[j], motion.screw_rate[j]
+            h, drift = dot6(s, H[k + 1]), dot6(v, H[k + 1])
+            weight = dot6(s, G[k + 1])
+            if not last:
+                h -= dot6(s, H[k + 2])
+                drift -= dot6(v, H[k + 2])
+                weight -= dot6(s, G[k + 2])
+            h *= torque_model.inertia
+            drift = torque_model.inertia * drift + torque_model.gravity * weight
+            advance(bias_filter.mass_regressor, (n + 6) * k + j, h, drift, step)
+        for i in range(6):
+            h = H[k + 1, i] - (0.0 if last else H[k + 2, i])
+            g = G[k + 1, i] - (0.0 if last else G[k + 2, i])
+            advance(bias_filter.mass_regressor, (n + 6) * k + n + i, h, g, step)
 
 
 @kernel
@@ -164,8 +188,8 @@ def _bias_index(n: int, equation: int) -> int:
 
 
 @kernel
-def _residual_covariance(bias_filter: BiasFilter, n: int) -> None:
-    """Covariance of the residuals due to biases and masses: `base_covariance`, `torque_variance`.
+def _add_mass_covariance(bias_filter: BiasFilter, n: int) -> None:
+    """Add to `base_covariance` and `torque_variance`, the covariance due to biases, what the masses add.
 
     With B the covariance of biases, C that of biases with masses, M that of masses, S the bias coefficients
     and R the mass regressor: S B S + S C R + (S C R)^T + R^T M R = S B S + U R + R^T V with U = S C, V = U^T
@@ -177,13 +201,6 @@ def _residual_covariance(bias_filter: BiasFilter, n: int) -> None:
         bias_filter.torque_variance,
         bias_filter.residual_mass_covariance,
     )
-    for a in range(6):
-        for b in range(6):
-            base_covariance[a, b] = P[a, b]
-    for j in range(n):
-        torque_variance[j] = P[6 + j, 6 + j]
-    if bias_filter.scalars[ESTIMATES_MASSES] == 0.0:
-        return
     r, m = bias_filter.mass_regressor.residual, n + 6
     for equation in range(m):
         index, sign = _bias_index(n, equation), _bias_coefficient(n, equation)
@@ -220,24 +237,33 @@ def update(
         bias_filter.measurement_row,
         bias_filter.cross_covariance,
     )
-    size = measurement_row.shape[0]
-    measurement_row[:] = 0.0
-    measurement_row[_bias_index(n, equation)] = _bias_coefficient(n, equation)
-    if bias_filter.scalars[ESTIMATES_MASSES] > 0.0:
+    estimates_masses = bias_filter.scalars[ESTIMATES_MASSES] > 0.0
+    # Masses that are not estimated have no covariance.
+    size = measurement_row.shape[0] if estimates_masses else 6 + n
+    index, coefficient = _bias_index(n, equation), _bias_coefficient(n, equation)
+    innovation_variance, innovation = variance, residual
+    if estimates_masses:
+        measurement_row[:] = 0.0
+        measurement_row[index] = coefficient
         for k in range(n):
             measurement_row[n + 6 + k] = bias_filter.mass_regressor.residual[(n + 6) * k + equation]
-    innovation_variance = variance
-    innovation = residual
+        for i in range(size):
+            cross_covariance[i] = 0.0
+            for k in range(size):
+                cross_covariance[i] += P[i, k] * measurement_row[k]
+            innovation_variance += cross_covariance[i] * measurement_row[i]
+            innovation += measurement_row[i] * bias_filter.correction[i]
+    else:
+        for i in range(size):
+            cross_covariance[i] = P[i, index] * coefficient
+        innovation_variance += cross_covariance[index] * coefficient
+        innovation += coefficient * bias_filter.correction[index]
+    precision = 1.0 / innovation_variance
     for i in range(size):
-        cross_covariance[i] = 0.0
+        gain = cross_covariance[i] * precision
+        bias_filter.correction[i] -= gain * innovation
         for k in range(size):
-            cross_covariance[i] += P[i, k] * measurement_row[k]
-        innovation_variance += cross_covariance[i] * measurement_row[i]
-        innovation += measurement_row[i] * bias_filter.correction[i]
-    for i in range(size):
-        bias_filter.correction[i] -= cross_covariance[i] * innovation / innovation_variance
-        for k in range(size):
-            P[i, k] -= cross_covariance[i] * cross_covariance[k] / innovation_variance
+            P[i, k] -= gain * cross_covariance[k]
 
 
 @kernel

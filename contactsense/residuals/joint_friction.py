@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.sensors.settings import JointTorqueSensor, per_joint
 
 
@@ -67,7 +67,7 @@ def joint_torque_model(sensor: JointTorqueSensor, joints: int) -> JointTorqueMod
     )
 
 
-@kernel
+@inlined_kernel
 def friction_torque(torque_model: JointTorqueModel, j: int, qd: float, gravity_torque: float) -> float:
     """Friction torque of joint j [Nm] at velocity qd [rad/s] and under that gravity torque [Nm]."""
     coulomb, lubricant = (
@@ -83,7 +83,7 @@ def friction_torque(torque_model: JointTorqueModel, j: int, qd: float, gravity_t
     return float(friction)
 
 
-@kernel
+@inlined_kernel
 def unmodelled_torque_std(torque_model: JointTorqueModel, j: int, qd: float, friction: float) -> float:
     """Standard deviation of the model and friction error of joint j's torque [Nm].
 

@@ -133,6 +133,15 @@ def start_step(
 
 
 @inlined_kernel
+def in_step(state: MomentumObserver, other: MomentumObserver) -> bool:
+    """Whether two groups have had the same steps, so that `start_step` gives the same for both."""
+    same = True
+    for i in range(7):
+        same = same and state.scalars[i] == other.scalars[i]
+    return same
+
+
+@inlined_kernel
 def advance(
     state: MomentumObserver,
     i: int,

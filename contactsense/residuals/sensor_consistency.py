@@ -84,6 +84,12 @@ def exclude_inconsistent(consistency: SensorConsistency, usable: np.ndarray) -> 
 
 
 @kernel
+def update_is_due(consistency: SensorConsistency, dt: float) -> bool:
+    """Whether `update_consistency` takes in the statistics of a sample; `dt`: time since the last one [s]."""
+    return bool(consistency.scalars[SINCE_UPDATE] + dt >= UPDATE_PERIOD)
+
+
+@kernel
 def update_consistency(
     consistency: SensorConsistency,
     statistics: np.ndarray,
@@ -96,13 +102,14 @@ def update_consistency(
 
     Args:
         consistency: Changed in place.
-        statistics: `State.statistics`.
+        statistics: `State.statistics`; read where `update_is_due`.
         touched: Whether a contact is present.
         has_base, has_torque: Which sensors could be used, excluded or not.
         dt: Time since the last sample [s].
     """
+    due = update_is_due(consistency, dt)
     consistency.scalars[SINCE_UPDATE] += dt
-    if consistency.scalars[SINCE_UPDATE] >= UPDATE_PERIOD:
+    if due:
         _update_statistics(
             consistency, statistics, touched, has_base, has_torque, consistency.scalars[SINCE_UPDATE]
         )

@@ -5,11 +5,14 @@ import math
 
 import numpy as np
 
+from contactsense.kinematics.simd_kinematics import LANES
+from contactsense.residuals.bias_filter import TIME_SINCE_UPDATE
 from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.runtime.buffer_views import buffer_views
-from contactsense.runtime.kernels import detect, localize
+from contactsense.runtime.kernels import localize
+from contactsense.runtime.simd_samples import detect_in_lane, fill_lanes
 from contactsense.sensors.stream_state import REPEATED, RESTARTED, SCALE, TOUCHED, UNUSABLE
 from contactsense.tracking.contact_tracker import NUMBER, PHASE
 
@@ -43,6 +46,7 @@ def detect_and_localize_block(
     best: np.ndarray,
     link_probability: np.ndarray,
     rows: np.ndarray,
+    lanes: np.ndarray,
 ) -> int:
     """Work through samples `first`, `first` + 1, ... of a block.
 
@@ -58,28 +62,39 @@ def detect_and_localize_block(
         flags: Filled: flags of each sample, shape (N,), int64.
         phases: Filled: phase and number of the contact, shape (N, 2).
         residuals: Filled: energy of "nothing touches", consistency levels (3), external base wrench (6) and
-            its standard deviation (6), external joint torques (n) and their standard deviation (n), shape
-            (N, 16 + 2 n).
+            its standard deviation (6), external joint torques (n), their standard deviation (n) and biases
+            (n), shape (N, 16 + 3 n).
         listed: Filled: number of explanations, -1 where nothing touches, shape (N,), int64.
         best: Filled where there is an explanation: the row of the most probable one, shape (N, WIDTH).
         link_probability: Filled there too, shape (N, links).
+        lanes: Scratch, see `contactsense.kinematics.simd_kinematics.empty_lanes`.
 
     Returns:
         Number of the sample after the last one that was taken, negative where `stop_at_touch` ended it.
     """
-    _, state = buffer_views(floats, integers, sizes)
+    constants, state = buffer_views(floats, integers, sizes)
     n = state.torque.shape[0]
+    first_lane = first - LANES
     for i in range(first, t.shape[0]):
         before = state.track.scalars[PHASE]
-        found = relevant & detect(
-            floats, integers, sizes, bandwidth, t[i], present[i], q[i], qd[i], torque[i], base_wrench[i],
-            wrist_wrench[i],
+        if i >= first_lane + LANES:
+            first_lane = i
+            fill_lanes(constants, state, i, q, qd, torque, base_wrench, lanes)
+        found = relevant & detect_in_lane(
+            constants, state, bandwidth, lanes, i - first_lane, t[i], present[i], q[i], qd[i], torque[i],
+            base_wrench[i], wrist_wrench[i],
         )  # fmt: skip
+        if state.bias_filter.scalars[TIME_SINCE_UPDATE] == 0.0:
+            # Biases and masses have changed.
+            first_lane = i + 1 - LANES
         flags[i] = found
         listed[i] = -1
-        if not found & (REPEATED | UNUSABLE):
+        row = residuals[i]
+        if found & (REPEATED | UNUSABLE):
+            for k in range(16 + 3 * n):
+                row[k] = math.nan
+        else:
             scale = state.stream.scalars[SCALE]
-            row = residuals[i]
             row[0] = state.statistics[NO_CONTACT]
             for k in range(3):
                 row[1 + k] = state.consistency.mean_statistic[k]
@@ -89,6 +104,7 @@ def detect_and_localize_block(
             for k in range(n):
                 row[16 + k] = state.torque[k]
                 row[16 + n + k] = math.sqrt(state.torque_variance[k])
+                row[16 + 2 * n + k] = state.torque_model.bias[k]
         if found & TOUCHED and not stop_at_touch:
             listed[i] = localize(
                 floats, integers, sizes, skin_values, skin_start, skin_shape, skin_low, skin_cell, bandwidth,

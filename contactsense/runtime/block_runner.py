@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from contactsense.kinematics.simd_kinematics import empty_lanes
 from contactsense.runtime.block_kernel import detect_and_localize_block
 from contactsense.runtime.result_rows import LINK, POINT, WIDTH
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
@@ -47,9 +48,9 @@ class BlockRunner:
         self._flags = np.zeros(MAX_BLOCK, dtype=np.int64)
         self._listed = np.zeros(MAX_BLOCK, dtype=np.int64)
         self._phases = np.zeros((MAX_BLOCK, 2))
-        self._residuals = np.zeros((MAX_BLOCK, 16 + 2 * joints))
         self._best = np.zeros((MAX_BLOCK, WIDTH))
         self._link_probability = np.zeros((MAX_BLOCK, links))
+        self._lanes = empty_lanes(joints)
 
     def run(
         self,
@@ -72,20 +73,19 @@ class BlockRunner:
         count = len(block)
         inputs = self._inputs(block)
         flags, listed = self._flags[:count], self._listed[:count]
-        phases, residuals = self._phases[:count], self._residuals[:count]
-        residuals[:] = np.nan
+        phases, residuals = self._phases[:count], np.empty((count, 16 + 3 * self._joints))
         estimates: dict[int, Estimate] = {}
         at = 0
         while at < count:
             after = detect_and_localize_block(
                 *parts, *settings, estimate is not None, at, *inputs, flags, phases, residuals, listed,
-                self._best, self._link_probability, rows,
+                self._best, self._link_probability, rows, self._lanes,
             )  # fmt: skip
             at = abs(after)
             if after < 0 and estimate is not None:
                 estimates[at - 1] = estimate(float(block.t[at - 1]), int(flags[at - 1]))
                 phases[at - 1, 0], phases[at - 1, 1] = self._track_scalars[PHASE], self._track_scalars[NUMBER]
-        return self._collect(block, estimates)
+        return self._collect(block, residuals, estimates)
 
     def _inputs(self, block: SampleBlock) -> tuple[np.ndarray, ...]:
         """The samples as the kernel takes them."""
@@ -98,11 +98,15 @@ class BlockRunner:
             else:
                 present += (~np.isnan(value).all(axis=1)).astype(np.int64) << i
             values.append(value)
-        return block.t, present, block.q, block.qd, values[1], values[0], values[2]
+        t, q, qd, torque, base, wrist = map(
+            _writeable, (block.t, block.q, block.qd, values[1], values[0], values[2])
+        )
+        return t, present, q, qd, torque, base, wrist
 
-    def _collect(self, block: SampleBlock, estimates: dict[int, Estimate]) -> BlockEstimates:
+    def _collect(
+        self, block: SampleBlock, residuals: np.ndarray, estimates: dict[int, Estimate]
+    ) -> BlockEstimates:
         count, n = len(block), self._joints
-        residuals = self._residuals[:count].copy()
         located = np.flatnonzero(self._listed[:count] > 0)
         sample, contact = located, self._phases[located, 1].astype(np.int64)
         rows, link_probability = self._best[located], self._link_probability[located]
@@ -126,7 +130,8 @@ class BlockRunner:
             base_wrench=residuals[:, 4:10],
             base_wrench_std=residuals[:, 10:16],
             joint_torque=residuals[:, 16 : 16 + n],
-            joint_torque_std=residuals[:, 16 + n :],
+            joint_torque_std=residuals[:, 16 + n : 16 + 2 * n],
+            joint_bias=residuals[:, 16 + 2 * n :],
             sample=sample,
             contact=contact,
             rows=rows,
@@ -141,6 +146,11 @@ class BlockRunner:
         )  # fmt: skip
         vectors = (contact.point, contact.point_base, contact.normal_base, contact.force_base)
         return np.concatenate((numbers, *vectors, contact.covariance.ravel()))
+
+
+def _writeable(array: np.ndarray) -> np.ndarray:
+    """The array, or a copy: for one that cannot be written the kernel would be compiled once more."""
+    return array if array.flags.writeable else array.copy()
 
 
 def _acting(estimate: Estimate) -> tuple[Contact, ...]:

@@ -2,6 +2,7 @@
 
 import math
 
+from contactsense.kinematics.linalg.ldl import half_squared_norm
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.sensor_consistency import AGREEMENT, BASE, FORCE, TORQUE
 from contactsense.robots.jit.kernel import inlined_kernel
@@ -22,11 +23,8 @@ def consistency_statistics(constants: Constants, state: State, variance_ratio: f
         constants, state: After `contactsense.runtime.sample_pipeline.energy_without_contact` for this sample.
         variance_ratio: Variance of the residuals over that of one sample's noise.
     """
-    w, C, n = state.base_wrench, state.base_information, state.torque.shape[0]
-    total = 0.0
-    for i in range(6):
-        total += w[i] * dot6(C[i], w) / variance_ratio
-    state.statistics[BASE] = total / 6.0
+    w, n = state.base_wrench, state.torque.shape[0]
+    state.statistics[BASE] = half_squared_norm(state.base_covariance, w) / variance_ratio / 3.0
     state.statistics[FORCE] = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     distal = 0.0
     for j in range(n):

@@ -5,41 +5,28 @@ import math
 
 import numpy as np
 
-from contactsense.detection.thresholds import threshold_index
 from contactsense.residuals.bias_filter import TIME_SINCE_CONTACT
 from contactsense.residuals.equations_of_motion import wrench_difference
-from contactsense.residuals.friction_at_rest import reset_friction_at_rest
-from contactsense.residuals.sensor_consistency import NO_CONTACT, exclude_inconsistent, update_consistency
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.runtime.buffer_views import buffer_views
-from contactsense.runtime.consistency_statistics import consistency_statistics
 from contactsense.runtime.constants import Constants
+from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.result_rows import write_candidates
 from contactsense.runtime.sample_pipeline import (
-    energy_at_rest,
-    energy_without_contact,
     explain,
-    residual_variance_ratio,
     set_external,
     take_static_sample,
-    update_bias_filter,
     update_residuals,
 )
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import (
-    BASE,
-    INCONSISTENT,
     REPEATED,
     RESTARTED,
     SCALE,
-    SETTLING,
     STEP,
-    TORQUE,
-    TOUCHED,
     UNUSABLE,
-    USUAL_STEP,
     WRONG_SIZE,
     register_sample,
     store_sample,
@@ -47,9 +34,6 @@ from contactsense.sensors.stream_state import (
     usable_sensors_code,
 )
 from contactsense.tracking.contact_tracker import (
-    ABOVE_ONSET,
-    NONE,
-    PHASE,
     WINDOW,
     average_windows,
     choose_window,
@@ -89,56 +73,18 @@ def detect(
         Flags of the sample, see `contactsense.sensors.stream_state`.
     """
     constants, state = buffer_views(floats, integers, sizes)
-    track, stream, consistency = state.track, state.stream, state.consistency
+    stream = state.stream
     if not store_sample(stream, q, qd, torque, base_wrench, wrist_wrench):
         return WRONG_SIZE
     flags: int = register_sample(stream, t, sensor_bits, bandwidth)
     if flags & (REPEATED | UNUSABLE):
         return flags
     if flags & RESTARTED:
-        end_contact(track)
+        end_contact(state.track)
     update_residuals(constants, state, bandwidth)
-    base_settled, torque_settled = stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0
-    exclude_inconsistent(consistency, stream.usable)
-    has_base, has_torque, has_wrist = usable_sensors(stream)
-    if not (has_base or has_torque):
-        end_contact(track)
-        reset_friction_at_rest(state.friction_at_rest)
-        return flags | SETTLING
-    variance_ratio = residual_variance_ratio(state, (has_base, has_torque, has_wrist))
-    stream.scalars[SCALE] = variance_ratio
-    sensor_set = 1 * has_base + 2 * has_torque + 4 * has_wrist
-    thresholds = constants.thresholds[sensor_set, threshold_index(stream.scalars[USUAL_STEP])]
-    no_contact_energy = energy_without_contact(
-        constants, state, has_base, has_torque, has_wrist, variance_ratio
-    )
-    # With a base sensor, friction does not limit detection.
-    if not has_base:
-        no_contact_energy = max(
-            no_contact_energy,
-            energy_at_rest(constants, state, variance_ratio, (thresholds[0], thresholds[1]), bandwidth),
-        )
-    consistency_statistics(constants, state, variance_ratio)
-    state.statistics[NO_CONTACT] = no_contact_energy
-    # Onset needs two samples in a row above the threshold: sensors have outliers.
-    above_threshold, no_contact_yet = not no_contact_energy <= thresholds[0], track.scalars[PHASE] == NONE
-    touched = (
-        above_threshold and track.scalars[ABOVE_ONSET] > 0.0
-        if no_contact_yet
-        else not no_contact_energy <= thresholds[1]
-    )
-    if update_consistency(
-        consistency, state.statistics, touched, base_settled, torque_settled, stream.scalars[STEP]
-    ):
-        flags |= INCONSISTENT
-    if touched:
-        return flags | TOUCHED
-    end_contact(track)
-    if above_threshold and no_contact_yet:
-        track.scalars[ABOVE_ONSET] = 1.0
-    else:
-        update_bias_filter(constants, state, has_base, has_torque, variance_ratio, bandwidth)
-    return flags
+    decision = decide(constants, state, bandwidth)
+    concluded: int = conclude(constants, state, flags, decision, bandwidth)
+    return concluded
 
 
 @kernel

@@ -101,6 +101,8 @@ class BlockEstimates:
     """External torque about each joint, that of a contact wrench w being s_j . w [Nm], shape (N, n)."""
     joint_torque_std: np.ndarray
     """Its standard deviation without contact, shape (N, n)."""
+    joint_bias: np.ndarray
+    """What is taken for the biases of the joint torques [Nm], shape (N, n)."""
     sample: np.ndarray
     """The sample of each of the K located contacts, shape (K,), int64, rising."""
     contact: np.ndarray

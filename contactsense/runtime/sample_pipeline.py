@@ -6,18 +6,16 @@ import math
 import numpy as np
 
 from contactsense.isolation.link_hypotheses import SensorModel, isolate
-from contactsense.kinematics.linalg.ldl import invert_spd
+from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
 from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
 from contactsense.localization.ranking import locate_contacts
 from contactsense.residuals.bias_filter import (
-    PAUSE_AFTER_CONTACT,
-    TIME_SINCE_CONTACT,
     TIME_SINCE_UPDATE,
-    UPDATE_INTERVAL,
     apply_correction,
     predict,
     update,
+    update_is_due,
 )
 from contactsense.residuals.equations_of_motion import (
     observe_base_in_link_frames,
@@ -39,7 +37,7 @@ from contactsense.tracking.contact_tracker import NONE, PHASE
 
 
 @inlined_kernel
-def _update_tool(constants: Constants, state: State) -> None:
+def update_tool(constants: Constants, state: State) -> None:
     """Momentum and gravity wrench of the tool, and origin of the wrist sensor."""
     last = state.motion.rotation.shape[0] - 1
     R, o = state.motion.rotation[last], state.motion.origin[last]
@@ -76,7 +74,7 @@ def update_residuals(
     model, torque_model, unbiased_wrench = state.model, state.torque_model, state.unbiased_wrench
     qd, torque, wrist_wrench, steps = stream.qd, stream.torque, stream.wrist_wrench, stream.steps
     kinematics_and_momenta(model, stream.q, qd, constants.gravity, motion)
-    _update_tool(constants, state)
+    update_tool(constants, state)
     for i in range(6):
         unbiased_wrench[i] = stream.base_wrench[i] - state.bias_filter.bias[i]
     if steps[BASE] >= 0.0:
@@ -205,15 +203,13 @@ def energy_without_contact(
 
     Arguments as for `explain`.
     """
-    update_covariances(constants, state, variance_ratio)
+    _fill_covariances(constants, state, variance_ratio)
     energy = 0.0
     if has_torque:
         for j in range(state.torque.shape[0]):
             energy += 0.5 * state.torque[j] ** 2 / state.torque_variance[j]
     if has_base:
-        for i in range(6):
-            row = dot6(state.base_information[i], state.base_wrench)
-            energy += 0.5 * state.base_wrench[i] * row / variance_ratio
+        energy += half_squared_norm(state.base_covariance, state.base_wrench) / variance_ratio
     if has_wrist:
         s, w = state.wrist_origin, state.wrist_wrench
         force, moment = (
@@ -235,24 +231,32 @@ def energy_without_contact(
 
 @inlined_kernel
 def update_covariances(constants: Constants, state: State, variance_ratio: float) -> None:
-    """Fill the covariances of the residuals: noise times `variance_ratio`, plus model uncertainty."""
-    sensors, bias_filter = constants.sensors, state.bias_filter
-    for j in range(state.torque.shape[0]):
-        noise = sensors.torque_variance[j] * variance_ratio + state.unmodelled_std[j] ** 2
-        state.torque_variance[j] = noise + bias_filter.torque_variance[j]
+    """Fill the covariances of the residuals, noise times `variance_ratio` plus model uncertainty, and the
+    inverse of that of the base wrench."""
+    _fill_covariances(constants, state, variance_ratio)
     bias_filter_trace = 0.0
     for i in range(6):
-        bias_filter_trace += bias_filter.base_covariance[i, i]
-        for k in range(6):
-            state.base_covariance[i, k] = (
-                sensors.base_covariance[i, k] + bias_filter.base_covariance[i, k] / variance_ratio
-            )
+        bias_filter_trace += state.bias_filter.base_covariance[i, i]
     # Zero trace: no model uncertainty, so the precomputed inverse holds.
     if bias_filter_trace > 0.0:
         invert_spd(state.base_covariance, state.base_information)
     else:
         for i in range(6):
-            copy(sensors.base_information[i], state.base_information[i])
+            copy(constants.sensors.base_information[i], state.base_information[i])
+
+
+@inlined_kernel
+def _fill_covariances(constants: Constants, state: State, variance_ratio: float) -> None:
+    sensors, bias_filter = constants.sensors, state.bias_filter
+    for j in range(state.torque.shape[0]):
+        noise = sensors.torque_variance[j] * variance_ratio + state.unmodelled_std[j] ** 2
+        state.torque_variance[j] = noise + bias_filter.torque_variance[j]
+    inverse_ratio = 1.0 / variance_ratio
+    for i in range(6):
+        for k in range(6):
+            state.base_covariance[i, k] = (
+                sensors.base_covariance[i, k] + bias_filter.base_covariance[i, k] * inverse_ratio
+            )
 
 
 @inlined_kernel
@@ -307,12 +311,9 @@ def update_bias_filter(
         bandwidth: Cut-off frequency of the observers [Hz].
     """
     bias_filter, n = state.bias_filter, state.torque.shape[0]
-    K = 2.0 * math.pi * bandwidth
-    if (
-        bias_filter.scalars[TIME_SINCE_UPDATE] * K < UPDATE_INTERVAL
-        or bias_filter.scalars[TIME_SINCE_CONTACT] * K < PAUSE_AFTER_CONTACT
-    ):
+    if not update_is_due(bias_filter, bandwidth):
         return
+    K = 2.0 * math.pi * bandwidth
     correlation = math.exp(-K * bias_filter.scalars[TIME_SINCE_UPDATE])
     variance_inflation = (1.0 + correlation) / (1.0 - correlation)
     bias_filter.scalars[TIME_SINCE_UPDATE] = 0.0
@@ -357,7 +358,7 @@ def take_static_sample(
     """
     motion = state.motion
     kinematics_and_momenta(constants.model, q, state.zero_velocity, constants.gravity, motion)
-    _update_tool(constants, state)
+    update_tool(constants, state)
     for j in range(q.shape[0]):
         model_torque = constants.torque_model.bias[j] - constants.torque_model.gravity * dot6(
             motion.screw[j], motion.gravity[j + 1]

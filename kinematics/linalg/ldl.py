@@ -3,7 +3,9 @@ inverse of a covariance."""
 
 import math
 
-from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+import numpy as np
+
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel, kernel
 
 SMALLEST_DETERMINANT, LARGEST_DETERMINANT = 1e-300, 1e300
 """Matrices with determinants outside this range count as not positive definite."""
@@ -114,6 +116,49 @@ def ldl_solve(H, g):  # type: ignore[no-untyped-def]
         return math.inf, 0.0, 0.0, 0.0, 0.0
     g[0], g[1], g[2], g[3], g[4], g[5] = x0, x1, x2, x3, x4, x5
     return math.log(det), predicted_decrease, v44, v45, v55
+
+
+@kernel
+def half_squared_norm(C: np.ndarray, w: np.ndarray) -> float:
+    """1/2 w . C^-1 w for a positive definite C, shape (6, 6); infinity or NaN for others."""
+    c00, c10, c20, c30, c40, c50 = C[0, 0], C[1, 0], C[2, 0], C[3, 0], C[4, 0], C[5, 0]
+    c11, c21, c31, c41, c51 = C[1, 1], C[2, 1], C[3, 1], C[4, 1], C[5, 1]
+    c22, c32, c42, c52 = C[2, 2], C[3, 2], C[4, 2], C[5, 2]
+    c33, c43, c53, c44, c54, c55 = C[3, 3], C[4, 3], C[5, 3], C[4, 4], C[5, 4], C[5, 5]
+    w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
+    # One row and column is eliminated after the other, from C and from w.
+    i = 1.0 / c00
+    total = w0 * w0 * i
+    a, b, c, d, e = c10 * i, c20 * i, c30 * i, c40 * i, c50 * i
+    c11, c21, c31, c41, c51 = c11 - a * c10, c21 - a * c20, c31 - a * c30, c41 - a * c40, c51 - a * c50
+    c22, c32, c42, c52 = c22 - b * c20, c32 - b * c30, c42 - b * c40, c52 - b * c50
+    c33, c43, c53 = c33 - c * c30, c43 - c * c40, c53 - c * c50
+    c44, c54, c55 = c44 - d * c40, c54 - d * c50, c55 - e * c50
+    w1, w2, w3, w4, w5 = w1 - a * w0, w2 - b * w0, w3 - c * w0, w4 - d * w0, w5 - e * w0
+    i = 1.0 / c11
+    total += w1 * w1 * i
+    b, c, d, e = c21 * i, c31 * i, c41 * i, c51 * i
+    c22, c32, c42, c52 = c22 - b * c21, c32 - b * c31, c42 - b * c41, c52 - b * c51
+    c33, c43, c53 = c33 - c * c31, c43 - c * c41, c53 - c * c51
+    c44, c54, c55 = c44 - d * c41, c54 - d * c51, c55 - e * c51
+    w2, w3, w4, w5 = w2 - b * w1, w3 - c * w1, w4 - d * w1, w5 - e * w1
+    i = 1.0 / c22
+    total += w2 * w2 * i
+    c, d, e = c32 * i, c42 * i, c52 * i
+    c33, c43, c53 = c33 - c * c32, c43 - c * c42, c53 - c * c52
+    c44, c54, c55 = c44 - d * c42, c54 - d * c52, c55 - e * c52
+    w3, w4, w5 = w3 - c * w2, w4 - d * w2, w5 - e * w2
+    i = 1.0 / c33
+    total += w3 * w3 * i
+    d, e = c43 * i, c53 * i
+    c44, c54, c55 = c44 - d * c43, c54 - d * c53, c55 - e * c53
+    w4, w5 = w4 - d * w3, w5 - e * w3
+    i = 1.0 / c44
+    total += w4 * w4 * i
+    e = c54 * i
+    w5 = w5 - e * w4
+    total += w5 * w5 / (c55 - e * c54)
+    return float(0.5 * total)
 
 
 @fused_kernel

@@ -17,11 +17,14 @@ from contactsense.service.analysis.contact_history import ContactCollector, Cont
 from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.force_limits import ForceLimits
+from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.residual_statistics import ResidualStatistics, ResidualSummary
 from contactsense.service.analysis.sample_table import sample_table
 from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
-from contactsense.service.recordings import Recording, read
+from contactsense.service.recordings import Recording
+from contactsense.service.recordings.problems import Problem
+from contactsense.service.recordings.recording import RecordingFile
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +77,7 @@ class Analysis:
 
 
 def analyze(
-    recording: Recording | str | Path,
+    recording: Recording | RecordingFile | str | Path,
     scene: Scene,
     *,
     estimates: bool = False,
@@ -86,7 +89,7 @@ def analyze(
     """Find the contacts of a recording.
 
     Args:
-        recording: The recording, or its file.
+        recording: The recording, or its file, which is read block by block: its length does not matter.
         scene: The arm in its place.
         estimates: Keep the estimates and residuals of every sample, some 400 bytes each.
         limits: Limits to compare forces with.
@@ -97,8 +100,8 @@ def analyze(
     Raises:
         RecordingError: the file cannot be read or lacks a column.
     """
-    if not isinstance(recording, Recording):
-        recording = read(recording, scene)
+    if not isinstance(recording, Recording | RecordingFile):
+        recording = RecordingFile(recording, scene)
     tables: list[pa.Table] = []
 
     def keep(table: pa.Table) -> None:
@@ -109,11 +112,11 @@ def analyze(
     return Analysis(
         scene=scene,
         recording=recording.name,
-        samples=len(recording),
-        start=float(recording.t[0]) if len(recording) else 0.0,
-        duration=recording.seconds,
-        gaps=len(recording.gaps),
-        problems=tuple(str(problem) for problem in recording.problems),
+        samples=run.extent.samples,
+        start=run.extent.start,
+        duration=run.extent.seconds,
+        gaps=sum(problem.kind == "gap" for problem in run.extent.problems),
+        problems=tuple(str(problem) for problem in run.extent.problems),
         contacts=contacts,
         residuals=run.residuals.summary(),
         limits=limits,
@@ -121,31 +124,62 @@ def analyze(
     )
 
 
+@dataclass
+class Extent:
+    """How much of a recording has been gone through."""
+
+    samples: int = 0
+    """Number of samples."""
+    start: float = 0.0
+    """Time of the first [s]."""
+    seconds: float = 0.0
+    """From the first to the last, see `contactsense.service.recordings.Recording.seconds` [s]."""
+    problems: tuple[Problem, ...] = ()
+    """What is wrong with the file."""
+    last: float = float("nan")
+    """Time of the last sample [s]."""
+
+    def add(self, t: np.ndarray) -> None:
+        """Count samples in; t: their times [s], shape (N,)."""
+        if len(t) == 0:
+            return
+        if self.samples == 0:
+            self.start = self.last = float(t[0])
+        step = np.diff(t, prepend=self.last)
+        self.seconds += float(step[step > 0.0].sum())
+        self.samples, self.last = self.samples + len(t), float(t[-1])
+
+
 class AnalysisRun:
     """One way through a recording; keeps the localizer for the next one."""
 
+    scene: Scene
+    """The scene."""
     residuals: ResidualStatistics
     """Of the recording that was last gone through."""
+    extent: Extent
+    """The same."""
     biases: tuple[np.ndarray, np.ndarray]
     """What the localizer took for the biases of base wrench (6,) and joint torques (n,) at its end."""
 
     def __init__(self, scene: Scene, localizer: Localizer | None = None, smooth: bool = True) -> None:
         """Prepare for `scene`."""
         self.localizer = localizer or Localizer(scene)
-        self._scene = scene
+        self.scene = scene
         self._summarizer = Summarizer(scene)
         self._smooth = smooth
         self._smoother: ContactSmoother | None = None
 
     def contacts(
         self,
-        recording: Recording,
+        recording: Recording | RecordingFile,
         keep: Callable[[pa.Table], None] | None = None,
         progress: Callable[[int], None] | None = None,
         *,
         cuts: Sequence[int] | None = None,
         statistics: ResidualStatistics | None = None,
         own: tuple[int, int] | None = None,
+        friction: FrictionResiduals | None = None,
     ) -> Iterator[ContactSummary]:
         """The contacts of a recording, each when it has ended.
 
@@ -157,52 +191,68 @@ class AnalysisRun:
             statistics: Takes in the residuals instead of `residuals`.
             own: Samples of which residuals are taken in, whole blocks; after them only a contact that is on
                 is followed.
+            friction: Takes in the same residuals.
         """
-        name, joints = recording.name, len(self._scene.robot.joints)
-        span = (float(recording.t[0]), float(recording.t[-1])) if len(recording) else (0.0, 0.0)
-        self.residuals = statistics or ResidualStatistics(*span, joints)
-        first, last = own or (0, len(recording))
+        name, joints = recording.name, len(self.scene.robot.joints)
+        span = _span(recording)
+        self.residuals = statistics or ResidualStatistics(joints, *span)
+        self.extent = Extent(problems=recording.problems if isinstance(recording, Recording) else ())
+        first, last = own or (0, None)
         collector = ContactCollector()
         at = 0
-        for block, found in self._blocks(recording, cuts):
-            rows = recording.rows[at : at + len(found)]
-            if first <= at < last:
+        for rows, block, found in self._blocks(recording, cuts):
+            if first <= at and (last is None or at < last):
                 self.residuals.add(found)
+                if friction is not None:
+                    friction.add(block, found)
                 self.biases = self.localizer.biases
             at += len(found)
             if keep is not None:
-                keep(sample_table(rows, found, self._scene))
+                keep(sample_table(rows, found, self.scene))
             for history in collector.add(rows, block, found):
                 yield self._finish(history, name)
             if progress is not None:
                 progress(len(found))
-            if at >= last and at > first and not collector.is_open:
+            if last is not None and at >= last and at > first and not collector.is_open:
                 break
         for history in collector.end():
             yield self._finish(history, name)
 
     def _blocks(
-        self, recording: Recording, cuts: Sequence[int] | None
-    ) -> Iterator[tuple[SampleBlock, BlockEstimates]]:
-        """Each block with what is found in it."""
-        taken: deque[SampleBlock] = deque()
+        self, recording: Recording | RecordingFile, cuts: Sequence[int] | None
+    ) -> Iterator[tuple[np.ndarray, SampleBlock, BlockEstimates]]:
+        """Rows of each block in the file, the block, and what is found in it."""
+        taken: deque[tuple[np.ndarray, SampleBlock]] = deque()
 
         def blocks() -> Iterator[SampleBlock]:
             at = 0
-            for block in recording.sample_blocks(MAX_BLOCK):
-                inside = [cut - at for cut in cuts or () if at < cut < at + len(block)]
-                for a, b in pairwise([0, *inside, len(block)]):
-                    taken.append(block[a:b])
-                    yield taken[-1]
-                at += len(block)
+            for part in recording.blocks():
+                self.extent.add(part.t)
+                # Parts of a recording carry the problems of all of it.
+                if not isinstance(recording, Recording):
+                    self.extent.problems += part.problems
+                begin = at
+                for block in part.sample_blocks(MAX_BLOCK):
+                    inside = [cut - at for cut in cuts or () if at < cut < at + len(block)]
+                    for a, b in pairwise([0, *inside, len(block)]):
+                        taken.append((part.rows[at - begin + a : at - begin + b], block[a:b]))
+                        yield block[a:b]
+                    at += len(block)
 
         for found in self.localizer.run_blocks(blocks()):
-            yield taken.popleft(), found
+            yield *taken.popleft(), found
 
     def _finish(self, history: ContactHistory, name: str) -> ContactSummary:
         contact = self._summarizer.summarize(history, name)
         if not self._smooth:
             return contact
-        self._smoother = self._smoother or ContactSmoother(self._scene)
+        self._smoother = self._smoother or ContactSmoother(self.scene)
         smoothed = self._smoother.smooth(history)
         return contact if smoothed is None else self._summarizer.with_place(contact, history, smoothed)
+
+
+def _span(recording: Recording | RecordingFile) -> tuple[float | None, float | None]:
+    """Times of the first and the last sample [s], where they are known beforehand."""
+    if isinstance(recording, RecordingFile) or len(recording) == 0:
+        return None, None
+    return float(recording.t[0]), float(recording.t[-1])

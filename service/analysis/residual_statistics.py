@@ -1,14 +1,18 @@
 """Residuals over a whole recording in bounded memory: how large they are beside their noise."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from contactsense import BlockEstimates
+from contactsense.robots.jit.kernel import kernel
 from contactsense.sensors.stream_state import DEGRADED, MISSING, TOUCHED
 
 BINS = 1200
 """Most points of a curve over a whole recording."""
+FIRST_WIDTH = 0.01
+"""Width of a bin where the end of the recording is not known yet [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,57 +56,40 @@ class ResidualSummary:
 class ResidualStatistics:
     """Takes in blocks of one recording."""
 
-    def __init__(self, start: float, end: float, joints: int) -> None:
-        """The recording lasts from `start` to `end` [s]."""
-        self._start, self._width = start, max(end - start, 1e-9) / BINS
+    def __init__(self, joints: int, start: float | None = None, end: float | None = None) -> None:
+        """Before the first block.
+
+        Args:
+            joints: Number of joints.
+            start, end: When the recording begins and ends [s]; None: to be seen, bins are joined as it goes.
+        """
+        self._start = start
+        width = FIRST_WIDTH if start is None or end is None else max(end - start, 1e-9) / BINS
+        self._width = np.array([width])
         self._largest = np.full((BINS, 2 + joints), np.nan)
         self._std = np.full((BINS, 1 + joints), np.nan)
-        self._squares, self._free = np.zeros(6 + joints), 0
-        self._touched = self._degraded = 0
-        self._missing = np.zeros(3, dtype=np.int64)
+        self._squares, self._counts = np.zeros(6 + joints), np.zeros(6, dtype=np.int64)
 
     def add(self, found: BlockEstimates) -> None:
         """Count a block in."""
-        known = np.flatnonzero(np.isfinite(found.energy))
-        touched = (found.flags & TOUCHED) != 0
-        self._touched += int(touched.sum())
-        self._degraded += int(((found.flags & DEGRADED) != 0).sum())
-        for i in range(3):
-            self._missing[i] += int(((found.flags & MISSING << i) != 0).sum())
-        if len(known) == 0:
+        if self._start is None:
+            self._start = float(found.t[0]) if len(found) else None
+        if self._start is None:
             return
-        free = known[~touched[known] & ((found.flags[known] & DEGRADED) == 0)]
-        self._free += len(free)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.hstack(
-                (
-                    found.base_wrench[free] / found.base_wrench_std[free],
-                    found.joint_torque[free] / found.joint_torque_std[free],
-                )
-            )
-        self._squares += np.nansum(np.where(np.isfinite(ratio), ratio, 0.0) ** 2, axis=0)
-        values = np.column_stack(
-            (
-                found.energy[known],
-                np.linalg.norm(found.base_wrench[known, :3], axis=1),
-                np.abs(found.joint_torque[known]),
-            )
-        )
-        spread = np.column_stack(
-            (np.mean(found.base_wrench_std[known, :3], axis=1), found.joint_torque_std[known])
-        )
-        bins = np.clip(((found.t[known] - self._start) / self._width).astype(np.int64), 0, BINS - 1)
-        for kept, new in ((self._largest, values), (self._std, spread)):
-            np.fmax.at(kept, bins, new)
+        _add(
+            found.t, found.flags, found.energy, found.base_wrench, found.base_wrench_std,
+            found.joint_torque, found.joint_torque_std, self._start, self._width, self._largest, self._std,
+            self._squares, self._counts,
+        )  # fmt: skip
 
     def summary(self) -> ResidualSummary:
         """What has been taken in so far."""
         filled = np.flatnonzero(np.isfinite(self._largest[:, 0]))
-        ratio = np.sqrt(self._squares / max(self._free, 1))
+        free, touched, degraded, base, torque, wrist = self._counts.tolist()
+        ratio = np.sqrt(self._squares / max(free, 1))
         largest, std = self._largest[filled], self._std[filled]
-        base, torque, wrist = self._missing.tolist()
         return ResidualSummary(
-            t=self._start + filled * self._width,
+            t=(self._start or 0.0) + filled * self._width[0],
             energy=largest[:, 0],
             base_force=largest[:, 1],
             base_force_std=std[:, 0],
@@ -110,8 +97,81 @@ class ResidualStatistics:
             joint_torque_std=std[:, 1:],
             base_ratio=ratio[:6],
             joint_ratio=ratio[6:],
-            free=self._free,
-            touched=self._touched,
-            degraded=self._degraded,
+            free=free,
+            touched=touched,
+            degraded=degraded,
             missing=(base, torque, wrist),
         )
+
+
+@kernel
+def _add(
+    t: np.ndarray,
+    flags: np.ndarray,
+    energy: np.ndarray,
+    base_wrench: np.ndarray,
+    base_wrench_std: np.ndarray,
+    joint_torque: np.ndarray,
+    joint_torque_std: np.ndarray,
+    start: float,
+    width: np.ndarray,
+    largest: np.ndarray,
+    std: np.ndarray,
+    squares: np.ndarray,
+    counts: np.ndarray,
+) -> None:
+    """Count a block in, see `ResidualStatistics`; the first seven as in `contactsense.BlockEstimates`."""
+    n, bins = joint_torque.shape[1], largest.shape[0]
+    for i in range(t.shape[0]):
+        touched, degraded = flags[i] & TOUCHED != 0, flags[i] & DEGRADED != 0
+        counts[1] += touched
+        counts[2] += degraded
+        for k in range(3):
+            counts[3 + k] += flags[i] & MISSING << k != 0
+        if not math.isfinite(energy[i]):
+            continue
+        if not (touched or degraded):
+            counts[0] += 1
+            for k in range(6):
+                _add_square(base_wrench[i, k] / base_wrench_std[i, k], k, squares)
+            for k in range(n):
+                _add_square(joint_torque[i, k] / joint_torque_std[i, k], 6 + k, squares)
+        while t[i] - start > (bins + 1) * width[0]:
+            _join_bins(largest)
+            _join_bins(std)
+            width[0] *= 2.0
+        at = min(max(int((t[i] - start) / width[0]), 0), bins - 1)
+        fx, fy, fz = base_wrench[i, 0], base_wrench[i, 1], base_wrench[i, 2]
+        _keep_largest(energy[i], at, 0, largest)
+        _keep_largest(math.sqrt(fx * fx + fy * fy + fz * fz), at, 1, largest)
+        mean = (base_wrench_std[i, 0] + base_wrench_std[i, 1] + base_wrench_std[i, 2]) / 3.0
+        _keep_largest(mean, at, 0, std)
+        for k in range(n):
+            _keep_largest(abs(joint_torque[i, k]), at, 2 + k, largest)
+            _keep_largest(joint_torque_std[i, k], at, 1 + k, std)
+
+
+@kernel
+def _join_bins(kept: np.ndarray) -> None:
+    """Each two neighbours become one."""
+    half = kept.shape[0] // 2
+    for at in range(kept.shape[0]):
+        for k in range(kept.shape[1]):
+            value = math.nan
+            if at < half:
+                a, b = kept[2 * at, k], kept[2 * at + 1, k]
+                value = a if a >= b or math.isnan(b) else b
+            kept[at, k] = value
+
+
+@kernel
+def _add_square(ratio: float, k: int, squares: np.ndarray) -> None:
+    """A sensor without noise, or without value, does not count."""
+    if math.isfinite(ratio):
+        squares[k] += ratio * ratio
+
+
+@kernel
+def _keep_largest(value: float, at: int, k: int, kept: np.ndarray) -> None:
+    if value > kept[at, k] or math.isnan(kept[at, k]):
+        kept[at, k] = value

@@ -19,9 +19,8 @@ from contactsense.service.analysis.report import write_report
 from contactsense.service.recordings import (
     ColumnMapping,
     MappingError,
-    Recording,
     RecordingError,
-    read,
+    RecordingFile,
     scene_in,
 )
 from contactsense.service.recordings.export import export
@@ -33,7 +32,8 @@ from contactsense.service.recordings.export import export
     "--scene",
     "scene_path",
     type=click.Path(path_type=Path),
-    help="Scene file (YAML).  [default: the scene that each file carries]",
+    help="Scene file (YAML); for a dataset also a folder with ROBOT.yaml for each robot.  [default: "
+    "robot=ROBOT/scene.yaml in a dataset, else the scene that a file carries]",
 )
 @click.option(
     "--columns", help="Names and units of columns or topics, as q=joint_,time_unit=ms or a YAML file."
@@ -69,15 +69,14 @@ def analyze(
     each. A file that cannot be read is reported and skipped; the exit status is 1 then.
 
     A folder, or --workers or --scheduler, analyses a dataset: OUT gets contacts/robot=NAME/date=DATE/,
-    robots.parquet, fleet.html and fleet.md. Segments that an earlier run completed are not computed again.
+    robots.parquet, days.parquet, fleet.html and fleet.md. Segments that an earlier run completed are not
+    computed again.
     """
     if workers is not None or scheduler is not None or any(path.is_dir() for path in files):
         if limits_path is not None or estimates or mcap or columns is not None:
             raise click.UsageError(
                 "--limits, --estimates, --mcap, --columns: not for a dataset; analyze its files one by one"
             )
-        if scene_path is None:
-            raise click.UsageError("--scene: expected a scene file for a dataset")
         from contactsense.service.cli.analyze_fleet import analyze_dataset
 
         analyze_dataset(files, scene_path, out, workers or 1, scheduler, as_json)
@@ -94,9 +93,10 @@ def analyze(
     for path, folder in zip(files, folders, strict=True):
         try:
             own = scene_in(path) if scene is None else scene
-            recording = read(path, own, mapping)
-            found = _analyze(recording, own, limits, estimates, folder)
+            file = RecordingFile(path, own, mapping)
+            found = _analyze(file, own, limits, estimates, folder)
             if mcap:
+                recording = file.read()
                 export(recording, folder / "contacts.mcap", contact_arrows(found, recording))
         except RecordingError as error:
             if len(files) == 1:
@@ -130,15 +130,15 @@ def _folders(files: tuple[Path, ...], out: Path) -> list[Path]:
 
 
 def _analyze(
-    recording: Recording, scene: Scene, limits: ForceLimits | None, estimates: bool, folder: Path
+    file: RecordingFile, scene: Scene, limits: ForceLimits | None, estimates: bool, folder: Path
 ) -> Analysis:
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), transient=True,
     ) as progress:  # fmt: skip
-        task = progress.add_task(Path(recording.name).name, total=len(recording))
+        task = progress.add_task(file.path.name, total=file.rows)
         found = run(
-            recording,
+            file,
             scene,
             estimates=estimates,
             limits=limits,

@@ -15,7 +15,7 @@ from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError
 
 
 def analyze_dataset(
-    files: tuple[Path, ...], scene: Path, out: Path, workers: int, scheduler: str | None, as_json: bool
+    files: tuple[Path, ...], scene: Path | None, out: Path, workers: int, scheduler: str | None, as_json: bool
 ) -> None:
     """Analyse a dataset and print its summary.
 
@@ -53,7 +53,7 @@ def analyze_dataset(
 
 def _as_plain(summary: FleetSummary) -> dict[str, object]:
     return {
-        "robots": [robot_row(robot, summary.scene) for robot in summary.robots],
+        "robots": [robot_row(robot) for robot in summary.robots],
         "contacts": summary.contacts.num_rows,
         "expected_false_alarms": summary.expected_false_alarms,
         "problems": list(summary.problems),

@@ -12,6 +12,7 @@ BENCHES = {
     "speed": "contactsense.benchmarks.live.speed:speed",
     "stream": "contactsense.benchmarks.live.stream:stream",
     "analyze": "contactsense.benchmarks.live.analysis:analyze",
+    "fleet": "contactsense.benchmarks.fleet.command:fleet",
     "latency": "contactsense.benchmarks.live.latency:latency",
     "soak": "contactsense.benchmarks.live.soak:soak",
     "solvers": "contactsense.benchmarks.solvers.command:solvers",

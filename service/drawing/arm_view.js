@@ -17,7 +17,6 @@ function drawArm(canvas, geometry, view) {
     return {points: out, faces: link.faces, color: [c >> 16, c >> 8 & 255, c & 255]};
   });
   const center = low.map((x, i) => (x + high[i]) / 2);
-  const size = Math.hypot(...low.map((x, i) => high[i] - x));
   // Looks at the contact from the side that it is on.
   let azimuth = 0.9, elevation = 0.35, zoom = 1;
   if (view.arrow) {
@@ -25,6 +24,15 @@ function drawArm(canvas, geometry, view) {
     azimuth = Math.atan2(dot(d, side), dot(d, front)) + 0.6;
     elevation = Math.max(-0.2, Math.min(0.9, Math.asin(dot(unit(d), up)) * 0.5 + 0.3));
   }
+  // The whole arm fits into the picture as it is seen at first.
+  const toward0 = [0, 1, 2].map(i => Math.cos(elevation) * (Math.cos(azimuth) * front[i] + Math.sin(azimuth) * side[i]) + Math.sin(elevation) * up[i]);
+  const right0 = unit(cross(up, toward0)), top0 = cross(toward0, right0);
+  let wide = 1, tall = 1;
+  for (const points of [...links.map(link => link.points), view.arrow || []])
+    for (let i = 0; i < points.length; i += 3) {
+      const d = [0, 1, 2].map(k => points[i + k] - center[k]);
+      wide = Math.max(wide, Math.abs(dot(d, right0))); tall = Math.max(tall, Math.abs(dot(d, top0)));
+    }
   const context = canvas.getContext("2d");
   function draw() {
     const ratio = window.devicePixelRatio || 1, w = canvas.clientWidth, h = canvas.clientHeight;
@@ -34,7 +42,7 @@ function drawArm(canvas, geometry, view) {
     const ca = Math.cos(azimuth), sa = Math.sin(azimuth), ce = Math.cos(elevation), se = Math.sin(elevation);
     const toward = [0, 1, 2].map(i => ce * (ca * front[i] + sa * side[i]) + se * up[i]);
     const right = unit(cross(up, toward)), top = cross(toward, right);
-    const scale = 1.25 * zoom * Math.min(w, h) / size;
+    const scale = 0.46 * zoom * Math.min(w / wide, h / tall);
     const project = p => {
       const d = [p[0]-center[0], p[1]-center[1], p[2]-center[2]];
       return [w / 2 + scale * dot(d, right), h / 2 - scale * dot(d, top), dot(d, toward)];

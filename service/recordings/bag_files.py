@@ -1,6 +1,7 @@
 """Tables from MCAP files and rosbag2 folders: JointState and WrenchStamped messages become columns.
 
 Rows are those of the JointState topic; wrenches are interpolated to their stamps. These files are read whole.
+Of one that is cut short, or whose folder lacks its `metadata.yaml`, what is there is used.
 """
 
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from contactsense.service.recordings.column_mapping import ColumnMapping
+from contactsense.service.recordings.cut_bags import STORAGE, raw_messages, storage_files
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.table_files import Columns
 
@@ -20,8 +22,8 @@ _WRENCH = "WrenchStamped"
 def is_bag(path: Path) -> bool:
     """Whether a path is an MCAP file, a rosbag2 database, or a rosbag2 folder."""
     if path.is_dir():
-        return (path / "metadata.yaml").exists()
-    return path.suffix in (".mcap", ".db3")
+        return (path / "metadata.yaml").exists() or bool(storage_files(path))
+    return path.suffix in STORAGE
 
 
 class BagFile:
@@ -55,6 +57,7 @@ class BagFile:
                 for i in range(6):
                     self._columns[f"{prefix}_{i}"] = np.interp(t, stamps, values[:, i], np.nan, np.nan)
         self.names = list(self._columns)
+        self.rows: int | None = len(t)
 
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None
@@ -74,6 +77,8 @@ class BagFile:
         wanted = (mapping.joint_states, mapping.base_wrench_topic, mapping.wrist_wrench_topic)
         messages: dict[str, list[Any]] = {}
         store = get_typestore(Stores.ROS2_HUMBLE)
+        if self._path.is_dir() and not (self._path / "metadata.yaml").exists():
+            return self._rest(wanted, store, "metadata.yaml is missing")
         try:
             with AnyReader([self._path], default_typestore=store) as reader:
                 found = {c.topic: c.msgtype for c in reader.connections}
@@ -83,7 +88,31 @@ class BagFile:
                         reader.deserialize(raw, connection.msgtype)
                     )
         except (AnyReaderError, OSError, KeyError, ValueError) as error:
-            raise RecordingError(f"{self._path}: cannot read the recording: {error}") from None
+            return self._rest(wanted, store, str(error))
+        return messages, found
+
+    def _rest(
+        self, wanted: tuple[str, ...], store: Any, problem: str
+    ) -> tuple[dict[str, list[Any]], dict[str, str]]:
+        """What is left of a bag that is cut short, for the reason `problem`.
+
+        Raises:
+            RecordingError: Nothing is.
+        """
+        messages: dict[str, list[Any]] = {}
+        found: dict[str, str] = {}
+        for file in storage_files(self._path):
+            try:
+                for topic, kind, data in raw_messages(file):
+                    found[topic] = kind
+                    if topic in wanted:
+                        messages.setdefault(topic, []).append(store.deserialize_cdr(data, kind))
+            except (OSError, ValueError, KeyError) as error:
+                problem = f"{problem}; {file.name}: {error}"
+        if not found:
+            raise RecordingError(f"{self._path}: cannot read the recording: {problem}")
+        row = len(messages.get(wanted[0], []))
+        self.problems.append(Problem(row, row, "cut_short", f"the bag is incomplete: {problem}"))
         return messages, found
 
     def _joint_columns(self, messages: list[Any], mapping: ColumnMapping) -> Columns:

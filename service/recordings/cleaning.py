@@ -22,7 +22,7 @@ class RowChecker:
         """Rows left out because they repeat the time of the row before."""
         self._last = -math.inf
         self._usual: float | None = None
-        self._first: list[tuple[int, float]] = []
+        self._first: list[tuple[np.ndarray, np.ndarray]] = []
 
     def keep(self, t: np.ndarray, first_row: int) -> np.ndarray:
         """Which rows are kept, shape (N,), bool.
@@ -48,31 +48,33 @@ class RowChecker:
             row = first_row + int(rows[i])
             message = f"the clock was set back by {-step[i]:.3f} s; a new stretch begins"
             self.problems.append(Problem(row, row + 1, "clock_set_back", message))
-        for i in np.flatnonzero((step > 0.0) & np.isfinite(step)) if self._usual is None else ():
-            self._first.append((first_row + int(rows[i]), float(step[i])))
-        if self._usual is None and len(self._first) >= FIRST_STEPS:
-            self._learn()
-        elif self._usual is not None:
-            for i in np.flatnonzero((step > GAP_STEPS * self._usual) & np.isfinite(step)):
-                self._gap(first_row + int(rows[i]), float(step[i]))
+        if self._usual is None:
+            forward = np.flatnonzero((step > 0.0) & np.isfinite(step))
+            self._first.append((first_row + rows[forward], step[forward]))
+            if sum(len(steps) for _, steps in self._first) >= FIRST_STEPS:
+                self._learn()
+        else:
+            self._find_gaps(first_row + rows, step)
         return keep
 
     def finish(self) -> None:
         """The last block has been checked."""
-        if self._usual is None and self._first:
+        if self._usual is None and any(len(steps) for _, steps in self._first):
             self._learn()
 
     def _learn(self) -> None:
         """The usual step is known now: the steps so far are judged."""
-        self._usual = float(np.median([step for _, step in self._first[:FIRST_STEPS]]))
-        for row, step in self._first:
-            if step > GAP_STEPS * self._usual:
-                self._gap(row, step)
+        self._usual = float(np.median(np.concatenate([steps for _, steps in self._first])[:FIRST_STEPS]))
+        for rows, steps in self._first:
+            self._find_gaps(rows, steps)
         self._first = []
 
-    def _gap(self, row: int, step: float) -> None:
-        message = f"a gap of {step:.3f} s before this row (usual step {self._usual:.4f} s)"
-        self.problems.append(Problem(row, row + 1, "gap", message))
+    def _find_gaps(self, rows: np.ndarray, step: np.ndarray) -> None:
+        """Report steps that are too long; `rows`: the row in the file that each leads to."""
+        assert self._usual is not None
+        for i in np.flatnonzero((step > GAP_STEPS * self._usual) & np.isfinite(step)):
+            message = f"a gap of {step[i]:.3f} s before this row (usual step {self._usual:.4f} s)"
+            self.problems.append(Problem(int(rows[i]), int(rows[i]) + 1, "gap", message))
 
     def report(
         self, bad: np.ndarray, first_row: int, kind: Kind, message: str, rows: np.ndarray | None = None

@@ -163,6 +163,11 @@ class RecordingFile:
         self._joints = len(scene.robot.joints)
         self._plan()
 
+    @property
+    def rows(self) -> int | None:
+        """Number of rows, where that is known before all are read."""
+        return self._table.rows
+
     def read(self, first: int = 0, last: int | None = None) -> Recording:
         """The recording, or its rows from `first` up to but without `last`."""
         return concatenate(list(self.blocks(BLOCK, first, last)), self.name, self.meta)
@@ -275,10 +280,17 @@ class RecordingFile:
         keep = checker.keep(t, first)
         rows = np.flatnonzero(keep)
 
-        def table(names: list[str]) -> np.ndarray:
-            return np.column_stack([columns[name][rows] for name in names])
+        whole = len(rows) == len(t)
 
-        q, qd = table(self._q) * self._mapping.radians, table(self._qd) * self._mapping.radians
+        def table(names: list[str]) -> np.ndarray:
+            stacked = np.empty((len(rows), len(names)))
+            for i, name in enumerate(names):
+                stacked[:, i] = columns[name] if whole else columns[name][rows]
+            return stacked
+
+        q, qd = table(self._q), table(self._qd)
+        if self._mapping.radians != 1.0:
+            q, qd = q * self._mapping.radians, qd * self._mapping.radians
         bad = np.asarray(~(np.isfinite(q).all(axis=1) & np.isfinite(qd).all(axis=1)))
         checker.report(bad, first, "not_finite", "joint positions or velocities are not finite", rows)
         torque = base = wrist = None
@@ -322,10 +334,11 @@ class _Pending:
 
     def add(self, block: Recording) -> Recording:
         """The rows that are complete now."""
-        whole = block if self._rest is None else concatenate([self._rest, block], block.name, {})
         if self._late == 0.0:
-            self._rest = whole[len(whole) - 1 :] if len(whole) else None
-            return whole[: len(whole) - 1] if len(whole) else whole
+            # The last block waits: what is wrong with the end of the file is known only after it.
+            before, self._rest = self._rest, block
+            return block[:0] if before is None else before
+        whole = block if self._rest is None else concatenate([self._rest, block], block.name, {})
         ready = int(np.searchsorted(whole.t, whole.t[-1] - abs(self._late))) if len(whole) else 0
         self._rest = whole[ready:]
         return self._shifted(whole)[:ready]
@@ -358,7 +371,9 @@ def concatenate(parts: list[Recording], name: str, meta: Mapping[str, str]) -> R
 
     def joined(key: str) -> Any:
         arrays = [getattr(part, key) for part in parts]
-        return None if arrays[0] is None else np.concatenate(arrays)
+        if arrays[0] is None or len(arrays) == 1:
+            return arrays[0]
+        return np.concatenate(arrays)
 
     return Recording(
         name,

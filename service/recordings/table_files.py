@@ -20,6 +20,8 @@ from contactsense.service.recordings.problems import Problem, RecordingError
 
 _HEAD = 65536
 """Bytes in which the header line of a CSV file must end."""
+_BUFFER = 1 << 20
+"""Bytes of a Parquet column that are read at a time: a file that is mapped or read ahead stays in memory."""
 
 Columns = dict[str, np.ndarray]
 """Column name -> values, shape (N,), float64."""
@@ -34,6 +36,8 @@ class TableFile(Protocol):
     """What the file says about itself."""
     problems: list[Problem]
     """What was found to be wrong while reading; grows."""
+    rows: int | None
+    """Number of rows, where that is known before all are read."""
 
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None
@@ -108,10 +112,11 @@ class _Parquet:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.problems: list[Problem] = []
-        self._file = pa_parquet.ParquetFile(path, memory_map=True)
+        self._file = pa_parquet.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False)
         _check_twice(path, self._file.schema_arrow.names)
         self.names = _numeric(self._file.schema_arrow)
         self.meta = _text(self._file.schema_arrow.metadata)
+        self.rows: int | None = self._file.metadata.num_rows
 
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None
@@ -158,6 +163,7 @@ class _ParquetFolder:
         self.names = [n for n in self._parts[0].names if all(n in part.names for part in self._parts)]
         self.meta = self._parts[0].meta
         self.problems: list[Problem] = []
+        self.rows: int | None = sum(part.rows or 0 for part in self._parts)
 
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None
@@ -177,6 +183,7 @@ class _ArrowStream:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.problems: list[Problem] = []
+        self.rows: int | None = None
         with pa.OSFile(str(path)) as source, pa.ipc.open_stream(source) as stream:
             self.names = _numeric(stream.schema)
             self.meta = _text(stream.schema.metadata)
@@ -228,6 +235,7 @@ class _Csv:
         self._path = path
         self.meta: dict[str, str] = {}
         self.problems: list[Problem] = []
+        self.rows: int | None = None
         with self._open() as stream:
             head = (stream.read(_HEAD) or b"").split(b"\n", 1)[0].decode("utf-8", "replace").strip()
         self._delimiter = "," if "," in head else "\t" if "\t" in head else " "
@@ -239,14 +247,17 @@ class _Csv:
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None
     ) -> Iterator[tuple[int, Columns]]:
+        done = 0
         try:
-            yield from self._typed(names, pa.float64())
+            for row, columns in self._typed(names, pa.float64()):
+                yield row, columns
+                done = row + len(next(iter(columns.values())))
         except pa.ArrowInvalid as error:
             if "conversion error" not in str(error).lower():
                 raise RecordingError(f"{self._path}: {reason(error)}") from None
             # A cell that is no number: read text, and mark what cannot be converted.
             self.problems.clear()
-            yield from self._typed(names, pa.string())
+            yield from chosen_rows(self._typed(names, pa.string()), done, None)
 
     def _open(self) -> Any:
         return io.BufferedReader(_Gzip(self._path)) if self._path.suffix == ".gz" else self._path.open("rb")

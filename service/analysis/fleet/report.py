@@ -10,16 +10,21 @@ import numpy as np
 
 from contactsense.scene import Scene
 from contactsense.service.analysis.assumptions import assumptions
-from contactsense.service.analysis.fleet.summary import FleetSummary, robot_row
+from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, robot_row
 from contactsense.service.analysis.report import render
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, view_script
+from contactsense.service.drawing.drift_svg import drift_chart
 from contactsense.service.drawing.palette import link_colour
 
 FORCES = (0.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, float("inf"))
 """Classes of forces [N]."""
 MOST_DOTS = 3000
-"""Most places that are drawn on the arm; of more, every so manieth."""
+"""Most places that are drawn on an arm; of more, every so manieth."""
+MOST_CHARTS = 30
+"""Most robots whose drift is drawn: those with the largest. All are in the table."""
+MOST_PROBLEMS = 100
+"""Most problems that are listed."""
 
 
 def write_fleet_report(summary: FleetSummary, folder: Path) -> None:
@@ -30,7 +35,7 @@ def write_fleet_report(summary: FleetSummary, folder: Path) -> None:
 
 
 def _content(summary: FleetSummary) -> dict[str, Any]:
-    scene, table = summary.scene, summary.contacts
+    table = summary.contacts
     hours = sum(robot.hours for robot in summary.robots)
     links = Counter(name or "no single place" for name in table["link"].to_pylist())
     force = table["peak_force"].to_numpy()
@@ -40,26 +45,70 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
         for low, high in pairwise(FORCES)
     ]
     most = max([*counts, 1])
-    order = {name: i for i, name in enumerate(scene.link_names)}
+    order = {
+        name: i for robot in summary.robots for i, name in reversed([*enumerate(robot.scene.link_names)])
+    }
+    groups = _groups(summary)
     return {
         "summary": summary,
+        "days": len(set(table["date"].to_pylist()) | {d for r in summary.robots for d in r.dates}),
+        "recordings": sum(robot.recordings for robot in summary.robots),
         "hours": f"{hours:.2f}",
-        "rate": f"{table.num_rows / hours:.2f}" if hours else "0",
-        "robots": [_robot(robot_row(robot, scene)) for robot in summary.robots],
+        "rate": _rate(table.num_rows, hours),
+        "robots": [_robot(robot) for robot in summary.robots],
+        "charts": _charts(summary),
         "links": [
-            (name, link_colour(order.get(name, -1)), count, f"{count / hours:.2f}" if hours else "0")
+            (name, link_colour(order.get(name, -1)), count, _rate(count, hours))
             for name, count in links.most_common()
         ],
         "forces": list(zip(names, counts, [100.0 * c / most for c in counts], strict=True)),
+        "doubtful": sum(robot.contacts for robot in summary.robots if robot.needs_calibration()),
         "false_alarms": f"{summary.expected_false_alarms:.3g}",
-        "assumptions": assumptions(scene),
+        "problems": summary.problems[:MOST_PROBLEMS],
+        "more_problems": max(len(summary.problems) - MOST_PROBLEMS, 0),
+        "groups": [(name, _members(robots), assumptions(robots[0].scene)) for name, robots in groups],
         "script": view_script(),
-        "data": json.dumps({"geometry": arm_geometry(scene), "view": _dots(summary)}, separators=(",", ":")),
+        "data": json.dumps(
+            [
+                {"geometry": arm_geometry(robots[0].scene), "view": _dots(summary, robots)}
+                for _, robots in groups
+            ],
+            separators=(",", ":"),
+        ),
     }
 
 
-def _robot(row: dict[str, Any]) -> dict[str, Any]:
-    base, joint = np.abs(row["base_bias_drift"]), np.abs(row["joint_bias_drift"])
+def _joint_names(scene: Scene) -> list[str]:
+    return [joint.name.removesuffix("_joint") for joint in scene.robot.joints]
+
+
+def _groups(summary: FleetSummary) -> list[tuple[str, list[RobotSummary]]]:
+    """Robots by what they look like: arm and tool."""
+    found: dict[str, list[RobotSummary]] = {}
+    for robot in summary.robots:
+        tool = robot.scene.tool
+        name = robot.scene.robot.name + (f" with {tool.name}" if tool is not None else "")
+        found.setdefault(name, []).append(robot)
+    return list(found.items())
+
+
+def _members(robots: list[RobotSummary]) -> str:
+    names = [robot.robot or "unknown" for robot in robots]
+    more = f" and {len(names) - 12} more" if len(names) > 12 else ""
+    return ", ".join(names[:12]) + more
+
+
+def _rate(count: int, hours: float) -> str:
+    return f"{count / hours:.2f}" if hours else "0"
+
+
+def _robot(robot: RobotSummary) -> dict[str, Any]:
+    row = robot_row(robot)
+    joints = _joint_names(robot.scene)
+    base, joint = _largest(row["base_bias_drift"][:3]), _largest(row["joint_bias_drift"])
+    moment = _largest(row["base_bias_drift"][3:])
+    coulomb = _largest(row["coulomb_drift"])
+    worst = "" if coulomb is None else f", {joints[row['coulomb_drift'].index(coulomb)]}"
     return {
         "robot": row["robot"] or "unknown",
         "recordings": row["recordings"],
@@ -68,16 +117,50 @@ def _robot(row: dict[str, Any]) -> dict[str, Any]:
         "rate": f"{row['contacts_per_hour']:.2f}",
         "touched": f"{100.0 * row['touched']:.1f} %",
         "degraded": f"{100.0 * row['degraded']:.1f} %",
-        "base_drift": f"{base[:3].max():.2f} N, {base[3:].max():.3f} Nm",
-        "joint_drift": f"{joint.max():.2f} Nm",
+        "base_drift": f"{_text(base, 'N')}, {_text(moment, 'Nm', 3)}",
+        "joint_drift": _text(joint, "Nm"),
+        "friction_drift": _text(coulomb, "Nm") + worst,
         "ratio": f"{row['residual_ratio']:.2f}",
         "calibrate": row["needs_calibration"],
     }
 
 
-def _dots(summary: FleetSummary) -> dict[str, Any]:
-    """The arm in the posture of the first contact with the places of all contacts, coloured by force."""
-    scene, table = summary.scene, summary.contacts
+def _largest(values: list[float | None]) -> float | None:
+    """The value of largest size."""
+    return max((x for x in values if x is not None), key=abs, default=None)
+
+
+def _text(value: float | None, unit: str, digits: int = 2) -> str:
+    return "unknown" if value is None else f"{value:+.{digits}f} {unit}"
+
+
+def _charts(summary: FleetSummary) -> list[tuple[str, str, str]]:
+    """Name, chart of friction and chart of joint biases of the robots that drift most."""
+    charts = []
+    for robot in summary.robots:
+        coulomb, _ = robot.friction_by_day()
+        _, bias = robot.bias_by_day()
+        if len(bias.dates) < 2:
+            continue
+        name = robot.robot or "unknown"
+        joints = _joint_names(robot.scene)
+        largest = max([0.0, *np.abs(coulomb.drift[np.isfinite(coulomb.drift)])])
+        friction = drift_chart(
+            coulomb.dates, coulomb.values, joints, "Nm", f"Coulomb friction of {name} beyond the scene's"
+        )
+        biases = drift_chart(bias.dates, bias.values, joints, "Nm", f"biases of the joint torques of {name}")
+        charts.append((largest, name, friction, biases))
+    charts.sort(key=lambda chart: -chart[0])
+    return [chart[1:] for chart in charts[:MOST_CHARTS]]
+
+
+def _dots(summary: FleetSummary, robots: list[RobotSummary]) -> dict[str, Any]:
+    """The arm in the posture of the first contact of some robots with the places of all their contacts,
+    coloured by force."""
+    scene = robots[0].scene
+    names = {robot.robot for robot in robots}
+    rows = np.flatnonzero([name in names for name in summary.contacts["robot"].to_pylist()])
+    table = summary.contacts.take(rows)
     q = np.array(table["q"][0].as_py()) if table.num_rows else np.zeros(len(scene.robot.joints))
     frames = Summarizer(scene)
     poses = [frames.link_pose(q, link) for link in range(len(scene.link_names))]

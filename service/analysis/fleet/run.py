@@ -6,15 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from contactsense.scene import Scene
+from contactsense.service.analysis.fleet.scenes import scene_files
 from contactsense.service.analysis.fleet.segment_task import SegmentTask, run_segment
 from contactsense.service.analysis.fleet.segments import SEGMENT_TIME, find_recordings, segments
 from contactsense.service.analysis.fleet.summary import FleetSummary, settings_of, summarize, write_summary
 from contactsense.service.analysis.fleet.worker_pool import run_tasks
 
+VERSION = 2
+"""Of what the results of a segment say; those of another version are not used."""
+
 
 def analyze_fleet(
     paths: tuple[Path, ...],
-    scene: Path,
+    scene: Path | None,
     out: Path,
     *,
     workers: int = 1,
@@ -26,7 +30,8 @@ def analyze_fleet(
 
     Args:
         paths: Recordings and folders of recordings, such as `robot=NAME/date=DATE/*.parquet`.
-        scene: The scene file, of all robots.
+        scene: The scene file of all robots, or a folder with one for each, see
+            `contactsense.service.analysis.fleet.scenes.scene_files`.
         out: Folder of the results; `out/parts` holds those of the segments.
         workers: Processes on this machine.
         scheduler: Address of a Dask scheduler to use instead; its workers need to see the same files.
@@ -35,15 +40,16 @@ def analyze_fleet(
 
     Raises:
         FileNotFoundError: there is no recording.
-        SceneError: the scene file is wrong.
+        SceneError: a scene file is wrong, or missing.
         WorkerPoolError: the workers cannot be had.
         RuntimeError: a segment failed for another reason than its recording.
     """
-    settings = f"{settings_of(scene)} {length}"
-    parts = out / "parts" / hashlib.sha256(settings.encode()).hexdigest()[:16]
+    files = find_recordings(paths)
+    paths_of = scene_files(scene, files)
+    parts = {robot: _parts(out, path, length) for robot, path in paths_of.items()}
     tasks = [
-        SegmentTask(segment, str(scene.resolve()), str(parts.resolve()))
-        for file in find_recordings(paths)
+        SegmentTask(segment, str(paths_of[file.robot]), parts[file.robot])
+        for file in files
         for segment in segments(file, length)
     ]
     results: dict[SegmentTask, dict[str, Any]] = {}
@@ -55,6 +61,14 @@ def analyze_fleet(
         results[task] = result
         if progress is not None:
             progress(len(results), len(tasks))
-    summary = summarize(Scene.load(scene), tasks, (results[task] for task in tasks))
+    loaded = {path: Scene.load(path) for path in set(paths_of.values())}
+    scenes = {robot: loaded[path] for robot, path in paths_of.items()}
+    summary = summarize(scenes, tasks, (results[task] for task in tasks))
     write_summary(summary, out)
     return summary
+
+
+def _parts(out: Path, scene: Path, length: float) -> str:
+    """Folder of the results of the segments of one scene."""
+    settings = f"{VERSION} {settings_of(scene)} {length}"
+    return str((out / "parts" / hashlib.sha256(settings.encode()).hexdigest()[:16]).resolve())

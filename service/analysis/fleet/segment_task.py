@@ -14,12 +14,17 @@ from contactsense.scene import Scene
 from contactsense.service.analysis.analysis import AnalysisRun
 from contactsense.service.analysis.contact_table import contact_table, replace, replace_parquet
 from contactsense.service.analysis.fleet.segments import Segment
+from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import Recording, RecordingError, read
 
 HANDOVER = 1.0
 """A contact that begins so shortly after a segment's end is kept by both: which of them saw it first is
 decided when all are put together [s]."""
+
+
+FRICTION = ("coulomb", "viscous", "coulomb_std", "viscous_std")
+"""Fields of `contactsense.service.analysis.friction_residuals.FrictionChange`."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +53,10 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
     path = part_path(task)
     if path.exists():
         return dict(json.loads(path.read_text(encoding="utf-8")))
-    segment = task.segment
+    segment, run = task.segment, _run(task.scene, task.parts)
     try:
-        recording = read(segment.file.path, _scene(task.scene), first=segment.begin, last=segment.end)
-        result, table = _analyze(recording, segment, _run(task.scene))
+        recording = read(segment.file.path, run.scene, first=segment.begin, last=segment.end)
+        result, table = _analyze(recording, segment, run)
     except RecordingError as error:
         result, table = {"problem": str(error)}, contact_table([])
     result |= {
@@ -68,15 +73,11 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
     return result
 
 
-@lru_cache(maxsize=1)
-def _scene(path: str) -> Scene:
-    return Scene.load(path)
-
-
-@lru_cache(maxsize=1)
-def _run(path: str) -> AnalysisRun:
-    """One localizer for all segments of a worker."""
-    return AnalysisRun(_scene(path), Localizer(_scene(path)))
+@lru_cache(maxsize=4)
+def _run(scene: str, parts: str) -> AnalysisRun:
+    """One localizer for all segments of a scene; `parts` tells what the scene file said when work began."""
+    loaded = Scene.load(scene)
+    return AnalysisRun(loaded, Localizer(loaded))
 
 
 def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[dict[str, Any], pa.Table]:
@@ -87,14 +88,18 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
     if last <= first:
         raise RecordingError(f"{recording.name}: expected samples from row {segment.first} on, got none")
     own = (float(t[first]), float(t[last - 1]))
-    statistics = ResidualStatistics(*own, recording.q.shape[1])
+    statistics = ResidualStatistics(recording.q.shape[1], *own)
+    friction = FrictionResiduals(run.scene)
     contacts = [
         contact
-        for contact in run.contacts(recording, cuts=(first, last), statistics=statistics, own=(first, last))
+        for contact in run.contacts(
+            recording, cuts=(first, last), statistics=statistics, own=(first, last), friction=friction
+        )
         if segment.first <= contact.row and (segment.last is None or contact.begin < own[1] + HANDOVER)
     ]
     found = statistics.summary()
     base, torque = run.biases
+    change = friction.fit()
     result = {
         "begin": own[0],
         "end": own[1],
@@ -107,7 +112,14 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
         "joint_ratio": found.joint_ratio.tolist(),
         "base_bias": base.tolist(),
         "joint_bias": torque.tolist(),
+        "joint_constant": _plain(change.bias),
+        **{name: _plain(getattr(change, name)) for name in FRICTION},
     }
     table = contact_table(contacts)
     names = pa.array([segment.file.name] * table.num_rows, pa.string())
     return result, table.set_column(0, "recording", names)
+
+
+def _plain(values: np.ndarray) -> list[float | None]:
+    """For JSON, which knows no NaN."""
+    return [float(x) if np.isfinite(x) else None for x in values]

@@ -20,7 +20,7 @@ WARM_UP = 60.0
 """Time before a segment from which on it is read [s]: six times the memory of the bias filter."""
 TAIL = 60.0
 """Time after a segment up to which a contact is followed [s]."""
-SUFFIXES = (".parquet", ".csv", ".csv.gz")
+SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3")
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,10 @@ class RecordingFile:
 
     @property
     def key(self) -> str:
-        """A name for its results: of this path, size and time of change."""
-        status = self.path.stat()
-        text = f"{self.name} {status.st_size} {status.st_mtime_ns}"
+        """A name for its results: of this path, sizes and times of change."""
+        files = sorted(self.path.iterdir()) if self.path.is_dir() else [self.path]
+        stamps = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+        text = f"{self.name} {stamps}"
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -75,8 +76,7 @@ def find_recordings(paths: tuple[Path, ...]) -> list[RecordingFile]:
     found = []
     for path in paths:
         if path.is_dir():
-            inside = sorted(p for p in path.rglob("*") if p.is_file() and p.name.endswith(SUFFIXES))
-            found += [_file(p, p.relative_to(path)) for p in inside if not p.name.startswith(".")]
+            found += [_file(p, p.relative_to(path)) for p in _inside(path)]
         elif path.exists():
             found.append(_file(path, Path(path.name)))
         else:
@@ -88,8 +88,16 @@ def find_recordings(paths: tuple[Path, ...]) -> list[RecordingFile]:
     return found
 
 
+def _inside(folder: Path) -> list[Path]:
+    """Recordings below a folder; a folder of rosbag2 is one."""
+    bags = {p.parent for name in ("metadata.yaml", "*.db3") for p in folder.rglob(name)} - {folder}
+    files = (p for p in folder.rglob("*") if p.is_file() and p.name.endswith(SUFFIXES))
+    single = {p for p in files if not p.name.startswith(".") and p.parent not in bags}
+    return sorted(single | bags)
+
+
 def segments(file: RecordingFile, length: float = SEGMENT_TIME) -> Iterator[Segment]:
-    """The segments of a recording; a CSV file is one segment.
+    """The segments of a recording; a file other than Parquet is one segment.
 
     Args:
         file: The recording.

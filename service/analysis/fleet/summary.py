@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,8 @@ import pyarrow.parquet as pa_parquet
 
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_table import SCHEMA, replace_parquet
-from contactsense.service.analysis.fleet.segment_task import SegmentTask, part_path
+from contactsense.service.analysis.fleet.drift import Daily, daily_mean, daily_median
+from contactsense.service.analysis.fleet.segment_task import FRICTION, SegmentTask, part_path
 from contactsense.service.analysis.health import TOO_LARGE
 
 
@@ -24,6 +25,8 @@ class RobotSummary:
 
     robot: str
     """Its name in the dataset; empty where the dataset names none."""
+    scene: Scene
+    """The scene it was analysed with."""
     recordings: int = 0
     """Number of recordings."""
     hours: float = 0.0
@@ -42,36 +45,63 @@ class RobotSummary:
     """Biases of the base wrench at the end of each segment [N, Nm]."""
     joint_bias: list[list[float]] = field(default_factory=list)
     """Biases of the joint torques at the end of each segment [Nm]."""
+    joint_constant: list[list[float | None]] = field(default_factory=list)
+    """The same over the whole segment, told apart from friction; None where it is not known."""
     base_ratio: list[list[float]] = field(default_factory=list)
     """Residuals of the base wrench without contact, in standard deviations, of each segment."""
     joint_ratio: list[list[float]] = field(default_factory=list)
     """The same of the joint torques."""
+    coulomb: list[list[float | None]] = field(default_factory=list)
+    """Coulomb friction beyond the scene's in each segment [Nm], None where it is not known."""
+    viscous: list[list[float | None]] = field(default_factory=list)
+    """The same of viscous friction [Nms/rad]."""
+    coulomb_std: list[list[float | None]] = field(default_factory=list)
+    """Standard deviations of the Coulomb part [Nm]."""
+    viscous_std: list[list[float | None]] = field(default_factory=list)
+    """The same of the viscous part [Nms/rad]."""
+    day_hours: dict[str, float] = field(default_factory=dict)
+    """Time recorded on each day [h]."""
+    day_contacts: dict[str, int] = field(default_factory=dict)
+    """Contacts of each day."""
+
+    def bias_by_day(self) -> tuple[Daily, Daily]:
+        """Biases of base wrench [N, Nm] and joint torques [Nm], the median of each day."""
+        constant, end = (daily_median(self.dates, rows) for rows in (self.joint_constant, self.joint_bias))
+        # At the end of a segment a bias holds some friction. Of a joint that never moves it is all there is.
+        known = np.isfinite(constant.values).any(axis=0)
+        joint = Daily(end.dates, np.where(known, constant.values, end.values))
+        return daily_median(self.dates, self.base_bias), joint
+
+    def friction_by_day(self) -> tuple[Daily, Daily]:
+        """Coulomb [Nm] and viscous [Nms/rad] friction beyond the scene's on each day."""
+        return (
+            daily_mean(self.dates, self.coulomb, self.coulomb_std),
+            daily_mean(self.dates, self.viscous, self.viscous_std),
+        )
 
     @property
     def contacts_per_hour(self) -> float:
         """Contacts in an hour of recording."""
         return self.contacts / self.hours if self.hours > 0.0 else 0.0
 
-    def worst_ratio(self, scene: Scene) -> float:
+    def worst_ratio(self) -> float:
         """Largest of the median residuals, in standard deviations."""
-        known = []
+        known, scene = [], self.scene
         if scene.base_wrench is not None:
             known.append(np.median(self.base_ratio, axis=0))
         if scene.joint_torque is not None:
             known.append(np.median(self.joint_ratio, axis=0))
         return float(np.max(np.concatenate(known))) if self.base_ratio else 0.0
 
-    def needs_calibration(self, scene: Scene) -> bool:
+    def needs_calibration(self) -> bool:
         """Whether residuals without contact are larger than noise and model allow."""
-        return self.worst_ratio(scene) > TOO_LARGE
+        return self.worst_ratio() > TOO_LARGE
 
 
 @dataclass(frozen=True)
 class FleetSummary:
     """What a whole dataset says."""
 
-    scene: Scene
-    """The scene it was analysed with."""
     robots: tuple[RobotSummary, ...]
     """Each robot."""
     contacts: pa.Table
@@ -88,15 +118,17 @@ class FleetSummary:
     @property
     def expected_false_alarms(self) -> float:
         """How many contacts noise alone may have made, by what the scene allows."""
-        return self.scene.false_alarms_per_hour * sum(robot.hours for robot in self.robots)
+        return sum(robot.scene.false_alarms_per_hour * robot.hours for robot in self.robots)
 
 
-def summarize(scene: Scene, tasks: Iterable[SegmentTask], results: Iterable[dict[str, Any]]) -> FleetSummary:
+def summarize(
+    scenes: Mapping[str, Scene], tasks: Iterable[SegmentTask], results: Iterable[dict[str, Any]]
+) -> FleetSummary:
     """Put the results of all segments together; a contact that two neighbouring segments have seen counts
     once.
 
     Args:
-        scene: The scene.
+        scenes: The scene of each robot.
         tasks: The segments, those of a recording one after the other.
         results: What `run_segment` gave for each.
     """
@@ -126,23 +158,27 @@ def summarize(scene: Scene, tasks: Iterable[SegmentTask], results: Iterable[dict
         for i, key in enumerate(("robot", "date")):
             table = table.add_column(i, key, pa.array([result[key]] * len(kept), pa.string()))
         tables.append(table)
-        robot = robots.setdefault(result["robot"], RobotSummary(result["robot"]))
+        one, day, hours = result["robot"], result["date"], (result["end"] - result["begin"]) / 3600.0
+        robot = robots.setdefault(one, RobotSummary(one, scenes[one]))
         robot.recordings += result["index"] == 0
-        robot.hours += (result["end"] - result["begin"]) / 3600.0
+        robot.hours += hours
         robot.contacts += len(kept)
+        robot.day_hours[day] = robot.day_hours.get(day, 0.0) + hours
+        robot.day_contacts[day] = robot.day_contacts.get(day, 0) + len(kept)
         for key in ("touched", "samples", "degraded"):
             setattr(robot, key, getattr(robot, key) + result[key])
         robot.dates.append(result["date"])
-        for key in ("base_bias", "joint_bias", "base_ratio", "joint_ratio"):
+        for key in ("base_bias", "joint_bias", "base_ratio", "joint_ratio", "joint_constant", *FRICTION):
             getattr(robot, key).append(result[key])
     schema = pa.schema([("robot", pa.string()), ("date", pa.string()), *SCHEMA])
     contacts = pa.concat_tables(tables) if tables else schema.empty_table()
     ordered = tuple(robots[name] for name in sorted(robots))
-    return FleetSummary(scene, ordered, contacts, tuple(problems), len(skipped))
+    return FleetSummary(ordered, contacts, tuple(problems), len(skipped))
 
 
 def write_summary(summary: FleetSummary, folder: Path) -> None:
-    """Write the contacts as a hive dataset `contacts/robot=NAME/date=DATE/`, and `robots.parquet`."""
+    """Write the contacts as a hive dataset `contacts/robot=NAME/date=DATE/`, `robots.parquet` and
+    `days.parquet`."""
     target, fresh = folder / "contacts", folder / ".contacts"
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
@@ -155,18 +191,18 @@ def write_summary(summary: FleetSummary, folder: Path) -> None:
         replace_parquet(part.drop_columns(["robot", "date"]), here / "part-0.parquet")
     shutil.rmtree(target, ignore_errors=True)
     fresh.rename(target)
-    replace_parquet(robot_table(summary), folder / "robots.parquet")
+    replace_parquet(
+        pa.Table.from_pylist([robot_row(robot) for robot in summary.robots]), folder / "robots.parquet"
+    )
+    rows = [row for robot in summary.robots for row in day_rows(robot)]
+    replace_parquet(pa.Table.from_pylist(rows), folder / "days.parquet")
 
 
-def robot_table(summary: FleetSummary) -> pa.Table:
-    """One row per robot."""
-    return pa.Table.from_pylist([robot_row(robot, summary.scene) for robot in summary.robots])
-
-
-def robot_row(robot: RobotSummary, scene: Scene) -> dict[str, Any]:
-    """One robot as plain numbers; drifts are those from its first segment to its last."""
-    order = np.argsort(robot.dates, kind="stable")
-    base, joint = np.array(robot.base_bias)[order], np.array(robot.joint_bias)[order]
+def robot_row(robot: RobotSummary) -> dict[str, Any]:
+    """One robot as plain numbers; drifts are the trend from its first day to its last, None where it is not
+    known."""
+    base, joint = robot.bias_by_day()
+    coulomb, viscous = robot.friction_by_day()
     return {
         "robot": robot.robot,
         "recordings": robot.recordings,
@@ -175,11 +211,36 @@ def robot_row(robot: RobotSummary, scene: Scene) -> dict[str, Any]:
         "contacts_per_hour": robot.contacts_per_hour,
         "touched": robot.touched / max(robot.samples, 1),
         "degraded": robot.degraded / max(robot.samples, 1),
-        "base_bias_drift": (base[-1] - base[0]).tolist(),
-        "joint_bias_drift": (joint[-1] - joint[0]).tolist(),
-        "residual_ratio": robot.worst_ratio(scene),
-        "needs_calibration": robot.needs_calibration(scene),
+        "base_bias_drift": _plain(base.drift),
+        "joint_bias_drift": _plain(joint.drift),
+        "coulomb_drift": _plain(coulomb.drift),
+        "viscous_drift": _plain(viscous.drift),
+        "residual_ratio": robot.worst_ratio(),
+        "needs_calibration": robot.needs_calibration(),
     }
+
+
+def day_rows(robot: RobotSummary) -> list[dict[str, Any]]:
+    """One row for each day of a robot: time, contacts, biases, friction beyond the scene's."""
+    base, joint = robot.bias_by_day()
+    coulomb, viscous = robot.friction_by_day()
+    return [
+        {
+            "robot": robot.robot,
+            "date": day,
+            "hours": robot.day_hours[day],
+            "contacts": robot.day_contacts[day],
+            "base_bias": _plain(base.values[i]),
+            "joint_bias": _plain(joint.values[i]),
+            "coulomb": _plain(coulomb.values[i]),
+            "viscous": _plain(viscous.values[i]),
+        }
+        for i, day in enumerate(base.dates)
+    ]
+
+
+def _plain(values: np.ndarray) -> list[float | None]:
+    return [float(x) if np.isfinite(x) else None for x in values]
 
 
 def settings_of(scene: Path) -> str:

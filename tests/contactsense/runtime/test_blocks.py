@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from contactsense import Estimate, Localizer, SampleBlock, Scene
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.surface.convex_primitives import pack
 from contactsense.robots.surface.union import nearest
+from contactsense.robots.tool import Tool
 from contactsense.runtime.result_rows import FORCE, LINK, NORMAL, POINT, POINT_BASE, PROBABILITY, TORSION
+from contactsense.sensors.settings import Friction, JointTorqueSensor, WrenchSensor
 from contactsense.sensors.stream_state import DEGRADED, REPEATED, RESTARTED
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
@@ -115,6 +118,23 @@ def test_a_scene_without_a_base_sensor() -> None:
     block = recording()
     only = SampleBlock(block.t, block.q, block.qd, block.joint_torque)[:3000]
     _agree(Scene(robot=plain_ur5e(), base_wrench=None), only, lambda block: [block])
+
+
+def test_a_scene_with_friction_and_uncertain_masses() -> None:
+    friction = Friction(coulomb=0.4, viscous=0.2, lubricant=0.1, load=0.01, error=0.5)
+    torque = JointTorqueSensor(friction=friction, model_error=0.5)
+    scene = Scene(robot=plain_ur5e(), inertia_error=0.02, joint_torque=torque)
+    _agree(scene, _with_faults(recording())[:4000], lambda block: [block[:1001], block[1001:]])
+
+
+def test_a_scene_with_a_wrist_sensor() -> None:
+    block = recording()[:3000]
+    noise = 0.05 * np.random.default_rng(3).standard_normal((3000, 6))
+    noise[500:600] = np.nan
+    tool = Tool(mass=0.01, primitives=(Sphere(center=(0.0, 0.0, 0.05), radius=0.03),))
+    scene = Scene(robot=plain_ur5e(), wrist_wrench=WrenchSensor(), tool=tool)
+    whole = SampleBlock(block.t, block.q, block.qd, block.joint_torque, block.base_wrench, noise)
+    _agree(scene, whole, lambda block: [block])
 
 
 def test_residuals_without_contact_are_as_large_as_their_deviation() -> None:

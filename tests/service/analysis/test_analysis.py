@@ -1,8 +1,11 @@
 """A recording of known contacts through `analyze`."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 import pytest
@@ -10,6 +13,8 @@ import pytest
 from contactsense import Localizer, Scene
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError, analyze
 from contactsense.service.analysis.contact_table import SCHEMA, write_contacts
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings import read
 from tests.service.analysis.recordings import demo, write_motion
 
@@ -119,3 +124,57 @@ def test_wrong_limits_are_named(tmp_path: Path, text: str, message: str) -> None
     with pytest.raises(LimitsError, match=r"limits\.yaml") as caught:
         ForceLimits.load(path)
     assert message in str(caught.value)
+
+
+def test_a_file_block_by_block_gives_what_the_whole_recording_gives(tmp_path: Path) -> None:
+    path = write_motion(demo(), tmp_path / "demo.parquet", rounds=6)
+    table = pa_parquet.read_table(path)
+    table = pa.concat_tables([table.slice(0, 40_000), table.slice(40_500)])
+    pa_parquet.write_table(table, path)
+    whole, file = analyze(read(path, SCENE), SCENE), analyze(path, SCENE)
+    assert file.to_arrow().equals(whole.to_arrow())
+    assert len(file.contacts) > 40
+    assert (
+        (file.samples, file.start, file.gaps) == (whole.samples, whole.start, whole.gaps) == (77_500, 0.0, 1)
+    )
+    assert file.duration == pytest.approx(whole.duration)
+    assert file.problems == whole.problems
+    np.testing.assert_array_equal(file.residuals.joint_ratio, whole.residuals.joint_ratio)
+    assert 600 <= len(file.residuals.t) <= 1200
+    assert np.all(np.diff(file.residuals.t) > 0.0)
+    for name in ("energy", "base_force", "joint_torque", "joint_torque_std"):
+        np.testing.assert_array_equal(
+            getattr(file.residuals, name).max(axis=0), getattr(whole.residuals, name).max(axis=0)
+        )
+
+
+_MEMORY = """
+import resource, sys
+from contactsense import Scene
+from contactsense.service.analysis import analyze
+found = analyze(sys.argv[1], Scene(robot="ur5e"), smooth=False)
+print(found.samples, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
+    free = simulate(Script.demo().model_copy(update={"contacts": ()}))
+    part = pa_parquet.read_table(write_motion(free, tmp_path / "part.parquet", rounds=10))
+    at = part.schema.get_field_index("timestamp")
+    megabytes = []
+    for parts in (1, 10):
+        path = tmp_path / f"{parts}.parquet"
+        with pa_parquet.ParquetWriter(path, part.schema) as writer:
+            for i in range(parts):
+                t = part["timestamp"].to_numpy() + i * 260.0
+                writer.write_table(part.set_column(at, "timestamp", pa.array(t)))
+        run = subprocess.run(
+            [sys.executable, "-c", _MEMORY, str(path)], check=True, capture_output=True, text=True
+        )
+        samples, used = map(int, run.stdout.split())
+        assert samples == 130_000 * parts
+        megabytes.append(used)
+    # Samples of 43 minutes are some 240 MB.
+    assert megabytes[1] < megabytes[0] + 100
+    assert megabytes[1] < 1000

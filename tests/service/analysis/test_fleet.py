@@ -5,13 +5,26 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pa_parquet
 import pytest
 from click.testing import CliRunner
 
+from contactsense.benchmarks.fleet.dataset import (
+    COULOMB,
+    bias_drift,
+    friction_drift,
+    make_recording,
+    plan,
+    write_scenes,
+)
+from contactsense.scene import SceneError
+from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
+from contactsense.service.analysis.fleet.scenes import scene_files
 from contactsense.service.analysis.fleet.segments import find_recordings, segments
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
 from contactsense.service.cli.analyze import analyze
@@ -183,3 +196,64 @@ def test_the_command_reports_what_was_skipped(tmp_path: Path, scene: Path) -> No
     text = (tmp_path / "out" / "fleet.html").read_text()
     assert "http" not in text
     assert (tmp_path / "out" / "fleet.md").read_text().startswith("# Contacts of a fleet")
+
+
+def test_each_robot_may_have_its_own_scene(tmp_path: Path, scene: Path) -> None:
+    data = _dataset(tmp_path / "data")
+    files = find_recordings((data,))
+    assert scene_files(scene, files) == {"a": scene.resolve(), "b": scene.resolve()}
+    with pytest.raises(SceneError, match=r"robot a: expected a scene file .*robot=a/scene.yaml, found none"):
+        scene_files(None, files)
+    for robot in "ab":
+        (data / f"robot={robot}" / "scene.yaml").write_text("robot: ur5e\n")
+    assert scene_files(None, files)["b"] == data / "robot=b" / "scene.yaml"
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    (folder / "a.yaml").write_text("robot: ur5e\n")
+    with pytest.raises(SceneError, match=r"robot b: expected a scene file .*b.yaml"):
+        scene_files(folder, files)
+
+
+@pytest.mark.slow
+def test_the_scene_of_a_robot_is_used_for_its_recordings_only(tmp_path: Path) -> None:
+    data = _dataset(tmp_path / "data")
+    (data / "robot=a" / "scene.yaml").write_text("robot: ur5e\n")
+    (data / "robot=b" / "scene.yaml").write_text("robot: ur10e\nfalse_alarms_per_hour: 1\n")
+    found = analyze_fleet((data,), None, tmp_path / "out")
+    assert [robot.scene.robot.name for robot in found.robots] == ["ur5e", "ur10e"]
+    # The other arm's masses: everything looks like a contact.
+    assert found.robots[0].contacts == 16
+    assert found.robots[1].touched > 0.5 * found.robots[1].samples
+    write_fleet_report(found, tmp_path / "out")
+    text = (tmp_path / "out" / "fleet.html").read_text()
+    assert text.count('<canvas class="arm">') == 2
+    assert "<h3>ur10e: b</h3>" in text
+    (data / "robot=b" / "scene.yaml").write_text("robot: ur5e\n")
+    parts = {path.stat().st_mtime_ns for path in (tmp_path / "out" / "parts").rglob("*.json")}
+    again = analyze_fleet((data,), None, tmp_path / "out")
+    assert [robot.contacts for robot in again.robots] == [16, 8]
+    kept = [p for p in (tmp_path / "out" / "parts").rglob("*.json") if p.stat().st_mtime_ns in parts]
+    assert len(kept) == len(parts)
+
+
+@pytest.mark.slow
+def test_drift_of_friction_and_bias_is_reported(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    write_scenes(data, 10)
+    for task in plan(data, 10, 1, 16.0):
+        make_recording(replace(task, robot=9, number=100 + task.number))
+    found = analyze_fleet((data,), None, tmp_path / "out")
+    write_fleet_report(found, tmp_path / "out")
+    (row,) = pa_parquet.read_table(tmp_path / "out" / "robots.parquet").to_pylist()
+    # 0.8 Nm at the first joint; from day to day 2 % of 6 Nm come and go.
+    truth = np.array(COULOMB) * friction_drift(9)
+    np.testing.assert_allclose(row["coulomb_drift"], truth, atol=0.3)
+    assert row["coulomb_drift"][0] > 0.5
+    np.testing.assert_allclose(row["joint_bias_drift"], bias_drift(9)[1], atol=0.1)
+    days = pa_parquet.read_table(tmp_path / "out" / "days.parquet").to_pylist()
+    assert len(days) == 10
+    assert (days[0]["date"], days[-1]["date"]) == ("2025-01-01", "2025-12-31")
+    assert len(days[0]["coulomb"]) == 6
+    text = (tmp_path / "out" / "fleet.html").read_text()
+    assert "Coulomb friction of arm09 beyond the scene" in text
+    assert "friction drift" in (tmp_path / "out" / "fleet.md").read_text()

@@ -154,6 +154,25 @@ def test_a_row_with_a_missing_cell_is_ignored_and_a_word_is_no_number(tmp_path: 
     assert len(recording) == N - 1
 
 
+def test_a_word_late_in_a_long_file_does_not_repeat_rows(tmp_path: Path) -> None:
+    count = 30_000
+    names = [
+        "timestamp",
+        *(f"{name}_{i}" for name in ("actual_q", "actual_qd", "joint_torque") for i in range(6)),
+    ]
+    cells = np.round(np.random.default_rng(1).standard_normal((count, 18)), 15)
+    rows = [",".join([f"{0.002 * i:.3f}", *map(repr, row)]) for i, row in enumerate(cells.tolist())]
+    rows[-5] = rows[-5].rsplit(",", 1)[0] + ",word"
+    path = tmp_path / "long.csv"
+    path.write_text("\n".join([",".join(names), *rows, ""]))
+    # More than one block of the reader.
+    assert path.stat().st_size > 1 << 22
+    found = read(path, Scene(robot="ur5e", base_wrench=None))
+    np.testing.assert_array_equal(found.rows, np.arange(count))
+    assert np.flatnonzero(np.isnan(found.joint_torque).any(axis=1)).tolist() == [count - 5]
+    assert [problem.row_from for problem in found.problems if problem.kind == "bad_row"] == [count - 5]
+
+
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
 @pytest.mark.parametrize("write", [as_gzip, as_arrow, as_csv])
 def test_files_that_are_cut_short_give_what_they_hold(

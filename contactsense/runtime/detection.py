@@ -1,0 +1,114 @@
+"""Whether a contact is present in the newest sample, and what follows from it for filter and monitor."""
+
+from contactsense.detection.thresholds import threshold_index
+from contactsense.residuals.friction_at_rest import reset_friction_at_rest
+from contactsense.residuals.sensor_consistency import NO_CONTACT, exclude_inconsistent, update_consistency
+from contactsense.residuals.sensor_consistency import update_is_due as consistency_is_due
+from contactsense.robots.jit.kernel import inlined_kernel
+from contactsense.runtime.consistency_statistics import consistency_statistics
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.sample_pipeline import (
+    energy_at_rest,
+    energy_without_contact,
+    residual_variance_ratio,
+    update_bias_filter,
+)
+from contactsense.runtime.state import State
+from contactsense.sensors.stream_state import (
+    BASE,
+    INCONSISTENT,
+    SCALE,
+    SETTLING,
+    STEP,
+    TORQUE,
+    TOUCHED,
+    USUAL_STEP,
+    usable_sensors,
+)
+from contactsense.tracking.contact_tracker import ABOVE_ONSET, NONE, PHASE, end_contact
+
+
+@inlined_kernel
+def decide(
+    constants: Constants, state: State, bandwidth: float
+) -> tuple[bool, bool, bool, bool, bool, float]:
+    """Decide by the energy of the no-contact hypothesis, which is stored in `State.statistics`.
+
+    Args:
+        constants, state: After the residuals were advanced by this sample.
+        bandwidth: Cut-off frequency of the observers [Hz].
+
+    Returns:
+        Whether base wrench or torques can be used, whether a contact is present, whether the energy is above
+        the onset of one where none was present; whether base wrench and torques have settled, excluded or
+        not; and the variance of the residuals over that of one sample's noise.
+    """
+    track, stream = state.track, state.stream
+    base_settled, torque_settled = stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0
+    exclude_inconsistent(state.consistency, stream.usable)
+    has_base, has_torque, has_wrist = usable_sensors(stream)
+    if not (has_base or has_torque):
+        return False, False, False, base_settled, torque_settled, 0.0
+    variance_ratio = residual_variance_ratio(state, (has_base, has_torque, has_wrist))
+    stream.scalars[SCALE] = variance_ratio
+    sensor_set = 1 * has_base + 2 * has_torque + 4 * has_wrist
+    thresholds = constants.thresholds[sensor_set, threshold_index(stream.scalars[USUAL_STEP])]
+    energy = energy_without_contact(constants, state, has_base, has_torque, has_wrist, variance_ratio)
+    # With a base sensor, friction does not limit detection.
+    if not has_base:
+        energy = max(
+            energy,
+            energy_at_rest(constants, state, variance_ratio, (thresholds[0], thresholds[1]), bandwidth),
+        )
+    state.statistics[NO_CONTACT] = energy
+    # Onset needs two samples in a row above the threshold: sensors have outliers.
+    above_threshold, no_contact_yet = not energy <= thresholds[0], track.scalars[PHASE] == NONE
+    touched = (
+        above_threshold and track.scalars[ABOVE_ONSET] > 0.0
+        if no_contact_yet
+        else not energy <= thresholds[1]
+    )
+    onset = above_threshold and no_contact_yet
+    return True, touched, onset, base_settled, torque_settled, variance_ratio
+
+
+@inlined_kernel
+def conclude(
+    constants: Constants,
+    state: State,
+    flags: int,
+    decision: tuple[bool, bool, bool, bool, bool, float],
+    bandwidth: float,
+) -> int:
+    """Update the monitor of the sensors, and without a contact the bias filter.
+
+    Args:
+        constants, state: After `decide` for this sample. Where a contact is present or one of the two updates
+            is due, `State.motion` is read.
+        flags: Flags of the sample so far.
+        decision: Result of `decide`.
+        bandwidth: Cut-off frequency of the observers [Hz].
+
+    Returns:
+        All flags of the sample.
+    """
+    usable, touched, onset, base_settled, torque_settled, variance_ratio = decision
+    track, stream, consistency = state.track, state.stream, state.consistency
+    if not usable:
+        end_contact(track)
+        reset_friction_at_rest(state.friction_at_rest)
+        return flags | SETTLING
+    dt = stream.scalars[STEP]
+    if consistency_is_due(consistency, dt):
+        consistency_statistics(constants, state, variance_ratio)
+    if update_consistency(consistency, state.statistics, touched, base_settled, torque_settled, dt):
+        flags |= INCONSISTENT
+    if touched:
+        return flags | TOUCHED
+    end_contact(track)
+    if onset:
+        track.scalars[ABOVE_ONSET] = 1.0
+    else:
+        has_base, has_torque, _ = usable_sensors(stream)
+        update_bias_filter(constants, state, has_base, has_torque, variance_ratio, bandwidth)
+    return flags

@@ -1,0 +1,171 @@
+"""Detection in one sample of a recording whose equations of motion were worked out in the lanes of
+`contactsense.kinematics.simd_kinematics`.
+
+Answers are those of `contactsense.runtime.kernels.detect`. Poses are copied to `State.motion` only where
+something reads them: without a contact that is one sample in several.
+"""
+
+import numpy as np
+
+from contactsense.kinematics.simd_kinematics import kinematics_in_lanes, motion_of_lane
+from contactsense.residuals.bias_filter import ESTIMATES_MASSES, predict
+from contactsense.residuals.bias_filter import update_is_due as bias_update_is_due
+from contactsense.residuals.equations_of_motion import observe_wrench, observe_wrist_difference
+from contactsense.residuals.momentum_observer import in_step, start_step
+from contactsense.residuals.sensor_consistency import update_is_due as consistency_is_due
+from contactsense.residuals.simd_equations import (
+    advance_base,
+    advance_joints,
+    advance_torque_difference,
+    equations_in_lanes,
+)
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import inlined_kernel
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.detection import conclude, decide
+from contactsense.runtime.sample_pipeline import set_external, update_tool
+from contactsense.runtime.state import State
+from contactsense.sensors.stream_state import (
+    BASE,
+    REPEATED,
+    RESTARTED,
+    STEP,
+    TORQUE,
+    TORQUE_DIFFERENCE,
+    UNUSABLE,
+    WRIST,
+    WRIST_DIFFERENCE,
+    register_sample,
+    store_sample,
+)
+from contactsense.tracking.contact_tracker import NONE, PHASE, end_contact
+
+
+@inlined_kernel
+def fill_lanes(
+    constants: Constants,
+    state: State,
+    first: int,
+    q: np.ndarray,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    lanes: np.ndarray,
+) -> None:
+    """Work out the equations of motion of samples `first`, `first` + 1, ... with today's biases and masses;
+    arrays as for `contactsense.runtime.block_kernel.detect_and_localize_block`."""
+    kinematics_in_lanes(state.model, constants.gravity, q, qd, first, lanes)
+    equations_in_lanes(
+        state.model, state.torque_model, state.bias_filter.bias, torque, base_wrench, first, lanes
+    )
+
+
+@inlined_kernel
+def detect_in_lane(
+    constants: Constants,
+    state: State,
+    bandwidth: float,
+    lanes: np.ndarray,
+    lane: int,
+    t: float,
+    sensor_bits: int,
+    q: np.ndarray,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
+) -> int:
+    """As `contactsense.runtime.kernels.detect`, for the sample of one lane."""
+    stream = state.stream
+    store_sample(stream, q, qd, torque, base_wrench, wrist_wrench)
+    flags: int = register_sample(stream, t, sensor_bits, bandwidth)
+    if flags & (REPEATED | UNUSABLE):
+        return flags
+    if flags & RESTARTED:
+        end_contact(state.track)
+    copied = (
+        stream.steps[WRIST] >= 0.0
+        or stream.usable[WRIST] > 0.0
+        or state.bias_filter.scalars[ESTIMATES_MASSES] > 0.0
+        or state.track.scalars[PHASE] != NONE
+    )
+    if copied:
+        _copy_motion(constants, state, lanes, lane)
+    _update_residuals(constants, state, bandwidth, lanes, lane)
+    decision = decide(constants, state, bandwidth)
+    touched = decision[1]
+    if (
+        touched
+        or consistency_is_due(state.consistency, stream.scalars[STEP])
+        or bias_update_is_due(state.bias_filter, bandwidth)
+    ):
+        if not copied:
+            _copy_motion(constants, state, lanes, lane)
+        copied = True
+    if copied:
+        set_external(
+            state,
+            state.base_observer.residual,
+            state.torque_difference.residual,
+            state.joint_observer.residual,
+            state.wrist_difference.residual,
+            state.wrist_observer.residual,
+        )
+    concluded: int = conclude(constants, state, flags, decision, bandwidth)
+    return concluded
+
+
+@inlined_kernel
+def _copy_motion(constants: Constants, state: State, lanes: np.ndarray, lane: int) -> None:
+    motion_of_lane(lanes, lane, state.motion)
+    update_tool(constants, state)
+
+
+@inlined_kernel
+def _update_residuals(
+    constants: Constants, state: State, bandwidth: float, lanes: np.ndarray, lane: int
+) -> None:
+    """As `contactsense.runtime.sample_pipeline.update_residuals`, but external wrenches and torques are those
+    that the energy without contact depends on."""
+    motion, stream, steps = state.motion, state.stream, state.stream.steps
+    base, joints, difference = state.base_observer, state.joint_observer, state.torque_difference
+    dt = steps[BASE]
+    # Sensors that came with the same samples need the weights of a step once.
+    joints_alike = steps[TORQUE] == dt and in_step(joints, base)
+    difference_alike = steps[TORQUE_DIFFERENCE] == dt and in_step(difference, base)
+    step = start_step(base, dt, bandwidth) if dt >= 0.0 else (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if dt >= 0.0:
+        advance_base(lanes, lane, step, base)
+    if steps[TORQUE] >= 0.0:
+        own = step
+        if joints_alike:
+            copy(base.scalars, joints.scalars)
+        else:
+            own = start_step(joints, steps[TORQUE], bandwidth)
+        advance_joints(lanes, lane, steps[TORQUE], own, joints, state.unmodelled_std)
+    if steps[TORQUE_DIFFERENCE] >= 0.0:
+        own = step
+        if difference_alike:
+            copy(base.scalars, difference.scalars)
+        else:
+            own = start_step(difference, steps[TORQUE_DIFFERENCE], bandwidth)
+        advance_torque_difference(lanes, lane, own, difference)
+    if steps[WRIST] >= 0.0:
+        tool, wrench = state.tool_momentum, stream.wrist_wrench
+        observe_wrench(tool[0], tool[1], wrench, steps[WRIST], bandwidth, state.wrist_observer)
+    if steps[WRIST_DIFFERENCE] >= 0.0:
+        for i in range(6):
+            state.unbiased_wrench[i] = stream.base_wrench[i] - state.bias_filter.bias[i]
+        observe_wrist_difference(
+            motion, state.tool_momentum, stream.wrist_wrench, state.unbiased_wrench, steps[WRIST_DIFFERENCE],
+            bandwidth, state.wrist_difference,
+        )  # fmt: skip
+    predict(
+        state.bias_filter, state.torque_model, motion, constants.sensors.base_covariance,
+        constants.sensors.torque_variance, constants.bias_rate, stream.scalars[STEP], bandwidth,
+    )  # fmt: skip
+    # The base's own frame is the base frame.
+    for i in range(6):
+        state.base_wrench[i] = base.residual[i]
+    copy(joints.residual, state.torque)
+    copy(state.wrist_observer.residual, state.wrist_wrench)

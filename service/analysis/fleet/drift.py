@@ -1,0 +1,89 @@
+"""How a quantity of each joint changes over the days of a robot."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+from typing import Any
+
+import numpy as np
+from scipy.stats import theilslopes
+
+
+@dataclass(frozen=True, eq=False)
+class Daily:
+    """Values of a robot by day, D days, K quantities; NaN where a day has none."""
+
+    dates: tuple[str, ...]
+    """The days, in order; empty where the dataset names none."""
+    values: np.ndarray
+    """Shape (D, K)."""
+
+    @property
+    def drift(self) -> np.ndarray:
+        """Change of each quantity from the first day to the last, along the line through the medians of all
+        slopes (Theil and Sen); of less than three days the difference. NaN where it is not known, shape (K,).
+        """
+        t = _days(self.dates)
+        return np.array([_drift(t, column) for column in self.values.T])
+
+
+def daily_mean(
+    dates: Sequence[str], values: Sequence[Sequence[float | None]], std: Sequence[Sequence[float | None]]
+) -> Daily:
+    """Mean of each day, weighted by the inverse variance; what is None does not count.
+
+    Args:
+        dates: Date of each segment.
+        values: K numbers of each segment.
+        std: Their standard deviations.
+    """
+    weight = 1.0 / np.maximum(_floats(std), 1e-9) ** 2
+    return _by_day(dates, _floats(values), weight)
+
+
+def daily_median(dates: Sequence[str], values: Sequence[Sequence[float | None]]) -> Daily:
+    """Median of each day."""
+    return _by_day(dates, _floats(values), None)
+
+
+def _by_day(dates: Sequence[str], values: np.ndarray, weight: np.ndarray | None) -> Daily:
+    rows: dict[str, list[int]] = defaultdict(list)
+    for i, day in enumerate(dates):
+        rows[day].append(i)
+    days = sorted(rows)
+    found = np.full((len(days), values.shape[1]), np.nan)
+    for i, day in enumerate(days):
+        for k in range(values.shape[1]):
+            column = values[rows[day], k]
+            known = np.isfinite(column)
+            if not known.any():
+                continue
+            if weight is None:
+                found[i, k] = np.median(column[known])
+            else:
+                found[i, k] = np.average(column[known], weights=weight[rows[day], k][known])
+    return Daily(tuple(days), found)
+
+
+def _floats(rows: Sequence[Sequence[Any]]) -> np.ndarray:
+    return np.array([[np.nan if x is None else float(x) for x in row] for row in rows])
+
+
+def _days(dates: Sequence[str]) -> np.ndarray:
+    """Days since the first; places in the order where dates are not of the form YYYY-MM-DD."""
+    try:
+        days = [date.fromisoformat(text).toordinal() for text in dates]
+    except ValueError:
+        days = list(range(len(dates)))
+    return np.array(days, dtype=np.float64) - (days[0] if days else 0)
+
+
+def _drift(t: np.ndarray, values: np.ndarray) -> float:
+    known = np.isfinite(values)
+    t, values = t[known], values[known]
+    if len(t) < 2:
+        return float("nan")
+    if len(t) < 3:
+        return float(values[-1] - values[0])
+    return float(theilslopes(values, t).slope * (t[-1] - t[0]))

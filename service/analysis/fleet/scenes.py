@@ -1,0 +1,44 @@
+"""Which scene file belongs to which robot of a dataset."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from contactsense.scene import SceneError
+from contactsense.service.analysis.fleet.segments import RecordingFile
+
+OWN_SCENE = "scene.yaml"
+"""A robot's own scene file, in its folder `robot=NAME`."""
+
+
+def scene_files(scene: Path | None, files: Iterable[RecordingFile]) -> dict[str, Path]:
+    """The scene file of each robot.
+
+    Args:
+        scene: One file for all robots; or a folder with `NAME.yaml` for each; None: each robot's own, see
+            `OWN_SCENE`.
+        files: The recordings of the dataset.
+
+    Raises:
+        SceneError: there is no scene file for a robot; the message names robot and file.
+    """
+    found: dict[str, Path] = {}
+    for file in files:
+        if file.robot not in found:
+            found[file.robot] = _scene_file(scene, file)
+    return found
+
+
+def _scene_file(scene: Path | None, file: RecordingFile) -> Path:
+    if scene is not None and not scene.is_dir():
+        return scene.resolve()
+    if scene is not None:
+        path = scene / f"{file.robot or 'unknown'}.yaml"
+    else:
+        folder = f"robot={file.robot}"
+        path = next((up for up in file.path.parents if up.name == folder), file.path.parent) / OWN_SCENE
+    if not path.is_file():
+        raise SceneError(
+            f"robot {file.robot or 'unknown'}: expected a scene file {path}, found none; --scene names a "
+            "file for all robots, or a folder with NAME.yaml for each"
+        )
+    return path.resolve()

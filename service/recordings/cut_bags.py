@@ -1,0 +1,72 @@
+"""Messages of MCAP files and rosbag2 databases that are cut short, such as those of a recorder that died: in
+their order, up to where the file ends or is damaged.
+
+Of MCAP, a packed chunk that is cut is lost, usually 1 MB. Of an SQLite database those messages are had that
+SQLite finds without the missing pages.
+"""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+STORAGE = (".mcap", ".db3")
+"""How the names of files with messages end."""
+
+
+def storage_files(path: Path) -> list[Path]:
+    """The files that hold the messages of a bag, in the order of their names."""
+    if not path.is_dir():
+        return [path]
+    return sorted(file for file in path.iterdir() if file.suffix in STORAGE)
+
+
+def raw_messages(path: Path) -> Iterator[tuple[str, str, bytes]]:
+    """Topic, type and serialized content of each message of a file.
+
+    Raises:
+        OSError, ValueError: here the file ends too early or is damaged; what came before can be used.
+    """
+    yield from _of_mcap(path) if path.suffix == ".mcap" else _of_database(path)
+
+
+def _of_mcap(path: Path) -> Iterator[tuple[str, str, bytes]]:
+    from mcap.records import Channel, Message, Schema
+    from mcap.stream_reader import StreamReader
+
+    types: dict[int, str] = {}
+    channels: dict[int, tuple[str, str]] = {}
+    # A damaged length must not be taken for the size of a record.
+    limit = path.stat().st_size
+    with path.open("rb") as file:
+        records = StreamReader(file, record_size_limit=limit).records
+        while True:
+            try:
+                record = next(records)
+            except StopIteration:
+                return
+            # Packed chunks add errors of their own packages to those of the format.
+            except Exception as error:
+                raise ValueError(str(error) or "the file ends too early") from None
+            if isinstance(record, Schema):
+                types[record.id] = record.name
+            elif isinstance(record, Channel):
+                channels[record.id] = record.topic, types.get(record.schema_id, "")
+            elif isinstance(record, Message):
+                topic, kind = channels[record.channel_id]
+                yield topic, kind, record.data
+
+
+def _of_database(path: Path) -> Iterator[tuple[str, str, bytes]]:
+    try:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+            # SQLite refuses a file that is shorter than its header says, except to those who repair it.
+            database.execute("PRAGMA writable_schema = ON")
+            topics = {
+                number: (name, kind)
+                for number, name, kind in database.execute("SELECT id, name, type FROM topics")
+            }
+            for topic, data in database.execute("SELECT topic_id, data FROM messages ORDER BY rowid"):
+                yield *topics[topic], data
+    except (sqlite3.Error, KeyError) as error:
+        raise ValueError(str(error)) from None

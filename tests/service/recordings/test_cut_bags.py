@@ -1,0 +1,122 @@
+"""MCAP files and rosbag2 folders, whole and cut short."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactsense import Scene
+from contactsense.service.analysis.fleet.segments import find_recordings
+from contactsense.service.recordings import Recording, RecordingError, read
+from contactsense.service.recordings.export import export
+
+pytest.importorskip("mcap_ros2")
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+typesys = pytest.importorskip("rosbags.typesys")
+
+N = 12_000
+SCENE = Scene(robot="ur5e")
+
+
+def _recording() -> Recording:
+    chance = np.random.default_rng(3)
+    q, qd, torque, wrench = (chance.standard_normal((N, 6)) for _ in range(4))
+    return Recording("made", 5.0 + 0.002 * np.arange(N), q, qd, torque, wrench, None, np.arange(N))
+
+
+def _rosbag(folder: Path) -> Path:
+    """The same as a rosbag2 folder with an SQLite database."""
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    kinds: Any = store.types
+    joints, wrenches = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
+    whole = _recording()
+    assert whole.joint_torque is not None
+    assert whole.base_wrench is not None
+    with rosbag2.Writer(folder, version=9) as writer:
+        joint = writer.add_connection("/joint_states", joints, typestore=store)
+        base = writer.add_connection("/base_wrench", wrenches, typestore=store)
+        for i, t in enumerate(whole.t):
+            stamp = round(1e9 * t)
+            time = kinds["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
+            header = kinds["std_msgs/msg/Header"](time, "")
+            names = [f"joint_{k}" for k in range(6)]
+            state = kinds[joints](header, names, whole.q[i], whole.qd[i], whole.joint_torque[i])
+            writer.write(joint, stamp, store.serialize_cdr(state, joints))
+            force, moment = (
+                kinds["geometry_msgs/msg/Vector3"](*map(float, part))
+                for part in np.split(whole.base_wrench[i], 2)
+            )
+            wrench = kinds[wrenches](header, kinds["geometry_msgs/msg/Wrench"](force, moment))
+            writer.write(base, stamp, store.serialize_cdr(wrench, wrenches))
+    return folder
+
+
+def _cut(path: Path) -> None:
+    data = path.read_bytes()
+    path.write_bytes(data[: 2 * len(data) // 3])
+
+
+def _check_rest(found: Recording, least: float) -> None:
+    """At least that share of the rows, with the right content, and a word about the end."""
+    whole = _recording()
+    count = len(found)
+    assert least * N < count < 0.7 * N
+    np.testing.assert_allclose(found.t, whole.t[:count], atol=1e-8)
+    np.testing.assert_allclose(found.q, whole.q[:count])
+    assert found.problems[-1].kind == "cut_short"
+    assert found.problems[-1].row_from == count
+
+
+def test_a_rosbag2_folder_is_read(tmp_path: Path) -> None:
+    found = read(_rosbag(tmp_path / "bag"), SCENE)
+    whole = _recording()
+    np.testing.assert_allclose(found.t, whole.t, atol=1e-8)
+    np.testing.assert_allclose(found.joint_torque, whole.joint_torque)
+    np.testing.assert_allclose(found.base_wrench, whole.base_wrench)
+    assert not found.problems
+
+
+def test_an_mcap_file_that_is_cut_short_is_used_up_to_there(tmp_path: Path) -> None:
+    export(_recording(), tmp_path / "a.mcap")
+    _cut(tmp_path / "a.mcap")
+    # Of a packed chunk of 1 MB that is cut nothing is left.
+    _check_rest(read(tmp_path / "a.mcap", SCENE), 0.25)
+
+
+@pytest.mark.parametrize("metadata", [True, False])
+def test_a_rosbag2_folder_that_is_cut_short_is_used_up_to_there(tmp_path: Path, metadata: bool) -> None:
+    bag = _rosbag(tmp_path / "bag")
+    _cut(bag / "bag.db3")
+    if not metadata:
+        (bag / "metadata.yaml").unlink()
+    _check_rest(read(bag, SCENE), 0.6)
+
+
+def test_a_folder_without_metadata_is_read_whole_and_said_to_be_incomplete(tmp_path: Path) -> None:
+    bag = _rosbag(tmp_path / "bag")
+    (bag / "metadata.yaml").unlink()
+    found = read(bag, SCENE)
+    assert len(found) == N
+    assert "metadata.yaml is missing" in found.problems[-1].message
+
+
+def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
+    for name in ("a.mcap", "b.db3"):
+        (tmp_path / name).write_bytes(b"no bag at all")
+        with pytest.raises(RecordingError, match=f"{name}: cannot read the recording"):
+            read(tmp_path / name, SCENE)
+
+
+def test_bags_of_a_dataset_are_found_once(tmp_path: Path) -> None:
+    here = tmp_path / "robot=a" / "date=2026-01-01"
+    here.mkdir(parents=True)
+    export(_recording(), here / "one.mcap")
+    bag = _rosbag(here / "two")
+    export(_recording(), here / "three.csv")
+    found = find_recordings((tmp_path,))
+    assert [file.path.name for file in found] == ["one.mcap", "three.csv", "two"]
+    assert all(file.robot == "a" for file in found)
+    key = found[2].key
+    _cut(bag / "two.db3")
+    assert found[2].key != key
