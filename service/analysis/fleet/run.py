@@ -30,7 +30,7 @@ def analyze_fleet(
 
     Args:
         paths: Recordings and folders of recordings, such as `robot=NAME/date=DATE/*.parquet`.
-        scene: The scene file of all robots, or a folder with one for each, see
+        scene: The scene file of all robots, a folder with one for each, or None, see
             `contactsense.service.analysis.fleet.scenes.scene_files`.
         out: Folder of the results; `out/parts` holds those of the segments.
         workers: Processes on this machine.
@@ -45,7 +45,7 @@ def analyze_fleet(
         RuntimeError: a segment failed for another reason than its recording.
     """
     files = find_recordings(paths)
-    paths_of = scene_files(scene, files)
+    paths_of = scene_files(scene, files, out / "scenes")
     parts = {robot: _parts(out, path, length) for robot, path in paths_of.items()}
     tasks = [
         SegmentTask(segment, str(paths_of[file.robot]), parts[file.robot])

@@ -20,11 +20,13 @@ WARM_UP = 60.0
 """Time before a segment from which on it is read [s]: six times the memory of the bias filter."""
 TAIL = 60.0
 """Time after a segment up to which a contact is followed [s]."""
+RAW_READINGS = "wrench-"
+"""Names of the tables that `contactsense record` writes beside those of the samples begin so."""
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3")
 
 
 @dataclass(frozen=True)
-class RecordingFile:
+class DatasetFile:
     """One recording of a dataset."""
 
     path: Path
@@ -49,7 +51,7 @@ class RecordingFile:
 class Segment:
     """Rows of one recording that are analysed as one task."""
 
-    file: RecordingFile
+    file: DatasetFile
     """The recording."""
     key: str
     """Its key."""
@@ -67,7 +69,7 @@ class Segment:
     """Row up to which it is read; None: to the end."""
 
 
-def find_recordings(paths: tuple[Path, ...]) -> list[RecordingFile]:
+def find_recordings(paths: tuple[Path, ...]) -> list[DatasetFile]:
     """All recordings among files and below folders, in the order of their names.
 
     Raises:
@@ -89,14 +91,14 @@ def find_recordings(paths: tuple[Path, ...]) -> list[RecordingFile]:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Recordings below a folder; a folder of rosbag2 is one."""
+    """Recordings below a folder; a folder of rosbag2 is one, a table of raw force/torque readings is none."""
     bags = {p.parent for name in ("metadata.yaml", "*.db3") for p in folder.rglob(name)} - {folder}
     files = (p for p in folder.rglob("*") if p.is_file() and p.name.endswith(SUFFIXES))
-    single = {p for p in files if not p.name.startswith(".") and p.parent not in bags}
+    single = {p for p in files if not p.name.startswith((".", RAW_READINGS)) and p.parent not in bags}
     return sorted(single | bags)
 
 
-def segments(file: RecordingFile, length: float = SEGMENT_TIME) -> Iterator[Segment]:
+def segments(file: DatasetFile, length: float = SEGMENT_TIME) -> Iterator[Segment]:
     """The segments of a recording; a file other than Parquet is one segment.
 
     Args:
@@ -136,6 +138,6 @@ def _rows_and_rate(path: Path) -> tuple[int, float]:
     return rows, (len(times) - 1) / span if span > 0.0 else 0.0
 
 
-def _file(path: Path, name: Path) -> RecordingFile:
+def _file(path: Path, name: Path) -> DatasetFile:
     keys = dict(part.split("=", 1) for part in name.parts[:-1] if "=" in part)
-    return RecordingFile(path.resolve(), name.as_posix(), keys.get("robot", ""), keys.get("date", ""))
+    return DatasetFile(path.resolve(), name.as_posix(), keys.get("robot", ""), keys.get("date", ""))

@@ -21,13 +21,14 @@ from contactsense.benchmarks.fleet.dataset import (
     plan,
     write_scenes,
 )
-from contactsense.scene import SceneError
+from contactsense.scene import Scene, SceneError
 from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.scenes import scene_files
 from contactsense.service.analysis.fleet.segments import find_recordings, segments
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
 from contactsense.service.cli.analyze import analyze
+from contactsense.service.recordings.metadata import metadata, scene_hash
 from tests.service.analysis.recordings import demo, write_motion
 
 
@@ -198,20 +199,35 @@ def test_the_command_reports_what_was_skipped(tmp_path: Path, scene: Path) -> No
     assert (tmp_path / "out" / "fleet.md").read_text().startswith("# Contacts of a fleet")
 
 
+def test_what_the_recorder_wrote_is_a_dataset(tmp_path: Path) -> None:
+    table = pa_parquet.read_table(write_motion(demo(), tmp_path / "demo.parquet", last=2300))
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    scene = Scene(robot="ur5e", clear=0.9)
+    pa_parquet.write_table(
+        table.replace_schema_metadata(metadata(scene)), folder / "samples-20260101T000000-0000.parquet"
+    )
+    pa_parquet.write_table(table.select(["base_wrench_0"]), folder / "wrench-20260101T000000-0000.parquet")
+    result = CliRunner().invoke(analyze, [str(folder), "--out", str(tmp_path / "out"), "--json"])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["contacts"] == 1
+    assert scene_hash(Scene.load(tmp_path / "out" / "scenes" / "unknown.yaml")) == scene_hash(scene)
+
+
 def test_each_robot_may_have_its_own_scene(tmp_path: Path, scene: Path) -> None:
     data = _dataset(tmp_path / "data")
     files = find_recordings((data,))
-    assert scene_files(scene, files) == {"a": scene.resolve(), "b": scene.resolve()}
+    assert scene_files(scene, files, tmp_path) == {"a": scene.resolve(), "b": scene.resolve()}
     with pytest.raises(SceneError, match=r"robot a: expected a scene file .*robot=a/scene.yaml, found none"):
-        scene_files(None, files)
+        scene_files(None, files, tmp_path)
     for robot in "ab":
         (data / f"robot={robot}" / "scene.yaml").write_text("robot: ur5e\n")
-    assert scene_files(None, files)["b"] == data / "robot=b" / "scene.yaml"
+    assert scene_files(None, files, tmp_path)["b"] == data / "robot=b" / "scene.yaml"
     folder = tmp_path / "scenes"
     folder.mkdir()
     (folder / "a.yaml").write_text("robot: ur5e\n")
     with pytest.raises(SceneError, match=r"robot b: expected a scene file .*b.yaml"):
-        scene_files(folder, files)
+        scene_files(folder, files, tmp_path)
 
 
 @pytest.mark.slow
