@@ -46,7 +46,7 @@ class ReactionLatency:
     seconds: float
     """For how long it was measured [s]."""
     writes: int
-    """Register writes that could be told to belong to a sample."""
+    """Register writes that could be assigned to a sample."""
     onsets: int
     """Of those, the first of a push."""
     p50: float
@@ -85,11 +85,11 @@ def script() -> dict[str, Any]:
 
 
 def rules(rtde_port: int) -> dict[str, Any]:
-    """One rule on all links that tells the robot program by registers."""
+    """One rule on all links that writes registers."""
     return {
         "robot": {"rtde_port": rtde_port},
-        "actions": {"tell": {"type": "registers", "time": 46}},
-        "rules": [{"name": "any", "links": ["any"], "contact": {"force": 10.0, "actions": ["tell"]}}],
+        "actions": {"registers": {"type": "registers", "time": 46}},
+        "rules": [{"name": "any", "links": ["any"], "contact": {"force": 10.0, "actions": ["registers"]}}],
     }
 
 

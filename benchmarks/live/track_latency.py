@@ -57,7 +57,7 @@ class TrackLatency:
 
 
 def measure(seconds: float, way: Way, binary: bool) -> TrackLatency:
-    """Start a service, send to it for a while, and tell the round trips.
+    """Start a service, send to it for a while, and return the round trips.
 
     Raises:
         ChildError: The service did not come up.
@@ -135,7 +135,7 @@ def _exchange(
 
     def send_all() -> None:
         begin = time.monotonic()
-        with contextlib.suppress(OSError, WebSocketException):  # told where answers are read
+        with contextlib.suppress(OSError, WebSocketException):  # reported where answers are read
             for i in range(1, len(messages)):
                 time.sleep(max(0.0, begin + i / RATE - time.monotonic()))
                 transmit(i)

@@ -106,7 +106,7 @@ class Compilation(event.Listener):
         event.unregister(_EVENT, self)  # type: ignore[no-untyped-call]
         if self.active:
             self._share = 1.0
-            self._tell()
+            self._report()
 
     def on_start(self, event: Any) -> None:
         """Numba begins to compile a function."""
@@ -118,7 +118,7 @@ class Compilation(event.Listener):
             self._stack[-1].spent += now - self._stack[-1].resumed
         weights = self._expected.get(name)
         self._stack.append(_Frame(name, weights.pop(0) if weights else 0.0, now))
-        self._tell()
+        self._report()
 
     def on_end(self, event: Any) -> None:
         """Numba has compiled a function, or failed to."""
@@ -133,9 +133,9 @@ class Compilation(event.Listener):
             self._measured += frame.weight
             self._spent += frame.spent
         self.times.append((frame.name, frame.spent))
-        self._tell()
+        self._report()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         if self._notify is not None and self._total > 0.0:
             self._notify(self.progress)
 

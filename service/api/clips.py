@@ -82,7 +82,7 @@ class Clips:
             del self.clips[next(iter(self.clips))]
         return {"type": "clip", "number": number, "before": before, "after": after, "reason": reason}
 
-    def hear(self, report: dict[str, Any]) -> None:
+    def handle_report(self, report: dict[str, Any]) -> None:
         """Take a report of the pipeline."""
         if report["type"] == "clip" and report["number"] in self.clips:
             clip = self.clips[report["number"]]

@@ -1,4 +1,4 @@
-"""How the service fares: for people, for load balancers, for Prometheus."""
+"""State of the service: for people, for load balancers, for Prometheus."""
 
 from fastapi import APIRouter, Response
 from fastapi.responses import PlainTextResponse

@@ -72,7 +72,7 @@ class Service:
             self.scene,
             source or settings.open_source(self.scene),
             self.hub.publish,
-            self._hear,
+            self._handle_report,
             self._listeners(),
             on_loading,
         )
@@ -94,7 +94,7 @@ class Service:
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Pipeline running, kernels on their way, SIGHUP heard."""
+        """Pipeline running, kernels on their way, SIGHUP handled."""
         loop = asyncio.get_running_loop()
         self.journal = Journal(self._settings.events)
         self.webhooks = WebhookDelivery(self.journal, self.reactions.webhooks, self._note_webhook)
@@ -112,14 +112,14 @@ class Service:
             reloads.add(task)
             task.add_done_callback(reloads.discard)
 
-        hears = threading.current_thread() is threading.main_thread() and hasattr(signal, "SIGHUP")
-        if hears:
+        handles_sighup = threading.current_thread() is threading.main_thread() and hasattr(signal, "SIGHUP")
+        if handles_sighup:
             loop.add_signal_handler(signal.SIGHUP, hang_up)
         try:
             await self.ports.start()
             yield
         finally:
-            if hears:
+            if handles_sighup:
                 loop.remove_signal_handler(signal.SIGHUP)
             loading.cancel()
             self._locate.stop()
@@ -130,18 +130,18 @@ class Service:
             await asyncio.to_thread(self.latches.close)
             self.journal.close()
 
-    def _hear(self, report: dict[str, Any]) -> None:
+    def _handle_report(self, report: dict[str, Any]) -> None:
         """Take a report of the pipeline's process."""
         kind = report["type"]
         if kind == "event":
             event = ContactEvent.model_validate(report["event"])
             self.record(event if event.time else event.model_copy(update={"time": utc_now()}))
         elif kind == "reactions":
-            self.reactions.hear(report)
+            self.reactions.handle_report(report)
         elif kind == "webhook":
             self.webhooks.enqueue(report["action"], report["decision"])
         else:
-            self.clips.hear(report)
+            self.clips.handle_report(report)
 
     def _troubles(self) -> list[str]:
         """What is wrong beside the pipeline: estimates alone are no reason to call the service well."""
@@ -216,7 +216,7 @@ class Service:
         return status == "idle" or (status in ("ok", "degraded") and self.runner.current)
 
     def health(self) -> HealthOut:
-        """How everything fares, worked out now."""
+        """State of the service, computed now."""
         runner, connections = self.runner, self.connections
         source = runner.source.model_copy(update={"age": runner.sample_age})
         pipeline = runner.pipeline.model_copy(

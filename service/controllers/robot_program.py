@@ -150,21 +150,21 @@ class RobotProgramMethods:
     def _expect(self, value: Argument) -> list[float]:
         rules = self._reactions.rules
         if value == 0:
-            return self._told(rules is not None and self._reactions.withdraw())
+            return self._outcome(rules is not None and self._reactions.withdraw())
         windows = () if rules is None else rules.expected
         name = next((window.name for window in windows if value in (window.value, window.name)), None)
         if rules is not None and name is None:
             return [BAD_ARGUMENT]
-        return self._told(name is not None and self._reactions.announce(name))
+        return self._outcome(name is not None and self._reactions.announce(name))
 
     def _acknowledge(self) -> list[float]:
         rules = self._reactions.rules
-        return self._told(rules is not None and self._reactions.acknowledge(None, "the robot program"))
+        return self._outcome(rules is not None and self._reactions.acknowledge(None, "the robot program"))
 
-    def _told(self, done: bool) -> list[float]:
+    def _outcome(self, done: bool) -> list[float]:
         return [self._code() if done else NOT_POSSIBLE]
 
 
 def _number(value: Any) -> float:
-    """What cannot be told is 0: URScript has no word for it."""
+    """Unknown values are 0: URScript has no NaN."""
     return float(value) if value is not None and math.isfinite(value) else 0.0

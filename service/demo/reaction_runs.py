@@ -28,18 +28,18 @@ PATIENCE = 60.0
 
 
 def rules(stage: Stage) -> dict[str, object]:
-    """The rules: a touch of any link stops the arm and tells it by registers."""
+    """The rules: a touch of any link stops the arm and writes registers."""
     return {
         "robot": {"rtde_port": stage.rtde_port},
         "actions": {
-            "tell": {"type": "registers"},
+            "registers": {"type": "registers"},
             "stop": {"type": "stop_program", "deceleration": DECELERATION, "port": stage.secondary_port},
         },
         "rules": [
             {
                 "name": "touch",
                 "links": ["any"],
-                "contact": {"force": LEVEL, "probability": 0.9, "actions": ["stop", "tell"]},
+                "contact": {"force": LEVEL, "probability": 0.9, "actions": ["stop", "registers"]},
             }
         ],
     }

@@ -52,7 +52,7 @@ def compare(console: Console, port: int, as_json: bool) -> int:
     for sweep, before, after in pairs:
         console.print(Text(_line(sweep.obstacle, before, after)))
     console.print(
-        "Without a reaction the arm goes on until its controller finds that the joints do not follow."
+        "Without a reaction the arm continues until its controller finds that the joints do not follow."
         if better
         else Text("The reaction did not make every peak force smaller.", style="bold red")
     )

@@ -1,4 +1,4 @@
-"""What the service said about each scripted contact, held against the truth."""
+"""Estimates of each scripted contact beside the truth."""
 
 from collections import Counter
 from dataclasses import dataclass, field

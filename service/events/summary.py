@@ -15,7 +15,7 @@ from contactsense.service.events.model import ContactEvent
 from contactsense.types import Contact, Estimate, Event
 
 LOST_AFTER = 1.0
-"""A contact that is not estimated for so long has ended, even if no release was told [s]."""
+"""A contact that is not estimated for so long has ended, even if no release was reported [s]."""
 _MAX_STEP = 0.1
 """A longer gap between samples adds no impulse [s]."""
 

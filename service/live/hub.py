@@ -1,6 +1,6 @@
 """Fan-out: one stream of messages to many readers, none of which can hold up another.
 
-Each reader has a queue of its own, bounded; one that is too slow loses its oldest messages and is told how
+Each reader has a queue of its own, bounded; one that is too slow loses its oldest messages and receives how
 many. Lives in one event loop; nothing here locks.
 """
 

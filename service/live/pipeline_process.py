@@ -48,7 +48,7 @@ ListenerFactory = Callable[[Scene], Listener]
 
 
 class Source(Protocol):
-    """Where samples come from. Trouble with a sensor is told in `health`, not raised."""
+    """Where samples come from. Trouble with a sensor is reported in `health`, not raised."""
 
     @property
     def health(self) -> live.SourceHealth:
@@ -299,7 +299,7 @@ def run(
             window_start, window_count = now, 0
         if now - beat >= HEARTBEAT:
             beat = now
-            health = _told(source.health)
+            health = _as_message(source.health)
             health.rate = rate
             health.age = None if last_sample is None else now - last_sample
             pipeline = PipelineHealth(
@@ -323,7 +323,7 @@ def utc_now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
-def _told(health: live.SourceHealth) -> SourceHealth:
+def _as_message(health: live.SourceHealth) -> SourceHealth:
     def sensor(stream: StreamHealth | WrenchHealth) -> SensorHealth:
         return SensorHealth(
             state=stream.state, received=stream.received, lost=stream.lost, last_error=stream.error

@@ -50,8 +50,8 @@ class Silence:
         self.stopped = 0.0
         """Time in which the process was stopped or dead [s]."""
 
-    def heard(self) -> None:
-        """It said something."""
+    def reset(self) -> None:
+        """It has sent something."""
         self.seconds = self.stopped = 0.0
 
     def tick(self, now: float, state: ProcessState) -> None:

@@ -1,4 +1,4 @@
-"""What is to be said of the whole service at this moment, from ages and counters. A pure function of them."""
+"""State of the whole service, from ages and counters. A pure function of them."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -14,7 +14,7 @@ class Facts:
     """What is known about the pipeline, all ages taken now."""
 
     process: Literal["none", "starting", "running", "ended"]
-    """none: no robot is named; starting: nothing was heard yet; ended: it is about to be started again."""
+    """none: no robot is named; starting: nothing has been received yet; ended: it will be restarted."""
     end: str = ""
     """How its last life ended; empty while there was none, or the present one is well."""
     loading: str = ""

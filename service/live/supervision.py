@@ -1,4 +1,4 @@
-"""Tasks that must not end: one that does, whatever the reason, is told of and started again."""
+"""Tasks that must not end: one that does, whatever the reason, is reported and restarted."""
 
 import asyncio
 import logging

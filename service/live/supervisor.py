@@ -1,7 +1,6 @@
 """Keeps the pipeline's process running: starts it, listens to it, starts it again when it dies or hangs.
 
-How the service fares is worked out from ages whenever somebody asks: a status that was once told and
-believed would outlive whoever told it.
+The status is computed from ages at each request: a stored status would outlive the process that set it.
 """
 
 import asyncio
@@ -52,7 +51,7 @@ _SILENCE = 1.5
 _STOPPED = 1.0
 """A process that is stopped for so long is of no use [s]."""
 _LATE = 1.0
-"""If the event loop is late by more than this, it is told [s]."""
+"""If the event loop is late by more than this, that is reported [s]."""
 _PAUSE = (0.2, 5.0)
 """Time before the next start: at first, and at most after failing again and again [s]."""
 _PATIENCE = 2.0
@@ -105,14 +104,14 @@ class Runner:
         self.loading_left: float | None = None
         """Estimated time left of the compilation [s]; None while nothing is compiled."""
         self.source = SourceHealth()
-        """The sensors' side, as last heard."""
+        """The sensors' side, as last reported."""
         self.pipeline = PipelineHealth()
-        """The process, as last heard."""
+        """The process, as last reported."""
         self.estimates = 0
         """Estimates that arrived, ever."""
         self.handover: float | None = None
         """How long the latest report was on its way from the process to here [s]."""
-        self._told: tuple[Status, str] = ("starting", "")
+        self._last_status: tuple[Status, str] = ("starting", "")
         self.others: Callable[[], Sequence[str]] = tuple
         """Tells what else is wrong in the service, each a sentence."""
         self.since = datetime.now(UTC)
@@ -240,7 +239,7 @@ class Runner:
                 if self._advanced is not None and clock() - self._advanced > _STUCK:
                     return f"made no progress compiling its kernels for {_STUCK:g} s", True
                 if silence.seconds > allowed:
-                    return f"said nothing for {allowed:g} s", True
+                    return f"was silent for {allowed:g} s", True
             return receiving.result(), False
         finally:
             receiving.cancel()
@@ -252,7 +251,7 @@ class Runner:
             while True:
                 kind, t, size = HEAD.unpack(await reader.readexactly(HEAD.size))
                 payload = await reader.readexactly(size)
-                silence.heard()
+                silence.reset()
                 self._reported = clock()
                 if kind == LOADING:
                     self._hear_loading(payload)
@@ -264,7 +263,7 @@ class Runner:
                     self.estimates += 1
                     self._on_estimate(t, payload)
                 elif kind == HEALTH:
-                    self._hear(payload, t)
+                    self._handle_message(payload, t)
                 elif kind == REPORT:
                     if self._on_report is not None:
                         self._on_report(json.loads(payload))
@@ -294,7 +293,7 @@ class Runner:
             self._on_loading(CompilationProgress(1.0, 0.0))
         self.loading, self.loading_left, self._advanced = 1.0, None, None
 
-    def _hear(self, payload: bytes, sent: float) -> None:
+    def _handle_message(self, payload: bytes, sent: float) -> None:
         self._process, self._end_reason = "running", ""
         report = json.loads(payload)
         restarts = self.pipeline.restarts
@@ -305,7 +304,7 @@ class Runner:
 
     @property
     def status(self) -> Status:
-        """How the service fares at this moment, in one word."""
+        """State of the service now."""
         return self._look()[0]
 
     @property
@@ -379,10 +378,10 @@ class Runner:
         )
         status, reasons = found
         message = "; ".join(reasons)
-        told = (status, re.sub(r"[0-9.]+", "", message))  # ages grow all the time
-        if told != self._told:
-            before = self._told[0]
-            self._told = told
+        current = (status, re.sub(r"[0-9.]+", "", message))  # ages grow all the time
+        if current != self._last_status:
+            before = self._last_status[0]
+            self._last_status = current
             if status != before:
                 self.since = datetime.now(UTC)
             level = logging.INFO if status in ("ok", "starting", "idle") else logging.WARNING

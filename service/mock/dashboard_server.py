@@ -94,7 +94,7 @@ class DashboardServer(TcpServer):
             self._robot.popup = line[6:].strip()
             return "showing popup"
         if command.startswith("addtolog "):
-            self._robot.tell(line[9:].strip())
+            self._robot.send_message(line[9:].strip())
             return "Added log message"
         if command.startswith("load "):
             name = line[5:].strip()

@@ -121,20 +121,20 @@ class NetFtServer:
             deadline = self._clock.deadline_ns(k / self._rate) + self._delay_ns
             while deadline - time.monotonic_ns() > NS // 5 and not self._stopping.is_set():
                 time.sleep(0.2)
-                self._hear()
+                self._read()
             if not self._streams:
                 # Nobody listens: no need to wake up for every reading.
                 select.select([self._socket], [], [], 0.1)
-                self._hear()
+                self._read()
                 k = max(k, int(self._clock.now() * self._rate) + 1)
                 continue
             self._clock.sleep_until(deadline)
-            self._hear()
+            self._read()
             if not self.mute:
                 self._send(k)
             k += 1
 
-    def _hear(self) -> None:
+    def _read(self) -> None:
         while True:
             try:
                 datagram, address = self._socket.recvfrom(1500)
@@ -143,9 +143,9 @@ class NetFtServer:
             if self.mute:
                 continue
             with suppress(wire.RdtProtocolError):
-                self._obey(wire.parse_request(datagram), address)
+                self._execute(wire.parse_request(datagram), address)
 
-    def _obey(self, request: wire.Request, address: tuple[str, int]) -> None:
+    def _execute(self, request: wire.Request, address: tuple[str, int]) -> None:
         match request.command:
             case wire.Command.START_REALTIME | wire.Command.START_BUFFERED:
                 self._streams[address] = _Stream(request.count)

@@ -82,10 +82,10 @@ class ProgramRunner:
             case "sleep":
                 self._sleep = float(given["t"])
             case "textmsg":
-                controller.tell("".join(str(text) for text in given.values()))
+                controller.send_message("".join(str(text) for text in given.values()))
             case "popup":
                 controller.popup = str(given["s"])
-                controller.tell(f"popup: {given['s']}")
+                controller.send_message(f"popup: {given['s']}")
             case "protective_stop":
                 controller.protective_stop("asked for by a program")
             case "halt":
@@ -150,7 +150,7 @@ class ControlInterface:
             case Command.STOP_SCRIPT:
                 self.done = True
             case _:
-                self._controller.tell(f"ur_rtde: the mock does not simulate command {command}")
+                self._controller.send_message(f"ur_rtde: the mock does not simulate command {command}")
 
     def _answer(self, value: int) -> None:
         self._controller.outputs[f"output_int_register_{self._offset}"] = (value,)

@@ -149,7 +149,7 @@ class RobotController:
             return
         last = max(self._written.get(dog.variable, 0.0), self._watched_since)
         if self.now - last > 1.0 / dog.min_frequency:
-            self.tell(f"watchdog: {dog.variable} is not written {dog.min_frequency:g} times a second")
+            self.send_message(f"watchdog: {dog.variable} is not written {dog.min_frequency:g} times a second")
             self._watched_since = self.now
             self.pause() if dog.action == "pause" else self.stop()
 
@@ -225,7 +225,7 @@ class RobotController:
             self.motion.stop(self.script.safety.deceleration)
             if self.runtime in (RuntimeState.PLAYING, RuntimeState.RESUMING):
                 self.runtime = RuntimeState.PAUSING
-            self.tell(f"protective stop: {reason}")
+            self.send_message(f"protective stop: {reason}")
 
     def unlock(self) -> bool:
         """Release a protective stop; whether it may be released yet."""
@@ -243,7 +243,7 @@ class RobotController:
         beside it."""
         with self.lock:
             for line in program.unknown:
-                self.tell(f"program {program.name}: the mock does not simulate `{line}`")
+                self.send_message(f"program {program.name}: the mock does not simulate `{line}`")
             runner = ProgramRunner(program, self)
             if program.kind == "sec":
                 runner.step(STEP)
@@ -251,7 +251,7 @@ class RobotController:
             if program.kind == "line" and not program.statements:
                 return
             if self.protective:
-                self.tell(f"program {program.name}: not run, the robot is in a protective stop")
+                self.send_message(f"program {program.name}: not run, the robot is in a protective stop")
                 return
             if not self.motion.at_rest and not runner.decelerates:
                 self.motion.stop(STOP_DECELERATION)
@@ -260,8 +260,8 @@ class RobotController:
             self.runtime = RuntimeState.PLAYING
             self._watched_since = self.now
 
-    def tell(self, message: str) -> None:
-        """Note a message, and tell it to whoever listens."""
+    def send_message(self, message: str) -> None:
+        """Log a message and send it to all listeners."""
         self.log.append(message)
         for listener in self.on_message:
             listener(message)

@@ -181,7 +181,7 @@ class RtdeServer:
                 if key.fileobj is self._listener:
                     self._accept()
                 elif isinstance(key.data, _Client):
-                    self._hear(key.data)
+                    self._read(key.data)
 
     def _accept(self) -> None:
         try:
@@ -198,7 +198,7 @@ class RtdeServer:
         with self._clients_lock:
             self._clients.append(client)
 
-    def _hear(self, client: _Client) -> None:
+    def _read(self, client: _Client) -> None:
         try:
             chunk = client.connection.recv(_CHUNK)
         except BlockingIOError:
@@ -215,7 +215,7 @@ class RtdeServer:
             while (frame := client.decoder.next_frame()) is not None:
                 old = client.version == 1 and frame.kind == _OUTPUT_SETUP
                 request = rtde_v1.parse_output_setup(frame.payload) if old else wire.parse_request(frame)
-                self._obey(client, request)
+                self._execute(client, request)
         except wire.RtdeProtocolError as error:
             self._send(client, wire.encode(wire.TextMessage(str(error), "RTDE", 0)))
             self._forget(client)
@@ -229,7 +229,7 @@ class RtdeServer:
             client.gone = True
             client.connection.close()
 
-    def _obey(self, client: _Client, request: wire.Request) -> None:
+    def _execute(self, client: _Client, request: wire.Request) -> None:
         reply: wire.Reply | None = None
         match request:
             case wire.ProtocolVersionRequest(version):

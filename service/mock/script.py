@@ -130,7 +130,7 @@ class SafetySettings(_Part):
     """When the simulated controller stops by itself."""
 
     force_limit: PositiveFloat | None = None
-    """External force at which it makes a protective stop [N]; none: at any force it goes on."""
+    """External force at which it makes a protective stop [N]; none: it continues at any force."""
     force_delay: NonNegativeFloat = 0.1
     """How long the force must be above the limit [s]."""
     deceleration: PositiveFloat = 8.0
@@ -189,7 +189,7 @@ class Script(_Part):
         """A script from YAML text.
 
         Raises:
-            ScriptError: What is wrong, where, and what was expected; `name` tells which script.
+            ScriptError: What is wrong, where, and what was expected; `name` names the script.
         """
         try:
             data = yaml.safe_load(text)

@@ -86,7 +86,7 @@ class TcpServer(ABC):
                 if key.data is None:
                     self._accept()
                 else:
-                    self._hear(key.data)
+                    self._read(key.data)
             if time.monotonic() >= due:
                 due += self._period
                 for connection in list(self.connections):
@@ -108,7 +108,7 @@ class TcpServer(ABC):
             self._selector.register(link, selectors.EVENT_READ, connection)
             self._guarded(connection, self.greet)
 
-    def _hear(self, connection: Connection) -> None:
+    def _read(self, connection: Connection) -> None:
         try:
             data = connection.link.recv(1 << 16)
         except BlockingIOError:

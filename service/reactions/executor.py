@@ -23,7 +23,7 @@ QUEUE = 8
 """Decisions that wait for one action at most."""
 
 
-def _tell(action: str, ok: bool, reason: str, took: float) -> None:
+def _report(action: str, ok: bool, reason: str, took: float) -> None:
     line = json.dumps({"action": action, "ok": ok, "reason": reason, "took": round(took, 6)})
     os.write(sys.stdout.fileno(), line.encode() + b"\n")  # one write: lines of several threads do not mix
 
@@ -32,7 +32,7 @@ def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[di
     try:
         action.prepare(host)
     except ActionError as error:
-        _tell(name, False, str(error), 0.0)
+        _report(name, False, str(error), 0.0)
     while True:
         decision = waiting.get()
         begin = time.monotonic()
@@ -42,7 +42,7 @@ def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[di
             reason, ok = str(error), False
         except Exception as error:
             reason, ok = f"{type(error).__name__}: {error}", False
-        _tell(name, ok, reason, time.monotonic() - begin)
+        _report(name, ok, reason, time.monotonic() - begin)
 
 
 def main() -> None:
@@ -63,7 +63,7 @@ def main() -> None:
         try:
             queues[task["action"]].put_nowait(task["decision"])
         except queue.Full:
-            _tell(task["action"], False, f"skipped: {QUEUE} decisions already wait for it", 0.0)
+            _report(task["action"], False, f"skipped: {QUEUE} decisions already wait for it", 0.0)
     for action in actions.values():
         action.close()
     os._exit(0)  # threads that hang are no reason to stay

@@ -18,7 +18,7 @@ _MAX_LINE = 1 << 16
 
 
 class ExecutorClient:
-    """Hands decisions to the executor's process and hears of their results.
+    """Hands decisions to the executor's process and receives their results.
 
     Args:
         actions: Name -> action.

@@ -27,7 +27,7 @@ _REPORT_EVERY = 0.25
 _BLIND = 0.1
 """Without an estimate for so long the degraded bit is set [s]."""
 _RESTORE = 1.0
-"""Longest wait for the service to tell what had been latched before this process [s]."""
+"""Longest wait for the service to send what had been latched before this process [s]."""
 
 
 class ReactionListener:
@@ -115,10 +115,10 @@ class ReactionListener:
 
     def _restore(self, decisions: Sequence[Decision]) -> None:
         """Latch again what a process before this one had latched. No action is carried out again, but the
-        registers tell of it from their first write on."""
+        registers show it from their first write on."""
         for decision in decisions:
             if not self._engine.restore(decision):
-                self._tell(
+                self._report_event(
                     ContactEvent(
                         kind="acknowledged", t=self._t, rule=decision.rule, contact=decision.contact,
                         link=decision.link, reason="by the rules' file: it has no such level any more",
@@ -131,7 +131,7 @@ class ReactionListener:
         """Clear latched collisions."""
         decisions = self._engine.acknowledge(rule)
         for decision in decisions:
-            self._tell(
+            self._report_event(
                 ContactEvent(
                     kind="acknowledged", t=self._t, rule=decision.rule, contact=decision.contact,
                     link=decision.link, reason=f"by {by}",
@@ -145,13 +145,13 @@ class ReactionListener:
     def announce(self, name: str) -> None:
         """Open the window of an expected contact."""
         if self._engine.announce(name):
-            self._tell(ContactEvent(kind="expected", t=self._t, reason=f"{name}: the window is open"))
+            self._report_event(ContactEvent(kind="expected", t=self._t, reason=f"{name}: the window is open"))
 
     def withdraw(self, name: str | None) -> None:
         """Close windows of expected contacts."""
         if self._engine.windows:
             self._engine.withdraw(name)
-            self._tell(ContactEvent(kind="expected", t=self._t, reason=f"{name or 'all'}: closed"))
+            self._report_event(ContactEvent(kind="expected", t=self._t, reason=f"{name or 'all'}: closed"))
 
     def close(self) -> None:
         """Hang up; the robot program's watchdog notices."""
@@ -172,9 +172,9 @@ class ReactionListener:
         return RtdeInputs(host, self._rules.robot.rtde_port, recipes, outputs)
 
     def _select(self) -> None:
-        """The active decision of the highest level that is told by registers, the latest of them."""
-        told = [d for d in self._engine.active if self._registers_name in d.actions]
-        self._decision = max(told, key=lambda d: (d.level == "collision", d.t), default=None)
+        """The active decision of the highest level that registers show, the latest of them."""
+        shown = [d for d in self._engine.active if self._registers_name in d.actions]
+        self._decision = max(shown, key=lambda d: (d.level == "collision", d.t), default=None)
 
     def _write(self) -> None:
         if self._registers is None or self._inputs is None or not self._restored:
@@ -188,7 +188,7 @@ class ReactionListener:
         for decision in decisions:
             begins = decision.kind == "begin"
             if begins and decision.level == "collision":
-                self._tell(
+                self._report_event(
                     ContactEvent(
                         kind="collision", contact=decision.contact, t=decision.t, link=decision.link,
                         point=list(decision.point) or None, point_base=list(decision.point_base) or None,
@@ -250,7 +250,7 @@ class ReactionListener:
                 health.state = "failing" if health.error else "ok" if self._inputs.ready else health.state
                 if health.error and health.error != before:
                     health.failed += 1
-                    self._tell(
+                    self._report_event(
                         ContactEvent(kind="action", t=self._t, action=name, reason=f"failed: {health.error}")
                     )
                 if before and not health.error and name == self._slider_name and self._slider_value:
@@ -263,9 +263,9 @@ class ReactionListener:
         health.error = "" if ok else reason
         health.failed += not ok
         words = (f"done: {reason}" if reason else "done") if ok else f"failed: {reason}"
-        self._tell(ContactEvent(kind="action", t=self._t, action=name, reason=words))
+        self._report_event(ContactEvent(kind="action", t=self._t, action=name, reason=words))
 
-    def _tell(self, event: ContactEvent) -> None:
+    def _report_event(self, event: ContactEvent) -> None:
         self._reports.append({"type": "event", "event": event.model_dump()})
 
     def _report_state(self, started: bool = False, answer: str | None = None) -> None:

@@ -171,9 +171,9 @@ class RtdeInputs:
                     {name: numbers[where.start] for name, where in self._output.slices.items()}
                 )
             else:
-                self._hear(wire.parse_reply(frame), now)
+                self._handle_reply(wire.parse_reply(frame), now)
 
-    def _hear(self, reply: wire.Reply, now: float) -> None:
+    def _handle_reply(self, reply: wire.Reply, now: float) -> None:
         match reply:
             case wire.ProtocolVersionReply(accepted):
                 if not accepted:

@@ -1,4 +1,4 @@
-"""The service's side of the reactions: their state as last heard, acknowledgement, announcements."""
+"""The service's side of the reactions: their last reported state, acknowledgement, announcements."""
 
 import asyncio
 import contextlib
@@ -120,7 +120,7 @@ class Reactions:
         found = {} if self.rules is None else self.rules.actions
         return {name: action for name, action in found.items() if isinstance(action, WebhookAction)}
 
-    def hear(self, report: dict[str, Any]) -> None:
+    def handle_report(self, report: dict[str, Any]) -> None:
         """Take a report of type `reactions` from the pipeline's process."""
         if report["started"]:  # a new process: what was latched stays latched
             self._send({"type": "restore", "decisions": self._latched})
@@ -137,7 +137,7 @@ class Reactions:
             self._answers[report["answer"]].set()
 
     def note_webhook(self, name: str, ok: bool, reason: str) -> ContactEvent:
-        """The result of a delivery; returns the event that tells of it."""
+        """The result of a delivery; returns the event that reports it."""
         health = self._webhook_health.setdefault(name, ActionHealth(type="webhook"))
         health.started += 1
         health.failed += not ok

@@ -37,7 +37,7 @@ class WebhookDelivery:
     Args:
         journal: Whose outbox it is.
         webhooks: Name -> webhook.
-        on_result: Called with the name, whether an attempt succeeded, and what to tell of it.
+        on_result: Called with the name, whether an attempt succeeded, and what to report.
         delays: As `DELAYS`.
     """
 

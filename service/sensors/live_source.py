@@ -173,7 +173,7 @@ class LiveSource:
         self._wrench_check = RepeatCheck()
         self._recent = RecentCounts()
         self._seen = replace(self._robot.health)
-        self._heard_ns = 0
+        self._last_reading_ns = 0
         self._unusable = 0
         self._without_wrench = 0
         self._age = math.inf
@@ -190,7 +190,7 @@ class LiveSource:
         """
         records = self._robot.poll(timeout)
         if self._sensor is not None:
-            self._hear(self._sensor.poll())
+            self._take_readings(self._sensor.poll())
         self._count_losses(records)
         samples = []
         for record in records:
@@ -230,13 +230,13 @@ class LiveSource:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _hear(self, readings: list[WrenchRecord]) -> None:
+    def _take_readings(self, readings: list[WrenchRecord]) -> None:
         if self.observer is not None:
             self.observer.wrench(readings)
         for reading in readings:
             if self._believable(reading.arrival_ns / NS, reading.wrench):
                 self._aligner.add(*reading)
-                self._heard_ns = reading.arrival_ns
+                self._last_reading_ns = reading.arrival_ns
 
     def _believable(self, t: float, wrench: tuple[Number, ...]) -> bool:
         """Whether a force/torque reading is one: not exactly zero, not the same as ever."""
@@ -318,7 +318,7 @@ class LiveSource:
         self._recent.add(now, "without wrench")
         if self._without_since is None:
             self._without_since = now
-        elif now - self._without_since > _LOST and now - self._heard_ns / NS < _ALIVE:
+        elif now - self._without_since > _LOST and now - self._last_reading_ns / NS < _ALIVE:
             # Readings come, but none belongs to any instant: what is known of the sensor's clock is wrong.
             self._aligner.forget_sensor()
             self._without_since = now
@@ -344,9 +344,9 @@ class LiveSource:
         deadline = record.arrival_ns + int(self._wait * NS)
         while not self._aligner.covers(record.timestamp):
             now = time.monotonic_ns()
-            if now >= deadline or now - self._heard_ns > _ALIVE * NS:
+            if now >= deadline or now - self._last_reading_ns > _ALIVE * NS:
                 break
-            self._hear(self._sensor.poll((deadline - now) / NS))
+            self._take_readings(self._sensor.poll((deadline - now) / NS))
         return self._aligner.at(record.timestamp)
 
 

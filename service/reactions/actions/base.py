@@ -40,7 +40,7 @@ class ExecutedAction(ActionSettings):
 
     @abstractmethod
     def perform(self, decision: dict[str, Any], host: str) -> str:
-        """Carry it out; returns what to tell of it.
+        """Carry it out; returns what to report.
 
         Raises:
             ActionError: It failed.

@@ -35,13 +35,13 @@ class CommandAction(ExecutedAction):
             raise ActionError(f"{self.command[0]}: {error.strerror or error}") from None
         with process:
             try:
-                _, said = process.communicate(json.dumps(decision).encode(), self.timeout)
+                _, output = process.communicate(json.dumps(decision).encode(), self.timeout)
             except subprocess.TimeoutExpired:
                 with suppress(ProcessLookupError):
                     os.killpg(process.pid, signal.SIGKILL)
                 raise ActionError(f"{self.command[0]}: killed after {self.timeout:g} s") from None
         if process.returncode != 0:
-            last = said.decode("utf-8", "replace").strip().splitlines()[-1:]
+            last = output.decode("utf-8", "replace").strip().splitlines()[-1:]
             raise ActionError(f"{self.command[0]}: exit status {process.returncode}: {''.join(last)[:200]}")
         return "exit status 0"
 

@@ -46,7 +46,7 @@ def test_our_own_lateness_does_not_count():
 def test_a_word_ends_the_silence():
     silence = Silence(0.0)
     silence.tick(1.0, ProcessState("T", 0.0))
-    silence.heard()
+    silence.reset()
     assert (silence.seconds, silence.stopped) == (0.0, 0.0)
 
 

@@ -117,7 +117,7 @@ def test_a_process_that_hangs_is_started_again() -> None:
     async def scenario() -> None:
         async with running(fakes.Hanging) as (runner, heard):
             await until(lambda: len(heard) > 10)
-            await until(lambda: runner.status == "failing" and "said nothing for 1.5 s" in runner.message)
+            await until(lambda: runner.status == "failing" and "was silent for 1.5 s" in runner.message)
 
     asyncio.run(scenario())
 

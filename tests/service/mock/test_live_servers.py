@@ -233,7 +233,7 @@ def test_inputs_act_and_read_back():
 def test_messages_of_the_robot_reach_rtde_clients():
     with living() as servers, PlainClient(servers.rtde) as client:
         client.start("timestamp")
-        servers.robot.tell("look out")
+        servers.robot.send_message("look out")
         while (frame := client.receive())[0] != "M":
             pass
         assert b"look out" in frame[1]

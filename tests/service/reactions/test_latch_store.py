@@ -61,22 +61,22 @@ def test_saved_when_it_changes_and_sent_to_each_new_process() -> None:
     reactions.on_latched = saved.append
     reactions.restore([latch()])
     assert [found.link for found in reactions.latches] == ["forearm"]
-    reactions.hear({**report(), "started": True})
+    reactions.handle_report({**report(), "started": True})
     assert sent == [{"type": "restore", "decisions": [latch()]}]
-    reactions.hear(report(restored=False))  # the process has not heard of it yet
+    reactions.handle_report(report(restored=False))  # the process does not know it yet
     assert len(reactions.latches) == 1
     assert not saved
-    reactions.hear(report(latch()))
+    reactions.handle_report(report(latch()))
     assert not saved
-    reactions.hear(report(latch(), {**latch(), "level": "contact"}))
+    reactions.handle_report(report(latch(), {**latch(), "level": "contact"}))
     assert not saved
-    reactions.hear(report())
+    reactions.handle_report(report())
     assert saved == [[]]
     assert not reactions.latches
 
 
 def test_other_rules_leave_the_latches(tmp_path: Path) -> None:
     reactions = Reactions(RULES, "192.0.2.1", lambda command: True)
-    reactions.hear(report(latch()))
+    reactions.handle_report(report(latch()))
     reactions.replace(RULES.model_copy(update={"expected": ()}))
     assert len(reactions.latches) == 1
