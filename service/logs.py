@@ -1,4 +1,4 @@
-"""Where the log goes and in which form: lines for people or JSON, to stderr or a file of bounded size."""
+"""Configures the log: text or JSON lines, to stderr or to files of bounded size."""
 
 import json
 import logging
@@ -12,20 +12,20 @@ Level = Literal["debug", "info", "warning", "error"]
 Format = Literal["text", "json"]
 
 FILE_SIZE = 10_000_000
-"""Size at which a log file is put aside [bytes]."""
+"""Size at which a log file is rotated [bytes]."""
 FILES = 5
-"""Files put aside that are kept."""
+"""Number of rotated files that are kept."""
 _BURST = 20
-"""Messages of one place in the code that are written within a window; the others are counted."""
+"""Maximum number of messages from one place in the code within a window; further ones are only counted."""
 _WINDOW = 10.0
 """Length of that window [s]."""
 
 
 class JsonFormatter(logging.Formatter):
-    """A JSON object a line: time (UTC), level, logger, message, and the traceback where there is one."""
+    """One JSON object per line: time (UTC), level, logger, message, and the traceback if there is one."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """One line."""
+        """Return the record as one line of JSON."""
         content = {
             "time": time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
             + f".{int(record.msecs):03d}Z",
@@ -39,8 +39,8 @@ class JsonFormatter(logging.Formatter):
 
 
 class FloodFilter(logging.Filter):
-    """Lets through so many messages of each place in the code within a window, then tells how many were left
-    out: an attack must not fill the disk."""
+    """Limits the messages from each place in the code within a window, then reports how many were suppressed:
+    an attack must not fill the disk."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -63,9 +63,9 @@ def configure(level: Level = "info", form: Format = "text", path: Path | None = 
     """Set up logging for the whole process.
 
     Args:
-        level: What is not worth so much is left out.
-        form: Lines for people, or JSON.
-        path: File to write to, put aside when it is full; None: stderr.
+        level: Messages below this level are omitted.
+        form: Text for people, or JSON.
+        path: File to write to, rotated when it is full; None: stderr.
 
     Raises:
         OSError: The file cannot be written.

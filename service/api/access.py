@@ -1,8 +1,8 @@
-"""Who may use the service: by token, by the requested Host, by the Origin of a web page.
+"""Access control: by token, by the requested Host, and by the Origin of a web page.
 
-A web page in somebody's browser can reach a service on that person's own computer. The Host check stops a
-name that an attacker points at 127.0.0.1 (DNS rebinding), the Origin check stops foreign pages, WebSockets
-included, for which browsers make no exception by themselves.
+A web page in a browser can reach a service on the same computer. The Host check blocks names that an attacker
+resolves to 127.0.0.1 (DNS rebinding). The Origin check blocks foreign pages; it includes WebSockets, to which
+browsers do not apply the same-origin policy.
 """
 
 import asyncio
@@ -20,25 +20,26 @@ SUBPROTOCOL = "contactsense"
 TOKEN_PREFIX = "bearer."
 """Prefix of the token in a WebSocket subprotocol."""
 OPEN_PATHS = ("/v1/ready", "/docs", "/openapi.json")
-"""What needs no token: whether the service is ready, and the description of the interface."""
+"""Paths that need no token: whether the service is ready, and the description of the interface."""
 _LINGER = 2.0
-"""Longest time for which an unwanted body is read and discarded [s]."""
+"""Longest time for which the body of a refused request is read and discarded [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class AccessRules:
-    """Who may come in."""
+    """Rules of access."""
 
     token: str | None = None
-    """Expected with each request; None: no token is needed."""
+    """Token that each request must send; None: no token is needed."""
     hosts: tuple[str, ...] = ()
-    """Names besides localhost under which the service is reached; addresses in numbers always are."""
+    """Accepted host names in addition to localhost; IP addresses are always accepted."""
     origins: tuple[str, ...] = ()
-    """Web pages besides the service's own that may use it, such as https://panel.example."""
+    """Origins of web pages, in addition to the service's own, that may use it, such as
+    https://panel.example."""
 
 
 class Access:
-    """ASGI middleware: refuses with 400 a foreign Host, with 403 a foreign Origin, with 401 a wrong token."""
+    """ASGI middleware: answers 400 to a foreign Host, 403 to a foreign Origin, and 401 to a wrong token."""
 
     def __init__(self, app: ASGIApp, rules: AccessRules) -> None:
         self._app = app
@@ -46,7 +47,7 @@ class Access:
         self._hosts = {"localhost", *(host.lower() for host in rules.hosts)}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what may come in."""
+        """Pass on permitted requests."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -120,7 +121,7 @@ async def refuse(
         kind = "websocket.http.response"
     await send({"type": f"{kind}.start", "status": status, "headers": headers})
     if scope["type"] == "http":
-        # Closing at once would reset the connection of a client that is still sending, answer and all.
+        # Closing at once would reset the connection: a client that is still sending would lose the answer.
         await send({"type": f"{kind}.body", "body": body, "more_body": True})
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_LINGER):
@@ -131,7 +132,7 @@ async def refuse(
 
 
 def _choosing(send: Send) -> Send:
-    """Answers the handshake with our subprotocol: browsers give up where none of theirs is chosen."""
+    """Adds the subprotocol to the handshake: browsers disconnect if none of theirs is chosen."""
 
     async def choose(message: Message) -> None:
         if message["type"] == "websocket.accept" and not message.get("subprotocol"):

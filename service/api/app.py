@@ -72,11 +72,11 @@ def create_app(
     source: Callable[[Scene], Source] | None = None,
     on_loading: OnLoading | None = None,
 ) -> FastAPI:
-    """The application.
+    """Create the application.
 
     Args:
-        settings: How to run; without it, from the environment.
-        source: Makes the source of samples in the pipeline's process, must be picklable; without it, from
+        settings: Settings of the service; None: from the environment.
+        source: Creates the source of samples in the pipeline's process, must be picklable; None: from
             `settings`.
         on_loading: Called with the progress while kernels are compiled, from any thread.
 

@@ -1,4 +1,4 @@
-"""A client of the service, in a few lines: its health, and its stream of estimates."""
+"""A small client of the service: reads its health and its stream of estimates."""
 
 import json
 import urllib.error
@@ -16,22 +16,22 @@ SILENCE = 15.0
 
 
 class ClientError(RuntimeError):
-    """The service does not answer."""
+    """The service does not answer as expected."""
 
 
 class Client:
-    """Reads a running service; subscribes to its stream at once, so that nothing is missed."""
+    """Client of a running service; subscribes to its stream at once, so that nothing is missed."""
 
     def __init__(self, url: str) -> None:
-        """Connect to the service at `url`, as http://127.0.0.1:8000.
+        """Connect to the service at `url`, for example http://127.0.0.1:8000.
 
         Raises:
-            ClientError: There is none.
+            ClientError: No service answers there.
         """
         self.url = url
-        """Where the service is."""
+        """URL of the service."""
         self.stream_url = url.replace("http", "ws", 1) + "/v1/stream"
-        """Where its stream is."""
+        """URL of its stream."""
         try:
             self._open = ExitStack()
             self._stream: ClientConnection = self._open.enter_context(
@@ -44,7 +44,7 @@ class Client:
         """State of the service.
 
         Raises:
-            ClientError: It does not say.
+            ClientError: The service does not answer.
         """
         try:
             with urllib.request.urlopen(f"{self.url}/v1/health", timeout=SILENCE) as answer:
@@ -56,7 +56,8 @@ class Client:
         """The next message of the stream.
 
         Raises:
-            ClientError: None for too long, with the reason that the service gives; or the service has ended.
+            ClientError: No message arrived for too long, with the reason that the service gives; or the
+                service has ended.
         """
         try:
             return self._stream.recv(timeout=SILENCE)
@@ -66,7 +67,7 @@ class Client:
             raise ClientError(f"the service has gone: {error}") from None
 
     def stream(self) -> Iterator[EstimateOut | int]:
-        """Estimates as they come, and, as plain numbers, how many were lost on the way.
+        """Yield estimates as they arrive, and, as plain integers, the number of estimates that were lost.
 
         Raises:
             ClientError: As for `receive`.
@@ -76,7 +77,7 @@ class Client:
             yield LostOut(**content).lost if "lost" in content else EstimateOut.model_validate(content)
 
     def close(self) -> None:
-        """Leave."""
+        """Disconnect."""
         self._open.close()
 
     def __enter__(self) -> "Client":

@@ -1,4 +1,4 @@
-"""Clips of the last minutes, and recording on request, over HTTP."""
+"""HTTP routes for clips of the last minutes and for recordings on request."""
 
 import itertools
 from typing import Annotated, Any
@@ -23,7 +23,7 @@ _NO_SAMPLES: Responses = {
 
 
 class ClipIn(BaseModel):
-    """What to keep."""
+    """Time span of a clip."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -42,14 +42,14 @@ class ClipOut(BaseModel):
 
 
 class ClipsOut(BaseModel):
-    """Clips since the service began, the newest last."""
+    """Clips since the service started, the latest last."""
 
     folder: str = Field(description="Where the files are, on the service's host.")
     clips: list[ClipOut]
 
 
 class RecordingIn(BaseModel):
-    """Begin or end a recording."""
+    """Start or stop a recording."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -66,7 +66,7 @@ class RecordingOut(BaseModel):
 
 
 class Clips:
-    """What the service knows of its clips and recording."""
+    """What the service knows about its clips and recording."""
 
     def __init__(self, settings: RecordingSettings) -> None:
         self.settings = settings
@@ -75,7 +75,7 @@ class Clips:
         self.recording = RecordingOut(folder=str(settings.folder), on=False)
 
     def request(self, before: float | None, after: float | None, reason: str) -> dict[str, Any]:
-        """Number a new clip; the command for the pipeline."""
+        """Number a new clip; returns the command for the pipeline."""
         number = next(self._numbers)
         self.clips[number] = ClipOut(number=number, reason=reason)
         while len(self.clips) > _MOST:
@@ -83,7 +83,7 @@ class Clips:
         return {"type": "clip", "number": number, "before": before, "after": after, "reason": reason}
 
     def handle_report(self, report: dict[str, Any]) -> None:
-        """Take a report of the pipeline."""
+        """Process a report of the pipeline."""
         if report["type"] == "clip" and report["number"] in self.clips:
             clip = self.clips[report["number"]]
             clip.file, clip.samples = report["file"], report["samples"]
@@ -109,7 +109,8 @@ def _send(service: Any, command: dict[str, Any]) -> None:
 
 @router.post("/v1/clip", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
 async def clip(service: Shared, request: ClipIn) -> ClipOut:
-    """Keep a stretch around this moment as a file, with the samples as they were used and their estimates."""
+    """Save the samples, as they were used, and their estimates in a time span around this moment to a
+    file."""
     command = service.clips.request(request.before, request.after, request.reason)
     _send(service, command)
     found: ClipOut = service.clips.clips[command["number"]]
@@ -118,13 +119,13 @@ async def clip(service: Shared, request: ClipIn) -> ClipOut:
 
 @router.get("/v1/clips", responses=_NO_FOLDER)
 async def clips(service: Shared) -> ClipsOut:
-    """Clips since the service began."""
+    """Clips since the service started."""
     return ClipsOut(folder=str(service.clips.settings.folder), clips=list(service.clips.clips.values()))
 
 
 @router.post("/v1/recording", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
 async def record(service: Shared, request: RecordingIn) -> RecordingOut:
-    """Begin or end writing every sample to the service's folder."""
+    """Start or stop writing every sample to the service's folder."""
     _send(service, {"type": "record", "on": request.on})
     service.clips.recording.on = request.on
     found: RecordingOut = service.clips.recording
@@ -133,6 +134,6 @@ async def record(service: Shared, request: RecordingIn) -> RecordingOut:
 
 @router.get("/v1/recording", responses=_NO_FOLDER)
 async def recording(service: Shared) -> RecordingOut:
-    """Whether the service records, and how much."""
+    """Whether the service records, and how much it has recorded."""
     found: RecordingOut = service.clips.recording
     return found

@@ -1,5 +1,5 @@
-"""uvicorn's protocols with limits: how many connections, how long and large a request's head may be, and how
-long a reader may take nothing."""
+"""uvicorn's protocols with limits: number of connections, duration and size of a request's head, and time for
+which a client may read nothing."""
 
 import asyncio
 from dataclasses import dataclass
@@ -11,28 +11,28 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 @dataclass(slots=True)
 class ConnectionLimits:
-    """Limits of connections, and what they have cost so far."""
+    """Limits of connections, and counters of their effects."""
 
     connections: int = 200
-    """Open connections, WebSockets included."""
+    """Largest number of open connections, WebSockets included."""
     head_time: float = 5.0
     """Longest time for a request's head to arrive [s]."""
     head_size: int = 32_768
     """Largest head of a request [bytes]."""
     reader_time: float = 10.0
-    """A client that takes nothing for so long is dropped [s]."""
+    """A client that reads nothing for this time is disconnected [s]."""
     refused: int = 0
     """Connections refused because there were too many."""
     late: int = 0
-    """Connections closed because of a head too slow or too large."""
+    """Connections closed because the head was too slow or too large."""
     dropped: int = 0
-    """Connections closed because nothing was taken from them."""
+    """Connections closed because the client read nothing."""
     opened: int = 0
-    """Connections that are open."""
+    """Number of open connections."""
 
 
 class _Guard:
-    """What both protocols share: the timer for a client that takes nothing."""
+    """Common part of both protocols: the timer for a client that reads nothing."""
 
     limits: ConnectionLimits
     loop: asyncio.AbstractEventLoop
@@ -53,7 +53,7 @@ class _Guard:
 
 
 def http_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
-    """HTTP/1.1 within these limits."""
+    """Create the protocol class for HTTP/1.1 with these limits."""
     shared = limits
 
     class Http(_Guard, HttpToolsProtocol):
@@ -67,7 +67,7 @@ def http_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
             self._answered = False
 
         def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-            """Refuse where there are too many already."""
+            """Refuse the connection if there are too many."""
             super().connection_made(transport)
             shared.opened = len(self.connections)
             if shared.opened > shared.connections:
@@ -77,7 +77,7 @@ def http_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
             self._expect_head()
 
         def connection_lost(self, exc: Exception | None) -> None:
-            """Forget the timers."""
+            """Cancel the timers."""
             self._head_has_come()
             self._resume()
             super().connection_lost(exc)
@@ -97,23 +97,23 @@ def http_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
                 self._answer(b"431 Request Header Fields Too Large", b"the head of the request is too large")
 
         def on_headers_complete(self) -> None:
-            """The head has come: its clock stops."""
+            """The head is complete: stop its timer."""
             self._head_has_come()
             self._in_body = True
             super().on_headers_complete()
 
         def on_message_complete(self) -> None:
-            """The body has come: what follows is the head of another request."""
+            """The body is complete: the next bytes are the head of another request."""
             self._in_body = False
             super().on_message_complete()
 
         def pause_writing(self) -> None:
-            """The client takes nothing."""
+            """The client reads nothing."""
             self._stall()
             self.flow.pause_writing()
 
         def resume_writing(self) -> None:
-            """It does again."""
+            """The client reads again."""
             self._resume()
             self.flow.resume_writing()
 
@@ -143,7 +143,7 @@ def http_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
                     + body
                 )
                 self._answered = True
-                # Closing with unread bytes would reset the connection, and the answer with it.
+                # Closing with unread bytes would reset the connection; the client would lose the answer.
                 if self.transport.can_write_eof():
                     self.transport.write_eof()
                 else:
@@ -154,25 +154,25 @@ def http_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
 
 
 def websocket_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
-    """WebSockets within these limits."""
+    """Create the protocol class for WebSockets with these limits."""
     shared = limits
 
     class WebSocket(_Guard, WebSocketsSansIOProtocol):
         limits = shared
 
         def connection_lost(self, exc: Exception | None) -> None:
-            """Forget the timer."""
+            """Cancel the timer."""
             self._resume()
             super().connection_lost(exc)
             shared.opened = len(self.connections)
 
         def pause_writing(self) -> None:
-            """The client takes nothing."""
+            """The client reads nothing."""
             self._stall()
             super().pause_writing()
 
         def resume_writing(self) -> None:
-            """It does again."""
+            """The client reads again."""
             self._resume()
             super().resume_writing()
 

@@ -1,4 +1,4 @@
-"""How the service refuses: always `ErrorOut`, the field and the reason."""
+"""Error responses of the service: always an `ErrorOut` with field and reason."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -27,7 +27,7 @@ COMMON_REFUSALS = _documented(
         503: "There are too many connections.",
     }
 )
-"""What any route may answer."""
+"""Error responses of any route."""
 BODY_REFUSALS = _documented(
     {
         400: "The body is not text in UTF-8, or the Host is not one of the service's.",
@@ -35,9 +35,9 @@ BODY_REFUSALS = _documented(
         422: "The request cannot be used: field and reason.",
     }
 )
-"""What a route that takes a body may answer besides."""
+"""Additional error responses of a route with a body."""
 PARAMETER_REFUSALS = _documented({422: "A parameter cannot be used: field and reason."})
-"""What a route with parameters may answer besides."""
+"""Additional error responses of a route with parameters."""
 
 
 class FieldRefusedError(Exception):
@@ -49,7 +49,7 @@ class FieldRefusedError(Exception):
 
 
 def install(app: FastAPI) -> None:
-    """Make `app` refuse in this form."""
+    """Install the handlers that give all errors of `app` this form."""
     app.add_exception_handler(RequestValidationError, _refuse)
     app.add_exception_handler(WebSocketRequestValidationError, _refuse_stream)
     app.add_exception_handler(FieldRefusedError, _refuse_field)
@@ -61,7 +61,7 @@ def _errors(status: int, errors: list[FieldError], headers: Mapping[str, str] | 
 
 
 def _field_errors(error: RequestValidationError | WebSocketRequestValidationError) -> list[FieldError]:
-    """Pydantic's complaints as field and reason; the received value is given as text, since it may be NaN."""
+    """Convert Pydantic's errors to field and reason; received values become text, since they may be NaN."""
     errors = []
     for issue in error.errors():
         field = ""
@@ -101,5 +101,5 @@ async def _refuse_stream(websocket: WebSocket, error: Exception) -> None:
 
 async def _http_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    # With 405 the headers name the methods that are allowed.
+    # With 405 the headers contain the allowed methods.
     return _errors(error.status_code, [FieldError(field="", reason=str(error.detail))], error.headers)

@@ -1,4 +1,4 @@
-"""The pipeline's estimates: the latest one, and the stream of all."""
+"""Routes for the pipeline's estimates: the latest one, and the stream of all."""
 
 import asyncio
 import contextlib
@@ -20,7 +20,7 @@ router = APIRouter()
     responses={503: {"model": ErrorOut, "description": "There is no current estimate: the reason says why."}},
 )
 async def contacts(service: Shared) -> Response:
-    """The latest estimate. 503 while there is none that is current; the reason says why."""
+    """The latest estimate. 503 while none is current; the response gives the reason."""
     if not service.runner.current or service.hub.last is None:
         raise HTTPException(503, f"no current estimate: {service.runner.message}")
     return Response(service.hub.last, media_type="application/json")
@@ -33,7 +33,7 @@ async def stream(
     every: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
     rate: Annotated[float | None, Query(ge=0.001, le=1e6, allow_inf_nan=False)] = None,
 ) -> None:
-    """One estimate per sample as JSON text, thinned out as asked for."""
+    """One estimate per sample as JSON text, decimated as requested."""
     await websocket.accept()
     with service.hub.subscribe(every, 0.0 if rate is None else 1.0 / rate) as reader:
         sending = asyncio.create_task(_send(websocket, reader))
@@ -55,7 +55,7 @@ async def _send(websocket: WebSocket, reader: Reader) -> None:
 
 
 async def _until_gone(websocket: WebSocket) -> None:
-    """Take what the reader says, which is nothing of interest, until it leaves."""
+    """Receive and ignore messages of the reader until it disconnects."""
     with contextlib.suppress(WebSocketDisconnect):
         while True:
             message = await websocket.receive()

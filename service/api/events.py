@@ -1,4 +1,4 @@
-"""Events over HTTP and WebSocket: a reader that names the last number it has seen misses none."""
+"""Events over HTTP and WebSocket: a reader that states the last number it has seen misses none."""
 
 import asyncio
 import contextlib
@@ -43,7 +43,7 @@ async def events(
     limit: Annotated[int, Query(ge=1, le=10_000)] = 500,
     kind: Annotated[list[Kind] | None, Query()] = None,
 ) -> Response:
-    """Events after number `since`, oldest first, at most `limit`; of one or more kinds where named."""
+    """Events after number `since`, oldest first, at most `limit`; of the given kinds, by default of all."""
     last = journal.last
     found = await asyncio.to_thread(journal.since, since, limit, kind or ())
     return Response(_body(found, last), media_type="application/json")
@@ -57,7 +57,7 @@ async def event_stream(
 ) -> None:
     """Each event as JSON text: those after number `since` first, then live; without `since` live only.
 
-    Events wait in the journal, not in memory, for a reader that is slow.
+    Events for a slow reader wait in the journal, not in memory.
     """
     seen = journal.last if since is None else since
     loop, news = asyncio.get_running_loop(), asyncio.Event()
@@ -82,7 +82,7 @@ async def event_stream(
                 await asyncio.wait({waiting, leaving}, return_when=asyncio.FIRST_COMPLETED)
                 waiting.cancel()
     except (WebSocketDisconnect, RuntimeError):
-        return  # the reader has gone while something was sent to it
+        return  # the reader has disconnected while a message was being sent
     finally:
         end()
         if leaving is not None:

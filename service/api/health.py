@@ -1,4 +1,4 @@
-"""State of the service: for people, for load balancers, for Prometheus."""
+"""Routes for the state of the service: for people, load balancers and Prometheus."""
 
 from fastapi import APIRouter, Response
 from fastapi.responses import PlainTextResponse
@@ -13,7 +13,7 @@ router = APIRouter()
 
 @router.get("/v1/health")
 async def health(service: Shared) -> HealthOut:
-    """How the service, its pipeline, its sensors and its readers fare; 200 as long as the service lives."""
+    """State of the service, its pipeline, its sensors and its readers; 200 while the service runs."""
     return service.health()
 
 

@@ -1,4 +1,4 @@
-"""How much one client may ask for: size and time of a body, requests a second."""
+"""Limits for one client: size and duration of a body, requests per second."""
 
 import asyncio
 import time
@@ -10,7 +10,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from contactsense.service.api.access import refuse
 
 _CLIENTS = 1000
-"""So many clients' rates are remembered."""
+"""Number of clients whose request rates are stored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,14 +22,14 @@ class RequestLimits:
     body_time: float = 10.0
     """Longest time for a body to arrive [s]."""
     rate: float = 500.0
-    """Requests a second from one address; twice as many at once."""
+    """Requests per second from one address; bursts may have twice as many."""
 
 
 class Limits:
-    """ASGI middleware: answers 413, 408 and 429 before anything is read on."""
+    """ASGI middleware: answers 413, 408 and 429 before it reads further."""
 
     def __init__(self, app: ASGIApp, limits: RequestLimits, refused: dict[int, int]) -> None:
-        """`refused` is filled with how many requests were refused, by status."""
+        """`refused` is filled with the number of refused requests by status."""
         self._app = app
         self._limits = limits
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
@@ -37,7 +37,7 @@ class Limits:
         refused.update({408: 0, 413: 0, 429: 0})
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what is within the limits."""
+        """Pass on requests within the limits."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -78,7 +78,7 @@ class Limits:
             return message
 
         async def bounded_send(message: Message) -> None:
-            # Whatever the application makes of a body that broke off is not the answer.
+            # Discard the application's response to an incomplete body.
             nonlocal begun
             if refusal is None or begun:
                 begun = True
@@ -100,7 +100,7 @@ class Limits:
         return f"the body is too large: expected at most {self._limits.body} bytes, got {got:.20}"
 
     def _admit(self, client: str) -> bool:
-        """Whether that client has not used up its share: a token bucket for each address."""
+        """Whether that client is within its rate: a token bucket for each address."""
         now = time.monotonic()
         most = 2.0 * self._limits.rate
         level, last = self._buckets.pop(client, (most, now))
@@ -113,4 +113,4 @@ class Limits:
 
 
 class _TooLargeError(Exception):
-    """The body grew beyond its limit."""
+    """The body exceeds its limit."""

@@ -1,4 +1,4 @@
-"""`POST /v1/locate`: the contact behind static samples that come with the request."""
+"""`POST /v1/locate`: locates the contact for static samples in the request."""
 
 from collections.abc import Sequence
 
@@ -24,10 +24,10 @@ router = APIRouter()
     },
 )
 async def locate(service: Shared, request: LocateIn) -> Response:
-    """Locate the contact behind one static sample, or behind each of many (`{"samples": [...]}`).
+    """Locate the contact for one static sample, or for each of several (`{"samples": [...]}`).
 
-    Needs no robot: samples come with the request. One sample is answered by an `EstimateOut`, many by
-    `EstimatesOut`.
+    Needs no robot: the request contains the samples. The response to one sample is an `EstimateOut`, to
+    several an `EstimatesOut`.
     """
     many = isinstance(request, messages.LocateManyIn)
     samples: Sequence[messages.SampleIn] = (

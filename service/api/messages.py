@@ -19,7 +19,7 @@ Numbers = list[float]
 Three = Annotated[Numbers, Field(min_length=3, max_length=3)]
 Six = Annotated[Numbers, Field(min_length=6, max_length=6)]
 MAX_SAMPLES = 10_000
-"""Samples in one request."""
+"""Largest number of samples in one request."""
 
 
 class _In(BaseModel):
@@ -27,7 +27,7 @@ class _In(BaseModel):
 
 
 class SampleIn(_In):
-    """What the sensors say at one instant, the arm at rest."""
+    """Readings of the sensors at one instant, with the arm at rest."""
 
     q: Numbers = Field(description="Joint positions [rad], one per joint.")
     base_wrench: Six | None = Field(
@@ -76,7 +76,7 @@ LocateIn = Annotated[
 
 
 class ContactOut(BaseModel):
-    """One explanation of the measurement: a place on a link and the force that enters there."""
+    """One explanation of the measurement: a point on a link and the force at this point."""
 
     link: str = Field(description="Name of the touched link.")
     link_index: int = Field(description="Its number, the base being 0.")
@@ -140,13 +140,13 @@ class EstimateOut(BaseModel):
 
 
 class EstimatesOut(BaseModel):
-    """Answer to several samples."""
+    """The localizer's answers to several samples."""
 
     estimates: list[EstimateOut] = Field(description="One per sample, in their order.")
 
 
 class LostOut(BaseModel):
-    """Message of the stream to a reader that was too slow."""
+    """Message in the stream to a reader that was too slow."""
 
     lost: int = Field(description="Estimates that this reader has lost since its last message.")
 
@@ -179,7 +179,7 @@ class RobotOut(BaseModel):
 
 
 class SceneOut(BaseModel):
-    """The arm in its place."""
+    """The arm in its cell."""
 
     links: list[str] = Field(description="Names of all links, base first.")
     gravity_base: Three = Field(description="Gravity in base axes [m/s^2].")
@@ -187,7 +187,7 @@ class SceneOut(BaseModel):
 
 
 class SensorHealth(BaseModel):
-    """One sensor's stream since the pipeline began."""
+    """Stream of one sensor since the pipeline started."""
 
     state: Literal["connecting", "streaming", "waiting", "closed"] = Field(
         "connecting", description="streaming: readings come; waiting: it is silent or away and tried again."
@@ -200,7 +200,7 @@ class SensorHealth(BaseModel):
 
 
 class SourceHealth(BaseModel):
-    """The sensors' side."""
+    """State of the sensors."""
 
     connected: bool = Field(False, description="Whether samples come from the robot.")
     trouble: str = Field("", description="What is wrong at this moment; empty if nothing is.")
@@ -214,7 +214,7 @@ class SourceHealth(BaseModel):
 
 
 class PipelineHealth(BaseModel):
-    """The process that turns samples into estimates."""
+    """State of the process that turns samples into estimates."""
 
     alive: bool = Field(False, description="Whether it runs and answers.")
     restarts: int = Field(0, description="How often it had to be started again.")
@@ -245,14 +245,14 @@ class PipelineHealth(BaseModel):
 
 
 class StreamHealth(BaseModel):
-    """The readers' side."""
+    """State of the stream and its readers."""
 
     readers: int = Field(0, description="Open WebSocket streams.")
     lost: int = Field(0, description="Estimates lost by slow readers, all together.")
 
 
 class ClientHealth(BaseModel):
-    """The clients' side, and what the limits have cost them."""
+    """State of the client connections, and counters of the limits."""
 
     connections: int = Field(0, description="Open connections, WebSockets included.")
     refused: int = Field(0, description="Connections refused because there were too many.")
@@ -272,7 +272,7 @@ class ReloadHealth(BaseModel):
 
 
 class ReadyOut(BaseModel):
-    """Whether the service does its work."""
+    """Whether the service is ready."""
 
     ready: bool = Field(description="Whether estimates are current; without a robot: whether it runs.")
     status: str = Field(description="As in health.")
@@ -325,7 +325,7 @@ class ErrorOut(BaseModel):
 
 
 def estimate_dict(estimate: Estimate) -> dict[str, Any]:
-    """The fields of `EstimateOut`, finite or null throughout; without events."""
+    """Fields of `EstimateOut` without events; all values are finite or null."""
     return {
         "t": estimate.t,
         "status": estimate.status,
@@ -340,11 +340,12 @@ def estimate_dict(estimate: Estimate) -> dict[str, Any]:
 
 
 def estimate_json(estimate: Estimate) -> bytes:
-    """An estimate as JSON in the form of `EstimateOut`; made on the 500 Hz path, hence no validation.
+    """An estimate as JSON in the form of `EstimateOut`; used on the 500 Hz path, hence without validation.
 
-    It ends with an empty list of events: `contactsense.service.live.hub.with_events` puts them in once the
-    journal has numbered them. JSON has no NaN: an estimate with one where a number must be, which would be a
-    defect of the localizer, becomes one that is `degraded` and gives the reason. The stream continues.
+    It ends with an empty list of events: `contactsense.service.live.hub.with_events` inserts them after the
+    journal has numbered them. JSON has no NaN. An estimate with NaN where a number is required would be a
+    defect of the localizer; it is replaced by a `degraded` estimate with the reason, and the stream
+    continues.
     """
     try:
         return json.dumps(estimate_dict(estimate), allow_nan=False, separators=(",", ":")).encode()
@@ -382,7 +383,7 @@ def _contact_dict(contact: Contact) -> dict[str, Any]:
 
 
 def _finite(array: np.ndarray) -> Any:
-    """Nested lists of an array; JSON knows neither infinity nor NaN, they become null."""
+    """Convert an array to nested lists; infinity and NaN, which JSON does not have, become null."""
     if np.isfinite(array).all():
         return array.tolist()
     return _null(array.tolist())

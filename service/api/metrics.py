@@ -1,4 +1,4 @@
-"""What Prometheus scrapes: rates, ages, losses, times, connections. Computed at each request."""
+"""Metrics for Prometheus: rates, ages, losses, times, connections. Computed at each request."""
 
 from collections.abc import Callable, Iterator
 
@@ -22,14 +22,14 @@ class ServiceCollector(Collector):
     """The service's health as metrics.
 
     Args:
-        health: Tells it.
+        health: Returns the health.
     """
 
     def __init__(self, health: Callable[[], HealthOut]) -> None:
         self._health = health
 
     def collect(self) -> Iterator[Metric]:
-        """All metrics as they are now."""
+        """All metrics with their present values."""
         health = self._health()
         status = GaugeMetricFamily("contactsense_status", "1 for the present status.", labels=["status"])
         for name in STATUSES:
@@ -105,11 +105,11 @@ def _steps(health: HealthOut) -> Iterator[Metric]:
 
 
 class Metrics:
-    """The registry of one service; others may register collectors of their own."""
+    """The registry of one service; other modules may register their own collectors."""
 
     def __init__(self, health: Callable[[], HealthOut]) -> None:
         self.registry = CollectorRegistry()
-        """Where further collectors are registered."""
+        """Registry for further collectors."""
         self.registry.register(ServiceCollector(health))
 
     def text(self) -> bytes:

@@ -1,4 +1,4 @@
-"""Reactions over HTTP: their state, acknowledgement, announcement of expected contacts. Never the rules."""
+"""Reactions over HTTP: state, acknowledgement, announcement of expected contacts. Rules cannot be changed."""
 
 from typing import Annotated
 
@@ -19,7 +19,7 @@ _NOT_POSSIBLE: Responses = {
 
 
 class AcknowledgeIn(BaseModel):
-    """Which collisions are acknowledged."""
+    """Which collisions to acknowledge."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -27,7 +27,7 @@ class AcknowledgeIn(BaseModel):
 
 
 class ExpectedIn(BaseModel):
-    """An expected contact of the rules' file."""
+    """An expected contact of the rules file."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -51,7 +51,8 @@ async def reactions(shared: Shared) -> ReactionsOut:
 
 @router.post("/v1/reactions/acknowledge", responses={**BODY_REFUSALS, **_NOT_POSSIBLE})
 async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> ReactionsOut:
-    """Clear latched collisions. A force that is still above its level latches again, and acts again."""
+    """Clear latched collisions. A force that is still above its level latches and starts its actions
+    again."""
     rule = None if request is None else request.rule
     known = [] if shared.rules is None else [r.name for r in shared.rules.rules]
     if rule is not None and rule not in known:
@@ -62,7 +63,7 @@ async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> R
 
 @router.post("/v1/reactions/expected", responses={**BODY_REFUSALS, **_NOT_POSSIBLE})
 async def expected(shared: Shared, request: ExpectedIn) -> ReactionsOut:
-    """Open or close the window of an expected contact; its place and force are in the file."""
+    """Open or close the window of an expected contact; the rules file defines its point and force."""
     known = [] if shared.rules is None else [window.name for window in shared.rules.expected]
     if request.name not in known:
         raise FieldRefusedError(

@@ -1,4 +1,4 @@
-"""The arm and its scene."""
+"""Routes for the arm and its scene."""
 
 from fastapi import APIRouter
 
@@ -39,7 +39,7 @@ async def robot(service: Shared) -> RobotOut:
 
 @router.get("/v1/scene")
 async def scene(service: Shared) -> SceneOut:
-    """The arm in its place: mounting, tool, sensors and their noise."""
+    """The arm in its cell: mounting, tool, sensors and their noise."""
     here = service.scene
     return SceneOut(
         links=list(here.link_names),

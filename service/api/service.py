@@ -1,4 +1,4 @@
-"""What all requests share: scene, pipeline, hub, journal, reactions; started, reloaded and ended together."""
+"""State shared by all requests: scene, pipeline, hub, journal and reactions, started and stopped together."""
 
 import asyncio
 import contextlib
@@ -38,7 +38,7 @@ log = logging.getLogger("contactsense")
 
 
 class Service:
-    """What the requests share."""
+    """State shared by all requests."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class Service:
         self.journal: Journal
         """Events; open while the service runs."""
         self.webhooks: WebhookDelivery
-        """Webhooks that wait; delivered while the service runs."""
+        """Waiting webhooks; delivered while the service runs."""
         self.latches: LatchStore
         """Latched collisions in the journal's file; open while the service runs."""
         try:
@@ -87,14 +87,14 @@ class Service:
         """Limits of connections, for `http_protocol` and `websocket_protocol`."""
         self.limits = RequestLimits(body=settings.max_body, rate=settings.max_request_rate)
         self.refused: dict[int, int] = {}
-        """Requests beyond the limits, by status."""
+        """Number of refused requests beyond the limits, by status."""
         self.reloaded: messages.ReloadHealth | None = None
         self.metrics = Metrics(self.health)
         self._locate = LocateProcess(self.scene)
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Pipeline running, kernels on their way, SIGHUP handled."""
+        """Run the service: start the pipeline, load the kernels, and handle SIGHUP."""
         loop = asyncio.get_running_loop()
         self.journal = Journal(self._settings.events)
         self.webhooks = WebhookDelivery(self.journal, self.reactions.webhooks, self._note_webhook)
@@ -131,7 +131,7 @@ class Service:
             self.journal.close()
 
     def _handle_report(self, report: dict[str, Any]) -> None:
-        """Take a report of the pipeline's process."""
+        """Process a report of the pipeline's process."""
         kind = report["type"]
         if kind == "event":
             event = ContactEvent.model_validate(report["event"])
@@ -144,7 +144,7 @@ class Service:
             self.clips.handle_report(report)
 
     def _troubles(self) -> list[str]:
-        """What is wrong beside the pipeline: estimates alone are no reason to call the service well."""
+        """Problems outside the pipeline: current estimates alone do not make the service healthy."""
         found = [f"action {n} does not work: {a.error}" for n, a in self.reactions.actions.items() if a.error]
         if self.journal.error:
             found.append(f"{self.journal.error}: events are in memory only; is the disk full?")
@@ -161,10 +161,10 @@ class Service:
             self.runner.send(self.clips.request(None, None, f"collision on {event.link}"))
 
     def _load_rules(self, scene: Scene) -> ReactionRules | None:
-        """The rules beside the scene.
+        """Load the rules of the scene.
 
         Raises:
-            SettingsError: The file cannot be used.
+            SettingsError: The rules file cannot be used.
         """
         try:
             return self._settings.reactions.load(scene, self._settings.scene)
@@ -173,16 +173,16 @@ class Service:
 
     def _listeners(self) -> tuple[ListenerFactory, ...]:
         factory = self.reactions.factory
-        # Reactions come first: they are in a hurry, recordings are not.
+        # Reactions come first: they are urgent, recordings are not.
         return (*(() if factory is None else (factory,)), *self._settings.listeners())
 
     async def _load(self) -> None:
-        await self.runner.loaded.wait()  # two processes that compile the same kernels would only be slower
-        with contextlib.suppress(LocateError, OSError):  # tried again when it is needed
+        await self.runner.loaded.wait()  # two processes compiling the same kernels would be slower
+        with contextlib.suppress(LocateError, OSError):  # it is tried again at the first request
             await self._locate.start()
 
     async def reload(self) -> None:
-        """Read the scene, and what stands beside it, anew; where that is bad, nothing changes."""
+        """Reload the scene and the rules; if they are not valid, nothing changes."""
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
         try:
             scene = await asyncio.to_thread(self._settings.load_scene)
@@ -201,17 +201,17 @@ class Service:
         self.reloaded = messages.ReloadHealth(time=at, ok=True, message="")
 
     async def locate(self, samples: Sequence[messages.SampleIn], external: bool) -> list[bytes]:
-        """Estimates as JSON for static samples.
+        """Return estimates as JSON for static samples.
 
         Raises:
-            LocateError: Not now; the text says why.
+            LocateError: The request cannot be answered at present; the text gives the reason.
         """
         plain = [StaticSample(s.q, s.base_wrench, s.joint_torque, s.wrist_wrench) for s in samples]
         return await self._locate.locate(plain, external)
 
     @property
     def ready(self) -> bool:
-        """Whether the service does its work: estimates are current, or no robot was named."""
+        """Whether the service is ready: estimates are current, or no robot is configured."""
         status = self.runner.status
         return status == "idle" or (status in ("ok", "degraded") and self.runner.current)
 

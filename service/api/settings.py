@@ -1,4 +1,4 @@
-"""How the service runs: from the command line, or from environment variables for `uvicorn --factory`."""
+"""Settings of the service: from the command line, or from environment variables for `uvicorn --factory`."""
 
 import ipaddress
 import json
@@ -31,7 +31,8 @@ from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError
 
 PREFIX = "CONTACTSENSE_"
-"""Environment variables are this and a setting's name in capitals, as `CONTACTSENSE_ROBOT_HOST`."""
+"""Prefix of the environment variables; the name of the setting follows in capitals, as in
+`CONTACTSENSE_ROBOT_HOST`."""
 
 
 def is_loopback(host: str) -> bool:
@@ -45,7 +46,7 @@ def is_loopback(host: str) -> bool:
 
 
 class SettingsError(ValueError):
-    """A setting cannot be used: which one, what was expected, what was given."""
+    """A setting cannot be used; the message names it, what was expected and what was given."""
 
 
 def _split(value: Any) -> Any:
@@ -53,7 +54,7 @@ def _split(value: Any) -> Any:
 
 
 def _from_json(value: Any) -> Any:
-    """A group of settings from an environment variable."""
+    """Parse a group of settings from an environment variable."""
     return json.loads(value) if isinstance(value, str) and value.lstrip().startswith("{") else value
 
 
@@ -69,69 +70,71 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     scene: Path | None = None
-    """Scene file; without it `robot` on a table, with default sensors."""
+    """Scene file; None: `robot` on a table, with default sensors."""
     robot: str = "ur5e"
-    """Robot to assume where there is no scene file."""
+    """Robot to assume if there is no scene file."""
     host: str = "127.0.0.1"
     """Address to serve at."""
     port: Port = 8000
-    """Port to serve at; 0 takes a free one."""
+    """Port to serve at; 0: any free port."""
     robot_host: str | None = None
     """Address of the robot's controller."""
     robot_port: Port = 30004
-    """Its RTDE port."""
+    """RTDE port of the robot's controller."""
     robot_client: Literal["rtde", "ur_rtde"] = "rtde"
-    """Which client reads the robot: our own, which loses nothing, or ur_rtde in a process of its own."""
+    """Client that reads the robot: the built-in one, which loses no samples, or ur_rtde in its own
+    process."""
     robot_rate: PositiveFloat = 500.0
-    """Robot samples a second [Hz]: 500 for e-Series, 125 for CB3."""
+    """Robot samples per second [Hz]: 500 for e-Series, 125 for CB3."""
     ft_host: str | None = None
     """Address of the force/torque sensor under the base (Net F/T)."""
     ft_port: Port = 49152
-    """Its RDT port (UDP)."""
+    """RDT port of the sensor (UDP)."""
     ft_http_port: Port = 80
-    """Port of its configuration page."""
+    """Port of the sensor's configuration page."""
     ft_counts: Counts | None = None
-    """Its counts per N and per Nm, instead of asking the configuration page."""
+    """The sensor's counts per N and per Nm, instead of reading the configuration page."""
     ft_fields: Fields | None = None
-    """Six RTDE fields that carry the base sensor's reading [N, Nm], instead of `ft_host`."""
+    """Six RTDE fields with the base sensor's reading [N, Nm], instead of `ft_host`."""
     wrist_fields: Names = ("ft_raw_wrench",)
-    """RTDE fields that carry the wrist sensor's reading [N, Nm], where the scene has such a sensor: one of
-    six numbers, or six of one."""
+    """RTDE fields with the wrist sensor's reading [N, Nm], if the scene has such a sensor: one field of six
+    numbers, or six fields of one number."""
     constant_readings: bool = False
-    """Whether readings may never change, as those of a simulator without noise; otherwise a signal that never
-    changes counts as frozen and is ignored."""
+    """Whether readings may be constant, like those of a simulator without noise; otherwise a signal that
+    never changes counts as frozen and is ignored."""
     token: Annotated[str, Field(min_length=16)] | None = None
-    """Token that every request must send as Authorization: Bearer; best given by the environment."""
+    """Token that every request must send as Authorization: Bearer; preferably set in the environment."""
     token_file: Path | None = None
     """File with the token, instead of `token`."""
     tls_certificate: Path | None = None
-    """File with the certificate for TLS, and those up to the authority (PEM)."""
+    """File with the certificate chain for TLS (PEM)."""
     tls_key: Path | None = None
-    """File with its private key (PEM)."""
+    """File with the private key for TLS (PEM)."""
     insecure_no_tls: bool = False
     """Whether to serve other computers without TLS."""
     allowed_hosts: Names = ()
-    """Names under which the service is reached, besides localhost and addresses in numbers."""
+    """Host names under which the service is reached, in addition to localhost and IP addresses."""
     allowed_origins: Names = ()
-    """Web pages that may use it besides its own, such as https://panel.example."""
+    """Origins of web pages, in addition to the service's own, that may use it, such as
+    https://panel.example."""
     max_connections: PositiveInt = 200
-    """Open connections, WebSockets included."""
+    """Largest number of open connections, WebSockets included."""
     max_body: PositiveInt = 8_000_000
     """Largest body of a request [bytes]."""
     max_request_rate: PositiveFloat = 500.0
-    """Requests a second from one address."""
+    """Largest number of requests per second from one address."""
     reader_timeout: PositiveFloat = 10.0
-    """A reader that takes nothing for so long is dropped [s]."""
+    """A client that reads nothing for this time is disconnected [s]."""
     log_level: Level = "info"
-    """What is not worth so much is not logged."""
+    """Lowest level of logged messages."""
     log_format: Format = "text"
-    """Log lines for people, or JSON."""
+    """Format of the log: text for people, or JSON."""
     log_file: Path | None = None
     """File to log to instead of stderr; rotated at 10 MB, five files are kept."""
     queue: PositiveInt = 500
     """Estimates kept for a slow reader of the stream before it loses the oldest."""
     events: Annotated[JournalSettings, BeforeValidator(_from_json)] = JournalSettings()
-    """Where events are kept, and how many. As JSON in an environment variable."""
+    """Where events are stored, and how many. As JSON in an environment variable."""
     reactions: Annotated[ReactionSettings, BeforeValidator(_from_json)] = ReactionSettings()
     """Where the rules of reactions are. As JSON in an environment variable."""
     recording: Annotated[RecordingSettings, BeforeValidator(_from_json)] = RecordingSettings()
@@ -141,7 +144,7 @@ class Settings(BaseModel):
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] = os.environ) -> "Settings":
-        """Settings from `CONTACTSENSE_*` variables; others of that prefix are not ours and left alone.
+        """Create settings from `CONTACTSENSE_*` variables; unknown variables with that prefix are ignored.
 
         Raises:
             SettingsError: A value cannot be used.
@@ -151,7 +154,7 @@ class Settings(BaseModel):
 
     @classmethod
     def checked(cls, values: Mapping[str, object], name: str = "settings") -> "Settings":
-        """Settings from loose values; `name` names their source in error messages.
+        """Validate values and create settings; `name` identifies their source in error messages.
 
         Raises:
             SettingsError: A value cannot be used.
@@ -162,10 +165,10 @@ class Settings(BaseModel):
             raise SettingsError(f"{name}: {describe(error)}") from None
 
     def access_rules(self) -> AccessRules:
-        """Who may use the service.
+        """Return the rules of access.
 
         Raises:
-            SettingsError: The file with the token cannot be read, or contains none.
+            SettingsError: The token file cannot be read or contains no token.
         """
         token = self.token
         if self.token_file is not None:
@@ -184,10 +187,11 @@ class Settings(BaseModel):
         return AccessRules(token, hosts, self.allowed_origins)
 
     def check_exposure(self) -> None:
-        """Make sure that nobody serves other computers by accident without a token or without TLS.
+        """Check that the service is not exposed to other computers by accident without a token or without
+        TLS.
 
         Raises:
-            SettingsError: What is missing.
+            SettingsError: The token or TLS is missing; the message states which.
         """
         if (self.tls_certificate is None) != (self.tls_key is None):
             raise SettingsError("expected both tls_certificate and tls_key, or neither, got one")
@@ -205,10 +209,10 @@ class Settings(BaseModel):
             )
 
     def load_scene(self) -> Scene:
-        """The scene to work in.
+        """Load the scene.
 
         Raises:
-            SettingsError: Its file cannot be used, or there is no such robot.
+            SettingsError: The scene file cannot be used, or there is no such robot.
         """
         try:
             return (
@@ -224,16 +228,16 @@ class Settings(BaseModel):
             raise SettingsError(str(error.args[0] if error.args else error)) from None
 
     def listeners(self) -> tuple[Callable[[Scene], Listener], ...]:
-        """Makers of the pipeline's listeners, picklable."""
+        """Factories of the pipeline's listeners, picklable."""
         if self.recording.folder is None:
             return ()
         return (partial(ClipListener, settings=self.recording, rate=self.robot_rate),)
 
     def open_source(self, scene: Scene) -> Callable[[Scene], LiveSource | PushSource] | None:
-        """Maker of the source of samples, picklable; None where no robot is named.
+        """Return a picklable factory of the source of samples; None if no robot is configured.
 
         Raises:
-            SettingsError: The scene requires something that cannot be read this way.
+            SettingsError: The scene requires a signal that these settings do not provide.
         """
         if self.controllers.source == "push":
             return partial(PushSource, path=self.controllers.socket_path)
@@ -259,7 +263,7 @@ class Settings(BaseModel):
             constant_readings=self.constant_readings,
         )
         try:
-            # A trial without the base sensor, whose client would begin to work at once.
+            # Try without the base sensor, because its client would connect at once.
             LiveSource(scene.model_copy(update={"base_wrench": None}), settings).close()
         except SensorError as error:
             raise SettingsError(str(error)) from None

@@ -26,7 +26,7 @@ class Tracks:
     """Connections of `WS /v1/track`.
 
     Args:
-        settings: How many there may be, and whether they feed the pipeline.
+        settings: Largest number of connections, and whether they feed the pipeline.
         hub: The pipeline's estimates.
     """
 
@@ -34,7 +34,7 @@ class Tracks:
         self._settings = settings
         self._hub = hub
         self.opened = 0
-        """How many there are."""
+        """Number of open connections."""
 
     async def serve(self, websocket: WebSocket, scene: Scene) -> None:
         """Serve one connection until it ends."""
@@ -50,8 +50,8 @@ class Tracks:
             await _refuse(websocket, MessageError("", what), TRY_AGAIN)
             return
         self.opened += 1
-        # This loop is on the way of each sample now. At other times it gets no real time: whoever floods the
-        # service with requests would take it from all others on this computer.
+        # Each sample now passes through this event loop. Without a controller it gets no real time: a flood
+        # of requests to the service would take processor time from all other programs on this computer.
         hurry(WEB, alone=True)
         try:
             if push:
@@ -61,10 +61,10 @@ class Tracks:
                     await _first(
                         self._forward(websocket, process.channel), _answer(websocket, process.channel)
                     )
-                    # The process has ended, but the controller is connected: report it.
+                    # The process has ended while the controller is connected: report it.
                     await _close(websocket, 1011, "the localizer's process has ended")
         except (WebSocketDisconnect, RuntimeError):
-            pass  # the controller has gone
+            pass  # the controller has disconnected
         finally:
             self.opened -= 1
             if self.opened == 0:
@@ -92,7 +92,7 @@ class Tracks:
     async def _forward(
         self, websocket: WebSocket, channel: MessageChannel, form: "_Form | None" = None
     ) -> None:
-        """Pass on what the controller sends."""
+        """Pass on the controller's messages."""
         while True:
             try:
                 async with asyncio.timeout(self._settings.idle):
@@ -117,7 +117,7 @@ class Tracks:
                 return
 
     async def _estimates(self, websocket: WebSocket, form: "_Form") -> None:
-        """Pass on the pipeline's estimates, in the form of the controller's messages."""
+        """Pass on the pipeline's estimates, in the format of the controller's messages."""
         with self._hub.subscribe() as reader:
             while True:
                 message = await reader.take()
@@ -127,13 +127,13 @@ class Tracks:
 
 
 class _Form:
-    """Form of a controller's messages."""
+    """Format of a controller's messages: JSON or MessagePack."""
 
     binary = False
 
 
 async def _answer(websocket: WebSocket, channel: MessageChannel) -> None:
-    """Pass on what the process answers, until it ends."""
+    """Pass on the answers of the process until it ends."""
     with contextlib.suppress(EOFError):
         while True:
             message, binary = await channel.receive()
@@ -141,7 +141,7 @@ async def _answer(websocket: WebSocket, channel: MessageChannel) -> None:
 
 
 async def _first(*works: Coroutine[Any, Any, None]) -> None:
-    """Wait until one of these ends, end the others, and raise what it raised."""
+    """Wait until one of the coroutines ends, cancel the others, and re-raise its exception."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

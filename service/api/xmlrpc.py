@@ -1,4 +1,4 @@
-"""XML-RPC at the service's own port, for clients that can send its token."""
+"""XML-RPC on the service's own port, for clients that can send its token."""
 
 from fastapi import APIRouter, Request, Response
 from starlette.exceptions import HTTPException

@@ -65,12 +65,12 @@ def analyze(
 ) -> None:
     """Find what touched the arm in recordings, and write tables and a report.
 
-    OUT gets contacts.parquet, contacts.csv, report.html and report.md; with several FILES, a folder for
-    each. A file that cannot be read is reported and skipped; the exit status is 1 then.
+    Writes contacts.parquet, contacts.csv, report.html and report.md to OUT; with several FILES, to one folder
+    for each. A file that cannot be read is reported and skipped; the exit status is then 1.
 
-    A folder, or --workers or --scheduler, analyses a dataset: OUT gets contacts/robot=NAME/date=DATE/,
-    robots.parquet, days.parquet, fleet.html and fleet.md. Segments that an earlier run completed are not
-    computed again.
+    With a folder, --workers or --scheduler, analyses a dataset and writes contacts/robot=NAME/date=DATE/,
+    robots.parquet, days.parquet, fleet.html and fleet.md to OUT. Segments that an earlier run completed are
+    not computed again.
     """
     if workers is not None or scheduler is not None or any(path.is_dir() for path in files):
         if limits_path is not None or estimates or mcap or columns is not None:
@@ -117,7 +117,7 @@ def analyze(
 
 
 def _folders(files: tuple[Path, ...], out: Path) -> list[Path]:
-    """Folder for the results of each file."""
+    """Output folder of each file."""
     if len(files) == 1:
         return [out]
     stems = [path.name.removesuffix(".gz").rsplit(".", 1)[0] for path in files]

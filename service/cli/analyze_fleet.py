@@ -20,7 +20,7 @@ def analyze_dataset(
     """Analyse a dataset and print its summary.
 
     Raises:
-        click.ClickException: nothing could be done, or recordings were skipped.
+        click.ClickException: Nothing could be analysed, or recordings were skipped.
     """
     columns = (TextColumn("segments"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:

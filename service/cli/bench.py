@@ -20,7 +20,7 @@ BENCHES = {
     "recordings": "contactsense.benchmarks.calibration.recordings:recordings",
     "geometry": "contactsense.benchmarks.accuracy.geometry:geometry",
 }
-"""Name -> where its click command lives."""
+"""Name -> import path of its click command."""
 
 
 bench = LazyGroup(BENCHES, name="bench", help="Measure speed and error.")

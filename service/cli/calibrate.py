@@ -97,7 +97,7 @@ def calibrate(
 
 
 def scene_text(path: Path, scene: Scene) -> str:
-    """The scene file with what calibration changed; its other fields as they are (comments are lost)."""
+    """Text of the scene file with the calibrated fields; other fields are unchanged, comments are lost."""
     content: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
     fresh = scene.model_dump(mode="json", include=set(_PARTS), exclude_defaults=True)
     for part in _PARTS:

@@ -10,21 +10,21 @@ from contactsense.calibration.recording_residuals import residuals
 from contactsense.scene import Scene
 
 _DOTS = 4000
-"""Most points of a curve."""
+"""Largest number of points of a curve."""
 
 
 def write_report(folder: Path, found: Calibration, stretches: list[FreeMotion], scene: Scene) -> None:
     """Write report.md and a picture per recording into `folder`.
 
     Args:
-        folder: Created if it is absent.
-        found: The result.
-        stretches: What it was made from.
-        scene: The scene before.
+        folder: Output folder; created if it does not exist.
+        found: Result of the calibration.
+        stretches: Data that was used for the calibration.
+        scene: The scene before the calibration.
 
     Raises:
-        OSError: the folder cannot be written.
-        ImportError: matplotlib is missing.
+        OSError: The folder cannot be written.
+        ImportError: matplotlib is not installed.
     """
     from matplotlib.figure import Figure
 

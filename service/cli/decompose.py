@@ -173,12 +173,12 @@ def _yaml(
 
 
 def _coarse(fits: "tuple[Fit, ...]", chosen: int) -> int:
-    """One body, or two where the second halves the cost."""
+    """Number of bodies: one, or two if the second halves the cost."""
     return 1 if chosen >= 1 and fits[1].cost < 0.7 * fits[0].cost else 0
 
 
 def _length(text: str) -> float:
-    """Metres of `2mm`, `0.2cm`, `0.002m` or `0.002`."""
+    """Parse a length such as `2mm`, `0.2cm`, `0.002m` or `0.002`; returns metres."""
     for unit, scale in (("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("", 1.0)):
         if text.endswith(unit):
             try:

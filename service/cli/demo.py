@@ -1,4 +1,4 @@
-"""`contactsense demo`: a simulated arm, the service, and its estimates beside the truth."""
+"""`contactsense demo`: a simulated arm, the service, and its estimates next to the ground truth."""
 
 import signal
 import time
@@ -31,7 +31,7 @@ COLUMNS = {
     "point error": 13,
     "found after": 13,
 }
-"""Heading and width of the columns; `share`: of the samples under full force that name the true link."""
+"""Heading and width of the columns; `share`: fraction of the samples under full force with the true link."""
 
 
 @click.command()
@@ -45,7 +45,7 @@ COLUMNS = {
 )
 @click.option("--json", "as_json", is_flag=True, help="With --react: print the comparison as JSON.")
 def demo(script: Path | None, serve: bool, port: int, react: bool, as_json: bool) -> int:
-    """Touch a simulated UR arm and print where the service finds each contact, beside the truth.
+    """Touch a simulated UR arm and print where the service finds each contact, next to the ground truth.
 
     Starts the service, and a mock robot with a force/torque sensor that speak the real protocols, each in a
     process of its own, and reads the service's WebSocket stream as any client would. Exit status 0 only if
@@ -111,13 +111,13 @@ def _start(console: Console, stack: ExitStack, script: Script, port: int, more: 
 
 
 class _Loading:
-    """Progress of the service's loading as a bar; a line per tenth where there is no terminal."""
+    """Progress of the service's loading as a bar, or without a terminal, as one line per tenth."""
 
     def __init__(self, console: Console) -> None:
         self._bar = CompilationBar(console)
 
     def update(self, health: HealthOut) -> None:
-        """Show this health."""
+        """Show the progress in this health."""
         if 0.0 < health.loading < 1.0 and health.loading_left is not None:
             self._bar.update(CompilationProgress(health.loading, health.loading_left))
 
@@ -153,7 +153,7 @@ def _compare(console: Console, client: Client, board: Scoreboard, motion: Motion
 
 
 def _stay(console: Console, client: Client) -> None:
-    client.close()  # an unread stream would only fill up
+    client.close()  # nobody reads the stream from here on
     console.print(
         f"The simulation continues; Ctrl-C ends it.\n  latest estimate  {client.url}/v1/contacts\n"
         f"  stream           {client.stream_url}\n  interface        {client.url}/docs"
@@ -164,7 +164,7 @@ def _stay(console: Console, client: Client) -> None:
 
 
 def _line(verdict: Verdict) -> str:
-    """One contact: when, truth, what was found, how far off, how soon."""
+    """Format one contact: time, ground truth, estimate, errors, delay."""
     touch = verdict.touch
     force = max((touch.force_base**2).sum(axis=1)) ** 0.5
     return _row(

@@ -1,4 +1,4 @@
-"""`contactsense excite --robot ur10e`: a short motion that makes a calibration well-posed."""
+"""`contactsense excite --robot ur10e`: a short motion for a well-posed calibration."""
 
 import json
 from pathlib import Path
@@ -67,9 +67,10 @@ def excite(
 ) -> None:
     """Propose a motion from rest to rest for `contactsense calibrate`.
 
-    Joint limits, the height above the plane on which the base stands and distances between the links are kept
-    as far as the model knows them. The surroundings of the arm are not known: run it slowly first, with a
-    hand on the emergency stop. --into writes timestamp, actual_q_0.., actual_qd_0.. as a recording has them.
+    The motion respects joint limits, the height above the plane on which the base stands, and distances
+    between the links, as far as the model contains them. The surroundings of the arm are not known: run the
+    motion slowly first, with a hand on the emergency stop. --into writes the columns timestamp, actual_q_0..,
+    actual_qd_0.. of a recording.
     """
     if (name is None) == (path is None):
         raise click.UsageError("--robot and --scene: expected one of them")
@@ -101,7 +102,7 @@ def _angles(text: str | None) -> tuple[float, ...] | None:
 
 
 def table_of(found: Proposal, rate: float) -> dict[str, np.ndarray]:
-    """The motion as columns of a recording, at that many rows a second."""
+    """The motion as columns of a recording, with `rate` rows per second."""
     t = np.linspace(0.0, found.motion.period, round(found.motion.period * rate) + 1)
     q, qd, _ = found.motion.at(t)
     columns = {"timestamp": t}

@@ -1,5 +1,4 @@
-"""A click group whose commands are imported when they are called, so that `--help` does not load the
-compiler."""
+"""A click group that imports its commands when they are called: `--help` does not load the compiler."""
 
 from collections.abc import Mapping
 from importlib import import_module
@@ -8,11 +7,10 @@ import click
 
 
 class LazyGroup(click.Group):
-    """Knows its commands by name and import path."""
+    """Imports its commands by name and import path when they are called."""
 
     def __init__(self, places: Mapping[str, str], **attributes: object) -> None:
-        """`places`: command name -> "module:attribute" of its click command, in the order of the help
-        text."""
+        """`places`: command name -> "module:attribute" of its command, in the order of the help text."""
         super().__init__(**attributes)  # type: ignore[arg-type]
         self._places = places
 
@@ -21,7 +19,7 @@ class LazyGroup(click.Group):
         return list(self._places)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The click command of that name, imported now; None where there is none."""
+        """Import and return the click command of that name; None if there is none."""
         if cmd_name not in self._places:
             return None
         module, _, attribute = self._places[cmd_name].partition(":")

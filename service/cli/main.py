@@ -20,7 +20,7 @@ COMMANDS = {
     "decompose": "contactsense.service.cli.decompose:decompose",
     "paper": "contactsense.benchmarks.solvers.paper_command:paper",
 }
-"""Command name -> where its click command lives."""
+"""Command name -> import path of its click command."""
 
 
 cli = LazyGroup(
@@ -33,8 +33,7 @@ click.version_option(package_name="contactsense")(cli)
 
 
 def main() -> None:
-    """Run the command line: exit status 0 on success, 1 on failure, 2 on wrong usage; errors are one line on
-    stderr."""
+    """Run the command line: exit status 0 on success, 1 on failure, 2 on wrong usage; one line per error."""
     try:
         status = cli.main(standalone_mode=False)
     except click.UsageError as error:

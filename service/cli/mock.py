@@ -1,4 +1,4 @@
-"""`contactsense mock`: a simulated arm on the wire."""
+"""`contactsense mock`: a simulated arm served over the real protocols."""
 
 import signal
 import threading
@@ -72,8 +72,9 @@ def mock(
 ) -> int:
     """Simulate a UR arm with its controller, and the force/torque sensor under its base.
 
-    Speaks RTDE, the dashboard, the client interfaces and Net F/T as the real devices do, so their clients can
-    read it and command it. Time stamps are seconds since the beginning of the script. Runs until interrupted.
+    Supports RTDE, the dashboard, the client interfaces and Net F/T like the real devices, so that their
+    clients can read and control it. Time stamps are seconds since the beginning of the script. Runs until
+    interrupted.
     """
     try:
         robot = simulated_robot(script, scene, loop)
@@ -112,7 +113,7 @@ def simulated_robot(script: Path | None, scene: Path | None, loop: bool) -> Robo
         described = Scene.load(scene)
         cell = Cell.of_scene(described)
         if script is None:
-            # The demo's touches are on a UR5e; another arm only moves.
+            # The demo's contacts are for a UR5e; another arm only moves.
             played = played.model_copy(update={"robot": described.robot.name, "contacts": ()})
         elif played.robot != described.robot.name:
             raise ScriptError(

@@ -1,4 +1,4 @@
-"""`contactsense reactions`: rules in words, and when they would have fired."""
+"""`contactsense reactions`: describes rules in words, and finds when they would have fired."""
 
 import json
 import sys
@@ -34,9 +34,8 @@ def reactions() -> None:
 def check(file: Path, scene_file: Path | None, robot: str, replay: Path | None, as_json: bool) -> int:
     """Check the rules in FILE and describe each in words.
 
-    With --replay no collision is acknowledged and no contact is announced: a latched collision fires once.
-    To see each time that a collision level would have been exceeded it is acknowledged as soon as nothing
-    touches the arm.
+    With --replay, no contact is announced. A latched collision is acknowledged as soon as nothing touches the
+    arm, so that each time at which a collision level would have been exceeded is shown.
     """
     try:
         scene = _scene(scene_file, robot)

@@ -1,4 +1,4 @@
-"""`contactsense record`: live samples, or a recording in another format, onto the disk."""
+"""`contactsense record`: writes live samples, or a recording in another format, to disk."""
 
 import contextlib
 import time

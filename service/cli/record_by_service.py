@@ -1,4 +1,4 @@
-"""A running service records into its own folder for as long as this command runs."""
+"""Lets a running service record to its own folder while this command runs."""
 
 import contextlib
 import json
@@ -15,7 +15,7 @@ from rich.console import Console
 
 @contextlib.contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """SIGTERM ends the block as Ctrl-C does."""
+    """Make SIGTERM end the block like Ctrl-C."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
@@ -24,14 +24,14 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def record_by_service(url: str, seconds: float | None) -> None:
-    """Begin the recording, wait, and end it.
+    """Start the recording, wait, and stop it.
 
     Args:
         url: Address of the service.
-        seconds: How long; None: until interrupted [s].
+        seconds: Duration [s]; None: until interrupted.
 
     Raises:
-        ClickException: The service refuses, or does not answer.
+        ClickException: The service refuses or does not answer.
     """
     place = f"{url.rstrip('/')}/v1/recording"
     end = None if seconds is None else time.monotonic() + seconds

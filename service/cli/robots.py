@@ -1,4 +1,4 @@
-"""`contactsense robots`: the arms of the library, and one of them in detail."""
+"""`contactsense robots`: lists the arms of the library, or shows one of them in detail."""
 
 import json
 from collections import Counter
@@ -115,7 +115,7 @@ def _summary(robot: Robot) -> dict[str, Any]:
 
 
 def _details(robot: Robot) -> dict[str, Any]:
-    """Everything about a robot in SI units; null where a limit or number does not exist."""
+    """All data of a robot in SI units; null if a limit or number does not exist."""
     return {
         **_summary(robot),
         "links": [

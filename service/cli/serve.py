@@ -1,4 +1,4 @@
-"""`contactsense serve`: the service on HTTP and WebSocket."""
+"""`contactsense serve`: runs the service over HTTP and WebSocket."""
 
 import contextlib
 import logging
@@ -142,10 +142,10 @@ def serve(**options: Any) -> int:
             server_header=False,
             log_config=None,
             log_level="warning",
-            ws_per_message_deflate=False,  # compressing costs more time than it saves here
+            ws_per_message_deflate=False,  # here compression costs more time than it saves
             timeout_graceful_shutdown=3,
         )
-        # uvicorn shuts down in order on either signal, and then passes it on.
+        # uvicorn shuts down in order on either signal, and then raises it again.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         hurry()
         favour_latency()
@@ -155,7 +155,7 @@ def serve(**options: Any) -> int:
 
 
 class _LogLines:
-    """Progress of the first compilation as lines of the log, one per tenth."""
+    """Logs the progress of the first compilation, one line per tenth."""
 
     def __init__(self) -> None:
         self._step = -1
@@ -174,13 +174,13 @@ def _loading_display() -> "CompilationBar | _LogLines":
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A listening socket whose connections send each message at once.
+    """Open a listening socket whose connections send each message at once.
 
-    Otherwise TCP holds small messages back until the last one is acknowledged, for up to 40 ms: asyncio sees
-    to that only for sockets that were opened by protocol number.
+    Otherwise TCP (Nagle's algorithm) delays small messages until the previous one is acknowledged, by up to
+    40 ms. asyncio disables this only for sockets that were created with a protocol number.
 
     Raises:
-        OSError: the address is not available.
+        OSError: The address is not available.
     """
     listener = socket.create_server((host, port), backlog=128)
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

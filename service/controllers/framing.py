@@ -1,5 +1,4 @@
-"""Messages between the service and a process that steps through a controller's samples: bytes in, messages
-out."""
+"""Framing of messages between the service and a controller's process: bytes in, messages out."""
 
 import struct
 
@@ -9,21 +8,21 @@ _HEAD = struct.Struct("<?I")
 
 
 def frame(message: bytes, binary: bool) -> bytes:
-    """One message with its head: whether it is MessagePack, and its length."""
+    """Add the header to a message: whether it is MessagePack, and its length."""
     return _HEAD.pack(binary, len(message)) + message
 
 
 class Unframer:
-    """Cuts a stream of bytes into messages."""
+    """Splits a stream of bytes into messages."""
 
     def __init__(self) -> None:
         self._rest = bytearray()
 
     def feed(self, chunk: bytes) -> list[tuple[bytes, bool]]:
-        """Messages that are complete with these bytes, each with whether it is MessagePack.
+        """Add bytes; returns the messages that are now complete, each with a flag for MessagePack.
 
         Raises:
-            MessageError: A message is longer than any may be; the stream cannot be read on.
+            MessageError: A message exceeds the largest size; the rest of the stream cannot be read.
         """
         self._rest += chunk
         messages = []

@@ -1,4 +1,4 @@
-"""HTTP as an XML-RPC client speaks it: bytes in, requests out. httptools does the parsing."""
+"""The subset of HTTP that XML-RPC clients use: bytes in, requests out. httptools does the parsing."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ _MAX_HEAD = 8192
 
 
 class HttpError(ValueError):
-    """Bytes are no HTTP request that is answered; the connection cannot be read on."""
+    """The bytes are not a supported HTTP request; the rest of the connection cannot be read."""
 
     def __init__(self, status: str, reason: str) -> None:
         super().__init__(f"{status}: {reason}")
@@ -29,7 +29,7 @@ class HttpRequest:
 
 
 class HttpReader:
-    """Requests in a stream of bytes."""
+    """Parses requests from a stream of bytes."""
 
     def __init__(self) -> None:
         self._requests: list[HttpRequest] = []
@@ -40,12 +40,12 @@ class HttpReader:
         self.on_message_begin()
 
     def feed(self, chunk: bytes) -> list[HttpRequest]:
-        """Requests that are complete with these bytes.
+        """Add bytes; returns the requests that are now complete.
 
         Raises:
-            HttpError: No HTTP, or larger than a request may be.
+            HttpError: The bytes are not HTTP, or the request is too large.
         """
-        # A head counts what came until its end; pieces keep a long chunk from being taken for one.
+        # The size of a head is counted per piece, so that a long chunk does not count as one head.
         for begin in range(0, len(chunk), _MAX_HEAD):
             piece = chunk[begin : begin + _MAX_HEAD]
             self._head = self._head + len(piece) if self._in_head else 0
@@ -65,11 +65,11 @@ class HttpReader:
 
     @property
     def begun(self) -> bool:
-        """Whether a request has begun that is not complete."""
+        """Whether an incomplete request has begun."""
         return not self._in_head or self._head > 0
 
     def take_continue(self) -> bool:
-        """Whether the client waits to be told to send the body."""
+        """Whether the client waits for `100 Continue` before it sends the body; resets this state."""
         expects, self._expects = self._expects and not self._in_head, False
         return expects
 
@@ -104,7 +104,7 @@ class HttpReader:
 
 
 def http_response(body: bytes, content_type: str, keep_alive: bool, status: str = "200 OK") -> bytes:
-    """The bytes of a response."""
+    """Encode a response."""
     return (
         f"HTTP/1.1 {status}\r\nContent-Type: {content_type}\r\nContent-Length: {len(body)}\r\n"
         f"Connection: {'keep-alive' if keep_alive else 'close'}\r\n\r\n"

@@ -14,19 +14,19 @@ _LARGEST = 1e9
 
 
 class LineError(ValueError):
-    """A line is no request."""
+    """A line is not a valid request."""
 
 
 class LineReader:
-    """Requests in a stream of bytes: name and arguments of each, or a `LineError` in its place."""
+    """Parses requests from a stream of bytes: name and arguments of each, or a `LineError` in its place."""
 
     def __init__(self) -> None:
         self._rest = b""
         self._skipping = False
 
     def feed(self, chunk: bytes) -> list[tuple[str, list[Argument]] | LineError]:
-        """What is complete with these bytes. Empty lines are left out; a line that is too long is told once,
-        and the rest of it is left out."""
+        """Add bytes; returns the requests that are now complete. Empty lines are ignored. A line that is too
+        long is reported once, and the rest of it is ignored."""
         requests: list[tuple[str, list[Argument]] | LineError] = []
         *lines, self._rest = (self._rest + chunk).split(b"\n")
         for line in lines:
@@ -45,10 +45,10 @@ class LineReader:
 
 
 def parse_line(line: bytes) -> tuple[str, list[Argument]]:
-    """Name and arguments of a request; arguments that look like numbers are.
+    """Parse name and arguments of a request; arguments that look like numbers become numbers.
 
     Raises:
-        LineError: It is too long, or no text.
+        LineError: The line is too long or is not text.
     """
     if len(line) > MAX_LINE:
         raise LineError(f"expected at most {MAX_LINE} bytes, got {len(line)}")
@@ -62,7 +62,7 @@ def parse_line(line: bytes) -> tuple[str, list[Argument]]:
 
 
 def reply(numbers: Sequence[float]) -> bytes:
-    """A reply of at most 30 numbers, without exponents; larger ones than 1e9 are cut off there."""
+    """Encode a reply of at most 30 numbers, without exponents; magnitudes are limited to 1e9."""
     cut = [min(max(number, -_LARGEST), _LARGEST) for number in numbers[:MAX_NUMBERS]]
     return f"( {', '.join(f'{number:.6f}' for number in cut)} )\n".encode()
 

@@ -1,4 +1,4 @@
-"""Samples that a controller pushes, in the pipeline's process: a source like any other."""
+"""Source of samples that a controller pushes, in the pipeline's process."""
 
 import contextlib
 import selectors
@@ -15,23 +15,23 @@ from contactsense.service.sensors.robot_stream import StreamHealth
 from contactsense.types import Sample
 
 _SILENT = 0.5
-"""A controller that sends nothing for so long is told as the trouble [s]."""
+"""A controller that sends nothing for this time is reported as a problem [s]."""
 _CHUNK = 1 << 16
 
 
 class PushSource:
-    """Listens at a Unix socket for the service, which passes on what the controller sends.
+    """Listens on a Unix socket for the service, which passes on the controller's messages.
 
-    Errors in messages go back the same way; samples before and after are delivered.
+    Errors in messages are returned the same way; samples before and after are delivered.
 
     Args:
-        scene: Which fields a sample has, and how long they are.
-        path: Where the socket is made.
+        scene: Determines which fields a sample has, and their lengths.
+        path: Path of the socket.
     """
 
     def __init__(self, scene: Scene, path: Path) -> None:
         self._decoder = SampleDecoder(scene)
-        path.unlink(missing_ok=True)  # of a process before this one
+        path.unlink(missing_ok=True)  # left by an earlier process
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(str(path))
         self._listener.listen(1)
@@ -46,7 +46,7 @@ class PushSource:
         self._base_wrench = scene.base_wrench is not None
 
     def poll(self, timeout: float) -> list[Sample]:
-        """Samples that have come, oldest first; waits up to `timeout` seconds for the first."""
+        """Return the samples that have arrived, oldest first; waits up to `timeout` seconds for the first."""
         deadline = time.monotonic() + timeout
         while True:
             samples: list[Sample] = []
@@ -63,7 +63,7 @@ class PushSource:
 
     @property
     def health(self) -> SourceHealth:
-        """Whether samples come, and how many were refused."""
+        """Whether samples arrive, and how many were refused."""
         health = self._health
         if self._connection is None:
             health.state, health.error = "waiting", "no controller is connected to WS /v1/track"
@@ -125,7 +125,7 @@ class PushSource:
     def _refuse(self, error: MessageError, binary: bool) -> None:
         self._health.failures += 1
         if self._connection is not None:
-            # A service that does not take errors is not waited for; a part of one cannot be left there.
+            # Do not wait for a service that reads no errors; a partial message would corrupt the stream.
             answer = frame(error_message(error, binary), binary)
             with contextlib.suppress(BlockingIOError):
                 if self._connection.send(answer) < len(answer):

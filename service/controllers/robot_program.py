@@ -1,5 +1,5 @@
-"""What a robot program may ask: flat lists of floats, the status first. The same over XML-RPC and the line
-socket; methods and the meaning of each number stay as they are, further numbers and methods may be added."""
+"""Methods for robot programs: each returns a flat list of floats, the status first. The same over XML-RPC and
+the line socket. Methods and the meaning of each number do not change; more may be added."""
 
 import json
 import math
@@ -12,13 +12,13 @@ from contactsense.service.live.hub import Hub
 from contactsense.service.reactions.state import Reactions
 
 NONE, CONTACT, AMBIGUOUS, DEGRADED, NO_ESTIMATE, MULTIPLE = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
-"""What touches the robot, by the newest estimate."""
+"""Status codes: contact state according to the latest estimate."""
 UNKNOWN_METHOD, BAD_ARGUMENT, NOT_POSSIBLE, BAD_REQUEST = -1.0, -2.0, -3.0, -4.0
-"""Why a request was not carried out."""
+"""Status codes: why a request was not executed."""
 INTERFACE = 1.0
-"""Number of this interface; a higher one only adds."""
+"""Version of this interface; higher versions only add to it."""
 MAX_NUMBERS = 30
-"""Numbers that URScript's `socket_read_ascii_float` reads at most."""
+"""Largest number of values that URScript's `socket_read_ascii_float` reads."""
 
 Argument = float | str
 _STATUS = {
@@ -29,15 +29,15 @@ _STATUS = {
     "multiple": MULTIPLE,
 }
 _STALE = 0.1
-"""An estimate older than this is none [s]."""
+"""An estimate older than this counts as absent [s]."""
 
 
 class NewestEstimate:
-    """The newest estimate of the pipeline, read only when somebody asks.
+    """The latest estimate of the pipeline, parsed only on request.
 
     Args:
-        hub: Remembers it.
-        current: Whether estimates come.
+        hub: Stores the latest message.
+        current: Returns whether estimates are current.
     """
 
     def __init__(self, hub: Hub, current: Callable[[], bool]) -> None:
@@ -47,11 +47,11 @@ class NewestEstimate:
 
     @property
     def age(self) -> float:
-        """Time since it came [s]; infinite where there is none."""
+        """Time since the estimate arrived [s]; infinite if there is none."""
         return time.monotonic() - self._hub.last_arrival
 
     def read(self) -> Mapping[str, Any] | None:
-        """The estimate as `EstimateOut` has it; None where none is current."""
+        """Return the estimate in the form of `EstimateOut`; None if none is current."""
         last = self._hub.last
         if last is None or self.age > _STALE or not self._current():
             return None
@@ -64,8 +64,8 @@ class RobotProgramMethods:
     """The methods, by name. None of them waits or raises.
 
     Args:
-        newest: The newest estimate.
-        reactions: What announcements and acknowledgements go to.
+        newest: The latest estimate.
+        reactions: Receives announcements and acknowledgements.
     """
 
     def __init__(self, newest: NewestEstimate, reactions: Reactions) -> None:
@@ -82,11 +82,11 @@ class RobotProgramMethods:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all methods, without the prefix that XML-RPC's have."""
+        """Names of all methods, without the prefix that they have over XML-RPC."""
         return tuple(self._methods)
 
     def call(self, name: str, arguments: Sequence[Argument]) -> list[float]:
-        """The answer: at most 30 finite numbers, the status first."""
+        """Call a method; returns at most 30 finite numbers, the status first."""
         method, expected = self._methods.get(name, (None, 0))
         if method is None:
             return [UNKNOWN_METHOD]
@@ -166,5 +166,5 @@ class RobotProgramMethods:
 
 
 def _number(value: Any) -> float:
-    """Unknown values are 0: URScript has no NaN."""
+    """Convert a value to a float; unknown values become 0, because URScript has no NaN."""
     return float(value) if value is not None and math.isfinite(value) else 0.0

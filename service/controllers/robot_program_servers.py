@@ -12,18 +12,18 @@ from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.controllers.xmlrpc import XmlRpcError, parse_call, response
 
 PREFIX = "contactsense_"
-"""What the names of methods begin with over XML-RPC."""
+"""Prefix of the method names over XML-RPC."""
 XML = "text/xml"
 """Content type of calls and answers."""
 PATHS = (b"/RPC2", b"/")
-"""Where calls are posted to."""
+"""Paths to which calls are posted."""
 _HEAD_TIME = 10.0
-"""Longest time for a request that has begun [s]."""
+"""Longest time for a request to become complete [s]."""
 _log = logging.getLogger("contactsense")
 
 
 class PortError(ValueError):
-    """A port cannot be had; the text says which and why."""
+    """A port cannot be opened; the text states which and why."""
 
 
 def answer_call(methods: RobotProgramMethods, body: bytes) -> bytes:
@@ -37,7 +37,7 @@ def answer_call(methods: RobotProgramMethods, body: bytes) -> bytes:
 
 
 class _Connection(asyncio.Protocol):
-    """What both ports share: limits on connections, and on who is connected."""
+    """Common part of both ports: limits on the number of connections and on the clients' addresses."""
 
     transport: asyncio.Transport
 
@@ -47,7 +47,7 @@ class _Connection(asyncio.Protocol):
         self._timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Refuse whom the settings do not name, and more than they allow."""
+        """Refuse addresses that the settings do not list, and connections beyond the limit."""
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
         peer = transport.get_extra_info("peername")
@@ -57,21 +57,21 @@ class _Connection(asyncio.Protocol):
             transport.abort()
             return
         transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # A program that takes no answers is not waited for.
+        # Do not wait for a program that does not read its answers.
         transport.set_write_buffer_limits(high=65_536)
         self._open.add(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget it."""
+        """Remove the connection and its timer."""
         self._open.discard(self)
         self.wait_for(False)
 
     def pause_writing(self) -> None:
-        """The program takes no answers."""
+        """The program does not read its answers."""
         self.transport.abort()
 
     def wait_for(self, begun: bool) -> None:
-        """A request has begun, or none is under way: one that has must end in time."""
+        """Set the timer if a request has begun, which must be complete in time; otherwise cancel it."""
         if self._timer is not None and not begun:
             self._timer.cancel()
             self._timer = None
@@ -87,7 +87,7 @@ class XmlRpcConnection(_Connection):
         self._reader = HttpReader()
 
     def data_received(self, data: bytes) -> None:
-        """Answer the calls that are complete."""
+        """Answer the complete calls."""
         if self.transport.is_closing():
             return
         try:
@@ -126,7 +126,7 @@ class LineConnection(_Connection):
         self._reader = LineReader()
 
     def data_received(self, data: bytes) -> None:
-        """Answer the lines that are complete."""
+        """Answer the complete lines."""
         for request in self._reader.feed(data):
             if self.transport.is_closing():
                 return
@@ -138,8 +138,8 @@ class RobotProgramServers:
     """Opens and closes the ports.
 
     Args:
-        settings: Which ports, and who may connect.
-        methods: What answers.
+        settings: Ports, and addresses that may connect.
+        methods: The methods that answer requests.
     """
 
     def __init__(self, settings: ControllerSettings, methods: RobotProgramMethods) -> None:
@@ -155,7 +155,7 @@ class RobotProgramServers:
         """Open the ports.
 
         Raises:
-            PortError: One cannot be had.
+            PortError: A port cannot be opened.
         """
         settings, methods = self.settings, self._methods
         if settings.xmlrpc_port is not None:
@@ -164,10 +164,10 @@ class RobotProgramServers:
             await self._open("line_port", settings.line_port, lambda: LineConnection(self, methods))
 
     def check(self) -> None:
-        """Make sure that the ports can be had, before the service begins.
+        """Check that the ports can be opened, before the service starts.
 
         Raises:
-            PortError: One cannot.
+            PortError: A port cannot be opened.
         """
         for name, port in (
             ("xmlrpc_port", self.settings.xmlrpc_port),
@@ -180,7 +180,7 @@ class RobotProgramServers:
                     raise self._error(name, port, error) from None
 
     async def stop(self) -> None:
-        """Close them, connections included."""
+        """Close the ports and their connections."""
         for server in self._servers:
             server.close()
         for connections in self.connections.values():

@@ -21,7 +21,7 @@ _FIELDS = frozenset((*_REQUIRED, *_SENSORS))
 
 
 class MessageError(ValueError):
-    """A message cannot be used: the field, what was expected and what came."""
+    """A message cannot be used: the text gives the field, what was expected and what was received."""
 
     def __init__(self, field: str, reason: str) -> None:
         super().__init__(f"{field}: {reason}" if field else reason)
@@ -29,14 +29,14 @@ class MessageError(ValueError):
 
 
 def decode(message: bytes, binary: bool) -> dict[str, Any]:
-    """The object in a message.
+    """Decode the object in a message.
 
     Args:
         message: The message's bytes.
-        binary: MessagePack; otherwise JSON.
+        binary: Whether the message is MessagePack; otherwise it is JSON.
 
     Raises:
-        MessageError: It is too long or no such object.
+        MessageError: The message is too long or does not contain an object.
     """
     if len(message) > MAX_SCENE:
         raise MessageError("", f"expected at most {MAX_SCENE} bytes, got {len(message)}")
@@ -52,14 +52,14 @@ def decode(message: bytes, binary: bool) -> dict[str, Any]:
 
 
 def encode(content: Mapping[str, Any], binary: bool) -> bytes:
-    """A message with this object, in the form in which the controller's own came."""
+    """Encode this object as a message, in the format of the controller's messages."""
     if binary:
         return bytes(msgpack.packb(content))
     return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
 
 
 class SampleDecoder:
-    """Samples for one scene. Checks names, sizes and numbers of every field."""
+    """Decodes samples for one scene. Checks name, size and numbers of every field."""
 
     def __init__(self, scene: Scene) -> None:
         joints = len(scene.robot.joints)
@@ -68,10 +68,10 @@ class SampleDecoder:
         self._robot = scene.robot.name
 
     def sample(self, content: Mapping[str, Any], size: int = 0) -> Sample:
-        """The sample in a decoded message of `size` bytes.
+        """Create the sample from a decoded message of `size` bytes.
 
         Raises:
-            MessageError: A field is missing, unknown, or has another form than it should.
+            MessageError: A field is missing, unknown, or has the wrong form.
         """
         if size > MAX_SAMPLE:
             raise MessageError("", f"expected at most {MAX_SAMPLE} bytes for a sample, got {size}")
@@ -117,7 +117,7 @@ def _number(name: str, value: Any) -> float:
 
 
 def _kind(value: Any) -> str:
-    """What came, in a few words."""
+    """Describe the received value in a few words."""
     if value is None:
         return "null"
     if isinstance(value, bool | int | float):

@@ -1,4 +1,4 @@
-"""A scene that a controller sends along: a robot of the library, or its URDF. Names no file of this host."""
+"""Scenes sent by a controller: a robot of the library, or a URDF. They cannot refer to files on this host."""
 
 import re
 import tempfile
@@ -14,14 +14,14 @@ from contactsense.scene import Scene, describe
 from contactsense.service.controllers.sample_message import MessageError
 
 MAX_URDF = 400_000
-"""Longest URDF, and longest surface [characters]."""
+"""Largest URDF, and largest surface [characters]."""
 _FILES = ("kinematics", "meshes")
 
 
 def make_scene(fields: Any) -> Scene:
-    """The scene of a message `{"scene": {...}}`: fields of `Scene`, and instead of `robot` possibly `urdf`,
-    the text of a URDF, with `surface`, the text of the file that `contactsense decompose` makes of it, and
-    `tip`, the last link of the arm.
+    """Create the scene from a message `{"scene": {...}}` with the fields of `Scene`. Instead of `robot` it
+    may have `urdf`, the text of a URDF, with `surface`, the text of the file that `contactsense decompose`
+    writes for it, and `tip`, the last link of the arm.
 
     Raises:
         MessageError: A field cannot be used.
@@ -57,13 +57,13 @@ def _text(name: str, value: Any) -> str:
 
 
 def _robot(urdf: str, surface: str, tip: Any) -> Robot:
-    # The XML reader behind it would open files that a document type names.
+    # The XML parser used for URDF would open files that a document type names.
     if "<!DOCTYPE" in urdf or "<!ENTITY" in urdf or "xi:include" in urdf:
         raise MessageError("scene.urdf", "expected no document type, no entities and no inclusions")
     declared = re.match(r"\s*<\?xml[^>]*encoding\s*=\s*['\"]([^'\"]*)", urdf)
     if declared and declared[1].lower() not in ("utf-8", "us-ascii"):
         raise MessageError("scene.urdf", f"expected UTF-8, got {declared[1]!r:.40}")
-    if "&" in surface or "*" in surface:  # aliases would multiply what is read
+    if "&" in surface or "*" in surface:  # aliases could expand to a huge document
         raise MessageError("scene.surface", "expected no anchors and no aliases")
     if tip is not None and not isinstance(tip, str):
         raise MessageError("scene.tip", "expected the name of a link")

@@ -1,4 +1,4 @@
-"""How controllers may come in."""
+"""Settings of the interfaces for controllers."""
 
 import atexit
 import ipaddress
@@ -27,27 +27,27 @@ def _split(value: Any) -> Any:
 
 
 class ControllerSettings(BaseModel):
-    """Interfaces for controllers. Robot programs can neither encrypt nor send a token; hence their ports are
-    on the loopback interface unless `host` says otherwise, and then only for the addresses in `clients`."""
+    """Interfaces for controllers. Robot programs can neither encrypt nor send a token. Therefore their ports
+    are on the loopback interface unless `host` is set; then only the addresses in `clients` may connect."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     source: Literal["robot", "push"] = "robot"
-    """Where the pipeline's samples come from: read from the robot, or pushed over WS /v1/track."""
+    """Source of the pipeline's samples: read from the robot, or pushed over WS /v1/track."""
     tracks: PositiveInt = 4
-    """Most connections of WS /v1/track at a time, each with a process of its own."""
+    """Largest number of simultaneous connections of WS /v1/track, each with its own process."""
     idle: PositiveFloat = 300.0
-    """A connection of WS /v1/track that sends nothing for so long is closed [s]."""
+    """A connection of WS /v1/track that sends nothing for this time is closed [s]."""
     host: str = "127.0.0.1"
     """Address of the ports for robot programs."""
     clients: Annotated[tuple[str, ...], BeforeValidator(_split)] = ()
-    """Addresses of robots that may connect to them; needed beyond the loopback interface."""
+    """Addresses of robots that may connect to these ports; required beyond the loopback interface."""
     xmlrpc_port: Port | None = None
-    """Port for XML-RPC; 0 takes a free one, None: only at POST /RPC2 of the service."""
+    """Port for XML-RPC; 0: any free port; None: only POST /RPC2 of the service."""
     line_port: Port | None = None
-    """Port of the line socket; 0 takes a free one, None: no line socket."""
+    """Port of the line socket; 0: any free port; None: no line socket."""
     connections: PositiveInt = 16
-    """Most connections at a time on each of the two ports."""
+    """Largest number of simultaneous connections on each of the two ports."""
 
     @model_validator(mode="after")
     def _is_closed(self) -> Self:
@@ -68,7 +68,7 @@ class ControllerSettings(BaseModel):
 
     @cached_property
     def socket_path(self) -> Path:
-        """Unix socket by which pushed samples reach the pipeline, in a folder that only we can enter."""
+        """Unix socket for pushed samples to the pipeline, in a folder that only this user can access."""
         folder = tempfile.mkdtemp(prefix="contactsense-")
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
         return Path(folder) / "push"

@@ -1,4 +1,4 @@
-"""The service's side of a controller's process: started for a connection, ended with it."""
+"""The service's side of a controller's process, which is started and ended with its connection."""
 
 import asyncio
 import contextlib
@@ -16,7 +16,7 @@ _CHUNK = 1 << 16
 
 
 class MessageChannel:
-    """Messages over a stream socket, both ways."""
+    """Messages over a stream socket in both directions."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader, self._writer = reader, writer
@@ -24,19 +24,19 @@ class MessageChannel:
         self._arrived: deque[tuple[bytes, bool]] = deque()
 
     async def send(self, message: bytes, binary: bool) -> None:
-        """Send a message; waits while the other side takes nothing.
+        """Send a message; waits while the other side reads nothing.
 
         Raises:
-            OSError: The other side has gone.
+            OSError: The other side has closed the connection.
         """
         self._writer.write(frame(message, binary))
         await self._writer.drain()
 
     async def receive(self) -> tuple[bytes, bool]:
-        """The next message, and whether it is MessagePack.
+        """Return the next message, and whether it is MessagePack.
 
         Raises:
-            EOFError: The other side has gone.
+            EOFError: The other side has closed the connection.
         """
         while not self._arrived:
             try:
@@ -56,12 +56,12 @@ class MessageChannel:
 
 
 class TrackProcess:
-    """A process with a localizer of its own, for the length of an `async with` block."""
+    """A process with its own localizer, which runs during an `async with` block."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self.channel: MessageChannel
-        """To the process and back."""
+        """Connection to the process, in both directions."""
 
     async def __aenter__(self) -> Self:
         ours, theirs = socket.socketpair()
@@ -78,7 +78,7 @@ class TrackProcess:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        await self.channel.close()  # the process takes that as its end
+        await self.channel.close()  # the process ends when its connection is closed
         await asyncio.to_thread(self._end)
 
     def _end(self) -> None:

@@ -1,4 +1,4 @@
-"""One controller's stream of samples, in a process of its own: a message in, a message out."""
+"""One controller's stream of samples, in a separate process: one message in, one message out."""
 
 import contextlib
 import signal
@@ -23,7 +23,7 @@ _CHUNK = 1 << 16
 
 
 class TrackSession:
-    """Answers the messages of one connection. The first may carry a scene; without, `scene` is used."""
+    """Answers the messages of one connection. The first may contain a scene; otherwise `scene` is used."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -33,11 +33,11 @@ class TrackSession:
 
     @property
     def loaded(self) -> bool:
-        """Whether there has been a sample, for which the localizer was loaded."""
+        """Whether the localizer has been loaded, which happens at the first sample."""
         return self._localizer is not None
 
     def answer(self, message: bytes, binary: bool) -> bytes:
-        """The estimate for the sample in a message; an error that names the field where it has none."""
+        """Return the estimate for the sample in a message, or an error that names the invalid field."""
         try:
             content = decode(message, binary)
             if "scene" in content:
@@ -74,13 +74,13 @@ class TrackSession:
 
 
 def error_message(error: MessageError, binary: bool) -> bytes:
-    """A message of the form `ErrorOut`."""
+    """Encode an error as a message of the form `ErrorOut`."""
     return encode({"errors": [{"field": error.field, "reason": error.reason}]}, binary)
 
 
 def work(connection: socket.socket, scene: Scene) -> None:
-    """Body of the process. Ends when the service closes the connection."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service ends us in order
+    """Main function of the process. Returns when the service closes the connection."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service shuts this process down in order
     session, unframer = TrackSession(scene), Unframer()
     in_time: Scheduling | None = None
     with connection, contextlib.suppress(BrokenPipeError, ConnectionResetError):

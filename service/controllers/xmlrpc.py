@@ -1,4 +1,5 @@
-"""XML-RPC as robot programs need it: bytes in, bytes out. Answers are arrays of doubles, never a Fault."""
+"""The subset of XML-RPC for robot programs: bytes in, bytes out. Answers are arrays of doubles, never a
+Fault."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from contactsense.service.controllers.robot_program import Argument
 MAX_BODY = 65_536
 """Largest request [bytes]."""
 MAX_ARGUMENTS = 16
-"""Most parameters of a call."""
+"""Largest number of parameters of a call."""
 _MAX_DEPTH = 16
 _NUMBERS = ("int", "i4", "i8", "double", "boolean")
 _TEXTS = ("string", "value")
@@ -23,11 +24,11 @@ _CHILDREN: dict[str, tuple[str, ...]] = {
 
 
 class XmlRpcError(ValueError):
-    """Bytes are no call that can be answered; the text says why."""
+    """The bytes are not a call that can be answered; the text gives the reason."""
 
 
 class _Call:
-    """Takes a document element by element. Whatever it does not expect is an error."""
+    """Processes a document element by element. Unexpected elements are errors."""
 
     def __init__(self) -> None:
         self.method = ""
@@ -66,10 +67,10 @@ class _Call:
 
 
 def parse_call(body: bytes) -> tuple[str, list[Argument]]:
-    """Name and parameters of a call; parameters are numbers, booleans and strings.
+    """Parse name and parameters of a call; parameters are numbers, booleans and strings.
 
     Raises:
-        XmlRpcError: It is none, or has a document type, arrays or structures.
+        XmlRpcError: The bytes are not a call, or contain a document type, arrays or structures.
     """
     if len(body) > MAX_BODY:
         raise XmlRpcError(f"expected at most {MAX_BODY} bytes, got {len(body)}")
@@ -82,7 +83,7 @@ def parse_call(body: bytes) -> tuple[str, list[Argument]]:
     parser.StartDoctypeDeclHandler = _no_doctype
     try:
         parser.Parse(body, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:  # unknown encodings are the latter
+    except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two: unknown encodings
         raise XmlRpcError(f"no call: {error}") from None
     if not call.method:
         raise XmlRpcError("expected a methodName")
@@ -90,7 +91,7 @@ def parse_call(body: bytes) -> tuple[str, list[Argument]]:
 
 
 def response(numbers: Sequence[float]) -> bytes:
-    """An answer: an array of doubles, which have no exponents in XML-RPC."""
+    """Encode an answer: an array of doubles, which have no exponents in XML-RPC."""
     values = "".join(f"<value><double>{number:.9f}</double></value>" for number in numbers)
     return (
         "<?xml version='1.0'?>\n<methodResponse><params><param><value><array><data>"

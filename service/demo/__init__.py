@@ -1,2 +1,1 @@
-"""The demonstration: a mock arm and the service in processes of their own, and the truth beside the
-answers."""
+"""The demonstration: mock arm and service in separate processes, and estimates next to the ground truth."""

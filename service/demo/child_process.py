@@ -1,4 +1,4 @@
-"""Commands of ours in processes of their own: started, waited for until they are ready, ended in order."""
+"""Runs `contactsense` commands in child processes: starts them, waits until they are ready, ends them."""
 
 import contextlib
 import select
@@ -10,24 +10,24 @@ from collections.abc import Iterator
 from typing import IO
 
 PATIENCE = 5.0
-"""Time to end after being asked to [s]."""
+"""Time that a child has to end after the request [s]."""
 START = 60.0
-"""Time to come up [s]."""
+"""Time limit for starting [s]."""
 
 
 class ChildError(RuntimeError):
-    """A child did not come up, or ended too early; with its last words."""
+    """A child did not start, or ended too early; the text includes its last output."""
 
 
 class Child:
     """A running `contactsense` command."""
 
     def __init__(self, arguments: tuple[str, ...], errors: IO[bytes]) -> None:
-        """`errors`: a file for what it writes to stderr."""
+        """Start the command. `errors`: a file for its stderr."""
         self._name = arguments[0]
         self._errors = errors
-        # A session of its own: Ctrl-C is for us, we end the children in order. -P: a folder named service
-        # where the user happens to be is not ours.
+        # A new session, so that Ctrl-C reaches only this process, which ends the children in order.
+        # -P: do not import from a folder named service in the user's working directory.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "contactsense.service", *arguments],
             stdout=subprocess.PIPE,
@@ -38,14 +38,14 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Number of its process."""
+        """Process id."""
         return self._process.pid
 
     def wait_for(self, beginning: str) -> str:
-        """The rest of the first line on stdout that begins so.
+        """Wait for a line on stdout with this beginning; returns the rest of the line.
 
         Raises:
-            ChildError: It ended before, or took too long.
+            ChildError: The command ended before, or took too long.
         """
         stdout = self._process.stdout
         assert stdout is not None
@@ -61,10 +61,10 @@ class Child:
         raise ChildError(f"`contactsense {self._name}` is not ready after {START:g} s: {self._last_words()}")
 
     def check(self) -> None:
-        """Make sure that it runs.
+        """Check that the command runs.
 
         Raises:
-            ChildError: It does not.
+            ChildError: The command has ended.
         """
         status = self._process.poll()
         if status is not None:
@@ -73,7 +73,7 @@ class Child:
             )
 
     def end(self) -> None:
-        """Ask it to end, and make it."""
+        """Ask the command to end; kill it if it does not."""
         self._process.terminate()
         try:
             self._process.wait(PATIENCE)
@@ -91,7 +91,7 @@ class Child:
 
 @contextlib.contextmanager
 def child(*arguments: str) -> Iterator[Child]:
-    """A `contactsense` command with these arguments, for as long as the context lasts."""
+    """Run a `contactsense` command with these arguments while the context is open."""
     with tempfile.TemporaryFile() as errors:
         started = Child(arguments, errors)
         try:

@@ -1,4 +1,4 @@
-"""The whole play on this host: the service and a mock arm, each in a process of its own, on free ports."""
+"""The whole demonstration on this host: service and mock arm, each in its own process, on free ports."""
 
 import socket
 import time
@@ -13,18 +13,18 @@ from contactsense.service.cli.serve import READY as SERVE_READY
 from contactsense.service.demo.child_process import Child, ChildError, child
 
 LOADING = 330.0
-"""Time that a service may take to load, or to make progress with it [s]."""
+"""Time limit for the service to load, or to make progress with loading [s]."""
 
 
 class Stage:
-    """Service and mock arm for as long as the context lasts.
+    """Service and mock arm, which run while the context is open.
 
-    The service comes first and waits for its robot, as it would for a real one: then no sample of the arm's
-    is missed because the kernels were still being compiled.
+    The service is started first and waits for its robot, as it would for a real one. Thus no sample is missed
+    while the kernels are being compiled.
     """
 
     def __init__(self, robot: str, port: int = 0) -> None:
-        """A stage for that robot, the service at `port`; 0 takes a free one."""
+        """Prepare a stage for this robot, with the service at `port`; 0: any free port."""
         self._robot = robot
         self._port = port
         self._rtde, self._page = _free_port(), _free_port()
@@ -50,14 +50,14 @@ class Stage:
     def start_service(
         self, *more: str, on_health: Callable[[HealthOut], object] = lambda health: None
     ) -> Client:
-        """Start the service, with further arguments to `contactsense serve`, and wait until it has loaded; a
-        client that has subscribed to its stream.
+        """Start the service, with additional arguments to `contactsense serve`, and wait until it has loaded.
+        Returns a client that has subscribed to its stream.
 
         Args:
             on_health: Called with the service's health while it loads, ten times a second.
 
         Raises:
-            ChildError: It does not come up.
+            ChildError: The process does not start.
         """
         service = self._stack.enter_context(
             child(
@@ -66,7 +66,7 @@ class Stage:
                 *("--ft-host", "127.0.0.1", "--ft-port", str(self._ft), "--ft-http-port", str(self._page)),
                 *("--port", str(self._port)),
                 *more,
-                "--constant-readings",  # a script may have no noise
+                "--constant-readings",  # a script may be without noise
             )
         )
         client = self._stack.enter_context(Client(service.wait_for(SERVE_READY)))
@@ -74,10 +74,10 @@ class Stage:
         return client
 
     def start_arm(self, *more: str) -> Child:
-        """Start the mock arm, with further arguments to `contactsense mock`; its process.
+        """Start the mock arm, with additional arguments to `contactsense mock`; returns its process.
 
         Raises:
-            ChildError: It does not come up.
+            ChildError: The process does not start.
         """
         arm = self._stack.enter_context(
             child(

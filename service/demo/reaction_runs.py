@@ -1,4 +1,4 @@
-"""The sweeps with the service watching: it stops the arm by a rule of its own."""
+"""The sweeps with a reaction: the service stops the arm by a rule."""
 
 import json
 import socket
@@ -16,13 +16,13 @@ from contactsense.service.mock.contact_log import ContactRecord
 from contactsense.service.mock.script import Script
 
 DECELERATION = 20.0
-"""Of the reaction's stop [rad/s^2]."""
+"""Deceleration of the reaction's stop [rad/s^2]."""
 LEVEL = 15.0
-"""Force on any link at which it stops the arm [N]."""
+"""Force on any link above which the reaction stops the arm [N]."""
 LEAD = 3.0
-"""Time until the service has found its bearings [s]."""
+"""Time that the service has to settle before the first sweep [s]."""
 RETURNS = 3
-"""How often the arm is sent back: while it leaves the obstacle the rule may stop it again."""
+"""Largest number of attempts to return: while the arm leaves the obstacle, the rule may stop it again."""
 PATIENCE = 60.0
 """Longest time for one motion [s]."""
 
@@ -46,15 +46,15 @@ def rules(stage: Stage) -> dict[str, object]:
 
 
 def with_reactions(stage: Stage, folder: Path) -> list[Collision | None]:
-    """All sweeps, one after another, on the wire.
+    """Run all sweeps one after another, over the real protocols.
 
     Args:
-        stage: Where service and arm are started.
+        stage: Starts service and arm.
         folder: A folder for the rules and the log of contacts.
 
     Raises:
-        ChildError: Service or arm did not come up.
-        ClientError: The service went away.
+        ChildError: Service or arm did not start.
+        ClientError: The service ended.
     """
     rules_file, log = folder / "reactions.yaml", folder / "contacts.json"
     rules_file.write_text(yaml.safe_dump(rules(stage)))
@@ -62,7 +62,7 @@ def with_reactions(stage: Stage, folder: Path) -> list[Collision | None]:
     arm = stage.start_arm("--script", str(SCRIPT), "--contact-log", str(log))
     start = Script.load(SCRIPT).trajectory.start
     _wait(client, LEAD)
-    client.close()  # an unread stream would only fill up
+    client.close()  # nobody reads the stream from here on
     with (
         _connected(stage.secondary_port) as robot,
         _connected(stage.dashboard_port) as dashboard,
@@ -85,7 +85,7 @@ def _connected(port: int) -> socket.socket:
 
 
 def _wait(client: Client, seconds: float) -> None:
-    """Read estimates until so much of the robot's time has passed."""
+    """Read estimates until this much of the robot's time has passed."""
     until: float | None = None
     for message in client.stream():
         if not isinstance(message, int):

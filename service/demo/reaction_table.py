@@ -1,4 +1,4 @@
-"""`contactsense demo --react`: without and with a reaction, side by side."""
+"""`contactsense demo --react`: results without and with a reaction, side by side."""
 
 import json
 import tempfile
@@ -17,16 +17,17 @@ _HEADS = ("touched link", "at", "without", "with", "without", "with")
 
 
 def compare(console: Console, port: int, as_json: bool) -> int:
-    """Run the sweeps without and with a reaction, and print both; 0 only if each peak force became smaller.
+    """Run the sweeps without and with a reaction, and print both; returns 0 only if each peak force
+    decreased.
 
     Args:
         console: Where to print.
-        port: Port of the service; 0 takes a free one.
-        as_json: Print JSON alone.
+        port: Port of the service; 0: any free port.
+        as_json: Print only JSON.
 
     Raises:
-        ChildError: Service or arm did not come up.
-        ClientError: The service went away.
+        ChildError: Service or arm did not start.
+        ClientError: The service ended.
     """
     if not as_json:
         console.print(

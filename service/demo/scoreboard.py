@@ -1,4 +1,4 @@
-"""Estimates of each scripted contact beside the truth."""
+"""Compares the estimates of each scripted contact with the ground truth."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -9,30 +9,30 @@ from contactsense.service.api.messages import EstimateOut
 from contactsense.service.mock.simulated_arm import Motion, Touch
 
 SETTLE = 0.2
-"""After a contact has ended the observer may still see it for so long [s]."""
+"""Time for which the observer may still report a contact after its end [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """How one scripted contact was located."""
+    """Result for one scripted contact."""
 
     touch: Touch
-    """The truth."""
+    """Ground truth of the contact."""
     link: str | None
-    """The link named most often while the force was full; None where no contact was reported then."""
+    """The link reported most often under full force; None if no contact was reported then."""
     share: float
-    """Share of the samples under full force in which the true link was named first."""
+    """Fraction of the samples under full force in which the true link was ranked first."""
     error: float
-    """Distance of the estimated point from the true one under full force, median over samples that name the
-    true link [m]; NaN without any."""
+    """Distance of the estimated point from the true one under full force, median over samples with the true
+    link [m]; NaN if there are none."""
     force_error: float
-    """Length of the difference between estimated and true force over the same samples, median [N]."""
+    """Magnitude of the difference between estimated and true force, median over the same samples [N]."""
     onset: float
-    """From the onset of the force to the first estimate that names the true link [s]; NaN if none did."""
+    """Time from the onset of the force to the first estimate with the true link [s]; NaN if there is none."""
 
     @property
     def right(self) -> bool:
-        """Whether the link is right."""
+        """Whether the link is correct."""
         return self.link == self.touch.link
 
 
@@ -47,7 +47,7 @@ class _Entry:
 
 
 class Scoreboard:
-    """Takes estimates one by one, gives a verdict as soon as a contact is over.
+    """Processes estimates one by one, and returns a verdict as soon as a contact has ended.
 
     Contacts of the script must not overlap in time.
     """
@@ -56,18 +56,18 @@ class Scoreboard:
         self._rate = motion.rate
         self._open = [_Entry(touch) for touch in sorted(motion.touches, key=lambda touch: touch.start)]
         self.seen = 0
-        """Estimates taken."""
+        """Number of processed estimates."""
         self.false_alarms = 0
-        """Estimates of a contact where the script has none."""
+        """Number of estimates with a contact while the script has none."""
         self._free_from = 0.0
 
     @property
     def done(self) -> bool:
-        """Whether all contacts are over."""
+        """Whether all contacts have ended."""
         return not self._open
 
     def take(self, estimate: EstimateOut) -> Verdict | None:
-        """Count an estimate in; the verdict on a contact that is over by now, if there is one."""
+        """Process an estimate; returns the verdict on a contact that has ended, if there is one."""
         self.seen += 1
         t = estimate.t
         best = estimate.contacts[0] if estimate.contacts else None

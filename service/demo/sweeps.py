@@ -1,4 +1,4 @@
-"""The motions of the demonstration of reactions: programs that sweep the simulated arm into obstacles."""
+"""Motions for the demonstration of reactions: programs that move the simulated arm into obstacles."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -12,33 +12,33 @@ from contactsense.service.mock.script import SCRIPTS, Script
 from contactsense.service.mock.urscript import parse
 
 SCRIPT = SCRIPTS / "react.yaml"
-"""Arm and obstacles."""
+"""Script with arm and obstacles."""
 SPEED, ACCELERATION = 0.6, 2.0
 """Limits of the sweeps' joint motion [rad/s, rad/s^2]."""
 SETTLE = 0.5
-"""Time to stay after a motion [s]."""
+"""Time at rest after a motion [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """One joint turns, with an obstacle in the way."""
+    """Motion of one joint with an obstacle in the way."""
 
     obstacle: str
     """Name of the obstacle in the script."""
     joint: int
     """Number of the joint, from 0."""
     angle: float
-    """How far it turns [rad]."""
+    """Rotation of the joint [rad]."""
 
     def program(self, start: Sequence[float]) -> str:
-        """The sweep in URScript, from a posture [rad]."""
+        """Return the sweep as a URScript program, from a posture [rad]."""
         end = list(start)
         end[self.joint] += self.angle
         return move_program("sweep", end)
 
     @property
     def duration(self) -> float:
-        """Time that it takes without an obstacle [s]."""
+        """Duration of the sweep without an obstacle [s]."""
         far = abs(self.angle)
         return max(1.875 * far / SPEED, float(np.sqrt(5.774 * far / ACCELERATION)))
 
@@ -52,22 +52,22 @@ SWEEPS = (
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """What came of one sweep."""
+    """Result of one sweep."""
 
     link: str
     """The link that touched the obstacle first."""
     speed: float
-    """Speed of the contact point then [m/s]."""
+    """Speed of the contact point at the first touch [m/s]."""
     peak_force: float
     """Largest force [N]."""
     stopping_distance: float
-    """How far the link went on after the touch [m]."""
+    """Distance that the link moved after the touch [m]."""
     stopped_after: float
-    """From the touch to the largest force [s]."""
+    """Time from the touch to the largest force [s]."""
 
     @classmethod
     def of(cls, records: Sequence[ContactRecord], obstacle: str) -> "Collision | None":
-        """The collision with an obstacle out of a log; None where nothing touched it."""
+        """Extract the collision with an obstacle from a log; None if nothing touched it."""
         mine = [record for record in records if record.obstacle == obstacle]
         if not mine:
             return None
@@ -81,18 +81,18 @@ class Collision:
         )
 
     def as_dict(self) -> dict[str, object]:
-        """For JSON."""
+        """Return the result as a dictionary for JSON."""
         return asdict(self)
 
 
 def move_program(name: str, q: Sequence[float]) -> str:
-    """A move to a posture [rad] in URScript."""
+    """Return a URScript program that moves to a posture [rad]."""
     return f"def {name}():\n  movej({list(q)}, a={ACCELERATION}, v={SPEED})\nend\n"
 
 
 def without_reaction(sweep: Sweep) -> Collision | None:
-    """The sweep with nobody watching but the simulated controller itself: the same simulation, not on the
-    wire, with nothing to wait for."""
+    """Run the sweep without a reaction; only the simulated controller itself may stop it. The same
+    simulation, but in this process, without communication and without waiting."""
     script = Script.load(SCRIPT)
     robot = RobotController(Cell.of_script(script), script)
     robot.advance_to(script.duration)

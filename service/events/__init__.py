@@ -1,1 +1,1 @@
-"""Events: what happens to contacts, kept in a journal on disk and sent to readers that must not miss any."""
+"""Events of contacts, stored in a journal on disk and sent to readers that must not miss any."""

@@ -1,8 +1,9 @@
-"""The journal of events: SQLite in WAL mode, with webhooks that wait and latched collisions in the same file.
+"""The journal of events: SQLite in WAL mode. Waiting webhooks and latched collisions are in the same file.
 
-Events get their number at once and are readable at once. A thread commits them every half second, so that a
-process that is killed loses no more than that. Numbers are reserved in blocks ahead of their use: after a
-crash none is given twice, and a reader that asks for what came after a number it has seen misses nothing.
+Events get their number at once and can be read at once. A thread commits them every half second, so that a
+killed process loses at most that much. Numbers are reserved in blocks before they are used. Therefore no
+number is used twice after a crash, and a reader that asks for the events after the last number it has seen
+misses none.
 """
 
 import sqlite3
@@ -43,21 +44,21 @@ class JournalSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     path: Path | None = None
-    """File; None: in memory, for as long as the service runs."""
+    """File; None: in memory, only while the service runs."""
     max_age: PositiveFloat = 30.0
     """Older events are removed [days]."""
     max_size: PositiveFloat = 100.0
-    """The oldest events are removed where the file would be larger [MB]."""
+    """Largest size of the file; beyond it the oldest events are removed [MB]."""
 
 
 class Journal:
-    """Appends and reads events. Safe to use from several threads."""
+    """Appends and reads events. Thread-safe."""
 
     def __init__(self, settings: JournalSettings | None = None) -> None:
-        """Open the file, or make it.
+        """Open the file, or create it.
 
         Raises:
-            JournalError: It cannot be used.
+            JournalError: The file cannot be used.
         """
         self._settings = settings or JournalSettings()
         place = self._settings.path
@@ -79,35 +80,35 @@ class Journal:
             self._database.close()
             raise JournalError(f"{refused}: {error}") from None
         self.lock = threading.RLock()
-        """Held by whoever uses `database`, which may take a while; appending does not need it."""
+        """Must be held while `database` is used, which may take a while; appending does not need it."""
         self._numbering = threading.Lock()
         self._waiting: deque[tuple[int, str, float, str]] = deque()
         self._subscribers: list[Callable[[ContactEvent], None]] = []
         self._closing = threading.Event()
         self.error = ""
-        """Why the last commit failed; empty if it did not."""
+        """Why the last commit failed; empty if it succeeded."""
         self._writer = threading.Thread(target=self._write, name="event journal", daemon=True)
         self._writer.start()
 
     @property
     def database(self) -> sqlite3.Connection:
-        """The connection, for tables that live in the same file; hold `lock`."""
+        """The connection, for other tables in the same file; hold `lock` while using it."""
         return self._database
 
     @property
     def last(self) -> int:
-        """Number of the newest event; 0 where there has been none."""
+        """Number of the latest event; 0 if there has been none."""
         return self._last
 
     def subscribe(self, on_event: Callable[[ContactEvent], None]) -> Callable[[], None]:
-        """Call `on_event` with every event as it is appended, in the appending thread; returns what ends
-        it."""
+        """Call `on_event` with every appended event, in the appending thread; returns a function that ends
+        the subscription."""
         self._subscribers.append(on_event)
         return lambda: self._subscribers.remove(on_event)
 
     def append(self, event: ContactEvent) -> ContactEvent:
-        """Give the event its number and keep it."""
-        if self._last >= self._reserved:  # a burst that the writer could not foresee
+        """Number the event and store it."""
+        if self._last >= self._reserved:  # a burst has used up the reserved numbers
             with self.lock:
                 self._reserve(self._last + _BLOCK)
         with self._numbering:
@@ -119,8 +120,8 @@ class Journal:
         return numbered
 
     def since(self, number: int, limit: int = 500, kinds: Sequence[str] = ()) -> list[str]:
-        """Events after that number as JSON, oldest first, at most `limit`, of all kinds or of some."""
-        with self._numbering:  # before the file: what is committed in between is then in both
+        """Return at most `limit` events after that number as JSON, oldest first, of all or of some kinds."""
+        with self._numbering:  # before the file: an event committed in between is then in both
             waiting = [row for row in self._waiting if row[0] > number and (not kinds or row[1] in kinds)]
         marks = ",".join("?" * len(kinds))
         with self.lock:
@@ -133,7 +134,7 @@ class Journal:
         return ([body for _, body in rows] + [row[3] for row in waiting if row[0] > newest])[:limit]
 
     def flush(self) -> None:
-        """Commit what waits."""
+        """Commit the waiting events."""
         with self.lock:
             if self._last > self._reserved - _BLOCK // 2:
                 self._reserve(self._last + _BLOCK)
@@ -145,7 +146,7 @@ class Journal:
                 self._database.execute("BEGIN")
                 self._database.executemany("INSERT INTO events VALUES (?, ?, ?, ?)", rows)
                 self._database.execute("COMMIT")
-            except sqlite3.Error as error:  # a full disk: what waits is kept and tried again
+            except sqlite3.Error as error:  # such as a full disk: keep the events and try again
                 self.error = f"the journal cannot be written: {error}"
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
@@ -156,7 +157,7 @@ class Journal:
                     self._waiting.popleft()
 
     def prune(self, now: float | None = None) -> None:
-        """Remove what is too old or too much."""
+        """Remove events beyond the limits of age and size."""
         oldest = (time.time() if now is None else now) - 86400.0 * self._settings.max_age
         with self.lock:
             self._database.execute("DELETE FROM events WHERE stored < ?", (oldest,))
@@ -194,7 +195,7 @@ class Journal:
 
     def _read_last(self) -> int:
         if self._settings.path is None:
-            return time.time_ns() // 1_000_000  # so that numbers rise over restarts here too
+            return time.time_ns() // 1_000_000  # numbers must rise over restarts here too
         row = self._database.execute("SELECT value FROM numbers WHERE name = 'reserved'").fetchone()
         (highest,) = self._database.execute("SELECT max(id) FROM events").fetchone()
         return max(0 if row is None else int(row[0]), highest or 0)

@@ -1,4 +1,4 @@
-"""One event of the journal, as it is stored and as it goes over HTTP and WebSocket."""
+"""One event of the journal, as it is stored and as it is sent over HTTP and WebSocket."""
 
 from typing import Annotated, Literal
 
@@ -13,7 +13,7 @@ Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 class ContactEvent(BaseModel):
     """Something that happened to a contact, or a reaction to it.
 
-    `onset`, `hold`, `slide` and `release` sum up the contact from its onset to this moment.
+    `onset`, `hold`, `slide` and `release` summarize the contact from its onset to the time of the event.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -1,9 +1,9 @@
-"""Contacts summed up from onset to release: events that carry link, place, force, impulse and duration.
+"""Summaries of contacts from onset to release: events with link, point, force, impulse and duration.
 
-Pure: estimates in, events out. The place of a whole contact is the mean of the link's points over its
-samples, each weighted by its probability over the trace of its covariance. The covariance given with it is
-the mean with the same weights: neighbouring samples share filtered noise and the error of the surface model,
-so averaging must not shrink it.
+Pure functions: estimates in, events out. The point of a contact is the weighted mean of the points on the
+link over its samples; each weight is the point's probability divided by the trace of its covariance. The
+covariance of the mean point is the mean of the covariances with the same weights: neighbouring samples share
+filtered noise and the error of the surface model, so averaging must not reduce it.
 """
 
 import math
@@ -15,9 +15,9 @@ from contactsense.service.events.model import ContactEvent
 from contactsense.types import Contact, Estimate, Event
 
 LOST_AFTER = 1.0
-"""A contact that is not estimated for so long has ended, even if no release was reported [s]."""
+"""A contact without estimates for this time has ended, even if no release was reported [s]."""
 _MAX_STEP = 0.1
-"""A longer gap between samples adds no impulse [s]."""
+"""Longest gap between samples for which the impulse is integrated [s]."""
 
 
 @dataclass
@@ -103,7 +103,7 @@ class ContactSummaries:
         self._open: dict[int, _OpenContact] = {}
 
     def update(self, estimate: Estimate, time: str) -> list[ContactEvent]:
-        """Events of this estimate, with what is known of their contacts.
+        """Return the events of this estimate, with the summaries of their contacts.
 
         Args:
             estimate: The next estimate of the stream.

@@ -1,7 +1,7 @@
-"""Fan-out: one stream of messages to many readers, none of which can hold up another.
+"""Fan-out: distributes one stream of messages to many readers, none of which can delay another.
 
-Each reader has a queue of its own, bounded; one that is too slow loses its oldest messages and receives how
-many. Lives in one event loop; nothing here locks.
+Each reader has its own bounded queue. A reader that is too slow loses its oldest messages and is sent the
+number of lost ones. All of this runs in one event loop, without locks.
 """
 
 import asyncio
@@ -11,23 +11,24 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 _MAX_EVENTS = 1000
-"""Events kept for a reader's next message; beyond that the oldest are left to the journal."""
+"""Maximum number of events kept for a reader's next message. Beyond it the oldest are dropped; the journal
+still has them."""
 _NO_EVENTS = b'"events":[]}'
 
 
 def with_events(message: bytes, events: Sequence[bytes]) -> bytes:
-    """An estimate's JSON, which ends with an empty list of events, with these in it."""
+    """Insert events into the JSON of an estimate, which ends with an empty list of events."""
     if not events or not message.endswith(_NO_EVENTS):
         return message
     return message[:-2] + b",".join(events) + b"]}"
 
 
 class Reader:
-    """One subscriber's queue. A message carries the events since the one before, skipped or lost ones
-    included."""
+    """The queue of one subscriber. A message carries all events since the previous delivered message,
+    including those of skipped or lost messages."""
 
     def __init__(self, size: int, every: int = 1, interval: float = 0.0) -> None:
-        """Take one message in `every`, and none sooner than `interval` [s] of sample time after the last."""
+        """Accept one of every `every` messages, at least `interval` [s] of sample time apart."""
         self._queue: deque[tuple[bytes, deque[bytes]]] = deque()
         self._events: deque[bytes] = deque(maxlen=_MAX_EVENTS)
         self._size = size
@@ -39,17 +40,17 @@ class Reader:
         self.lost = 0
         """Messages lost since `take_lost`."""
         self.lost_in_all = 0
-        """Messages lost ever."""
+        """Messages lost since the reader subscribed."""
 
     def offer(self, t: float, message: bytes, events: Sequence[bytes] = ()) -> None:
-        """Put a message into the queue, unless it is to be skipped. `t` is its sample's time [s]; `events`
-        are those since the message before."""
+        """Put a message into the queue, unless it is to be skipped. `t` is the time of its sample [s];
+        `events` are the events since the previous message."""
         self._events.extend(events)
         self._count += 1
         if (self._count - 1) % self._every:
             return
         if self._interval > 0.0:
-            # half a percent early counts as due: time stamps jitter. A clock that jumped back starts afresh.
+            # Half a percent early counts as due: time stamps jitter. A clock that jumps back starts anew.
             if self._due - self._interval <= t < self._due - 0.005 * self._interval:
                 return
             late = t - self._due
@@ -65,20 +66,20 @@ class Reader:
         self._filled.set()
 
     async def take(self) -> bytes:
-        """The oldest message; waits for one."""
+        """Return the oldest message; waits until there is one."""
         while not self._queue:
             self._filled.clear()
             await self._filled.wait()
         return with_events(*self._queue.popleft())
 
     def take_lost(self) -> int:
-        """How many messages were lost since the last call."""
+        """Number of messages lost since the last call."""
         lost, self.lost = self.lost, 0
         return lost
 
 
 class Hub:
-    """Passes every message on to all readers and remembers the last."""
+    """Passes every message on to all readers and stores the latest."""
 
     def __init__(self, size: int = 500) -> None:
         """Readers' queues hold `size` messages."""
@@ -89,7 +90,7 @@ class Hub:
         self.last: bytes | None = None
         """The latest message."""
         self.last_arrival = -float("inf")
-        """When it came, on the host's monotonic clock [s]."""
+        """Arrival time of the latest message on the host's monotonic clock [s]."""
 
     @property
     def readers(self) -> int:
@@ -98,15 +99,15 @@ class Hub:
 
     @property
     def lost(self) -> int:
-        """Messages that readers lost, those gone included."""
+        """Messages lost by all readers, including those that have unsubscribed."""
         return self._lost_by_gone + sum(reader.lost_in_all for reader in self._readers)
 
     def add_event(self, event: bytes) -> None:
-        """An event as JSON, for the next message."""
+        """Add an event, as JSON, to the next message."""
         self._events.append(event)
 
     def publish(self, t: float, message: bytes) -> None:
-        """Pass a message on. `t` is its sample's time [s]."""
+        """Pass a message on to all readers. `t` is the time of its sample [s]."""
         events, self._events = self._events, []
         self.last, self.last_arrival = with_events(message, events), time.monotonic()
         for reader in self._readers:
@@ -114,7 +115,7 @@ class Hub:
 
     @contextmanager
     def subscribe(self, every: int = 1, interval: float = 0.0) -> Iterator[Reader]:
-        """A reader for as long as the context lasts; arguments as for `Reader`."""
+        """A reader that is subscribed while the context is open; arguments as for `Reader`."""
         reader = Reader(self._size, every, interval)
         self._readers.add(reader)
         try:

@@ -1,5 +1,5 @@
-"""Static samples are located in a process of their own: neither loading kernels nor ten thousand samples hold
-up the stream."""
+"""Locates static samples in a separate process, so that neither loading kernels nor a request with ten
+thousand samples delays the stream."""
 
 import asyncio
 import contextlib
@@ -21,13 +21,13 @@ from contactsense.service.api.messages import estimate_json
 Numbers = Sequence[float]
 
 WAITING = 32
-"""Requests that may wait for their turn."""
+"""Maximum number of requests that wait."""
 _NICE = 5
-"""Single samples come after the stream, whose processes should have the processor first."""
+"""Nice value: static samples have lower priority than the processes of the stream."""
 _FIRST = 600.0
-"""Time for the first answer, before which kernels may have to be compiled [s]."""
+"""Time limit for the first answer, before which kernels may have to be compiled [s]."""
 _LATER = 60.0
-"""Time for each further answer [s]."""
+"""Time limit for each further answer [s]."""
 
 
 class StaticSample(NamedTuple):
@@ -40,11 +40,11 @@ class StaticSample(NamedTuple):
 
 
 class LocateError(Exception):
-    """No answer for now; the text says why."""
+    """The request cannot be answered at present; the text gives the reason."""
 
 
 class LocateProcess:
-    """Answers requests one after another; started again where it dies. Lives in one event loop."""
+    """Answers requests one after another; restarted if it dies. Used from one event loop."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -57,10 +57,10 @@ class LocateProcess:
         self._closed = False
 
     async def locate(self, samples: Sequence[StaticSample], external: bool) -> list[bytes]:
-        """An estimate as JSON for each sample.
+        """Return an estimate as JSON for each sample.
 
         Raises:
-            LocateError: Too many wait already, or the process broke down.
+            LocateError: Too many requests wait already, or the process failed.
         """
         if self._waiting >= WAITING:
             raise LocateError(f"{WAITING} requests are waiting already; try again later")
@@ -72,16 +72,16 @@ class LocateProcess:
             self._waiting -= 1
 
     async def start(self) -> None:
-        """Start the process, which loads its kernels at once."""
+        """Start the process, which loads its kernels immediately."""
         await asyncio.to_thread(self._started)
 
     def restart(self, scene: Scene) -> None:
-        """Go on with another scene; a request under way fails."""
+        """Restart with another scene; a request in progress fails."""
         self._scene = scene
         self._end()
 
     def stop(self) -> None:
-        """End the process, whatever it does."""
+        """Kill the process, even while it computes."""
         self._closed = True
         self._end()
 
@@ -124,7 +124,7 @@ class LocateProcess:
             process, connection = self._process, self._connection
             self._process = self._connection = None
         if process is not None:
-            process.kill()  # what it is asked for now can be asked for again
+            process.kill()  # clients can repeat a request in progress
             process.join()
             process.close()
         if connection is not None:
@@ -132,7 +132,7 @@ class LocateProcess:
 
 
 def work(connection: Connection, scene: Scene) -> None:
-    """Body of the process. Ends when the service has gone."""
+    """Main function of the process. Returns when the service has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform != "win32":
         os.nice(_NICE)

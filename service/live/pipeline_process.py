@@ -1,8 +1,9 @@
-"""The 500 Hz pipeline, in a process of its own: sensors -> localizer -> service, for which it never waits.
+"""The 500 Hz pipeline, in a separate process: sensors -> localizer -> service. It never waits for the
+service.
 
 A busy Python thread in the same process can delay a wake-up by many milliseconds, so this process does
-nothing else. What the service does not take in time piles up in a bounded outbox, then the oldest messages
-are dropped and counted.
+nothing else. Messages that the service does not read in time wait in a bounded outbox; when it is full, the
+oldest are dropped and counted.
 """
 
 import contextlib
@@ -32,59 +33,59 @@ from contactsense.service.sensors.netft_client import WrenchHealth
 from contactsense.service.sensors.robot_stream import StreamHealth
 
 HEAD = struct.Struct("<cdI")
-"""In front of each message: kind, time of the sample [s], bytes that follow."""
+"""Header of each message: kind, time of the sample [s], number of bytes that follow."""
 ESTIMATE, HEALTH, LOADING, LAST_WORDS, REPORT = b"E", b"H", b"C", b"L", b"R"
-"""Kinds: an estimate, the health of sensors and process, the progress of the compilation, the error that ends
-the process, what a listener reports."""
+"""Kinds of messages: an estimate, the health of sensors and process, the progress of the compilation, the
+error that ends the process, a report of a listener."""
 HEARTBEAT = 0.25
-"""Longest time between two health messages while the process is well [s]."""
+"""Longest time between two health messages of a healthy process [s]."""
 
 _OUTBOX = 1000
 _TICK = 0.01
 _MAX_COMMAND = 1 << 20
 
 ListenerFactory = Callable[[Scene], Listener]
-"""Makes a listener; called in the pipeline's process, so it must be picklable."""
+"""Creates a listener; called in the pipeline's process, so it must be picklable."""
 
 
 class Source(Protocol):
-    """Where samples come from. Trouble with a sensor is reported in `health`, not raised."""
+    """A source of samples. Problems with a sensor are reported by `health`, not raised."""
 
     @property
     def health(self) -> live.SourceHealth:
-        """How the sensors fare."""
+        """State of the sensors."""
 
     def poll(self, timeout: float) -> list[Sample]:
-        """Samples that have come, oldest first; waits up to `timeout` seconds for the first."""
+        """Return the samples that have arrived, oldest first; waits up to `timeout` seconds for the first."""
 
     def close(self) -> None:
-        """Let go of the sensors."""
+        """Disconnect from the sensors."""
 
 
 class Stepper(Protocol):
-    """What turns samples into estimates."""
+    """Turns samples into estimates."""
 
     def step(self, sample: Sample) -> Estimate:
-        """The estimate after this sample."""
+        """Return the estimate after this sample."""
 
 
 class Outbox:
-    """Messages on their way into a socket, without ever waiting for it."""
+    """Sends messages over a socket without ever waiting for it."""
 
     def __init__(self, connection: socket.socket, size: int = _OUTBOX) -> None:
         connection.setblocking(False)
         self._connection = connection
         self._size = size
         self._waiting: deque[bytes] = deque()
-        self._begun = memoryview(b"")  # rest of a message of which a part has gone
+        self._begun = memoryview(b"")  # rest of a partly sent message
         self.dropped = 0
-        """Messages given up."""
+        """Number of dropped messages."""
 
     def post(self, kind: bytes, t: float, payload: bytes) -> None:
-        """Send a message, or keep it until the socket takes it. Estimates are given up first.
+        """Send a message, or keep it until the socket accepts it. Estimates are dropped first.
 
         Raises:
-            OSError: Nobody is at the other end any more.
+            OSError: The other end has been closed.
         """
         if len(self._waiting) >= self._size:
             oldest = next((i for i, waiting in enumerate(self._waiting) if waiting[:1] == ESTIMATE), 0)
@@ -94,7 +95,7 @@ class Outbox:
         self.flush()
 
     def flush(self) -> None:
-        """Send what the socket takes now."""
+        """Send as much as the socket accepts now."""
         while self._begun or self._waiting:
             if not self._begun:
                 self._begun = memoryview(self._waiting.popleft())
@@ -105,17 +106,17 @@ class Outbox:
 
 
 class Inbox:
-    """Commands from the service: one JSON object a line."""
+    """Receives commands from the service: one JSON object per line."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
         self._rest = b""
 
     def take(self) -> list[dict[str, Any]]:
-        """Commands that have come; does not wait.
+        """Return the commands that have arrived; does not wait.
 
         Raises:
-            OSError: The service has gone.
+            OSError: The service has closed the connection.
         """
         try:
             chunk = self._connection.recv(1 << 16)
@@ -128,11 +129,11 @@ class Inbox:
 
 
 class Listeners:
-    """Calls the listeners, none of which can break the pipeline.
+    """Calls the listeners. Exceptions of a listener do not stop the pipeline.
 
     Args:
-        listeners: They, in the order in which they are called.
-        outbox: For what they report to the service.
+        listeners: The listeners, in the order in which they are called.
+        outbox: Where their reports to the service are posted.
     """
 
     def __init__(self, listeners: Sequence[Listener], outbox: Outbox) -> None:
@@ -140,12 +141,12 @@ class Listeners:
         self._reporters = [listener for listener in listeners if isinstance(listener, Reporter)]
         self._outbox = outbox
         self.errors = 0
-        """Exceptions so far."""
+        """Number of exceptions so far."""
         self.last_error = ""
-        """The latest."""
+        """The latest exception, as text."""
 
     def receive(self, sample: Sample, estimate: Estimate) -> None:
-        """Hand a sample and its estimate to all."""
+        """Pass a sample and its estimate to all listeners."""
         for listener in self._listeners:
             try:
                 listener.receive(sample, estimate)
@@ -154,7 +155,7 @@ class Listeners:
         self._send_reports(estimate.t)
 
     def tick(self, now: float) -> None:
-        """Give all a chance to do what is due at this time of the host's monotonic clock [s]."""
+        """Let all listeners do what is due at this time of the host's monotonic clock [s]."""
         for listener in self._listeners:
             try:
                 listener.tick(now)
@@ -163,7 +164,7 @@ class Listeners:
         self._send_reports(now)
 
     def command(self, message: dict[str, Any]) -> None:
-        """Hand a command of the service to all."""
+        """Pass a command of the service to all listeners."""
         for reporter in self._reporters:
             try:
                 reporter.command(message)
@@ -171,7 +172,7 @@ class Listeners:
                 self._note(reporter, error)
 
     def close(self) -> None:
-        """Close all."""
+        """Close all listeners."""
         for listener in self._listeners:
             try:
                 listener.close()
@@ -194,19 +195,19 @@ def work(
     open_source: Callable[[Scene], Source],
     factories: Sequence[ListenerFactory] = (),
 ) -> None:
-    """Body of the pipeline's process. Ends when the service has gone.
+    """Main function of the pipeline's process. Returns when the service has ended.
 
     Args:
-        connection: Way to the service.
-        scene: The arm in its place.
-        open_source: Makes the source of samples.
-        factories: Make the listeners.
+        connection: Connection to the service.
+        scene: The arm in its cell.
+        open_source: Creates the source of samples.
+        factories: Create the listeners.
     """
     signal.signal(
         signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C reaches the whole group; the service ends us in order
+    )  # Ctrl-C reaches the whole group; the service shuts this process down in order
     outbox = Outbox(connection)
-    with connection, contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the service has gone
+    with connection, contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the service has ended
         try:
             with _reported_loading(scene, outbox):
                 localizer = Localizer(scene, progress=False)
@@ -227,7 +228,7 @@ def work(
 
 @contextlib.contextmanager
 def _reported_loading(scene: Scene, outbox: Outbox) -> Iterator[None]:
-    """Report while kernels are loaded or compiled, which keeps this thread busy."""
+    """Report progress from another thread while this one loads or compiles kernels."""
     over, lost = threading.Event(), threading.Event()
     with Compilation(kernels_of(scene)) as compilation:
 
@@ -237,7 +238,7 @@ def _reported_loading(scene: Scene, outbox: Outbox) -> Iterator[None]:
                 try:
                     outbox.post(LOADING, 0.0, json.dumps({"share": share, "left": left}).encode())
                 except OSError:
-                    lost.set()  # the service has gone
+                    lost.set()  # the service has ended
                     return
                 if over.wait(HEARTBEAT):
                     return
@@ -261,10 +262,10 @@ def run(
     inbox: Inbox | None = None,
     scheduling: Scheduling = "normal",
 ) -> None:
-    """Step through samples for ever.
+    """Process samples until the connection breaks.
 
     Raises:
-        OSError: Nobody takes the messages any more.
+        OSError: The service no longer reads the messages.
     """
     listeners = listeners or Listeners((), outbox)
     summaries = ContactSummaries()
@@ -282,7 +283,7 @@ def run(
             step_times.add(took)
             listeners.receive(sample, estimate)
             estimates.append(estimate)
-        for estimate in estimates:  # sent when all reactions are done
+        for estimate in estimates:  # sent after all reactions
             for event in summaries.update(estimate, utc_now()):
                 report = {"type": "event", "event": event.model_dump()}
                 outbox.post(REPORT, estimate.t, json.dumps(report).encode())
@@ -319,7 +320,7 @@ def run(
 
 
 def utc_now() -> str:
-    """Time on the host's clock, ISO 8601 in UTC."""
+    """Current time on the host's clock, ISO 8601 in UTC."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 

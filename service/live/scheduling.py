@@ -1,9 +1,9 @@
-"""How urgently a process is scheduled: in real time where that is permitted, else with short time slices.
+"""Scheduling of a process: in real time where that is permitted, otherwise with short time slices.
 
-A process that answers within 2 ms must not wait until others have used up their time slices. In real time
-(SCHED_FIFO) it runs before all that are not; this takes root, CAP_SYS_NICE or LimitRTPRIO. Without it, Linux
-from 6.12 lets any process ask for a short time slice: it is chosen sooner when it wakes up, for less at a
-time.
+A process that answers within 2 ms must not wait until others have used up their time slices. A real-time
+process (SCHED_FIFO) runs before all others; this requires root, CAP_SYS_NICE or LimitRTPRIO. Without these,
+Linux 6.12 and later lets any process request a short time slice: the process is scheduled sooner after it
+wakes up, but for a shorter time.
 """
 
 import contextlib
@@ -18,25 +18,24 @@ from typing import Literal
 Scheduling = Literal["real time", "short slices", "normal"]
 
 PIPELINE, WEB = 2, 1
-"""Priorities in real time: where samples are worked off, and of the web server while a controller is waiting
-for its answers."""
+"""Real-time priorities: of the pipeline, and of the web server while a controller waits for its answers."""
 SLICE = 100_000
 """The shortest time slice that Linux grants [ns]."""
 SWITCH_INTERVAL = 5e-4
-"""For how long a thread holds the interpreter while others wait for it [s]."""
+"""Longest time for which a thread holds the interpreter while others wait for it [s]."""
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
 """Number of the system call, for which neither Python nor the C library has a function."""
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")
-"""Size of this, policy, flags, nice value, priority, time slice [ns], and two that are not used here."""
+"""Size of this structure, policy, flags, nice value, priority, time slice [ns], and two unused fields."""
 
 
 def hurry(priority: int = 0, alone: bool = False) -> Scheduling:
-    """Have the calling thread scheduled as urgently as permitted.
+    """Give the calling thread the most urgent scheduling that is permitted.
 
     Args:
-        priority: In real time; 0: short time slices only. The kernel leaves others a share all the same
-            (sched_rt_runtime_us).
-        alone: Whether threads and processes that it starts later are to be scheduled normally.
+        priority: Real-time priority; 0: short time slices only. The kernel still reserves a share for other
+            processes (sched_rt_runtime_us).
+        alone: Whether threads and processes that the thread starts later are scheduled normally.
     """
     if sys.platform != "linux":
         return "normal"
@@ -49,19 +48,19 @@ def hurry(priority: int = 0, alone: bool = False) -> Scheduling:
 
 
 def relax() -> None:
-    """Take back what `hurry` did: no real time any more, short slices where they are to be had."""
+    """Undo `hurry`: no real-time scheduling, but short time slices where they are available."""
     if sys.platform == "linux":
-        # Only a privileged process may take back that its children are scheduled normally.
+        # Only a privileged process may clear the flag that schedules its children normally.
         kept = os.sched_getscheduler(0) & os.SCHED_RESET_ON_FORK
         os.sched_setscheduler(0, os.SCHED_OTHER | kept, os.sched_param(0))
         _shorten_slices()
 
 
 def favour_latency() -> None:
-    """Keep Python itself from holding up whoever waits for an answer.
+    """Reduce delays that are caused by the Python interpreter.
 
-    Garbage collection leaves out what exists by now, as walking through all modules takes tens of
-    milliseconds. Another thread holds the interpreter for 0.5 ms instead of 5 ms at a time.
+    Objects that exist now are excluded from garbage collection, because traversing all modules takes tens of
+    milliseconds. A thread holds the interpreter for at most 0.5 ms at a time instead of 5 ms.
     """
     gc.collect()
     gc.freeze()

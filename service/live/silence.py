@@ -1,32 +1,33 @@
-"""For how long a process has been silent although it and we had the chance to talk.
+"""Measures how long a process has been silent although both it and the service had processor time.
 
-A service under somebody else's load must not kill a healthy process: time in which our own event loop did
-not run does not count, nor does time in which the process wanted to run and was not given a processor.
+When other programs load the computer, the service must not kill a healthy process. Therefore, time in which
+the service's own event loop did not run does not count, nor does time in which the process was ready to run
+but was not scheduled.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
 
 TICK = 0.1
-"""How often the silence is measured [s]."""
+"""Interval at which the silence is measured [s]."""
 _STARVED = 0.2
-"""A process that is ready to run and gets a smaller share of a processor than this is starved."""
+"""A process that is ready to run but gets a smaller share of a processor than this is starved."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessState:
-    """What the operating system says of a process."""
+    """State of a process as the operating system reports it."""
 
     letter: str
-    """R: runs or wants to; S, D: waits; T: stopped; Z: dead and not yet waited for; empty: unknown."""
+    """R: running or runnable; S, D: sleeping; T: stopped; Z: zombie; empty: unknown."""
     cpu: float
-    """Processor time so far [clock ticks]."""
+    """Processor time used so far [clock ticks]."""
 
 
 def process_state(pid: int) -> ProcessState:
-    """The state of a process, from Linux' /proc; unknown elsewhere."""
+    """State of a process, from /proc on Linux; unknown on other systems."""
     try:
-        # The name in parentheses may hold anything.
+        # The name in parentheses may contain any character.
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return ProcessState("", 0.0)
@@ -34,11 +35,11 @@ def process_state(pid: int) -> ProcessState:
 
 
 class Silence:
-    """Silence of one process, measured by ticks.
+    """Silence of one process, measured in ticks.
 
     Args:
         now: Time on the event loop's clock [s].
-        clock_ticks: Clock ticks a second of `ProcessState.cpu`.
+        clock_ticks: Clock ticks per second of `ProcessState.cpu`.
     """
 
     def __init__(self, now: float, clock_ticks: float = 100.0) -> None:
@@ -51,15 +52,15 @@ class Silence:
         """Time in which the process was stopped or dead [s]."""
 
     def reset(self) -> None:
-        """It has sent something."""
+        """The process has sent a message."""
         self.seconds = self.stopped = 0.0
 
     def tick(self, now: float, state: ProcessState) -> None:
-        """Some time has passed."""
+        """Update the times; called at every tick."""
         passed = now - self._last
         self._last = now
         used, self._cpu = (state.cpu - self._cpu) / self._clock_ticks, state.cpu
-        counted = min(passed, 2.0 * TICK)  # the rest of a late tick is our own lateness
+        counted = min(passed, 2.0 * TICK)  # the rest is a delay of our own event loop
         if state.letter in ("T", "t", "Z", "X"):
             self.stopped += counted
         else:

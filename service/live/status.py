@@ -1,4 +1,4 @@
-"""State of the whole service, from ages and counters. A pure function of them."""
+"""State of the whole service, computed from ages and counters by a pure function."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -6,19 +6,19 @@ from typing import Literal
 Status = Literal["ok", "degraded", "starting", "waiting", "failing", "idle"]
 
 STALE = 1.0
-"""What is older than this is not current: reports, samples, estimates [s]."""
+"""Reports, samples and estimates that are older than this are not current [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is known about the pipeline, all ages taken now."""
+    """What is known about the pipeline; all ages refer to the present."""
 
     process: Literal["none", "starting", "running", "ended"]
-    """none: no robot is named; starting: nothing has been received yet; ended: it will be restarted."""
+    """none: no robot is configured; starting: nothing has been received yet; ended: it will be restarted."""
     end: str = ""
-    """How its last life ended; empty while there was none, or the present one is well."""
+    """How the previous process ended; empty if there was none, or while the present one is healthy."""
     loading: str = ""
-    """How far the compilation of its kernels is; empty while nothing is compiled."""
+    """Progress of the compilation of its kernels; empty while nothing is compiled."""
     report_age: float = 0.0
     """Time since its latest message [s]."""
     sample_age: float | None = None
@@ -26,17 +26,17 @@ class Facts:
     estimate_age: float | None = None
     """Time since the latest estimate arrived here [s]; None before the first."""
     connected: bool = False
-    """Whether the robot's stream is up, as last reported."""
+    """Whether the robot's stream is connected, as last reported."""
     trouble: tuple[str, ...] = ()
-    """What the sensors' side says is wrong."""
+    """Problems that the source of samples reports."""
     estimate: str = ""
-    """Why the latest estimate is degraded; empty where it is not."""
+    """Why the latest estimate is degraded; empty if it is not."""
     others: tuple[str, ...] = field(default=())
-    """What else is wrong in the service, such as a task that had to be restarted just now."""
+    """Other problems in the service, such as a task that was restarted recently."""
 
 
 def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
-    """The status, and the reasons for it, each a sentence for a technician; one at least."""
+    """Return the status and at least one reason for it, each a sentence for a technician."""
     if facts.process == "none":
         return "idle", ("no robot was named: only POST /v1/locate works",)
     if facts.process == "ended":
@@ -74,5 +74,5 @@ def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
 
 
 def _retried(trouble: tuple[str, ...]) -> tuple[str, ...]:
-    """The same; the last says that nobody has to restart the service."""
+    """Add to the last sentence that the service tries again by itself."""
     return (*trouble[:-1], f"{trouble[-1]}; trying again all the time") if trouble else ()

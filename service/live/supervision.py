@@ -1,4 +1,4 @@
-"""Tasks that must not end: one that does, whatever the reason, is reported and restarted."""
+"""Tasks that must not end: a task that ends, for whatever reason, is reported and restarted."""
 
 import asyncio
 import logging
@@ -7,36 +7,36 @@ from collections.abc import Awaitable, Callable
 log = logging.getLogger("contactsense")
 
 PAUSE = 0.5
-"""Time before a task that ended is started again [s]."""
+"""Time before a task that ended is restarted [s]."""
 
 
 class Supervised:
-    """A task that is started again whenever it ends.
+    """A task that is restarted whenever it ends.
 
     Args:
-        name: What it does, for people.
-        body: Makes the coroutine.
+        name: What the task does, for messages.
+        body: Creates the coroutine.
     """
 
     def __init__(self, name: str, body: Callable[[], Awaitable[None]]) -> None:
         self.name = name
-        """What it does."""
+        """What the task does."""
         self._body = body
         self._task: asyncio.Task[None] | None = None
         self._stopping = False
         self.failures = 0
-        """How often it ended."""
+        """How often the task has ended."""
         self.error = ""
-        """Why, the last time; empty again once it has run well for a while."""
+        """Why it ended the last time; cleared when it has run without failure for a while."""
 
     def start(self) -> None:
-        """Start it, in the running event loop."""
+        """Start the task in the running event loop."""
         self._stopping = False
         self._task = asyncio.get_running_loop().create_task(self._run(), name=self.name)
         self._task.add_done_callback(self._ended)
 
     async def stop(self) -> None:
-        """End it for good."""
+        """Stop the task for good."""
         self._stopping = True
         if self._task is not None:
             self._task.cancel()
@@ -61,7 +61,7 @@ class Supervised:
         self.error = ""
 
     def _ended(self, task: asyncio.Task[None]) -> None:
-        # Cancelled by somebody else, or broken in a way that _run could not see.
+        # Cancelled from outside, or failed in a way that _run could not catch.
         if not self._stopping and not task.get_loop().is_closed():
             self.failures += 1
             task.get_loop().call_later(PAUSE, self._start_again)

@@ -1,6 +1,7 @@
-"""Keeps the pipeline's process running: starts it, listens to it, starts it again when it dies or hangs.
+"""Keeps the pipeline's process running: starts it, reads its messages, restarts it when it dies or hangs.
 
-The status is computed from ages at each request: a stored status would outlive the process that set it.
+The status is computed from ages at each request, because a stored status would outlive the process that set
+it.
 """
 
 import asyncio
@@ -43,23 +44,23 @@ OnReport = Callable[[dict[str, Any]], None]
 _FIRST_WORD = 300.0
 """Time allowed for a process to start [s]."""
 _STUCK = 300.0
-"""A compilation that makes no progress for so long hangs [s]."""
+"""A compilation without progress for this time counts as hung [s]."""
 _LOADING_SILENCE = 10.0
-"""A process that loads kernels may hold its interpreter for some seconds, but not for so long [s]."""
+"""A process that loads kernels may hold its interpreter for some seconds, but not longer than this [s]."""
 _SILENCE = 1.5
-"""A process that says nothing for so long hangs [s]."""
+"""A process that sends nothing for this time counts as hung [s]."""
 _STOPPED = 1.0
-"""A process that is stopped for so long is of no use [s]."""
+"""A process that is stopped for this time is killed and restarted [s]."""
 _LATE = 1.0
-"""If the event loop is late by more than this, that is reported [s]."""
+"""A delay of the event loop beyond this is reported [s]."""
 _PAUSE = (0.2, 5.0)
-"""Time before the next start: at first, and at most after failing again and again [s]."""
+"""Time before a restart: after the first failure, and at most after repeated failures [s]."""
 _PATIENCE = 2.0
-"""Time to end by itself [s]."""
+"""Time that the process has to end by itself [s]."""
 
 
 class Runner:
-    """The pipeline's process and what is known about it. Lives in one event loop."""
+    """The pipeline's process and what is known about it. Used from one event loop."""
 
     def __init__(
         self,
@@ -70,14 +71,14 @@ class Runner:
         listeners: Sequence[ListenerFactory] = (),
         on_loading: OnLoading | None = None,
     ) -> None:
-        """Without `open_source` there is nothing to run.
+        """Create the runner; without `open_source` no process is started.
 
         Args:
-            scene: The arm in its place.
-            open_source: Makes the source of samples; called in the process, so it must be picklable.
-            on_estimate: Called with the sample's time and the estimate as JSON.
-            on_report: Called with what listeners report, events included.
-            listeners: Make the listeners in the process, must be picklable.
+            scene: The arm in its cell.
+            open_source: Creates the source of samples; called in the process, so it must be picklable.
+            on_estimate: Called with the time of the sample and the estimate as JSON.
+            on_report: Called with the reports of the listeners, events included.
+            listeners: Create the listeners in the process; must be picklable.
             on_loading: Called with the progress while kernels are compiled.
         """
         self._scene = scene
@@ -98,30 +99,31 @@ class Runner:
         self._restart = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self.loaded = asyncio.Event()
-        """Set once the process has loaded (or failed, or there is none): kernels are compiled and cached."""
+        """Set when the process has loaded, that is, kernels are compiled and cached; also when it has failed
+        or there is none."""
         self.loading = 1.0 if open_source is None else 0.0
-        """Share of the kernels' compilation that is done, 0 to 1."""
+        """Completed fraction of the compilation of kernels, 0 to 1."""
         self.loading_left: float | None = None
-        """Estimated time left of the compilation [s]; None while nothing is compiled."""
+        """Estimated remaining time of the compilation [s]; None while nothing is compiled."""
         self.source = SourceHealth()
-        """The sensors' side, as last reported."""
+        """State of the sensors, as last reported."""
         self.pipeline = PipelineHealth()
-        """The process, as last reported."""
+        """State of the process, as last reported."""
         self.estimates = 0
-        """Estimates that arrived, ever."""
+        """Number of estimates received since the service started."""
         self.handover: float | None = None
-        """How long the latest report was on its way from the process to here [s]."""
+        """Transfer time of the latest report from the process to the service [s]."""
         self._last_status: tuple[Status, str] = ("starting", "")
         self.others: Callable[[], Sequence[str]] = tuple
-        """Tells what else is wrong in the service, each a sentence."""
+        """Returns other problems in the service, each a sentence."""
         self.since = datetime.now(UTC)
-        """When this status began."""
+        """Time since which the service has had this status."""
         if open_source is None:
             self._process = "none"
         self._look()
 
     def start(self) -> None:
-        """Start the process and watch over it."""
+        """Start the process and supervise it."""
         if self._open_source is None:
             self.loaded.set()
         elif self._task is None:
@@ -144,12 +146,12 @@ class Runner:
         open_source: Callable[[Scene], Source] | None,
         listeners: Sequence[ListenerFactory] = (),
     ) -> None:
-        """End the process and start it with another scene and other listeners."""
+        """Restart the process with another scene and other listeners."""
         self._scene, self._open_source, self._listeners = scene, open_source, tuple(listeners)
         self._restart.set()
 
     def send(self, command: dict[str, Any]) -> bool:
-        """Send a command to the listeners; False where no pipeline runs."""
+        """Send a command to the listeners; returns False if no pipeline runs."""
         if self._to_pipeline is None:
             return False
         self._to_pipeline.write(json.dumps(command).encode() + b"\n")
@@ -176,12 +178,12 @@ class Runner:
                 pause = _PAUSE[0]
                 continue
             if asyncio.get_running_loop().time() - began > 60.0:
-                pause = _PAUSE[0]  # it had run well
+                pause = _PAUSE[0]  # it had run without failure
             await asyncio.sleep(pause)
             pause = min(2.0 * pause, _PAUSE[1])
 
     async def _tick(self) -> None:
-        """Look at the status so often that no change of it goes unnoticed."""
+        """Check the status so often that no change is missed."""
         clock = asyncio.get_running_loop().time
         while True:
             begin = clock()
@@ -192,7 +194,7 @@ class Runner:
             self._look()
 
     async def _run_once(self, open_source: Callable[[Scene], Source]) -> str:
-        """One life of the process; returns how it ended."""
+        """Run the process once; returns how it ended."""
         ours, theirs = socket.socketpair()
         context = multiprocessing.get_context("spawn")
         hung = False
@@ -216,11 +218,12 @@ class Runner:
                 with contextlib.suppress(OSError):
                     await writer.wait_closed()
         finally:
-            ours.close()  # the process takes that as its end
+            ours.close()  # the process ends when its connection is closed
             await _ended(process, hung)
 
     async def _listen(self, reader: asyncio.StreamReader, process: BaseProcess) -> tuple[str, bool]:
-        """Listen until the process ends, hangs or is to be restarted; why, and whether to kill it at once."""
+        """Read messages until the process ends, hangs or is to be restarted. Returns the reason, and whether
+        to kill it at once."""
         clock = asyncio.get_running_loop().time
         silence = Silence(clock(), os.sysconf("SC_CLK_TCK"))
         self.loading, self.loading_left, self._advanced = 0.0, None, None
@@ -279,7 +282,7 @@ class Runner:
         return _FIRST_WORD if self._advanced is None else _LOADING_SILENCE
 
     def _hear_loading(self, payload: bytes) -> None:
-        """Take in the progress of the compilation."""
+        """Store the reported progress of the compilation."""
         progress = CompilationProgress(**json.loads(payload))
         if self._advanced is None or progress.share > self.loading:
             self._advanced = asyncio.get_running_loop().time()
@@ -304,22 +307,22 @@ class Runner:
 
     @property
     def status(self) -> Status:
-        """State of the service now."""
+        """Present state of the service."""
         return self._look()[0]
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why, each a sentence."""
+        """Reasons for the status, each a sentence."""
         return self._look()[1]
 
     @property
     def message(self) -> str:
-        """The same in one line."""
+        """The reasons in one line."""
         return "; ".join(self.reasons)
 
     @property
     def report_age(self) -> float | None:
-        """Time since the latest message of the process [s]; None before the first."""
+        """Time since the latest message from the process [s]; None before the first."""
         return self._age(self._reported)
 
     @property
@@ -338,17 +341,17 @@ class Runner:
 
     @property
     def lag(self) -> float:
-        """By how much the event loop was late, the last time it was looked at [s]."""
+        """Delay of the event loop at the last check [s]."""
         return self._lag
 
     @property
     def current(self) -> bool:
-        """Whether the latest estimate is one of this moment."""
+        """Whether the latest estimate is current."""
         age = self.estimate_age
         return self.status in ("ok", "degraded") and age is not None and age <= STALE
 
     def _loading_text(self) -> str:
-        """How far the compilation is, in words; empty while nothing is compiled."""
+        """Progress of the compilation in words; empty while nothing is compiled."""
         if not 0.0 < self.loading < 1.0 or self.loading_left is None:
             return ""
         return str(CompilationProgress(self.loading, self.loading_left))
@@ -357,7 +360,7 @@ class Runner:
         return None if not then or self._loop is None else max(0.0, self._loop.time() - then)
 
     def _look(self) -> tuple[Status, tuple[str, ...]]:
-        """Work out the status; log it where it has changed."""
+        """Compute the status; log it if it has changed."""
         failing = [task for task in (self._task, self._ticker) if task is not None and task.error]
         found = assess(
             Facts(
@@ -390,7 +393,7 @@ class Runner:
 
 
 def _degraded(estimate: bytes) -> str:
-    """Why an estimate is degraded; empty where it is not."""
+    """Return why an estimate is degraded; empty if it is not."""
     if b'"status":"degraded"' not in estimate[:200]:
         return ""
     return str(json.loads(estimate)["reason"])
@@ -410,7 +413,7 @@ async def _exit_code(process: BaseProcess) -> int | None:
 
 
 async def _ended(process: BaseProcess, at_once: bool) -> None:
-    """End the process and wait for it; needs neither threads nor files."""
+    """End the process and wait for it, without threads or files."""
     if process.pid is None:
         return
     if not at_once and await _exit_code(process) is None:

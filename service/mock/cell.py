@@ -1,4 +1,4 @@
-"""The cell that the mock stands for: the arm with its tool and mounting, and how its sensors read."""
+"""The simulated cell: the arm with its tool and mounting, and the properties of its sensors."""
 
 from dataclasses import dataclass, field, replace
 
@@ -21,12 +21,12 @@ S. Mikhel, "Practical Aspects of Model-Based Collision Detection", Frontiers in 
 
 @dataclass(frozen=True)
 class Cell:
-    """One arm in its place, with its sensors."""
+    """One arm in its cell, with its sensors."""
 
     robot: Robot
     """The arm."""
     tool: Tool | None
-    """What its flange carries."""
+    """Tool at the flange; None if there is none."""
     gravity: tuple[float, float, float]
     """Acceleration of free fall, base axes [m/s^2]."""
     base: WrenchMap
@@ -42,21 +42,21 @@ class Cell:
     torque_constants: np.ndarray
     """Joint torque per motor current, shape (n,) [Nm/A]."""
     drive: JointTorqueModel
-    """What the torque signal holds beside the arm's dynamics."""
+    """Components of the torque signal in addition to the arm's dynamics."""
     torque_sign: float
-    """1 where the signal is the actuator's torque, -1 where it is the load's."""
+    """1 if the signal is the torque of the actuator, -1 if it is that of the load."""
     torque_fields: tuple[str, ...] | None = None
-    """RTDE fields that carry the external torques, if others than the usual ones."""
+    """RTDE fields with the external torques, if they are not the usual ones."""
     by_difference: bool = False
-    """Whether the torques are actual less target current."""
+    """Whether the torques are computed from the actual minus the target current."""
     base_delay: float = 0.0
-    """How much later the sensor under the base reads [s]."""
+    """Delay of the readings of the sensor under the base [s]."""
     link_names: tuple[str, ...] = field(default=())
-    """Names of all links, the tool's last."""
+    """Names of all links; the tool is the last."""
 
     @classmethod
     def of_script(cls, script: Script) -> "Cell":
-        """An arm of the library on a table, with ideal sensors and the script's noise.
+        """Create a cell with an arm of the library on a table, with ideal sensors and the script's noise.
 
         Raises:
             ScriptError: There is no such robot.
@@ -83,7 +83,8 @@ class Cell:
 
     @classmethod
     def of_scene(cls, scene: Scene) -> "Cell":
-        """A user's own cell: arm, mounting, tool, and sensors with frame, sign, bias, friction and noise.
+        """Create a user's own cell: arm, mounting, tool, and sensors with frame, sign, bias, friction and
+        noise.
 
         Raises:
             ScriptError: The scene cannot be simulated: it has no base sensor, or motor currents without
@@ -120,7 +121,7 @@ class Cell:
         )
 
     def friction(self, qd: np.ndarray, gravity_torque: np.ndarray) -> np.ndarray:
-        """Torque that the drives' friction takes, shape (n,) [Nm].
+        """Friction torque of the drives, shape (n,) [Nm].
 
         Args:
             qd: Joint velocities, shape (n,) [rad/s].
@@ -142,7 +143,7 @@ def _constants(robot: Robot) -> np.ndarray:
 
 
 def _with_scene_inertia(scene: Scene) -> Robot:
-    """The scene's arm, with the masses and rotors that the scene gives."""
+    """Return the scene's arm with the masses and rotor inertias that the scene specifies."""
     known = scene.inertia or {}
     links = tuple(
         replace(link, inertia=known[link.name].inertia) if link.name in known else link

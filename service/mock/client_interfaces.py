@@ -1,4 +1,4 @@
-"""The primary, secondary and real-time interfaces of a UR controller: they take programs and send states.
+"""The primary, secondary and real-time interfaces of a UR controller: they receive programs and send states.
 
 Packages as in Universal Robots, "Remote Control via TCP/IP" (client interfaces 5.10): the version message at
 the beginning; robot states ten times a second, with the mode, the joints and the pose; on the real-time port
@@ -43,7 +43,7 @@ _REALTIME_FIELDS = (
     "target_TCP_pose",
     "target_TCP_speed",
 )
-"""What stands behind the time, six numbers each, in order."""
+"""Fields after the time, in order, six numbers each."""
 
 
 class ClientInterface(TcpServer):
@@ -52,7 +52,7 @@ class ClientInterface(TcpServer):
     Args:
         controller: The simulated controller.
         interface: Which one.
-        host, port: Where to listen; port 0: any free one.
+        host, port: Where to listen; port 0: any free port.
     """
 
     def __init__(
@@ -68,13 +68,13 @@ class ClientInterface(TcpServer):
         self.start()
 
     def greet(self, connection: Connection) -> None:
-        """Tell the version."""
+        """Send the version message."""
         self._readers[connection] = ProgramReader()
         if self._interface != "realtime":
             connection.send(version_message(self._controller.version))
 
     def receive(self, connection: Connection, data: bytes) -> None:
-        """Run what has come."""
+        """Run the programs that have arrived."""
         for program in self._readers[connection].feed(data):
             self._controller.robot.run(program)
 
@@ -95,7 +95,7 @@ class ClientInterface(TcpServer):
 
 
 def version_message(version: tuple[int, int, int, int]) -> bytes:
-    """Message that tells the software's version."""
+    """Message with the version of the software."""
     name = b"URControl"
     major, minor, bugfix, build = version
     body = struct.pack(">QBBB", 0, _CONTROLLER, _VERSION_MESSAGE, len(name)) + name

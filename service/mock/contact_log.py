@@ -1,4 +1,4 @@
-"""What the simulated arm ran into: for each contact with an obstacle its peak force, depth and way."""
+"""Log of collisions of the simulated arm with obstacles: peak force, depth and stopping distance of each."""
 
 import json
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from contactsense.service.mock.obstacles import Obstacle
 from contactsense.service.mock.physics.arm_simulation import ArmSimulation
 
 OVER = 0.1
-"""Time without touch after which a contact is over [s]."""
+"""Time without touch after which a contact has ended [s]."""
 
 
 @dataclass(slots=True)
@@ -19,25 +19,25 @@ class ContactRecord:
     """One contact of a link with an obstacle."""
 
     obstacle: str
-    """Name of the obstacle, or its kind."""
+    """Name of the obstacle; without a name, its kind."""
     link: str
     """The touched link."""
     start: float
-    """When they touched [s]."""
+    """Time of the first touch [s]."""
     end: float
-    """When they last touched [s]."""
+    """Time of the last touch [s]."""
     speed: float
-    """Speed of the contact point when they touched [m/s]."""
+    """Speed of the contact point at the first touch [m/s]."""
     peak_force: float = 0.0
     """Largest force [N]."""
     peak_time: float = 0.0
-    """When it was largest [s]."""
+    """Time of the largest force [s]."""
     peak_depth: float = 0.0
-    """Largest depth [m]."""
+    """Largest penetration depth [m]."""
     impulse: float = 0.0
     """Integral of the force [Ns]."""
     stopping_distance: float = 0.0
-    """How far the point of the link that touched first went on [m]."""
+    """Distance that the first touching point of the link moved after the touch [m]."""
 
 
 @dataclass(slots=True)
@@ -52,8 +52,8 @@ class ContactLog:
     """All contacts with obstacles since the beginning.
 
     Args:
-        obstacles: What stands in the way.
-        link_names: Names of all links, the tool's last.
+        obstacles: Obstacles in the cell.
+        link_names: Names of all links; the tool is the last.
     """
 
     def __init__(self, obstacles: Sequence[Obstacle], link_names: tuple[str, ...]) -> None:
@@ -61,10 +61,10 @@ class ContactLog:
         self._links = link_names
         self._open: dict[tuple[int, int], _Open] = {}
         self.records: list[ContactRecord] = []
-        """In the order in which they began."""
+        """Contacts in the order in which they began."""
 
     def note(self, now: float, arm: ArmSimulation) -> None:
-        """Take in the contacts of an instant.
+        """Record the contacts at one instant.
 
         Args:
             now: The instant [s].
@@ -108,6 +108,6 @@ class ContactLog:
         """Write all records to a JSON file.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The file cannot be written.
         """
         path.write_text(json.dumps([asdict(record) for record in self.records], indent=1) + "\n")

@@ -1,4 +1,4 @@
-"""A UR controller's side of RTDE: which fields it has, and what they hold at a time. No sockets."""
+"""A UR controller's side of RTDE: its fields and their values over time. No sockets."""
 
 import math
 from abc import ABC, abstractmethod
@@ -34,14 +34,14 @@ _CONSTANT: Mapping[str, tuple[Number, ...]] = {
 }
 
 Getter = Callable[[float], Sequence[Number]]
-"""From a time [s] to a field's numbers."""
+"""Returns the numbers of a field at a time [s]."""
 
 
 class Controller(ABC):
     """Values of RTDE output fields.
 
     Args:
-        version: Major, minor and bugfix version and build of the controller's software.
+        version: Version of the controller's software: major, minor, bugfix, build.
         t0: Time stamp at simulated time 0 [s].
     """
 
@@ -51,35 +51,35 @@ class Controller(ABC):
         self.t0 = t0
         self._values: dict[str, tuple[Number, ...]] = dict(_CONSTANT)
         self.inputs: dict[str, tuple[Number, ...]] = {}
-        """What clients wrote: input field -> its numbers."""
+        """Values that clients wrote: input field -> numbers."""
 
     @abstractmethod
     def moving_field(self, name: str) -> Getter | None:
-        """How to get a field that changes over time; None for one that does not."""
+        """Return the getter of a field that changes over time; None for a constant field."""
 
     def advance(self, t: float) -> None:  # noqa: B027
-        """Called when simulated time t [s] has come, with or without clients; a recorded motion needs no
+        """Advance to simulated time t [s]; called with or without clients. A recorded motion needs no
         steps."""
 
     def receive(self, inputs: Mapping[str, tuple[Number, ...]]) -> None:
-        """Take what a client wrote into input fields."""
+        """Process the values that a client wrote to input fields."""
         self.inputs.update(inputs)
 
     def set_output(self, name: str, values: Sequence[Number]) -> None:
-        """Give a field a value that stays, such as an output register."""
+        """Set a field, such as an output register, to a constant value."""
         self._values[name] = tuple(values)
 
     def output_types(self, names: Sequence[str]) -> list[str]:
-        """Type of each output field, `NOT_FOUND` where this version does not have it."""
+        """Type of each output field; `NOT_FOUND` if this version does not have it."""
         return [OUTPUTS[name] if available(name, self.version[:3]) else "NOT_FOUND" for name in names]
 
     @staticmethod
     def input_types(names: Sequence[str]) -> list[str]:
-        """Type of each input field, `NOT_FOUND` where there is none of that name."""
+        """Type of each input field; `NOT_FOUND` if there is none of that name."""
         return [INPUTS.get(name, "NOT_FOUND") for name in names]
 
     def packer(self, recipe: Recipe) -> Callable[[float], bytes]:
-        """A function from simulated time [s] to the data frame of that recipe."""
+        """Return a function that maps simulated time [s] to the data frame of that recipe."""
         getters = [self._getter(name) for name in recipe.names]
         stamped = recipe.slices["timestamp"] if "timestamp" in recipe.slices else slice(0, 0)
 

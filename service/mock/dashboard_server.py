@@ -1,4 +1,4 @@
-"""The dashboard server of a UR controller: commands a line, answers a line.
+"""The dashboard server of a UR controller: one command per line, one answer per line.
 
 Answers as in Universal Robots, "Dashboard Server e-Series, port 29999". The simulated robot is powered on,
 its brakes are released and it is in remote control.
@@ -24,7 +24,7 @@ class DashboardServer(TcpServer):
     Args:
         robot: The robot.
         version: Version of the controller's software.
-        host, port: Where to listen; port 0: any free one.
+        host, port: Where to listen; port 0: any free port.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class DashboardServer(TcpServer):
         self.start()
 
     def greet(self, connection: Connection) -> None:
-        """Say who we are."""
+        """Send the greeting."""
         connection.send(GREETING.encode() + b"\n")
 
     def receive(self, connection: Connection, data: bytes) -> None:
@@ -86,7 +86,7 @@ class DashboardServer(TcpServer):
             connection.closing = True
 
     def answer(self, line: str) -> str:
-        """What the dashboard says to a command, which it carries out."""
+        """Execute a command and return the answer of the dashboard."""
         command = line.lower()
         if command == "quit":
             return "Disconnected"

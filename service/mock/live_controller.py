@@ -1,4 +1,4 @@
-"""RTDE output fields of the simulated controller that lives."""
+"""RTDE output fields of the simulated controller that executes commands."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -17,11 +17,11 @@ _DIGITAL_OUTPUTS = {"standard_digital_output": 0, "configurable_digital_output":
 
 
 class LiveController(Controller):
-    """A controller whose arm obeys.
+    """A controller whose arm executes the commands of clients.
 
     Args:
         robot: The simulated robot.
-        version: Major, minor and bugfix version and build of the controller's software.
+        version: Version of the controller's software: major, minor, bugfix, build.
     """
 
     def __init__(self, robot: RobotController, version: tuple[int, int, int, int] = (5, 23, 0, 0)) -> None:
@@ -40,16 +40,16 @@ class LiveController(Controller):
             self._moving[name] = _component(number, lambda r: r.torque)
 
     def advance(self, t: float) -> None:
-        """Step the robot on to time t [s]."""
+        """Advance the robot to time t [s]."""
         self.robot.advance_to(t)
 
     def receive(self, inputs: Mapping[str, tuple[Number, ...]]) -> None:
-        """Take what a client wrote into input fields: registers, speed slider, outputs."""
+        """Process the values that a client wrote to input fields: registers, speed slider, outputs."""
         self.robot.receive(dict(inputs))
         self._set_digital_outputs(inputs)
 
     def moving_field(self, name: str) -> Getter | None:
-        """How to get a field from the robot's state."""
+        """Return the getter of a field from the robot's state."""
         get = self._moving.get(name)
         if name.startswith("output_") and "_register_" in name and get is None:
             return lambda _: self.robot.outputs.get(name) or self._values.get(name, (0,))
@@ -89,7 +89,7 @@ def tcp_pose(reading: Reading, controller: LiveController) -> np.ndarray:
 
 
 def _fields(controller: LiveController) -> dict[str, _FieldOfReading]:
-    """Field -> how it follows from the robot's state."""
+    """Field -> function that computes it from the robot's state."""
     cell = controller.robot.cell
     last = len(cell.robot.links) - 1
     constants = cell.torque_constants

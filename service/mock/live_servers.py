@@ -1,4 +1,4 @@
-"""A living controller on the wire, with all its interfaces, and the force/torque sensor under its base."""
+"""Servers of a simulated controller with all its interfaces, and of the force/torque sensor under the arm."""
 
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from contactsense.service.mock.servers import MockSettings
 
 @dataclass(frozen=True, slots=True)
 class InterfacePorts:
-    """Ports of the controller's further interfaces. 0: any free one; None: none."""
+    """Ports of the controller's further interfaces. 0: any free port; None: interface disabled."""
 
     dashboard: int | None = DASHBOARD
     primary: int | None = PRIMARY
@@ -29,7 +29,7 @@ class InterfacePorts:
 
     @classmethod
     def free(cls) -> "InterfacePorts":
-        """All of them, each on a free port."""
+        """Return settings with all interfaces enabled, each on a free port."""
         return cls(0, 0, 0, 0)
 
 
@@ -40,10 +40,10 @@ class LiveServers:
         robot: The simulated robot.
         settings: Where to listen; `loop` is the robot's.
         ports: Further interfaces.
-        clock: Simulated time; default: it begins now.
+        clock: Simulated time; by default it starts now.
 
     Raises:
-        OSError: A port is taken.
+        OSError: A port is in use.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class LiveServers:
         self.rtde.say(message, source="mock")
 
     def close(self) -> None:
-        """Stop all of them."""
+        """Stop all servers."""
         self._stack.close()
 
     def __enter__(self) -> "LiveServers":

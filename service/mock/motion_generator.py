@@ -8,18 +8,18 @@ import numpy as np
 from contactsense.service.mock.script import Trajectory
 
 TIME_SCALING = 4.0
-"""How fast the speed fraction follows the slider, a pause or a resumption [1/s]."""
+"""Rate at which the speed fraction follows the slider, a pause or a resumption [1/s]."""
 APPROACH_SPEED = 0.8
-"""Joint speed at which the arm returns to its trajectory [rad/s]."""
+"""Joint speed during the return to the trajectory [rad/s]."""
 APPROACH_ACCELERATION = 2.0
-"""Joint acceleration meanwhile [rad/s^2]."""
+"""Joint acceleration during the return to the trajectory [rad/s^2]."""
 
 
 class _Motion(Protocol):
     done: bool
 
     def step(self, dt: float) -> np.ndarray:
-        """Target positions, velocities and accelerations `dt` later, shape (3, n)."""
+        """Advance by `dt` [s]; returns target positions, velocities and accelerations, shape (3, n)."""
 
 
 class Path:
@@ -35,7 +35,7 @@ class Path:
             time += move.duration + move.dwell
         self._postures, self._spans, self._begins = postures, spans, begins
         self.duration = trajectory.duration
-        """Length [s]."""
+        """Duration [s]."""
 
     def at(self, s: float) -> np.ndarray:
         """Positions [rad], velocities and accelerations in trajectory time at time s [s], shape (3, n)."""
@@ -48,13 +48,13 @@ class Path:
 
 
 def quintic(start: np.ndarray, way: np.ndarray, span: float, t: float) -> np.ndarray:
-    """Positions, velocities and accelerations of a move at rest at both ends, shape (3, n).
+    """Positions, velocities and accelerations of a quintic move, at rest at both ends, shape (3, n).
 
     Args:
-        start: Where it begins, shape (n,) [rad].
-        way: How far it goes, shape (n,) [rad].
-        span: How long it takes [s].
-        t: Time since its beginning [s].
+        start: Joint positions at the beginning, shape (n,) [rad].
+        way: Displacements of the joints, shape (n,) [rad].
+        span: Duration of the move [s].
+        t: Time since the beginning of the move [s].
     """
     u = min(max(t / span, 0.0), 1.0)
     return np.array(
@@ -77,7 +77,8 @@ class _Hold:
 
 
 class _Stop:
-    """All joints to rest in a straight line, the fastest one with the given deceleration, as `stopj`."""
+    """Brings all joints to rest along a straight line in joint space, the fastest one with the given
+    deceleration, like `stopj`."""
 
     def __init__(self, target: np.ndarray, deceleration: float) -> None:
         self._q, self._qd = target[0].copy(), target[1].copy()
@@ -101,12 +102,12 @@ class _Stop:
 
 
 class _Move:
-    """To a posture, at rest at both ends."""
+    """Moves to a posture, at rest at both ends."""
 
     def __init__(self, start: np.ndarray, end: np.ndarray, speed: float, acceleration: float) -> None:
         self._start, self._way = start.copy(), end - start
         far = float(np.abs(self._way).max())
-        # Peaks of a quintic: 15/8 of the mean speed, 10/sqrt(3) of way over time squared.
+        # Peaks of a quintic: 15/8 of the mean speed, 10/sqrt(3) of displacement over time squared.
         self._span = max(1.875 * far / speed, (10.0 / 3.0**0.5 * far / acceleration) ** 0.5, 1e-3)
         self._t = 0.0
         self.done = False
@@ -118,11 +119,11 @@ class _Move:
 
 
 class MotionGenerator:
-    """Target of the joints, step by step.
+    """Generates the target of the joints step by step.
 
     Args:
-        trajectory: The script's.
-        loop: Begin anew after its end.
+        trajectory: Trajectory of the script.
+        loop: Whether to repeat the trajectory after its end.
     """
 
     def __init__(self, trajectory: Trajectory, *, loop: bool = False) -> None:
@@ -134,9 +135,9 @@ class MotionGenerator:
         self.target = self._path.at(0.0)
         """Target positions [rad], velocities and accelerations now, shape (3, n)."""
         self.fraction = 0.0
-        """Present share of the trajectory's own speed."""
+        """Present fraction of the trajectory's own speed."""
         self.wanted = 1.0
-        """Share that is wanted: the speed slider, or 0 for a pause."""
+        """Requested fraction: the speed slider, or 0 for a pause."""
 
     @property
     def at_rest(self) -> bool:
@@ -154,7 +155,7 @@ class MotionGenerator:
         self.follow()
 
     def follow(self) -> None:
-        """Follow the trajectory from where it was left; first move back to there."""
+        """Move back to the point where the trajectory was interrupted, then continue it from there."""
         there = self._path.at(self._time)[0]
         self._following = True
         if np.abs(there - self.target[0]).max() > 1e-9:
@@ -162,22 +163,22 @@ class MotionGenerator:
             self.fraction = 0.0
         else:
             self._motion = _Hold(there)
-            # From rest at a standstill of the trajectory there is nothing to accelerate.
+            # At rest where the trajectory is at rest too, there is nothing to accelerate.
             self.fraction = self.wanted if not self._path.at(self._time)[1:].any() else 0.0
 
     def stop(self, deceleration: float) -> None:
-        """Come to rest, the fastest joint at this deceleration [rad/s^2]; then hold."""
+        """Stop, the fastest joint with this deceleration [rad/s^2]; then hold the position."""
         self._following = False
         self._motion = _Stop(self.target, deceleration)
         self.fraction = 0.0
 
     def move(self, q: np.ndarray, speed: float, acceleration: float) -> None:
-        """Move to a posture [rad], from rest, at most so fast [rad/s] and accelerated so much [rad/s^2]."""
+        """Move to a posture [rad] from rest, up to the given speed [rad/s] and acceleration [rad/s^2]."""
         self._following = False
         self._motion = _Move(self.target[0], q, speed, acceleration)
 
     def step(self, dt: float) -> None:
-        """Go on by `dt` [s]."""
+        """Advance by `dt` [s]."""
         if not self._following or not self._motion.done:
             self.target = self._motion.step(dt)
             return

@@ -1,6 +1,6 @@
-"""An ATI Net F/T sensor as clients see it: RDT over UDP and the configuration page over HTTP.
+"""Simulates an ATI Net F/T sensor for its clients: RDT over UDP and the configuration page over HTTP.
 
-It stands under the base of the simulated arm and reads on the same clock as the RTDE server.
+The sensor is under the base of the simulated arm and uses the same clock as the RTDE server.
 """
 
 import select
@@ -19,27 +19,28 @@ from contactsense.service.wire import netft as wire
 
 
 class _Stream:
-    """What one client has asked for."""
+    """The stream that one client has requested."""
 
     def __init__(self, count: int) -> None:
         self.sequence = 0
-        self.left = count  # 0: without end
+        self.left = count  # 0: unlimited
 
 
 class NetFtServer:
     """Serves a sensor's readings to any number of RDT clients.
 
     Args:
-        reading: What the sensor reads at a simulated time [s]: force then moment, shape (6,) [N, Nm].
+        reading: Returns the sensor's reading at a simulated time [s]: force then moment, shape (6,) [N, Nm].
         clock: Simulated time, shared with the robot.
         host: Address to listen on.
-        port: UDP port; 0: any free one, see `port`.
-        http_port: TCP port of the configuration page; 0: any free one, see `http_port`.
-        rate: Readings a second [Hz].
+        port: UDP port; 0: any free port, see `port`.
+        http_port: TCP port of the configuration page; 0: any free port, see `http_port`.
+        rate: Readings per second [Hz].
         configuration: Counts per unit and units (`N`, `Nm` or `Nmm`).
-        limits: Largest force and moment component that can be read [N, Nm]; readings beyond are marked bad.
-        delay: How much later than the instant of its values a record leaves [s].
-        clock_scale: By what factor the sensor's clock runs too fast.
+        limits: Largest force and moment component in the sensor's range [N, Nm]; readings beyond it are
+            marked as invalid.
+        delay: Delay between the instant of the values and the sending of their record [s].
+        clock_scale: Factor by which the sensor's clock is too fast.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class NetFtServer:
         self.mute = False
         """Set to send no readings and answer no requests."""
         self.status = 0
-        """Status word of all records; set it to a nonzero one to have them marked bad."""
+        """Status word of all records; a nonzero value marks them as invalid."""
         self._streams: dict[tuple[str, int], _Stream] = {}
         self._stopping = threading.Event()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -97,11 +98,11 @@ class NetFtServer:
 
     @property
     def clients(self) -> int:
-        """How many clients are being sent to."""
+        """Number of clients that receive records."""
         return len(self._streams)
 
     def close(self) -> None:
-        """Stop."""
+        """Stop the server."""
         self._stopping.set()
         self._http.shutdown()
         for thread in self._threads:
@@ -123,7 +124,7 @@ class NetFtServer:
                 time.sleep(0.2)
                 self._read()
             if not self._streams:
-                # Nobody listens: no need to wake up for every reading.
+                # No clients: no need to wake up for every reading.
                 select.select([self._socket], [], [], 0.1)
                 self._read()
                 k = max(k, int(self._clock.now() * self._rate) + 1)
@@ -166,7 +167,7 @@ class NetFtServer:
             try:
                 self._socket.sendto(record.encode(), address)
             except BlockingIOError:
-                continue  # as on a real network: a datagram that finds no room is lost
+                continue  # as on a real network: a datagram that does not fit the buffer is lost
             except OSError:
                 self._streams.pop(address, None)
                 continue
@@ -178,7 +179,7 @@ class NetFtServer:
 def _page_server(host: str, port: int, page: bytes) -> ThreadingHTTPServer:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            """Answer with the configuration page, or that there is none."""
+            """Answer with the configuration page, or with 404."""
             found = self.path == wire.CONFIGURATION_PATH
             body = page if found else b""
             with suppress(ConnectionError):  # the client did not wait for the answer
@@ -189,7 +190,7 @@ def _page_server(host: str, port: int, page: bytes) -> ThreadingHTTPServer:
                 self.wfile.write(body)
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Say nothing."""
+            """Log nothing."""
 
     server = ThreadingHTTPServer((host, port), Handler)
     server.daemon_threads = True

@@ -1,8 +1,8 @@
-"""Inverse dynamics of the simulated arm: Newton and Euler, link by link, each body in its own axes.
+"""Inverse dynamics of the simulated arm: Newton-Euler, link by link, each body in its own axes.
 
-Plain numpy over whole trajectories, straight from a `Robot`'s data. It shares no line and no frame with
-`kinematics` (which works with screws about the base origin), so that a sign error in the estimator cannot
-cancel here. Follows Luh, Walker & Paul, "On-line computational scheme for mechanical manipulators", 1980.
+Plain numpy over whole trajectories, directly from the data of a `Robot`. It shares no code and no frames with
+`kinematics` (which uses screws about the base origin), so that a sign error in the estimator cannot cancel
+here. Follows Luh, Walker & Paul, "On-line computational scheme for mechanical manipulators", 1980.
 """
 
 from collections.abc import Sequence
@@ -14,10 +14,10 @@ from contactsense.robots import Robot
 
 
 class LinkLoad(NamedTuple):
-    """A wrench that the surroundings put on one link over time, in that link's axes."""
+    """A wrench that the environment exerts on one link over time, in the axes of that link."""
 
     link: int
-    """Number of the link, the base being 0."""
+    """Number of the link (base: 0)."""
     force: np.ndarray
     """Force on the link [N], shape (N, 3)."""
     moment: np.ndarray
@@ -25,14 +25,15 @@ class LinkLoad(NamedTuple):
 
 
 def joint_rotations(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
-    """Orientation of each joint's link in the link before it.
+    """Orientation of each joint's link relative to its parent link.
 
     Args:
         robot: The arm.
         q: Joint positions [rad]. Shape (N, n).
 
     Returns:
-        One array of shape (N, 3, 3) per joint: a vector in the link's axes -> the same in its parent's.
+        One array of shape (N, 3, 3) per joint, which transforms a vector from the link's axes to its
+        parent's.
     """
     rotations = []
     for joint, angle in zip(robot.joints, q.T, strict=True):
@@ -45,7 +46,7 @@ def joint_rotations(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
 
 
 def link_poses(robot: Robot, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where all links are.
+    """Poses of all links.
 
     Args:
         robot: The arm.
@@ -72,14 +73,14 @@ def inverse_dynamics(
     loads: Sequence[LinkLoad] = (),
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What joint torque sensors and a force/torque sensor under the base would read.
+    """Ideal readings of joint torque sensors and of a force/torque sensor under the base.
 
     Args:
         robot: The arm.
         q: Joint positions [rad]. Shape (N, n).
         qd: Joint velocities [rad/s]. Shape (N, n).
         qdd: Joint accelerations [rad/s^2]. Shape (N, n).
-        loads: Wrenches on the links from outside.
+        loads: External wrenches on the links.
         gravity: Acceleration of free fall, base axes [m/s^2].
 
     Returns:
@@ -91,8 +92,8 @@ def inverse_dynamics(
 
     omega = np.zeros((samples, 3))
     alpha = np.zeros((samples, 3))
-    accel = np.tile(-np.array(gravity), (samples, 1))  # a base held against free fall
-    force, moment = [], []  # what each body needs from all that touches it, about its link frame's origin
+    accel = np.tile(-np.array(gravity), (samples, 1))  # equivalent to gravity
+    force, moment = [], []  # total wrench on each body, about its link frame's origin
     for index, link in enumerate(robot.links):
         if index > 0:
             joint, to_parent = robot.joints[index - 1], rotations[index - 1]
@@ -126,6 +127,6 @@ def inverse_dynamics(
 
 
 def _turn(rotation: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Each vector by its own rotation: (N, 3, 3), (N, 3) -> (N, 3)."""
+    """Rotate each vector by its own rotation: (N, 3, 3), (N, 3) -> (N, 3)."""
     turned: np.ndarray = np.einsum("nij,nj->ni", rotation, vector)
     return turned

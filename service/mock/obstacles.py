@@ -1,4 +1,4 @@
-"""Obstacles in the simulated arm's way, as a script describes them: elastic bodies that stand still."""
+"""Obstacles near the simulated arm, as a script describes them: elastic bodies that do not move."""
 
 from typing import Annotated, Literal
 
@@ -11,11 +11,11 @@ class _Obstacle(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: str = ""
-    """What reports call it; default: its kind."""
+    """Name in reports; default: its kind."""
     stiffness: PositiveFloat = 20_000.0
-    """Normal force per depth [N/m]."""
+    """Normal force per penetration depth [N/m]."""
     damping: NonNegativeFloat = 100.0
-    """Further normal force per speed of approach [Ns/m]; the obstacle never pulls."""
+    """Additional normal force per speed of approach [Ns/m]; the obstacle never pulls."""
     friction: NonNegativeFloat = 0.0
     """Coefficient of Coulomb friction."""
 
@@ -25,7 +25,7 @@ class HalfSpace(_Obstacle):
 
     kind: Literal["half_space"] = "half_space"
     point: Vector
-    """A point of the plane, base frame [m]."""
+    """A point on the plane, base frame [m]."""
     normal: Vector
     """Outward normal, base axes; any length."""
 
@@ -45,7 +45,7 @@ class BoxObstacle(_Obstacle):
     rpy: Vector = (0.0, 0.0, 0.0)
     """Orientation in the base frame: roll, pitch, yaw about fixed x, y, z [rad]."""
     half: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
-    """Half edge lengths, rounding included [m]."""
+    """Half of the edge lengths, rounding included [m]."""
     rounding: PositiveFloat = 0.01
     """Radius of edges and corners [m]."""
 

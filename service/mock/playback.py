@@ -1,4 +1,4 @@
-"""What the mock servers serve: a recorded motion, and the one clock that says which sample is due."""
+"""Data of the mock servers: a recorded motion, and the common clock that determines which sample is due."""
 
 import time
 from typing import Protocol
@@ -9,12 +9,12 @@ NS = 1_000_000_000
 
 
 class Feed(Protocol):
-    """Readings of a simulated arm over one run, N samples, 6 joints.
-    `contactsense.service.mock.simulated_arm.Motion` is one."""
+    """Readings of a simulated arm over one run, N samples, 6 joints; implemented by
+    `contactsense.service.mock.simulated_arm.Motion`."""
 
     @property
     def rate(self) -> float:
-        """Samples a second [Hz]."""
+        """Samples per second [Hz]."""
 
     @property
     def t(self) -> np.ndarray:
@@ -38,7 +38,7 @@ class Feed(Protocol):
 
 
 class SimClock:
-    """Simulated time runs with the host's monotonic clock from a start on, the same for all servers.
+    """Simulated time: runs with the host's monotonic clock from a start time, the same for all servers.
 
     Args:
         start_ns: Host time at which simulated time is 0; default: now.
@@ -57,18 +57,19 @@ class SimClock:
 
     @staticmethod
     def sleep_until(deadline_ns: int) -> None:
-        """Sleep to an absolute host time; returns at once where it has passed."""
+        """Sleep until an absolute host time; returns at once if it has passed."""
         remaining = deadline_ns - time.monotonic_ns()
         if remaining > 0:
             time.sleep(remaining / NS)
 
 
 class Playback:
-    """Which sample of a feed is due at a simulated time: past the end the last one stays, or all begins anew.
+    """Determines which sample of a feed is due at a simulated time. After the end, the last sample stays or
+    the feed repeats.
 
     Args:
         feed: The motion.
-        loop: Begin anew after the end; time stamps go on.
+        loop: Whether to repeat the feed after its end; time stamps continue to increase.
     """
 
     def __init__(self, feed: Feed, *, loop: bool = False) -> None:
@@ -82,17 +83,17 @@ class Playback:
         return position % self._n if self._loop else min(position, self._n - 1.0)
 
     def index(self, t: float) -> int:
-        """Number of the sample next to simulated time `t`."""
+        """Number of the sample nearest to simulated time `t`."""
         return min(round(self.position(t)), self._n - 1)
 
 
 class PlaybackWrench:
-    """What a sensor under the base reads over a recorded motion, interpolated between its samples.
+    """Readings of a sensor under the base over a recorded motion, interpolated between samples.
 
     Args:
         feed: The motion.
-        playback: Which sample is due when.
-        to_sensor: Sensor's reading = `to_sensor` @ base wrench, shape (6, 6); default: both are the same.
+        playback: Determines which sample is due.
+        to_sensor: Sensor's reading = `to_sensor` @ base wrench, shape (6, 6); default: identity.
     """
 
     def __init__(self, feed: Feed, playback: Playback, to_sensor: np.ndarray | None = None) -> None:

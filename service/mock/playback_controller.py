@@ -1,4 +1,4 @@
-"""RTDE output fields off a recorded motion."""
+"""RTDE output fields from a recorded motion."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,18 +12,18 @@ from contactsense.service.wire.rtde_fields import OUTPUTS, WIDTHS
 
 
 class PlaybackController(Controller):
-    """A controller whose arm repeats a recorded motion, whatever clients ask of it.
+    """A controller whose arm plays a recorded motion and ignores the commands of clients.
 
     Args:
         feed: The motion.
-        playback: Which sample is due when.
-        version: Major, minor and bugfix version and build of the controller's software.
-        torque_constants: Newton metres per ampere, for the field `actual_current`, shape (6,).
-        fields: Values of further fields, or others than usual: numbers that stay, shape (width,), or a row
-            per sample, shape (N,) or (N, width).
+        playback: Determines which sample is due.
+        version: Version of the controller's software: major, minor, bugfix, build.
+        torque_constants: Joint torque per motor current for the field `actual_current`, shape (6,) [Nm/A].
+        fields: Values of additional fields, or values that replace the usual ones: constant, shape (width,),
+            or one row per sample, shape (N,) or (N, width).
 
     Raises:
-        ValueError: The motion is not one of 6 joints, or `fields` holds an unknown name or a wrong shape.
+        ValueError: The motion does not have 6 joints, or `fields` contains an unknown name or a wrong shape.
     """
 
     def __init__(
@@ -69,19 +69,19 @@ class PlaybackController(Controller):
             )
 
     def set_output(self, name: str, values: Sequence[Number]) -> None:
-        """Give a field a value that stays, such as an output register."""
+        """Set a field, such as an output register, to a constant value."""
         self._columns.pop(name, None)
         super().set_output(name, values)
 
     def moving_field(self, name: str) -> Getter | None:
-        """How to get a field of the recorded motion."""
+        """Return the getter of a field of the recorded motion."""
         column = self._columns.get(name)
         if column is None:
             return None
         rows: np.ndarray = column
 
         def get(t: float) -> Sequence[Number]:
-            # A field that is set while clients read it stays so from then on.
+            # A field that is set while clients read it keeps that value.
             if name not in self._columns:
                 return self._values[name]
             row: list[Number] = rows[self._playback.index(t)].tolist()

@@ -1,4 +1,4 @@
-"""Carries out a program that a client sent, statement by statement."""
+"""Executes a program from a client, statement by statement."""
 
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,7 @@ _STOP_DECELERATION = 2.0
 
 
 class Command(IntEnum):
-    """Commands of ur_rtde's control interface that the mock carries out, as its control script numbers
-    them."""
+    """Commands of ur_rtde's control interface that the mock executes, numbered as in its control script."""
 
     MOVEJ = 1
     PROTECTIVE_STOP = 31
@@ -27,11 +26,11 @@ class Command(IntEnum):
 
 
 class ProgramRunner:
-    """One program on its way.
+    """A running program.
 
     Args:
-        program: What to do.
-        controller: Who does it.
+        program: The program to execute.
+        controller: The controller that executes it.
     """
 
     def __init__(self, program: Program, controller: "RobotController") -> None:
@@ -45,11 +44,11 @@ class ProgramRunner:
 
     @property
     def decelerates(self) -> bool:
-        """Whether it begins by stopping the arm itself."""
+        """Whether the program itself begins by stopping the arm."""
         return bool(self._waiting) and self._waiting[0].name in ("stopj", "stopl")
 
     def step(self, dt: float) -> None:
-        """Do what can be done now, `dt` [s] after the step before."""
+        """Execute the statements that are due, `dt` [s] after the previous step."""
         if self._interface is not None:
             self._interface.step()
             self.done = self._interface.done
@@ -110,10 +109,10 @@ class ProgramRunner:
 
 
 class ControlInterface:
-    """The program of ur_rtde's control interface, which takes commands out of input registers.
+    """The program of ur_rtde's control interface, which reads commands from input registers.
 
-    A command is a number in the first integer register; it is done when the first integer output register
-    says 2, and the next may come when the command is 0 again and the register says 1.
+    A command is a number in the first integer register. It is done when the first integer output register is
+    2. The next command may follow when the command is 0 again and the output register is 1.
     """
 
     def __init__(self, program: Program, controller: "RobotController") -> None:
@@ -125,7 +124,7 @@ class ControlInterface:
         self._answer(1)
 
     def step(self) -> None:
-        """Look at the registers."""
+        """Read the registers and execute a new command."""
         command = int(self._integer(0))
         if command == 0:
             self._running = self._begun = False

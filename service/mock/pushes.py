@@ -7,12 +7,13 @@ from contactsense.service.mock.script import Contact, Script
 
 
 class ScriptedPushes:
-    """The script's contacts, by the controller's clock: whoever touches the arm does not wait for it.
+    """The script's contacts, timed by the controller's clock: they do not depend on the progress of the
+    motion.
 
     Args:
-        script: What happens when.
-        link_names: Names of all links, the tool's last.
-        loop: Begin anew after the script's end.
+        script: The script with the contacts.
+        link_names: Names of all links; the tool is the last.
+        loop: Whether to repeat the contacts after the script's end.
     """
 
     def __init__(self, script: Script, link_names: tuple[str, ...], *, loop: bool = False) -> None:
@@ -20,7 +21,7 @@ class ScriptedPushes:
         self._period = script.duration if loop else None
 
     def at(self, t: float, rotations: np.ndarray) -> list[Push]:
-        """Wrenches at a time.
+        """Return the wrenches at a given time.
 
         Args:
             t: Time since the beginning [s].
@@ -35,7 +36,7 @@ class ScriptedPushes:
 
 
 def level(since: float, duration: float, ramp: float) -> float:
-    """Share of the full force at a time since the onset: 0 outside, raised cosine ramps, 1 in between."""
+    """Fraction of the full force at a time since the onset: 0 outside, raised cosine ramps, 1 in between."""
     edge = min(since, duration - since)  # distance to the nearer end
     if edge < 0.0:
         return 0.0
@@ -49,7 +50,7 @@ def _push(contact: Contact, link: int, share: float, rotation: np.ndarray) -> Pu
         force = -contact.push * normal
     elif contact.force_link is not None:
         force = np.array(contact.force_link)
-    else:  # fixed in space while the link turns beneath it
+    else:  # fixed in space while the link rotates
         force = rotation.T @ np.array(contact.force_base)
     moment = np.cross(contact.point, force) + contact.torsion * normal
     return Push(link, share * force, share * moment)

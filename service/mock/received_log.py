@@ -1,4 +1,4 @@
-"""When the mock received each register write of a reaction: where a latency measurement ends."""
+"""Times at which the mock received the register writes of reactions: the end of a latency measurement."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,15 +7,15 @@ from contactsense.service.mock.sent_log import SentLog
 from contactsense.service.wire.recipe import Number
 
 CODE, TIME = "input_int_register_47", "input_double_register_46"
-"""Inputs that carry the reaction's code and the time of the sample that it is about."""
+"""Input fields with the reaction's code and the time of the sample that caused it."""
 
 
 class ReceivedLog:
     """Host times at which a nonzero code first arrived for each sample, shared through a file.
 
     Args:
-        path: The file, laid out as a `SentLog`.
-        rate: Samples a second [Hz].
+        path: The file; same layout as a `SentLog`.
+        rate: Samples per second [Hz].
         t0: Time stamp of sample 0 [s].
     """
 
@@ -23,7 +23,7 @@ class ReceivedLog:
         self._log, self._rate, self._t0 = SentLog(path, rate=rate, t0=t0), rate, t0
 
     def note(self, inputs: Mapping[str, Sequence[Number]], host_ns: int) -> None:
-        """Inputs have been written at this host time."""
+        """Record that inputs were written at this host time."""
         code, stamp = inputs.get(CODE), inputs.get(TIME)
         if code and stamp and code[0] and not self._log.left_ns(float(stamp[0])):
             self._log.note(round((float(stamp[0]) - self._t0) * self._rate), host_ns)

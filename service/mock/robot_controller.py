@@ -1,7 +1,7 @@
-"""The simulated controller: program, safety and arm, one step a millisecond on a clock of its own.
+"""The simulated controller: program, safety and arm, one step per millisecond on its own clock.
 
-Whoever asks for the state at a time makes it step to there; commands of clients act from the next step on.
-Between two commands everything is determined by the script.
+A request for the state at a given time advances the simulation to that time. Commands of clients take effect
+with the next step. Between two commands the script determines everything.
 """
 
 import threading
@@ -24,11 +24,11 @@ from contactsense.service.mock.surface_check import check_contacts
 from contactsense.service.mock.urscript import Program
 
 KEPT = 4096
-"""States that are kept for those who ask late."""
+"""Number of past states that are kept for late requests."""
 STOP_DECELERATION = 5.0
-"""Of the fastest joint when a program ends or is stopped in motion [rad/s^2]."""
+"""Deceleration of the fastest joint when a program ends or is stopped in motion [rad/s^2]."""
 UNLOCK_AFTER = 5.0
-"""Time after which a protective stop may be unlocked, as UR's controllers demand [s]."""
+"""Time after which a protective stop may be unlocked, as on UR's controllers [s]."""
 
 
 class RobotController:
@@ -36,8 +36,8 @@ class RobotController:
 
     Args:
         cell: Arm, tool, mounting, sensors.
-        script: What it does and what happens to it.
-        loop: Begin the trajectory anew after its end.
+        script: Its motion and the contacts on it.
+        loop: Whether to repeat the trajectory after its end.
 
     Raises:
         ScriptError: The script does not fit the arm.
@@ -47,7 +47,7 @@ class RobotController:
         self.cell = cell
         self.script = script
         self.lock = threading.RLock()
-        """Held while the state is read or changed."""
+        """Must be held while the state is read or changed."""
         check_trajectory(script, cell.robot)
         self.motion = MotionGenerator(script.trajectory, loop=loop)
         self.arm = ArmSimulation(
@@ -61,7 +61,7 @@ class RobotController:
         _check_start(self.arm, script, cell)
         self._pushes = ScriptedPushes(script, cell.link_names, loop=loop)
         self.contacts = ContactLog(script.obstacles, cell.link_names)
-        """What has been touched."""
+        """Log of the contacts with obstacles."""
         self._chance = np.random.default_rng(script.noise.seed)
         self._steps = 0
         self.runtime = RuntimeState.STOPPED
@@ -70,13 +70,13 @@ class RobotController:
         self._force_since: float | None = None
         self.slider = 1.0
         self.popup = ""
-        """Text of the popup that is shown; empty: none."""
+        """Text of the displayed popup; empty if there is none."""
         self.log: deque[str] = deque(maxlen=1000)
-        """Messages of the controller and of clients."""
+        """Messages from the controller and from clients."""
         self.on_message: list[Callable[[str], None]] = []
-        """Called with every message."""
+        """Functions that are called with every message."""
         self.inputs: dict[str, tuple[Any, ...]] = {}
-        """What clients wrote: input field -> its numbers."""
+        """Values that clients wrote: input field -> numbers."""
         self.outputs: dict[str, tuple[Any, ...]] = {}
         """Output registers that programs wrote."""
         self._written: dict[str, float] = {}
@@ -89,19 +89,19 @@ class RobotController:
 
     @property
     def now(self) -> float:
-        """Time since the beginning [s]."""
+        """Simulated time since the start [s]."""
         return self._steps * STEP
 
     def advance_to(self, t: float) -> None:
-        """Step on until time t [s]."""
+        """Advance the simulation to time t [s]."""
         while self._steps * STEP < t - 0.5 * STEP:
-            # A lock of its own for each step: commands need not wait until a backlog is worked off.
+            # Lock each step separately: commands need not wait until a backlog is processed.
             with self.lock:
                 self._step()
 
     def at(self, t: float) -> Reading:
-        """State at a time [s], which is stepped to; the oldest or newest kept one where t is not among
-        them."""
+        """Advance to time t [s] and return the state at t, or the oldest or latest stored one if t is
+        beyond."""
         self.advance_to(t)
         with self.lock:
             back = self._steps - round(t / STEP)
@@ -155,22 +155,22 @@ class RobotController:
 
     @property
     def deviation(self) -> float:
-        """Share of the deviation from the target that makes a protective stop."""
+        """Deviation from the target as a fraction of the limit for a protective stop."""
         off = np.abs(self.arm.target[0] - self.arm.q).max()
         return float(off) / self.script.safety.position_deviation
 
     @property
     def collision(self) -> float:
-        """Share of the external force that makes a protective stop; 0 where there is no limit."""
+        """External force as a fraction of the limit for a protective stop; 0 if there is no limit."""
         limit = self.script.safety.force_limit
         return 0.0 if limit is None else float(np.linalg.norm(self.arm.external_wrench[:3])) / limit
 
     def set_watchdog(self, watchdog: Watchdog) -> None:
-        """Expect an input to be written from now on."""
+        """Start a watchdog, which requires that an input is written regularly."""
         self.watchdog, self._watched_since = watchdog, self.now
 
     def receive(self, inputs: dict[str, tuple[Any, ...]]) -> None:
-        """Values that a client wrote into input fields."""
+        """Process the values that a client wrote to input fields."""
         with self.lock:
             self.inputs.update(inputs)
             self._written.update(dict.fromkeys(inputs, self.now))
@@ -178,14 +178,14 @@ class RobotController:
                 self.set_speed(float(inputs["speed_slider_fraction"][0]))
 
     def set_speed(self, fraction: float) -> None:
-        """Move the speed slider, to 0 to 1."""
+        """Set the speed slider to a fraction from 0 to 1."""
         with self.lock:
             self.slider = min(max(fraction, 0.0), 1.0)
             if self.runtime is RuntimeState.PLAYING:
                 self.motion.wanted = self.slider
 
     def play(self) -> bool:
-        """Start the script's trajectory, or go on where it was paused; whether that could be done."""
+        """Start the script's trajectory, or resume it after a pause; returns whether that was possible."""
         with self.lock:
             if self.protective:
                 return False
@@ -199,7 +199,7 @@ class RobotController:
             return True
 
     def pause(self) -> bool:
-        """Bring the arm to rest on its way; whether a program runs."""
+        """Pause the motion along its path; returns whether a program runs."""
         with self.lock:
             if self.runtime is not RuntimeState.PLAYING:
                 return False
@@ -210,7 +210,7 @@ class RobotController:
             return True
 
     def stop(self, deceleration: float = STOP_DECELERATION) -> None:
-        """Stop the program and the arm, its fastest joint at that deceleration [rad/s^2]."""
+        """Stop the program and the arm, its fastest joint with this deceleration [rad/s^2]."""
         with self.lock:
             self._runner = None
             self.motion.stop(deceleration)
@@ -228,19 +228,19 @@ class RobotController:
             self.send_message(f"protective stop: {reason}")
 
     def unlock(self) -> bool:
-        """Release a protective stop; whether it may be released yet."""
+        """Release a protective stop; returns False if that is not permitted yet."""
         with self.lock:
             if self.protective and self.now - self._protective_since < UNLOCK_AFTER:
                 return False
             self.protective = False
-            # What holds the arm off its target would stop it again at once: take its place for the target.
+            # An obstacle that keeps the arm off its target would stop it again: use its position as target.
             self.motion.target = np.vstack([self.arm.q, np.zeros((2, len(self.arm.q)))])
             self.motion.stop(STOP_DECELERATION)
             return True
 
     def run(self, program: Program) -> None:
-        """Run a program that a client sent: a `def` or a single line instead of the running one, a `sec`
-        beside it."""
+        """Run a program from a client: a `def` or a single line replaces the running program, a `sec` runs in
+        parallel to it."""
         with self.lock:
             for line in program.unknown:
                 self.send_message(f"program {program.name}: the mock does not simulate `{line}`")

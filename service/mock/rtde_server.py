@@ -1,8 +1,8 @@
-"""A UR controller's RTDE server as clients see it, serving a simulated controller at 500 Hz.
+"""RTDE server of a simulated UR controller at 500 Hz.
 
-Two threads: one accepts clients and answers requests, one sends the packets on absolute deadlines
-(`time.sleep` keeps them within some tenths of a millisecond, asyncio's clock does not). Every packet due is
-sent, late ones at once, so a stall of the host shows up as lateness, never as a missing sample.
+Two threads: one accepts clients and answers requests, the other sends packets at absolute deadlines
+(`time.sleep` meets them within some tenths of a millisecond, asyncio's clock does not). Every packet is sent,
+late ones at once, so a stall of the host appears as a delay, never as a missing sample.
 """
 
 import math
@@ -24,14 +24,14 @@ from contactsense.service.wire import rtde_v1
 PORT = 30004
 """Usual port of RTDE."""
 RATE = 500.0
-"""Packets a second of an e-Series controller [Hz]."""
+"""Packets per second of an e-Series controller [Hz]."""
 
 _CHUNK = 1 << 16
 _OUTPUT_SETUP = ord("O")
 
 
 class _Client:
-    """One connected client: what it asked for, and what waits to be sent to it."""
+    """One connected client: its subscription and the data that waits to be sent."""
 
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
@@ -49,13 +49,13 @@ class _Client:
         self.gone = False
 
     def is_due(self, k: int) -> bool:
-        """Whether packet k of the controller's 500 Hz is one that this client gets: as many as it asked for
-        on average, for its frequency need not divide the controller's."""
+        """Whether this client receives packet k of the controller's 500 Hz. The average rate is the requested
+        one, because that frequency need not divide the controller's."""
         share = self.frequency / RATE
         return math.floor((k + 1) * share) > math.floor(k * share)
 
     def send(self, data: bytes, now_ns: int) -> None:
-        """Send without waiting; what the socket does not take is kept. Call with the lock held."""
+        """Send without waiting; data that the socket does not accept is kept. Call with the lock held."""
         self.backlog += data
         try:
             sent = self.connection.send(self.backlog)
@@ -69,7 +69,7 @@ class _Client:
             self.stuck_ns = now_ns
 
     def hang_up(self) -> None:
-        """Wake the thread that reads from this client; it cleans up."""
+        """Close the connection; the thread that reads from this client wakes up and cleans up."""
         self.gone = True
         with suppress(OSError):
             self.connection.shutdown(socket.SHUT_RDWR)
@@ -79,14 +79,14 @@ class RtdeServer:
     """Serves the fields of a simulated controller to any number of RTDE clients.
 
     Args:
-        controller: Where the values come from.
+        controller: The source of the values.
         clock: Simulated time, shared with the other sensors.
         host: Address to listen on.
-        port: Port to listen on; 0: any free one, see `port`.
-        delay: How much later than the instant of its values a packet leaves [s].
-        drop_after: A client that takes nothing for so long is dropped, as UR's controllers do [s].
-        sent: Where to note when each packet left.
-        received: Where to note when inputs were written.
+        port: Port to listen on; 0: any free port, see `port`.
+        delay: Delay between the instant of the values and the sending of their packet [s].
+        drop_after: A client that reads nothing for this time is disconnected, as by UR's controllers [s].
+        sent: Log of the times at which packets were sent.
+        received: Log of the times at which inputs were written.
     """
 
     def __init__(
@@ -130,13 +130,13 @@ class RtdeServer:
 
     @property
     def clients(self) -> int:
-        """How many clients are connected."""
+        """Number of connected clients."""
         with self._clients_lock:
             return len(self._clients)
 
     @property
     def fault(self) -> Fault:
-        """How the server misbehaves at present; set it to inject a fault."""
+        """The injected fault; set it to make the server misbehave."""
         return self._fault
 
     @fault.setter
@@ -151,7 +151,7 @@ class RtdeServer:
         self._everybody(lambda client: self._send(client, data))
 
     def close(self) -> None:
-        """Hang up on everybody and stop."""
+        """Disconnect all clients and stop."""
         self._stopping.set()
         with suppress(OSError):
             self._waker.send(b"x")
@@ -251,7 +251,7 @@ class RtdeServer:
             case wire.Data():
                 self._take(client, request)
             case _:
-                pass  # text messages go to a log that nobody reads here
+                pass  # text messages would go to a log, which the mock does not have
         if reply is not None:
             answer = wire.encode(reply)
             outputs = isinstance(reply, wire.SetupReply) and not reply.inputs
@@ -299,7 +299,7 @@ class RtdeServer:
         k = max(0, int(self._clock.now() * RATE))
         while not self._stopping.is_set():
             deadline = self._clock.deadline_ns(k / RATE) + self._delay_ns
-            # In steps, so that a clock that starts later does not hold up the end.
+            # In steps, so that a clock that starts later does not delay `close`.
             while (left := deadline - time.monotonic_ns()) > NS // 5 and not self._stopping.is_set():
                 time.sleep(0.2 if left > NS // 5 else 0.0)
             self._clock.sleep_until(deadline)

@@ -1,4 +1,4 @@
-"""What the simulated arm does, as a script in YAML: its motion, the contacts on it, its sensors' noise."""
+"""Scripts of the simulated arm in YAML: its motion, the contacts on it, and its sensors' noise."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -21,11 +21,11 @@ Vector = tuple[float, float, float]
 Posture = Annotated[tuple[float, ...], Field(min_length=1)]
 
 SCRIPTS = Path(__file__).parent / "scripts"
-"""Folder of the scripts that come with the package."""
+"""Folder of the scripts in the package."""
 
 
 class ScriptError(ValueError):
-    """A script cannot be read, or asks for something that its robot cannot do."""
+    """A script cannot be read, or requests something that its robot cannot do."""
 
 
 class _Part(BaseModel):
@@ -42,27 +42,27 @@ class Noise(_Part):
     joint_torque: NonNegativeFloat = 0.0
     """Joint torques [Nm]."""
     seed: NonNegativeInt = 0
-    """Same seed, same noise."""
+    """Seed of the random generator; the same seed gives the same noise."""
 
 
 class Move(_Part):
-    """One stretch of the trajectory: a smooth move, then a stop."""
+    """One segment of the trajectory: a smooth move, then a dwell."""
 
     to: Posture
-    """Joint positions at its end [rad]."""
+    """Joint positions at the end of the move [rad]."""
     duration: PositiveFloat
-    """Time for the move [s]; a quintic, at rest at both ends."""
+    """Duration of the move [s]; a quintic, at rest at both ends."""
     dwell: NonNegativeFloat = 0.0
-    """Time to stay there [s]."""
+    """Time at rest after the move [s]."""
 
 
 class Trajectory(_Part):
-    """Joint motion: from rest, through postures, to rest."""
+    """Joint motion: starts at rest, passes through postures, and ends at rest."""
 
     start: Posture
     """Joint positions at the beginning [rad]."""
     dwell: NonNegativeFloat = 1.0
-    """Time to stay there first [s]."""
+    """Time at rest before the first move [s]."""
     moves: tuple[Move, ...] = ()
     """The moves, in order."""
 
@@ -73,7 +73,7 @@ class Trajectory(_Part):
 
     @property
     def duration(self) -> float:
-        """Length of the whole trajectory [s]."""
+        """Duration of the whole trajectory [s]."""
         return self.dwell + sum(move.duration + move.dwell for move in self.moves)
 
 
@@ -83,17 +83,17 @@ class Contact(_Part):
     link: str
     """Name of the touched link."""
     point: Vector
-    """Where, link frame [m]; moves with the link."""
+    """Contact point, link frame [m]; moves with the link."""
     start: NonNegativeFloat
-    """When the force sets in [s], from the beginning of the script."""
+    """Onset of the force, from the beginning of the script [s]."""
     duration: PositiveFloat
-    """How long it lasts, ramps included [s]."""
+    """Duration of the force, ramps included [s]."""
     ramp: NonNegativeFloat = 0.05
-    """Time in which the force rises and falls, raised cosine [s]."""
+    """Duration of the rise and of the fall of the force, raised cosine [s]."""
     normal: Vector | None = None
-    """Outward normal of the surface there, link axes; any length. Needed for `push` and `torsion`."""
+    """Outward normal of the surface at the point, link axes; any length. Needed for `push` and `torsion`."""
     push: PositiveFloat | None = None
-    """Force against the outward normal [N]."""
+    """Force in the direction opposite to the outward normal [N]."""
     force_link: Vector | None = None
     """Force on the robot, link axes [N]."""
     force_base: Vector | None = None
@@ -116,27 +116,27 @@ class Contact(_Part):
 
 
 class Watchdog(_Part):
-    """What `rtde_set_watchdog` of URScript sets up."""
+    """Parameters of `rtde_set_watchdog` of URScript."""
 
     variable: str
-    """RTDE input that has to be written."""
+    """RTDE input that must be written."""
     min_frequency: PositiveFloat = 10.0
-    """How often at least [Hz]."""
+    """Lowest frequency of the writes [Hz]."""
     action: Literal["pause", "stop", "ignore"] = "pause"
-    """What the controller does to the program when it is not."""
+    """What the controller does with the program if the input is not written."""
 
 
 class SafetySettings(_Part):
-    """When the simulated controller stops by itself."""
+    """Conditions under which the simulated controller stops by itself."""
 
     force_limit: PositiveFloat | None = None
-    """External force at which it makes a protective stop [N]; none: it continues at any force."""
+    """External force that causes a protective stop [N]; None: no limit."""
     force_delay: NonNegativeFloat = 0.1
-    """How long the force must be above the limit [s]."""
+    """Time for which the force must exceed the limit [s]."""
     deceleration: PositiveFloat = 8.0
-    """Of the fastest joint in a protective stop [rad/s^2]."""
+    """Deceleration of the fastest joint in a protective stop [rad/s^2]."""
     position_deviation: PositiveFloat = 0.02
-    """Deviation of a joint from its target that makes a protective stop [rad]."""
+    """Deviation of a joint from its target that causes a protective stop [rad]."""
 
 
 class Script(_Part):
@@ -145,7 +145,7 @@ class Script(_Part):
     robot: str
     """Name of the robot, as `contactsense robots` lists them."""
     rate: PositiveFloat = 500.0
-    """Samples a second [Hz]."""
+    """Samples per second [Hz]."""
     gravity: Vector = (0.0, 0.0, -9.81)
     """Acceleration of free fall, base axes [m/s^2]."""
     noise: Noise = Noise()
@@ -155,15 +155,15 @@ class Script(_Part):
     contacts: tuple[Contact, ...] = ()
     """Touches, in any order; they may overlap in time."""
     obstacles: tuple[Obstacle, ...] = ()
-    """What stands in the way."""
+    """Obstacles in the cell."""
     safety: SafetySettings = SafetySettings()
-    """When the controller stops by itself."""
+    """Conditions under which the controller stops by itself."""
     watchdog: Watchdog | None = None
-    """An input that clients have to write again and again."""
+    """Watchdog on an input that clients must write regularly."""
 
     @property
     def duration(self) -> float:
-        """Length of the script [s]."""
+        """Duration of the script [s]."""
         return self.trajectory.duration
 
     @model_validator(mode="after")
@@ -186,10 +186,11 @@ class Script(_Part):
 
     @classmethod
     def parse(cls, text: str, name: str = "script") -> "Script":
-        """A script from YAML text.
+        """Create a script from YAML text.
 
         Raises:
-            ScriptError: What is wrong, where, and what was expected; `name` names the script.
+            ScriptError: The text is not a valid script; the message gives the field and what was expected.
+                `name` identifies the script in messages.
         """
         try:
             data = yaml.safe_load(text)
@@ -205,7 +206,7 @@ class Script(_Part):
 
     @classmethod
     def load(cls, path: str | Path) -> "Script":
-        """A script from a YAML file.
+        """Read a script from a YAML file.
 
         Raises:
             ScriptError: The file cannot be read or its content is wrong.
@@ -224,14 +225,14 @@ class Script(_Part):
 
 
 def explain(error: ValidationError) -> str:
-    """All complaints of a validation in one line: field, what was expected, what came."""
+    """All errors of a validation in one line: field, what was expected, what was given."""
     parts = []
     for issue in error.errors():
         where = ""
         for step in issue["loc"]:
             where += f"[{step}]" if isinstance(step, int) else f".{step}" if where else str(step)
         message = issue["msg"].removeprefix("Value error, ")
-        own = issue["type"] == "value_error"  # these messages already tell what came
+        own = issue["type"] == "value_error"  # these messages already contain the given value
         got = "" if own or issue["type"] == "missing" else f", got {issue['input']!r:.60}"
         parts.append(f"{where}: {message}{got}" if where else f"{message}{got}")
     return "; ".join(parts)

@@ -1,4 +1,4 @@
-"""When each robot packet left the mock: what a latency measurement starts from, shared through a file."""
+"""Times at which robot packets left the mock: the start of a latency measurement, shared in a file."""
 
 from pathlib import Path
 
@@ -8,12 +8,12 @@ DEFAULT_SIZE = 1 << 16
 
 
 class SentLog:
-    """Host times by the number of the packet, the latest `size` of them.
+    """Host times by packet number, for the latest `size` packets.
 
     Args:
-        path: File to share them through; None: this process only.
-        size: How many packets back can be looked up.
-        rate: Packets a second [Hz]: packet k carries the time stamp t0 + k / rate.
+        path: Shared file; None: this process only.
+        size: Number of past packets that can be looked up.
+        rate: Packets per second [Hz]: packet k has the time stamp t0 + k / rate.
         t0: Time stamp of packet 0 [s].
     """
 
@@ -29,9 +29,9 @@ class SentLog:
             self._times = np.memmap(path, dtype=np.int64, mode="r+" if exists else "w+", shape=(size,))
 
     def note(self, packet: int, host_ns: int) -> None:
-        """Packet number `packet` leaves at this host time."""
+        """Record that packet number `packet` leaves at this host time [ns]."""
         self._times[packet % len(self._times)] = host_ns
 
     def left_ns(self, timestamp: float) -> int:
-        """Host time at which the packet with that time stamp left; 0 if none did [ns]."""
+        """Host time at which the packet with that time stamp left [ns]; 0 if there is none."""
         return int(self._times[round((timestamp - self._t0) * self._rate) % len(self._times)])

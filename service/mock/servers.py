@@ -1,4 +1,4 @@
-"""A recorded motion on the wire: RTDE server and Net F/T server, on one clock."""
+"""Serves a recorded motion: RTDE server and Net F/T server with a common clock."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from contactsense.service.mock.sent_log import SentLog
 
 @dataclass(frozen=True, slots=True)
 class MockSettings:
-    """Where the mock listens and how it behaves. Port 0: any free one."""
+    """Addresses and behaviour of the mock. Port 0: any free port."""
 
     host: str = "127.0.0.1"
     rtde_port: int = 30004
@@ -26,17 +26,17 @@ class MockSettings:
     version: tuple[int, int, int, int] = (5, 23, 0, 0)
     """Version of the controller's software: major, minor, bugfix, build."""
     netft_rate: float = 1000.0
-    """Force/torque readings a second [Hz]."""
+    """Force/torque readings per second [Hz]."""
     rtde_delay: float = 0.0
-    """How much later than its instant a robot packet leaves [s]."""
+    """Delay between the instant of a robot packet and its sending [s]."""
     netft_delay: float = 0.0
-    """How much later than its instant a force/torque reading leaves [s]."""
+    """Delay between the instant of a force/torque reading and its sending [s]."""
     loop: bool = False
-    """Begin the motion anew after its end, instead of staying there."""
+    """Whether to repeat the motion after its end, instead of staying there."""
     sent_log: Path | None = None
-    """File through which the times at which robot packets left are shared."""
+    """File with the times at which robot packets left, see `SentLog`."""
     received_log: Path | None = None
-    """File through which the times at which reactions' registers were written are shared."""
+    """File with the times at which the registers of reactions were written, see `ReceivedLog`."""
 
 
 class MockServers:
@@ -44,14 +44,15 @@ class MockServers:
 
     Args:
         feed: The motion.
-        settings: Where to listen.
+        settings: Addresses and behaviour.
         to_sensor: Sensor's reading = `to_sensor` @ base wrench, shape (6, 6).
-        torque_constants: Newton metres per ampere, for the RTDE field `actual_current`, shape (6,).
+        torque_constants: Joint torque per motor current for the RTDE field `actual_current`, shape (6,)
+            [Nm/A].
         fields: Further RTDE fields, see `Controller`.
-        clock: Simulated time; default: it begins now.
+        clock: Simulated time; by default it starts now.
 
     Raises:
-        OSError: A port is taken.
+        OSError: A port is in use.
     """
 
     def __init__(
@@ -97,7 +98,7 @@ class MockServers:
             raise
 
     def close(self) -> None:
-        """Stop both."""
+        """Stop both servers."""
         self.rtde.close()
         self.netft.close()
 

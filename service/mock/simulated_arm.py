@@ -1,4 +1,4 @@
-"""The simulated arm: a script becomes the readings of its sensors and the truth behind them."""
+"""The simulated arm: computes sensor readings and ground truth from a script."""
 
 from dataclasses import dataclass
 
@@ -13,18 +13,18 @@ from contactsense.service.mock.surface_check import check_contacts
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """The truth about one scripted contact. M is the number of samples while it lasts."""
+    """Ground truth of one scripted contact. M is the number of samples during the contact."""
 
     link: str
     """Name of the touched link."""
     link_index: int
-    """Its number, the base being 0."""
+    """Number of the link (base: 0)."""
     point_link: np.ndarray
     """Contact point, link frame [m], shape (3,)."""
     start: float
-    """When the force sets in [s]."""
+    """Onset of the force [s]."""
     stop: float
-    """When it has gone [s]."""
+    """End of the force [s]."""
     first: int
     """Number of its first sample."""
     point_base: np.ndarray
@@ -42,12 +42,12 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What the sensors of the simulated arm read over one run of its script. N samples, n joints."""
+    """Sensor readings of the simulated arm over one run of its script. N samples, n joints."""
 
     robot: Robot
     """The arm."""
     rate: float
-    """Samples a second [Hz]."""
+    """Samples per second [Hz]."""
     t: np.ndarray
     """Time from the beginning of the script [s], shape (N,)."""
     q: np.ndarray
@@ -62,24 +62,24 @@ class Motion:
     """Wrench of the arm on the sensor below it, with noise: force then moment about the base origin, base
     axes [N, Nm], shape (N, 6)."""
     touches: tuple[Touch, ...]
-    """The truth, in the order of the script."""
+    """Ground truth of the contacts, in the order of the script."""
 
     @property
     def loops(self) -> bool:
-        """Whether it ends where it began, so that it can be played again and again."""
+        """Whether it ends where it began, so that it can be repeated."""
         return bool(np.all(np.abs(self.q[-1] - self.q[0]) < 1e-3))
 
 
 def simulate(script: Script, robot: Robot | None = None) -> Motion:
-    """Play a script in full.
+    """Simulate a whole script.
 
     Args:
-        script: What the arm does.
-        robot: The arm; without it the one that the script names, from the library.
+        script: Motion, contacts and noise.
+        robot: The arm; None: the arm of the library that the script names.
 
     Raises:
         ScriptError: The script does not fit the robot: joints, their limits, links, their surface; or it has
-            obstacles, which only the live simulation knows.
+            obstacles, which only the live simulation supports.
     """
     arm = robot if robot is not None else _load(script.robot)
     if script.obstacles:
@@ -109,8 +109,8 @@ def joint_motion(trajectory: Trajectory, rate: float) -> tuple[np.ndarray, np.nd
     """Joint positions, velocities and accelerations of a trajectory.
 
     Args:
-        trajectory: The postures and times.
-        rate: Samples a second [Hz].
+        trajectory: Postures and times.
+        rate: Samples per second [Hz].
 
     Returns:
         q [rad], qd [rad/s], qdd [rad/s^2], each of shape (N, n) with N = duration * rate, at least one.
@@ -134,7 +134,7 @@ def joint_motion(trajectory: Trajectory, rate: float) -> tuple[np.ndarray, np.nd
 def _touch(
     contact: Contact, robot: Robot, t: np.ndarray, rotations: np.ndarray, origins: np.ndarray
 ) -> tuple[LinkLoad, Touch]:
-    """One scripted contact as a load on its link, in link axes, and as the truth, in base axes."""
+    """One scripted contact as a load on its link, in link axes, and as ground truth, in base axes."""
     index = robot.link_names.index(contact.link)
     rotation, origin = rotations[index], origins[index]
     point = np.array(contact.point, dtype=np.float64)
@@ -146,7 +146,7 @@ def _touch(
         full = np.broadcast_to(-contact.push * normal, (len(t), 3))
     elif contact.force_link is not None:
         full = np.broadcast_to(np.array(contact.force_link), (len(t), 3))
-    else:  # fixed in space while the link turns beneath it
+    else:  # fixed in space while the link rotates
         full = np.einsum("nji,j->ni", rotation, np.array(contact.force_base, dtype=np.float64))
     force = level[:, None] * full
     torsion = level * contact.torsion
@@ -184,10 +184,10 @@ def _load(name: str) -> Robot:
 
 
 def check_trajectory(script: Script, robot: Robot) -> None:
-    """Make sure that the arm can follow the trajectory.
+    """Check that the arm can follow the trajectory.
 
     Raises:
-        ScriptError: It has another number of joints, or a posture or speed is beyond a joint's limits.
+        ScriptError: The number of joints differs, or a posture or speed exceeds a joint's limits.
     """
     n = len(robot.joints)
     here = script.trajectory.start

@@ -1,4 +1,4 @@
-"""Scripted contact points have to lie on the surface of the link they name."""
+"""Checks that scripted contact points are on the surface of their link."""
 
 import numpy as np
 
@@ -8,19 +8,20 @@ from contactsense.robots.surface.union import nearest
 from contactsense.service.mock.script import Script, ScriptError
 
 OFF_SURFACE = 0.002
-"""Distance from the link's primitives beyond which a contact point is refused [m]."""
+"""Largest accepted distance of a contact point from the link's primitives [m]."""
 
 
 def check_contacts(script: Script, robot: Robot) -> None:
-    """Make sure that every contact is on a link of the robot, and on its surface. Links without a surface can
-    be touched anywhere.
+    """Check that every contact is on a link of the robot, and on its surface. Links without a surface can be
+    touched anywhere.
 
     Args:
         script: The script.
-        robot: The arm, with its tool as the last link if it has one.
+        robot: The arm; a tool is its last link.
 
     Raises:
-        ScriptError: Which contact is not, and the surface's nearest point.
+        ScriptError: A contact is not on the surface; the message names it and the nearest point of the
+            surface.
     """
     surfaces = pack(robot.links)
     for index, contact in enumerate(script.contacts):

@@ -1,4 +1,4 @@
-"""A TCP server of the mock: one thread, any number of clients, what they send handed over as it comes."""
+"""A TCP server of the mock: one thread, any number of clients; passes received bytes on as they arrive."""
 
 import selectors
 import socket
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 _MOST_BACKLOG = 1 << 20
-"""Bytes that wait for a client before it is dropped."""
+"""Largest number of bytes that wait for a client; beyond it the client is disconnected."""
 
 
 class Connection:
@@ -18,14 +18,14 @@ class Connection:
     def __init__(self, link: socket.socket) -> None:
         self.link = link
         self.rest = bytearray()
-        """What has come and is not worked off."""
+        """Received bytes that have not been processed."""
         self.backlog = bytearray()
-        """What waits to be sent."""
+        """Bytes that wait to be sent."""
         self.closing = False
-        """Set to hang up once everything is sent."""
+        """Set to close the connection once everything is sent."""
 
     def send(self, data: bytes) -> None:
-        """Send as much as the client takes; the rest waits."""
+        """Send as much as the client accepts; the rest waits."""
         self.backlog += data
         with suppress(BlockingIOError):
             del self.backlog[: self.link.send(self.backlog)]
@@ -36,7 +36,7 @@ class TcpServer(ABC):
 
     Args:
         host: Address to listen on.
-        port: Port; 0: any free one, see `port`.
+        port: Port; 0: any free port, see `port`.
         period: Time between two calls of `tick` [s].
     """
 
@@ -50,27 +50,27 @@ class TcpServer(ABC):
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
         self.connections: list[Connection] = []
-        """Connected clients; only for the server's own thread."""
+        """Connected clients; use only in the server's own thread."""
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"mock-port-{self.port}", daemon=True)
 
     @abstractmethod
     def greet(self, connection: Connection) -> None:
-        """A client has connected."""
+        """Called when a client has connected."""
 
     @abstractmethod
     def receive(self, connection: Connection, data: bytes) -> None:
-        """Bytes have come from a client."""
+        """Called when bytes have arrived from a client."""
 
     def tick(self) -> None:  # noqa: B027
-        """Called once a period; not every server has something to send then."""
+        """Called once per period; does nothing by default, as not every server sends periodically."""
 
     def start(self) -> None:
-        """Begin to serve."""
+        """Start to serve clients."""
         self._thread.start()
 
     def close(self) -> None:
-        """Hang up on everybody and stop."""
+        """Disconnect all clients and stop."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join(5.0)
@@ -94,7 +94,7 @@ class TcpServer(ABC):
                 self.tick()
 
     def send_all(self, data: bytes) -> None:
-        """Send to every client."""
+        """Send data to every client."""
         for connection in list(self.connections):
             self._guarded(connection, lambda connection: connection.send(data))
 

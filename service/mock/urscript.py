@@ -1,8 +1,8 @@
-"""Programs in URScript as clients send them to a controller, as far as the mock understands them.
+"""Parses the subset of URScript that the mock supports in programs from clients.
 
-A program is a `def` (which replaces the running one) or a `sec` (which runs beside it) or a single line. Of
-its statements those in `STATEMENTS` are carried out; whatever else it holds is listed in `unknown`. Control
-structures are not understood: `while`, `if` and threads are listed as well.
+A program is a `def` (which replaces the running program), a `sec` (which runs in parallel to it) or a single
+line. Only the statements in `STATEMENTS` are executed; all others are listed in `unknown`. Control structures
+such as `while`, `if` and threads are not supported and are listed as well.
 """
 
 import ast
@@ -28,7 +28,7 @@ STATEMENTS = {
 """Statement -> names of its parameters."""
 
 _MOTION = frozenset({"stopj", "stopl", "movej", "sleep", "sync"})
-"""What a `sec` program must not do."""
+"""Statements that a `sec` program must not contain."""
 _HEAD = re.compile(r"\s*(def|sec)\s+(\w+)\s*\(\s*\)\s*:\s*(.*)", re.DOTALL)
 _OFFSET = re.compile(r"reg_offset_(?:int|float)\s*=\s*(\d+)")
 CONTROL_SCRIPT = "rtde_control"
@@ -37,7 +37,7 @@ CONTROL_SCRIPT = "rtde_control"
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One call: its name and its arguments by parameter."""
+    """One call: name, and arguments by parameter."""
 
     name: str
     arguments: dict[str, Any]
@@ -45,21 +45,21 @@ class Statement:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A program."""
+    """A parsed program."""
 
     name: str
-    """As it names itself; `line` for a single line."""
+    """Name of the program; `line` for a single line."""
     kind: Literal["def", "sec", "line"]
     statements: tuple[Statement, ...]
-    """What is carried out, in order."""
+    """Statements to execute, in order."""
     unknown: tuple[str, ...]
-    """Lines that are not understood."""
+    """Lines that are not supported."""
     register_offset: int = 0
     """First register that ur_rtde's control script uses."""
 
 
 class ProgramReader:
-    """Cuts what arrives at a socket into programs."""
+    """Splits the bytes from a socket into programs."""
 
     def __init__(self) -> None:
         self._rest = ""
@@ -67,7 +67,7 @@ class ProgramReader:
         self._depth = 0
 
     def feed(self, data: bytes) -> list[Program]:
-        """Programs that are complete with these bytes."""
+        """Add bytes; returns the programs that are now complete."""
         self._rest += data.decode("utf-8", "replace")
         *lines, self._rest = self._rest.split("\n")
         programs = []
@@ -86,7 +86,7 @@ class ProgramReader:
 
 
 def parse(text: str) -> Program:
-    """A program from its text."""
+    """Parse the text of a program."""
     offset = _OFFSET.search(text)
     head = _HEAD.match(text)
     kind: Literal["def", "sec", "line"] = "line"
@@ -111,7 +111,7 @@ def parse(text: str) -> Program:
 
 
 def _statement(source: str) -> Statement | None:
-    """The call in a line; None where it is none of `STATEMENTS` with constant arguments."""
+    """Parse the call in a line; None if it is not one of `STATEMENTS` with constant arguments."""
     try:
         call = ast.parse(source, mode="eval").body
         if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):

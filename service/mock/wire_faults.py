@@ -1,4 +1,4 @@
-"""What can go wrong on the wire, for tests: how a mock mistreats the packets it sends."""
+"""Communication faults for tests: how a mock corrupts the packets that it sends."""
 
 import random
 from enum import Enum
@@ -11,19 +11,19 @@ class Fault(Enum):
     MUTE = "mute"
     """Connections stay open, nothing is sent, no request is answered."""
     CLOSE = "close"
-    """Connections are closed, new ones too."""
+    """All connections are closed, new ones too."""
     HALF = "half"
     """Half a packet, then silence."""
     SPLIT = "split"
     """Every write ends in the middle of a packet; the rest comes with the next."""
     GARBAGE = "garbage"
-    """Bytes that are no RTDE instead of packets."""
+    """Bytes that are not RTDE instead of packets."""
     ZERO_LENGTH = "zero_length"
-    """Packets whose header says that they are 0 bytes long."""
+    """Packets whose header gives a length of 0 bytes."""
     LOST_BYTE = "lost_byte"
     """Every packet lacks one byte in its middle."""
     NAN = "nan"
-    """All floating-point values but the time stamp are no numbers."""
+    """All floating-point values except the time stamp are NaN."""
     TIME_BACK = "time_back"
     """The time stamps are 100 s earlier."""
 
@@ -33,7 +33,7 @@ TIME_BACK_BY = 100.0
 
 
 def mangle(fault: Fault, packet: bytes) -> bytes:
-    """What goes out instead of a packet, with a fault that needs no memory; empty: nothing goes out."""
+    """Return the bytes to send instead of a packet, for faults without state; empty: nothing is sent."""
     middle = len(packet) // 2
     match fault:
         case Fault.MUTE | Fault.CLOSE | Fault.HALF:

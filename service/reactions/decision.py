@@ -1,4 +1,4 @@
-"""What the rules decide: a level begins or ends."""
+"""Decisions of the rules: a level begins or ends."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -21,11 +21,11 @@ class Decision:
     probability: float
     """Probability that the force exceeds the level."""
     contact: int = 0
-    """Number of the contact in its stream; 0 where no single push explains the measurement."""
+    """Number of the contact in its stream; 0 if no single push explains the measurement."""
     link: str = ""
-    """The most probable link among the rule's; empty where there is none."""
+    """The most probable of the rule's links; empty if there is none."""
     link_index: int = -1
-    """Its number, the base being 0; -1 where there is none."""
+    """Number of the link (base: 0); -1 if there is none."""
     point: tuple[float, ...] = ()
     """Contact centroid, link frame [m]."""
     point_base: tuple[float, ...] = ()
@@ -33,8 +33,8 @@ class Decision:
     force_base: tuple[float, ...] = ()
     """Force on the robot, base axes [N]."""
     force: float = 0.0
-    """Its magnitude [N]."""
+    """Magnitude of the force [N]."""
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Return the decision as a dictionary for JSON."""
         return asdict(self)

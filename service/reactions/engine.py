@@ -1,8 +1,8 @@
-"""The rules at work: samples and estimates in, decisions out. No clock, no sockets: time is the robot's.
+"""Evaluates the rules: samples and estimates in, decisions out. Uses the robot's time; no clock, no sockets.
 
-A rule looks at the contacts on its links. Explanations of one contact exclude each other, so the probability
-that the force exceeds a level is the sum over them; where several contacts act at the same time it is that of
-the one that exceeds it most probably. What no single push explains counts for rules on all links.
+A rule considers the contacts on its links. The explanations of one contact exclude each other, so the
+probability that its force exceeds a level is the sum over them. If several contacts act at the same time, the
+largest of their probabilities counts. Measurements that no single push explains count for rules on all links.
 """
 
 import math
@@ -21,7 +21,7 @@ from contactsense.types import Contact, Estimate, Sample
 
 @dataclass
 class _LevelState:
-    """A level of a rule, as it stands."""
+    """Present state of one level of a rule."""
 
     rule: Rule
     name: LevelName
@@ -43,7 +43,7 @@ class Latch:
 
 @dataclass
 class _Window:
-    """The window of an expected contact, open since."""
+    """The window of an expected contact, and the time at which it opened."""
 
     expected: ExpectedContact
     links: frozenset[str]
@@ -52,8 +52,7 @@ class _Window:
 
 @dataclass
 class _Evidence:
-    """For one level: how probable it is that the force exceeds it, and the contact that speaks most for
-    it."""
+    """Probability that the force exceeds one level, and the contact that contributes most to it."""
 
     probability: float = 0.0
     share: float = -1.0
@@ -64,10 +63,10 @@ class Engine:
     """State of all rules of one stream."""
 
     def __init__(self, rules: ReactionRules, scene: Scene) -> None:
-        """Rules at rest.
+        """Create the state of the rules, with no level active.
 
         Raises:
-            RulesError: They do not fit the scene.
+            RulesError: The rules do not fit the scene.
         """
         rules.check(scene)
         self._rules = rules
@@ -86,7 +85,7 @@ class Engine:
         self._model = build_model(scene.robot)
         self._motion = empty_motion(self._joints)
         if any(rule.direction is not None and rule.direction.frame == "link" for rule in rules.rules):
-            forward_kinematics(self._model, np.zeros(self._joints), self._motion)  # compiled before it counts
+            forward_kinematics(self._model, np.zeros(self._joints), self._motion)  # compile it in advance
 
     @property
     def latches(self) -> tuple[Latch, ...]:
@@ -99,19 +98,19 @@ class Engine:
 
     @property
     def active(self) -> tuple[Decision, ...]:
-        """The decisions by which levels began that have not ended."""
+        """The decisions that began the levels that are still active."""
         return tuple(state.begin for state in self._levels if state.begin is not None)
 
     @property
     def windows(self) -> tuple[str, ...]:
-        """Names of expected contacts whose windows are open."""
+        """Names of the expected contacts whose windows are open."""
         return tuple(self._windows)
 
     def step(self, sample: Sample, estimate: Estimate) -> tuple[Decision, ...]:
-        """Take the next estimate of the stream; what begins and ends with it."""
+        """Process the next estimate of the stream; returns the levels that begin or end with it."""
         t, before = estimate.t, self._t
         self._t = t
-        if t < before:  # another stream, or a clock that was set back: durations and windows begin anew
+        if t < before:  # another stream, or the clock was set back: restart durations and windows
             self._windows.clear()
             for state in self._levels:
                 state.above_since = None
@@ -130,9 +129,10 @@ class Engine:
         return tuple(decisions)
 
     def acknowledge(self, rule: str | None = None) -> tuple[Decision, ...]:
-        """Clear the latches of all rules, or of one; the decisions by which their levels end.
+        """Clear the latches of all rules, or of one; returns the decisions that end their levels.
 
-        A force that is still above its level latches again with the next sample, and acts again.
+        A force that is still above its level latches again with the next sample, and its actions are started
+        again.
         """
         return tuple(
             self._end(state, self._t)
@@ -141,18 +141,17 @@ class Engine:
         )
 
     def restore(self, begin: Decision) -> bool:
-        """Latch again what had been latched in a process before this one; False where the rules have no such
-        level."""
+        """Restore a latch of an earlier process; returns False if the rules no longer have that level."""
         for state in self._levels:
             if (state.rule.name, state.name, "collision") == (begin.rule, begin.level, begin.level):
-                # The actions may be others by now; those of today are what an acknowledgement ends.
+                # The rules may have other actions now; an acknowledgement must end the present ones.
                 state.active, state.begin = True, replace(begin, actions=state.level.actions)
                 self._busy = True
                 return True
         return False
 
     def announce(self, name: str) -> bool:
-        """Open the window of an expected contact, now; False where there is none of that name."""
+        """Open the window of an expected contact now; returns False if there is none of that name."""
         if name not in self._expected:
             return False
         self._windows[name] = _Window(self._expected[name], self._window_links[name], self._t)
@@ -165,7 +164,7 @@ class Engine:
                 del self._windows[open_name]
 
     def by_value(self, value: int) -> str | None:
-        """Name of the expected contact that a robot program announces by this value."""
+        """Return the name of the expected contact that a robot program announces with this value."""
         return next((name for name, window in self._expected.items() if window.value == value), None)
 
     def _step_level(
@@ -262,7 +261,7 @@ class Engine:
             evidence.share, evidence.contact = share, None
 
     def _raised(self, contact: Contact, force: float) -> float:
-        """The level where windows of expected contacts are open."""
+        """Return the level [N], raised if a window of an expected contact is open."""
         for window in self._windows.values():
             expected = window.expected
             if contact.link not in window.links or expected.force <= force:

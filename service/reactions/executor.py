@@ -1,8 +1,8 @@
-"""The executor: a process that carries out actions which may take their time or hang.
+"""The executor: a process that performs actions that may be slow or hang.
 
-It reads JSON lines on standard input: first the robot's address and the actions, then what to do. It writes
-one JSON line per result. Each action has a thread of its own, so that one that hangs holds up no other. It
-ends with its standard input, that is with the pipeline's process.
+It reads JSON lines from standard input: first the robot's address and the actions, then the tasks. It writes
+one JSON line per result. Each action has its own thread, so that an action that hangs does not delay the
+others. The process ends when its standard input is closed, that is, when the pipeline's process ends.
 """
 
 import json
@@ -20,7 +20,7 @@ from contactsense.service.reactions.actions import Action
 from contactsense.service.reactions.actions.base import ActionError, ExecutedAction
 
 QUEUE = 8
-"""Decisions that wait for one action at most."""
+"""Maximum number of decisions that wait for one action."""
 
 
 def _report(action: str, ok: bool, reason: str, took: float) -> None:
@@ -48,7 +48,7 @@ def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[di
 def main() -> None:
     """Run until standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if sys.platform == "linux":  # the pipeline's real-time priority is not for the user's commands
+    if sys.platform == "linux":  # users' commands must not inherit real-time priority
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     setup = json.loads(sys.stdin.readline())
     given: dict[str, Action] = TypeAdapter(dict[str, Action]).validate_python(setup["actions"])
@@ -66,7 +66,7 @@ def main() -> None:
             _report(task["action"], False, f"skipped: {QUEUE} decisions already wait for it", 0.0)
     for action in actions.values():
         action.close()
-    os._exit(0)  # threads that hang are no reason to stay
+    os._exit(0)  # do not wait for threads that hang
 
 
 if __name__ == "__main__":

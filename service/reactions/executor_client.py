@@ -1,4 +1,4 @@
-"""The pipeline's side of the executor: never waits for it, starts it again when it dies."""
+"""The pipeline's side of the executor: never waits for it, and restarts it when it dies."""
 
 import json
 import os
@@ -18,7 +18,7 @@ _MAX_LINE = 1 << 16
 
 
 class ExecutorClient:
-    """Hands decisions to the executor's process and receives their results.
+    """Passes decisions to the executor's process and receives their results.
 
     Args:
         actions: Name -> action.
@@ -42,11 +42,11 @@ class ExecutorClient:
 
     @property
     def pid(self) -> int | None:
-        """Of the executor's process."""
+        """Process id of the executor."""
         return None if self._process is None else self._process.pid
 
     def start(self, action: str, decision: dict[str, Any], now: float) -> str:
-        """Begin an action; returns why it cannot be begun, empty if it can."""
+        """Start an action; returns why it cannot be started, empty if it can."""
         task = json.dumps({"action": action, "decision": decision}).encode() + b"\n"
         if self._process is None or self._process.stdin is None:
             return "the executor's process is not running; it is started again"
@@ -57,13 +57,13 @@ class ExecutorClient:
         except OSError:
             return "the executor's process has died"
         if written != len(task):
-            self._end()  # half a line: what follows would make no sense
+            self._end()  # a partial line: the executor could not parse what follows
             return "the executor's process does not take it"
         self._begun[action].append(now)
         return ""
 
     def poll(self, now: float) -> list[dict[str, Any]]:
-        """Results that have come: `action`, `ok`, `reason`, `took` [s]."""
+        """Return the results that have arrived: `action`, `ok`, `reason`, `took` [s]."""
         if not self._actions:
             return []
         results: list[dict[str, Any]] = []
@@ -105,7 +105,7 @@ class ExecutorClient:
 
     def _start(self, now: float) -> None:
         self._started = now
-        # -P: a folder named contactsense where the user happens to be is not ours.
+        # -P: do not import from a folder named contactsense in the user's working directory.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", MODULE],
             stdin=subprocess.PIPE,

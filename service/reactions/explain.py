@@ -1,4 +1,4 @@
-"""Rules in words."""
+"""Describes rules in words."""
 
 import math
 
@@ -12,7 +12,7 @@ _DEGRADED = {
 
 
 def explain(rules: ReactionRules, rule: Rule) -> str:
-    """What one rule does."""
+    """Describe one rule."""
     links = "any link" if ANY in rule.links else ", ".join(rule.links)
     parts = [f"{rule.name}: on {links}{_when(rules, rule)}{_where(rule)}:"]
     if rule.contact is not None:

@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field
 
 
 class ActionHealth(BaseModel):
-    """One action."""
+    """State of one action."""
 
     type: str
     state: Literal["idle", "ok", "failing"] = Field(
@@ -19,7 +19,7 @@ class ActionHealth(BaseModel):
 
 
 class ReactionsHealth(BaseModel):
-    """All of them."""
+    """State of all actions and rules."""
 
     status: Literal["off", "ok", "failing"] = Field(
         "off", description="off: no rules; failing: an action does not work, see actions."

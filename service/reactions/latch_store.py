@@ -1,4 +1,4 @@
-"""Latched collisions in the journal's file, so that they outlive the service, however it ends."""
+"""Stores latched collisions in the journal's file, so that they survive a restart or crash of the service."""
 
 import json
 import logging
@@ -13,29 +13,30 @@ log = logging.getLogger("contactsense")
 
 
 class LatchStore:
-    """Keeps the decisions by which latched collisions began, one for each rule.
+    """Stores the decisions that began the latched collisions, one for each rule.
 
     Args:
-        journal: In whose file.
+        journal: The journal whose file is used.
     """
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
-        # One thread: what is saved last must be written last, and nobody waits for the file.
+        # One thread: keeps the order of writes, and callers do not wait for the file.
         self._writer = ThreadPoolExecutor(1, "latches")
 
     def load(self) -> list[dict[str, Any]]:
-        """What was latched when the service last ran, each as `Decision.as_dict` gave it."""
+        """Return the decisions that were latched when the service last ran, in the form of
+        `Decision.as_dict`."""
         with self._journal.lock:
             rows = self._journal.database.execute("SELECT body FROM latches ORDER BY rowid").fetchall()
         return [json.loads(body) for (body,) in rows]
 
     def save(self, decisions: Sequence[dict[str, Any]]) -> None:
-        """Keep these and no others; returns at once."""
+        """Replace the stored decisions by these; returns at once."""
         self._writer.submit(self._write, [(found["rule"], json.dumps(found)) for found in decisions])
 
     def close(self) -> None:
-        """Wait until all is written."""
+        """Wait until everything is written."""
         self._writer.shutdown()
 
     def _write(self, rows: list[tuple[str, str]]) -> None:

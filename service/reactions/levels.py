@@ -1,4 +1,4 @@
-"""How probable it is that a contact's force exceeds a level."""
+"""Probability that a contact's force exceeds a level."""
 
 import math
 from collections.abc import Sequence
@@ -9,14 +9,14 @@ _SQRT2 = math.sqrt(2.0)
 def exceedance(force: Sequence[float], covariance: Sequence[Sequence[float]], level: float) -> float:
     """Probability that the force's magnitude is above `level`.
 
-    The magnitude's deviation is taken along the force, which is its first-order propagation; it holds where
-    the force is large against its deviation. A deviation without bound gives 0.5, and so does a force that is
-    not finite: nothing is known of it.
+    The standard deviation of the magnitude is taken along the force, which is its first-order propagation. It
+    is valid if the force is large compared with its standard deviation. An infinite standard deviation or a
+    force that is not finite gives 0.5: nothing is known.
 
     Args:
         force: Estimated force [N], 3 numbers.
         covariance: Its covariance [N^2], 3 x 3.
-        level: [N].
+        level: The level [N].
     """
     x, y, z = force
     magnitude = math.sqrt(x * x + y * y + z * z)

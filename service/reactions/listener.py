@@ -1,5 +1,5 @@
-"""Reactions in the pipeline's process: decides right after the step, writes registers at once, hands the rest
-to the executor's process or, webhooks, to the service."""
+"""Reactions in the pipeline's process: decides right after the localizer's step and writes registers at once.
+Passes webhooks to the service and all other actions to the executor's process."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -25,16 +25,16 @@ from contactsense.types import Estimate, Sample
 _A = TypeVar("_A")
 _REPORT_EVERY = 0.25
 _BLIND = 0.1
-"""Without an estimate for so long the degraded bit is set [s]."""
+"""Time without an estimate after which the degraded bit is set [s]."""
 _RESTORE = 1.0
-"""Longest wait for the service to send what had been latched before this process [s]."""
+"""Longest wait for the service to send the collisions latched before this process started [s]."""
 
 
 class ReactionListener:
-    """Carries out the rules of one stream."""
+    """Applies the rules to one stream."""
 
     def __init__(self, rules: ReactionRules, scene: Scene, host: str | None) -> None:
-        """`host`: address of the robot's controller; None where no action needs it."""
+        """`host`: address of the robot's controller; None if no action needs it."""
         self._rules = rules
         self._engine = Engine(rules, scene)
         self._health = {name: ActionHealth(type=action.type) for name, action in rules.actions.items()}
@@ -57,7 +57,7 @@ class ReactionListener:
         self._report_state(started=True)
 
     def receive(self, sample: Sample, estimate: Estimate) -> None:
-        """Decide, and write what the robot program must know."""
+        """Decide, and write the registers for the robot program."""
         self._t, self._estimated = sample.t, True
         self._degraded = estimate.status == "degraded"
         decisions = self._engine.step(sample, estimate)
@@ -69,10 +69,10 @@ class ReactionListener:
             self._write()
             self._carry_out(decisions)
         if any(decision.level == "collision" for decision in decisions):
-            self._report_state()  # at once: a latch must survive whatever comes next
+            self._report_state()  # at once: a latch must survive any later failure
 
     def tick(self, now: float) -> None:
-        """Heartbeat, connections, results, and what the robot program writes."""
+        """Handle heartbeat, connections, results, and outputs of the robot program."""
         self._now = now
         self._began = now if self._began is None else self._began
         if self._estimated:
@@ -93,13 +93,13 @@ class ReactionListener:
             self._report_state()
 
     def take_reports(self) -> list[dict[str, Any]]:
-        """Events and the state of the reactions, for the service."""
+        """Return events and the state of the reactions, for the service."""
         reports = list(self._reports)
         self._reports.clear()
         return reports
 
     def command(self, message: dict[str, Any]) -> None:
-        """Commands of the service: `acknowledge`, `announce`, `withdraw`, `restore`."""
+        """Execute a command of the service: `acknowledge`, `announce`, `withdraw`, `restore`."""
         kind = message["type"]
         if kind == "acknowledge":
             self.acknowledge(message.get("rule"), message.get("by", "the service"))
@@ -114,8 +114,8 @@ class ReactionListener:
         self._report_state(answer=message.get("id"))
 
     def _restore(self, decisions: Sequence[Decision]) -> None:
-        """Latch again what a process before this one had latched. No action is carried out again, but the
-        registers show it from their first write on."""
+        """Restore the latches of an earlier process. No action is performed again, but the registers show the
+        latches from their first write on."""
         for decision in decisions:
             if not self._engine.restore(decision):
                 self._report_event(
@@ -154,7 +154,7 @@ class ReactionListener:
             self._report_event(ContactEvent(kind="expected", t=self._t, reason=f"{name or 'all'}: closed"))
 
     def close(self) -> None:
-        """Hang up; the robot program's watchdog notices."""
+        """Close the connections; the robot program's watchdog detects this."""
         self._executor.close()
         if self._inputs is not None:
             self._inputs.close()
@@ -172,7 +172,7 @@ class ReactionListener:
         return RtdeInputs(host, self._rules.robot.rtde_port, recipes, outputs)
 
     def _select(self) -> None:
-        """The active decision of the highest level that registers show, the latest of them."""
+        """Select the decision that the registers show: the latest of the highest active level."""
         shown = [d for d in self._engine.active if self._registers_name in d.actions]
         self._decision = max(shown, key=lambda d: (d.level == "collision", d.t), default=None)
 
@@ -241,7 +241,7 @@ class ReactionListener:
                     self.announce(expected)
 
     def _note_connection(self) -> None:
-        """Registers and speed slider work as long as their connection does."""
+        """Set the state of registers and speed slider from the state of their connection."""
         assert self._inputs is not None
         for name, recipe in ((self._registers_name, "registers"), (self._slider_name, "speed_slider")):
             if name:
@@ -257,7 +257,7 @@ class ReactionListener:
                     self._inputs.write("speed_slider", (1, self._slider_value))
 
     def _note(self, name: str, ok: bool, reason: str, took: float | None = None) -> None:
-        """The result of an action, for health and journal."""
+        """Record the result of an action for health and journal."""
         health = self._health[name]
         health.state, health.took = ("ok" if ok else "failing"), took
         health.error = "" if ok else reason
@@ -288,7 +288,7 @@ def _only(rules: ReactionRules, kind: type[_A]) -> tuple[_A | None, str]:
 
 
 def _updated(decision: Decision, estimate: Estimate) -> Decision:
-    """The decision with its contact's present force and place; as it was where the contact has gone."""
+    """Update force and point of a decision from the estimate; unchanged if its contact has ended."""
     contact = next((c for c in estimate.contacts if c.id == decision.contact), None)
     if contact is None:
         return decision

@@ -1,7 +1,7 @@
 """A second RTDE connection that writes inputs and reads a few outputs, without ever blocking.
 
-It is made for the pipeline's process: `poll` does what can be done at once, `write` sends at once or not at
-all. It connects again and again; a recipe that another client holds is asked for again and again.
+It is designed for the pipeline's process: `poll` does what is possible without waiting, `write` sends at once
+or not at all. A lost connection and a recipe that another client holds are retried until they succeed.
 """
 
 import errno
@@ -22,7 +22,7 @@ class RtdeInputs:
     """Writes to a controller's RTDE inputs.
 
     Args:
-        host: Address of the controller; a name is looked up in a thread.
+        host: Address of the controller; a host name is resolved in a thread.
         port: Its RTDE port.
         recipes: Name of a recipe -> RTDE inputs that are written together.
         outputs: RTDE outputs that are read.
@@ -47,13 +47,13 @@ class RtdeInputs:
         self._ask_again_at = float("inf")
         self._heard = 0.0
         self.error = ""
-        """The latest trouble with the connection; empty while all is well."""
+        """The latest problem with the connection; empty while there is none."""
         self.refused: dict[str, str] = {}
         """Name of a recipe that cannot be written -> why."""
         self.values: dict[str, wire.Number] = {}
-        """Output field -> its newest value."""
+        """Output field -> its latest value."""
         self.writes = 0
-        """Packets written."""
+        """Number of packets written."""
 
     @property
     def ready(self) -> bool:
@@ -61,7 +61,7 @@ class RtdeInputs:
         return len(self._granted) == len(self._recipes) and self._output is not None and not self.error
 
     def poll(self, now: float) -> None:
-        """Do what can be done at once. `now` is the host's monotonic clock [s]."""
+        """Do what is possible without waiting. `now` is the host's monotonic clock [s]."""
         try:
             if self._socket is None:
                 if now >= self._retry_at:
@@ -81,7 +81,7 @@ class RtdeInputs:
             self._fail(now, str(error.strerror or error) if isinstance(error, OSError) else str(error))
 
     def write(self, name: str, values: Sequence[wire.Number]) -> bool:
-        """Write a recipe's inputs; False where that is not possible now."""
+        """Write a recipe's inputs; returns False if that is not possible now."""
         recipe = self._granted.get(name)
         if recipe is None or self._socket is None:
             return False
@@ -94,7 +94,7 @@ class RtdeInputs:
         return True
 
     def close(self) -> None:
-        """Hang up; inputs keep their values."""
+        """Close the connection; the inputs keep their values."""
         if self._socket is not None:
             self._socket.close()
         self._socket, self._connected = None, False
@@ -209,7 +209,7 @@ class RtdeInputs:
 
 
 def _advice(error: wire.RtdeFieldError) -> str:
-    """What is wrong with a recipe, and what else to take."""
+    """Explain what is wrong with a recipe and which other fields to use."""
     parts = []
     if error.in_use:
         parts.append(f"IN_USE: another client writes {', '.join(error.in_use)}")

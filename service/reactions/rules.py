@@ -1,4 +1,4 @@
-"""The rules' file, `reactions.yaml`: which force on which link leads to which actions."""
+"""The rules file, `reactions.yaml`: which force on which link leads to which actions."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -18,12 +18,12 @@ from contactsense.scene import Scene, describe
 from contactsense.service.reactions.actions import Action
 
 ANY, TOOL = "any", "tool"
-"""Names in `links` for all links, and for the scene's tool whatever it is called."""
+"""Names in `links` for all links, and for the scene's tool regardless of its name."""
 Three = tuple[float, float, float]
 
 
 class RulesError(ValueError):
-    """Rules that cannot be used: the message names the file, the field, what was expected and what came."""
+    """The rules cannot be used: the message names file and field, what was expected and what was given."""
 
 
 class _Part(BaseModel):
@@ -31,27 +31,27 @@ class _Part(BaseModel):
 
 
 class Level(_Part):
-    """A force and what to do about it."""
+    """A level of force and the actions that it triggers."""
 
     force: PositiveFloat
     """Level that the force must exceed [N]."""
     probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.9
-    """Act when the probability that it does is at least this."""
+    """Smallest probability that the force exceeds the level."""
     duration: NonNegativeFloat = 0.0
-    """For how long without a break [s]."""
+    """How long this must hold without interruption [s]."""
     release: Annotated[float, Field(gt=0.0, le=1.0)] = 0.8
-    """The level ends when the same probability no longer holds for this fraction of the force."""
+    """The level ends when the force no longer exceeds this fraction of `force` with that probability."""
     actions: tuple[str, ...] = ()
     """Names of actions, started in this order."""
 
 
 class Direction(_Part):
-    """A cone: forces on the robot outside of it do not count."""
+    """A cone of directions: forces on the robot outside it do not count."""
 
     axis: Three
-    """Its axis; any length but zero."""
+    """Axis of the cone; any length except zero."""
     half_angle: Annotated[float, Field(gt=0.0, le=3.141592653589793)]
-    """Largest angle between force and axis [rad]."""
+    """Largest angle between the force and the axis [rad]."""
     frame: Literal["base", "link"] = "base"
     """Frame in which the axis is given."""
 
@@ -69,15 +69,15 @@ class Rule(_Part):
     links: Annotated[tuple[str, ...], Field(min_length=1)]
     """Names of links or groups, `tool`, or `any`."""
     contact: Level | None = None
-    """The lower level: it ends when the force has gone."""
+    """The lower level: it ends when the force has ended."""
     collision: Level | None = None
     """The upper level: it latches until it is acknowledged."""
     condition: Annotated[Literal["moving", "rest", "any"], Field(alias="while")] = "any"
-    """Whether the rule holds only while the arm moves, or is at rest."""
+    """Whether the rule applies only while the arm moves, only at rest, or always."""
     direction: Direction | None = None
     on_degraded: Literal["act", "hold", "ignore"] = "act"
-    """With an estimate that is `degraded`: `act` on it as on any other, and keep what is active where it has
-    no contacts; `hold`: nothing begins and nothing ends; `ignore`: nothing touches."""
+    """Behaviour with a `degraded` estimate. `act`: treat it like any other, but keep active levels if it has
+    no contacts. `hold`: no level begins or ends. `ignore`: treat it as free of contact."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -92,22 +92,22 @@ class Rule(_Part):
 
 
 class ExpectedContact(_Part):
-    """A contact that the robot program may announce: while its window is open, such a contact has a higher
-    level. What can be announced, and up to which force, stands in the file; a request only names it."""
+    """A contact that the robot program may announce: while its window is open, higher levels apply to such a
+    contact. The file defines what can be announced and up to which force; a request only names it."""
 
     name: str
     links: Annotated[tuple[str, ...], Field(min_length=1)]
     """Names of links or groups, `tool`, or `any`."""
     point: Three | None = None
-    """Where, base frame [m]; without it anywhere on the links."""
+    """Expected point, base frame [m]; None: anywhere on the links."""
     radius: PositiveFloat = 0.05
-    """How far from `point` [m]."""
+    """Largest distance from `point` [m]."""
     force: PositiveFloat
-    """Levels of all rules are raised to this [N]."""
+    """Force to which the levels of all rules are raised [N]."""
     timeout: PositiveFloat = 10.0
     """The window closes after this time at the latest [s, robot's clock]."""
     value: Annotated[int, Field(ge=1, le=2**31 - 1)] | None = None
-    """Value of `inputs.announce` that opens it."""
+    """Value of `inputs.announce` that opens the window."""
 
 
 class Inputs(_Part):
@@ -119,21 +119,21 @@ class Inputs(_Part):
         ]
         | None
     ) = None
-    """Bit, or integer register, whose rise from 0 acknowledges all collisions."""
+    """Bit or integer register; a change from 0 to another value acknowledges all collisions."""
     announce: Annotated[str, Field(pattern=r"^output_int_register_\d+$")] | None = None
     """Integer register that opens the window of an expected contact by its `value`; 0 closes it."""
 
 
 class RobotAddress(_Part):
-    """Where actions go."""
+    """The controller to which actions are sent."""
 
     host: str | None = None
-    """Address of the robot's controller; without it the one that samples come from."""
+    """Address of the robot's controller; None: the controller that sends the samples."""
     rtde_port: Annotated[int, Field(ge=1, le=65535)] = 30004
 
 
 class ReactionRules(_Part):
-    """All that a rules' file says."""
+    """Content of a rules file."""
 
     robot: RobotAddress = RobotAddress()
     moving_speed: PositiveFloat = 0.02
@@ -174,7 +174,7 @@ class ReactionRules(_Part):
         """Read rules from a YAML file.
 
         Raises:
-            RulesError: the file is missing, is no YAML, or a field is wrong; the message names it.
+            RulesError: The file is missing, is not YAML, or a field is wrong; the message names it.
         """
         try:
             content: Any = yaml.safe_load(Path(path).read_text())
@@ -191,7 +191,7 @@ class ReactionRules(_Part):
             raise RulesError(f"{path}: {describe(error)}") from None
 
     def links_of(self, names: tuple[str, ...], scene: Scene) -> frozenset[str]:
-        """Links of the scene that names of links and groups, `tool` and `any` stand for.
+        """Return the links of the scene for names of links and groups, `tool` and `any`.
 
         Raises:
             RulesError: There is no such link.
@@ -213,7 +213,7 @@ class ReactionRules(_Part):
         return frozenset(found)
 
     def check(self, scene: Scene) -> None:
-        """Make sure that the rules fit the scene.
+        """Check that the rules fit the scene.
 
         Raises:
             RulesError: A link is unknown; the message names the rule.

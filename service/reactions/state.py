@@ -20,7 +20,7 @@ from contactsense.service.reactions.listener import ReactionListener
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 
 FILE = "reactions.yaml"
-"""Name of the rules' file where it lies beside the scene."""
+"""Name of the rules file if it is in the folder of the scene file."""
 _ANSWER = 1.0
 log = logging.getLogger("contactsense")
 
@@ -31,13 +31,13 @@ class ReactionSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     file: Path | None = None
-    """Rules' file; None: `reactions.yaml` beside the scene file, if there is one."""
+    """Rules file; None: `reactions.yaml` in the folder of the scene file, if there is one."""
 
     def load(self, scene: Scene, scene_file: Path | None) -> ReactionRules | None:
-        """The rules; None where there are none.
+        """Load the rules; returns None if there are none.
 
         Raises:
-            RulesError: They cannot be used.
+            RulesError: The rules cannot be used.
         """
         file = self.file
         if file is None and scene_file is not None and (scene_file.parent / FILE).is_file():
@@ -53,17 +53,17 @@ class ReactionSettings(BaseModel):
 
 
 def make_listener(scene: Scene, rules: ReactionRules, host: str | None) -> ReactionListener:
-    """A listener, in the pipeline's process."""
+    """Create the listener; called in the pipeline's process."""
     return ReactionListener(rules, scene, host)
 
 
 class Reactions:
-    """What is known of the reactions in the service's process.
+    """What the service's process knows about the reactions.
 
     Args:
-        rules: The rules; None where there are none.
-        robot_host: Address of the robot that samples come from.
-        send: Sends a command to the pipeline's process; False where there is none.
+        rules: The rules; None if there are none.
+        robot_host: Address of the robot that sends the samples.
+        send: Sends a command to the pipeline's process; returns False if there is none.
 
     Raises:
         RulesError: An action needs the robot's address, and there is none.
@@ -78,13 +78,13 @@ class Reactions:
         self._report: dict[str, Any] = {"active": [], "expected": [], "actions": {}}
         self._latched: list[dict[str, Any]] = []
         self.on_latched: Callable[[list[dict[str, Any]]], None] | None = None
-        """Called with the latched collisions whenever there are others than before."""
+        """Called with the latched collisions whenever they change."""
         self._answers: dict[str, asyncio.Event] = {}
         self._numbers = itertools.count(1)
         self._webhook_health: dict[str, ActionHealth] = {}
 
     def replace(self, rules: ReactionRules | None) -> None:
-        """Go on with other rules. Collisions that are latched stay so where their rule still has that level.
+        """Replace the rules. Latched collisions stay latched if their rule still has that level.
 
         Raises:
             RulesError: An action needs the robot's address, and there is none; nothing has changed.
@@ -99,7 +99,8 @@ class Reactions:
         self.rules, self._host = rules, host
 
     def restore(self, decisions: Sequence[dict[str, Any]]) -> None:
-        """Latch again what had been latched when the service last ran, before the pipeline starts."""
+        """Restore the collisions that were latched when the service last ran; call before the pipeline
+        starts."""
         self._latched = list(decisions)
         self._report = {**self._report, "active": list(decisions)}
         for found in decisions if self.rules is not None else ():
@@ -109,7 +110,7 @@ class Reactions:
 
     @property
     def factory(self) -> Callable[[Scene], ReactionListener] | None:
-        """Makes the listener for the pipeline's process; None where there are no rules."""
+        """Function that creates the listener in the pipeline's process; None if there are no rules."""
         if self.rules is None:
             return None
         return partial(make_listener, rules=self.rules, host=self._host)
@@ -121,11 +122,11 @@ class Reactions:
         return {name: action for name, action in found.items() if isinstance(action, WebhookAction)}
 
     def handle_report(self, report: dict[str, Any]) -> None:
-        """Take a report of type `reactions` from the pipeline's process."""
-        if report["started"]:  # a new process: what was latched stays latched
+        """Process a report of type `reactions` from the pipeline's process."""
+        if report["started"]:  # a new process: restore the latched collisions
             self._send({"type": "restore", "decisions": self._latched})
             return
-        if not report["restored"]:  # it does not know yet
+        if not report["restored"]:  # its latches are not complete yet
             report = {**report, "active": [*self._latched, *report["active"]]}
         self._report = report
         latched = [d for d in report["active"] if d["level"] == "collision"]
@@ -137,7 +138,7 @@ class Reactions:
             self._answers[report["answer"]].set()
 
     def note_webhook(self, name: str, ok: bool, reason: str) -> ContactEvent:
-        """The result of a delivery; returns the event that reports it."""
+        """Record the result of a delivery; returns the event that reports it."""
         health = self._webhook_health.setdefault(name, ActionHealth(type="webhook"))
         health.started += 1
         health.failed += not ok
@@ -145,20 +146,20 @@ class Reactions:
         return ContactEvent(kind="action", action=name, reason=f"{'done' if ok else 'failed'}: {reason}")
 
     def acknowledge(self, rule: str | None = None, by: str = "the service") -> bool:
-        """Clear latched collisions, of all rules or of one; False where no pipeline runs to do so."""
+        """Clear the latched collisions of all rules or of one; returns False if no pipeline runs."""
         return self._send({"type": "acknowledge", "rule": rule, "by": by})
 
     def announce(self, name: str) -> bool:
-        """Open the window of an expected contact; False where the rules have none of that name."""
+        """Open the window of an expected contact; returns False if the rules have none of that name."""
         known = self.rules is not None and any(window.name == name for window in self.rules.expected)
         return known and self._send({"type": "announce", "name": name})
 
     def withdraw(self, name: str | None = None) -> bool:
-        """Close the window of an expected contact, or all."""
+        """Close the window of one expected contact, or all windows."""
         return self._send({"type": "withdraw", "name": name})
 
     async def request(self, command: dict[str, Any]) -> bool:
-        """Send a command and wait until it has been carried out; False where that does not happen."""
+        """Send a command and wait until it has been executed; returns False if that does not happen."""
         number = str(next(self._numbers))
         done = self._answers[number] = asyncio.Event()
         try:
@@ -186,7 +187,7 @@ class Reactions:
         ]
 
     def health(self) -> ReactionsHealth:
-        """For `GET /v1/health`."""
+        """Response of `GET /v1/health`."""
         if self.rules is None:
             return ReactionsHealth()
         actions = self.actions
@@ -196,7 +197,7 @@ class Reactions:
         )
 
     def out(self) -> ReactionsOut:
-        """For `GET /v1/reactions`."""
+        """Response of `GET /v1/reactions`."""
         if self.rules is None:
             return ReactionsOut()
         health = self.health()

@@ -18,9 +18,10 @@ from contactsense.service.reactions.actions.base import ActionError
 from contactsense.service.reactions.actions.webhook import WebhookAction, sign
 
 DELAYS = (0.0, 5.0, 300.0, 1800.0, 7200.0, 18000.0, 36000.0, 36000.0)
-"""Time before each attempt [s], as Standard Webhooks recommends; after the last the delivery is given up."""
+"""Time before each attempt [s], as Standard Webhooks recommends. After the last attempt the delivery is
+dropped."""
 JITTER = 0.2
-"""Each delay is varied by up to this share, so that retries of many senders do not come together."""
+"""Each delay is varied by up to this fraction, so that retries of many senders do not coincide."""
 MAX_BODY = 20_000
 _THROTTLED = (429, 502, 504)
 _POLL = 1.0
@@ -28,17 +29,17 @@ _POLL = 1.0
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
     def redirect_request(self, *_: Any, **__: Any) -> None:
-        return None  # a redirection is no success
+        return None  # a redirection does not count as success
 
 
 class WebhookDelivery:
-    """Posts what waits.
+    """Posts the deliveries that wait in the outbox.
 
     Args:
-        journal: Whose outbox it is.
+        journal: The journal with the outbox.
         webhooks: Name -> webhook.
         on_result: Called with the name, whether an attempt succeeded, and what to report.
-        delays: As `DELAYS`.
+        delays: See `DELAYS`.
     """
 
     def __init__(
@@ -55,17 +56,17 @@ class WebhookDelivery:
         self._opener = urllib.request.build_opener(_NoRedirect)
 
     def start(self) -> None:
-        """Begin to deliver."""
+        """Start the deliveries."""
         self._tasks = [asyncio.create_task(self._deliver(name)) for name in self._webhooks]
 
     async def stop(self) -> None:
-        """Stop; what waits stays in the journal."""
+        """Stop; waiting deliveries stay in the journal."""
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     async def replace(self, webhooks: Mapping[str, WebhookAction]) -> None:
-        """Go on with other webhooks; what waits for one that is gone stays in the journal."""
+        """Replace the webhooks; deliveries for a removed webhook stay in the journal."""
         await self.stop()
         self._webhooks = dict(webhooks)
         self._news = {name: asyncio.Event() for name in webhooks}
@@ -85,11 +86,11 @@ class WebhookDelivery:
                 "INSERT INTO deliveries (action, webhook_id, body, due) VALUES (?, ?, ?, ?)",
                 (name, f"msg_{uuid.uuid4().hex}", text, time.time() + self._delays[0]),
             )
-        if name in self._news:  # it may have gone with a reload just now
+        if name in self._news:  # a reload may have removed it
             self._news[name].set()
 
     def waiting(self, name: str) -> int:
-        """Number of deliveries that wait."""
+        """Number of waiting deliveries."""
         with self._journal.lock:
             row = self._journal.database.execute(
                 "SELECT count(*) FROM deliveries WHERE action = ?", (name,)

@@ -1,7 +1,7 @@
 """Raw Data Transfer (RDT) of ATI Net F/T sensors over UDP, and the sensor's configuration page; no sockets.
 
-Reading a sensor is pynetft's work; this codec is the sensor's side of the wire.
-Source: ATI, "Network Force/Torque Sensor System, Installation and Operation Manual" (9620-05-NET FT).
+pynetft reads real sensors; this codec implements the sensor's side. Source: ATI, "Network Force/Torque Sensor
+System, Installation and Operation Manual" (9620-05-NET FT).
 """
 
 import struct
@@ -15,21 +15,21 @@ _RECORD = struct.Struct(">III6i")
 _MAGIC = 0x1234
 
 CONFIGURATION_PATH = "/netftapi2.xml"
-"""Where the sensor's web server tells counts per unit."""
+"""Page of the sensor's web server with the counts per unit."""
 
 SATURATED = 0x80020000
-"""Status of a record whose transducer is beyond its range."""
+"""Status of a record whose reading is out of the transducer's range."""
 
 COUNTS_LIMIT = 2**31 - 1
-"""A count has 32 bits and a sign."""
+"""Largest count: a signed 32-bit integer."""
 
 
 class RdtProtocolError(Exception):
-    """The datagram is no RDT request or record; the text says what was expected and what came."""
+    """The datagram is not an RDT request or record; the text states what was expected and received."""
 
 
 class Command(IntEnum):
-    """What a client may ask for."""
+    """Commands of a client."""
 
     STOP = 0x0000
     START_REALTIME = 0x0002
@@ -39,13 +39,13 @@ class Command(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Client to sensor: a command, and how many records are wanted (0: without end)."""
+    """Client to sensor: a command, and the number of requested records (0: unlimited)."""
 
     command: Command
     count: int = 0
 
     def encode(self) -> bytes:
-        """The 8 bytes on the wire."""
+        """Encode the request as 8 bytes."""
         return _REQUEST.pack(_MAGIC, self.command, self.count)
 
 
@@ -58,17 +58,17 @@ class Record:
     ft_sequence: int
     """Number of the reading on the sensor's own clock, modulo 2^32."""
     status: int
-    """0: healthy."""
+    """Status word; 0: healthy."""
     counts: tuple[int, int, int, int, int, int]
 
     def encode(self) -> bytes:
-        """The 36 bytes on the wire."""
+        """Encode the record as 36 bytes."""
         return _RECORD.pack(self.rdt_sequence, self.ft_sequence, self.status, *self.counts)
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """What the sensor's web page says about its counts; units as it spells them (`N`, `Nm`, `Nmm`, ...)."""
+    """Counts per unit from the sensor's web page, and units as it spells them (`N`, `Nm`, `Nmm`, ...)."""
 
     counts_per_force: float = 1e6
     counts_per_torque: float = 1e6
@@ -77,7 +77,7 @@ class Configuration:
     product: str = "ATI Net F/T"
 
     def encode(self) -> bytes:
-        """The page as XML."""
+        """Encode the page as XML."""
         root = ElementTree.Element("netft")
         for tag, value in (
             ("prodname", self.product),
@@ -92,7 +92,7 @@ class Configuration:
 
 
 def parse_request(datagram: bytes) -> Request:
-    """What a client asks for.
+    """Parse a request of a client.
 
     Raises:
         RdtProtocolError: Not an RDT request.
@@ -110,7 +110,7 @@ def parse_request(datagram: bytes) -> Request:
 
 
 def parse_record(datagram: bytes) -> Record:
-    """One reading.
+    """Parse one reading.
 
     Raises:
         RdtProtocolError: Not an RDT record.
@@ -122,15 +122,15 @@ def parse_record(datagram: bytes) -> Record:
 
 
 def parse_configuration(page: bytes) -> Configuration:
-    """Counts per unit and units, off the sensor's configuration page.
+    """Parse counts per unit and units from the sensor's configuration page.
 
     Raises:
-        RdtProtocolError: The page lacks an entry, or an entry is no positive number.
+        RdtProtocolError: The page lacks an entry, or an entry is not a positive number.
     """
     try:
         root = ElementTree.fromstring(page)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
-        # Not only bad XML: an encoding that nobody knows, or one of several bytes, raises errors of its own.
+        # Not only bad XML: an unknown or multi-byte encoding raises other errors.
         raise RdtProtocolError(
             f"expected the sensor's configuration as XML, got {page[:40]!r}: {error}"
         ) from None
@@ -161,7 +161,7 @@ def parse_configuration(page: bytes) -> Configuration:
 
 
 def to_counts(values: Sequence[float], counts_per_unit: float) -> tuple[list[int], bool]:
-    """Values in counts, clipped to what a count can hold, and whether any had to be clipped."""
+    """Convert values to counts, clipped to the range of a count; also returns whether any was clipped."""
     exact = [round(value * counts_per_unit) for value in values]
     clipped = [max(-COUNTS_LIMIT - 1, min(COUNTS_LIMIT, count)) for count in exact]
     return clipped, clipped != exact

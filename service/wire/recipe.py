@@ -13,7 +13,7 @@ Number = float | int | bool
 
 
 class RtdeProtocolError(Exception):
-    """The bytes are not RTDE, or not what was agreed; the text says what was expected and what came."""
+    """The bytes are not RTDE, or not what was agreed; the text states what was expected and received."""
 
 
 class RtdeFieldError(RtdeProtocolError):
@@ -34,12 +34,12 @@ class Recipe:
     """Layout of a data package; packing and unpacking are one precompiled `struct` call.
 
     Args:
-        recipe_id: Number under which the controller keeps the recipe, 0 to 255.
+        recipe_id: Number that the controller assigned to the recipe, 0 to 255.
         names: Fields, in order.
-        types: RTDE type of each, in the same order.
+        types: RTDE type of each field, in the same order.
 
     Raises:
-        RtdeFieldError: A type says that the field is not there or taken.
+        RtdeFieldError: A type states that the field does not exist or is in use.
         RtdeProtocolError: A type is unknown, or the lists differ in length.
     """
 
@@ -67,13 +67,13 @@ class Recipe:
             slices[name] = slice(start, start + WIDTHS[kind])
             start += WIDTHS[kind]
         self.slices: Mapping[str, slice] = MappingProxyType(slices)
-        """Field name -> where its numbers stand among the unpacked ones."""
+        """Field name -> slice of its numbers in the unpacked data."""
 
     def unpack(self, payload: bytes) -> tuple[Number, ...]:
-        """All numbers of a data package, in order; `slices` says which belong to which field.
+        """Unpack all numbers of a data package, in order; `slices` maps them to fields.
 
         Raises:
-            RtdeProtocolError: Wrong size or another recipe's number.
+            RtdeProtocolError: The size is wrong, or the number is that of another recipe.
         """
         if len(payload) != self._struct.size:
             raise RtdeProtocolError(
@@ -84,7 +84,7 @@ class Recipe:
         return self._struct.unpack(payload)
 
     def pack(self, values: Sequence[Number]) -> bytes:
-        """The whole data frame that carries these numbers."""
+        """Pack these numbers into a whole data frame."""
         frame = bytearray(self.size)
         HEADER.pack_into(frame, 0, self.size, ord("U"))
         self._struct.pack_into(frame, HEADER.size, *values)

@@ -1,8 +1,8 @@
 """Real-Time Data Exchange of UR controllers, protocol version 2: bytes to messages and back, no sockets.
 
-Client and mock use the same codec. Strategy: `FrameDecoder` cuts the byte stream into frames; `parse_request`
-reads what a client sends, `parse_reply` what a controller sends; `encode` writes either. Data packages, the
-only frequent ones, bypass the message classes: their payload goes straight to `Recipe.unpack`.
+Client and mock use the same codec. `FrameDecoder` splits the byte stream into frames; `parse_request` parses
+messages from a client, `parse_reply` messages from a controller; `encode` writes both kinds. Data packages,
+the only frequent ones, bypass the message classes: their payload goes directly to `Recipe.unpack`.
 """
 
 import struct
@@ -46,22 +46,22 @@ _KNOWN = frozenset(b"VvOISPUM")
 _FREQUENCY = struct.Struct(">d")
 _VERSION = struct.Struct(">4I")
 _MAX_NAMES = 2048
-"""The controller takes at most so many bytes of field names."""
+"""Largest size of the field names that the controller accepts [bytes]."""
 
 
 class Frame(NamedTuple):
-    """One package off the wire."""
+    """One received package."""
 
     kind: int
-    """Package type, the code of one of the letters V v O I S P U M."""
+    """Package type: the character code of V, v, O, I, S, P, U or M."""
     payload: bytes
 
 
 class FrameDecoder:
-    """Cuts a byte stream into frames, in whatever pieces it arrives.
+    """Splits a byte stream, received in pieces of any size, into frames.
 
-    Once the bytes make no sense the decoder keeps raising: where the next frame would begin is unknown, and
-    guessing would turn noise into measurements. Close the connection and start a new decoder.
+    After invalid bytes the decoder always raises: the beginning of the next frame is unknown, and guessing
+    would turn noise into measurements. Close the connection and use a new decoder.
     """
 
     def __init__(self) -> None:
@@ -70,18 +70,19 @@ class FrameDecoder:
         self._error: RtdeProtocolError | None = None
 
     def expect_data_size(self, size: int) -> None:
-        """From now on a data frame of any other size is an error (found before its body has arrived)."""
+        """From now on, treat a data frame of any other size as an error (detected before its body
+        arrives)."""
         self._data_size = size
 
     def feed(self, data: bytes) -> None:
-        """Take bytes as they came from the socket."""
+        """Add bytes from the socket."""
         self._buffer += data
 
     def next_frame(self) -> Frame | None:
-        """The next complete frame, or None where more bytes are needed.
+        """Return the next complete frame, or None if more bytes are needed.
 
         Raises:
-            RtdeProtocolError: The bytes are no RTDE frame.
+            RtdeProtocolError: The bytes are not an RTDE frame.
         """
         if self._error is not None:
             raise self._error
@@ -111,26 +112,26 @@ class FrameDecoder:
 
 @dataclass(frozen=True, slots=True)
 class ProtocolVersionRequest:
-    """Client: let us speak this version."""
+    """Client: requests this protocol version."""
 
     version: int = PROTOCOL_VERSION
 
 
 @dataclass(frozen=True, slots=True)
 class ProtocolVersionReply:
-    """Controller: agreed, or not."""
+    """Controller: whether it accepts the version."""
 
     accepted: bool
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerVersionRequest:
-    """Client: which software runs there?"""
+    """Client: requests the version of the controller's software."""
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerVersion:
-    """Controller: this software."""
+    """Controller: the version of its software."""
 
     major: int
     minor: int
@@ -140,7 +141,7 @@ class ControllerVersion:
 
 @dataclass(frozen=True, slots=True)
 class OutputSetup:
-    """Client: send these fields at this frequency [Hz]."""
+    """Client: requests these fields at this frequency [Hz]."""
 
     frequency: float
     names: tuple[str, ...]
@@ -148,14 +149,14 @@ class OutputSetup:
 
 @dataclass(frozen=True, slots=True)
 class InputSetup:
-    """Client: I shall write these fields."""
+    """Client: announces that it will write these fields."""
 
     names: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class SetupReply:
-    """Controller: number of the recipe and the type of each field; `NOT_FOUND` or `IN_USE` where refused."""
+    """Controller: number of the recipe and type of each field; `NOT_FOUND` or `IN_USE` for refused fields."""
 
     inputs: bool
     recipe_id: int
@@ -164,31 +165,31 @@ class SetupReply:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Client: start sending."""
+    """Client: requests the start of the data."""
 
 
 @dataclass(frozen=True, slots=True)
 class StartReply:
-    """Controller: sending, or not."""
+    """Controller: whether it sends data."""
 
     accepted: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """Client: stop sending."""
+    """Client: requests a pause of the data."""
 
 
 @dataclass(frozen=True, slots=True)
 class PauseReply:
-    """Controller: paused, or not."""
+    """Controller: whether it has paused."""
 
     accepted: bool
 
 
 @dataclass(frozen=True, slots=True)
 class TextMessage:
-    """Either side: a line for a person; level 0 exception, 1 error, 2 warning, 3 information."""
+    """Either side: a text for people; level 0 exception, 1 error, 2 warning, 3 information."""
 
     message: str
     source: str
@@ -203,7 +204,7 @@ class Data:
 
     @property
     def recipe_id(self) -> int:
-        """Number of the recipe that lays the values out."""
+        """Number of the recipe that defines the layout of the values."""
         return self.payload[0]
 
 
@@ -221,10 +222,10 @@ Reply = ProtocolVersionReply | ControllerVersion | SetupReply | StartReply | Pau
 
 
 def encode(message: Request | Reply) -> bytes:
-    """The frame that carries a message.
+    """Encode a message as a frame.
 
     Raises:
-        RtdeProtocolError: It does not fit into a frame.
+        RtdeProtocolError: The message does not fit into a frame.
     """
     match message:
         case ProtocolVersionRequest(version):
@@ -252,7 +253,7 @@ def encode(message: Request | Reply) -> bytes:
 
 
 def parse_request(frame: Frame) -> Request:
-    """What a client asks for.
+    """Parse a message from a client.
 
     Raises:
         RtdeProtocolError: The payload does not fit its type.
@@ -261,7 +262,7 @@ def parse_request(frame: Frame) -> Request:
 
 
 def parse_reply(frame: Frame) -> Reply:
-    """What a controller answers.
+    """Parse a message from a controller.
 
     Raises:
         RtdeProtocolError: The payload does not fit its type.

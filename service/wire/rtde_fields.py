@@ -1,4 +1,4 @@
-"""What a UR controller offers over RTDE: names, types, and the controller version that brought each field.
+"""RTDE fields of UR controllers: names, types, and the controller version that introduced each field.
 
 Source: Universal Robots, "Real-Time Data Exchange (RTDE)", and the versions that ur_rtde 1.6.5 checks for.
 """
@@ -77,7 +77,7 @@ OUTPUTS: Mapping[str, str] = _table(_OUTPUTS_BY_TYPE, _registers("output") | _re
 """Every field that the controller sends -> its type. Input registers can be read back."""
 
 INPUTS: Mapping[str, str] = _table(_INPUTS_BY_TYPE, _registers("input"))
-"""Every field that the controller takes -> its type."""
+"""Every field that the controller accepts -> its type."""
 
 SINCE: Mapping[str, Mapping[int, tuple[int, int]]] = MappingProxyType(
     {
@@ -90,11 +90,11 @@ SINCE: Mapping[str, Mapping[int, tuple[int, int]]] = MappingProxyType(
         "target_base_wrench": {5: (26, 0), 10: (14, 0)},
     }
 )
-"""Field -> controller generation -> first (minor, bugfix) with that field. Absent: always there."""
+"""Field -> controller generation -> first (minor, bugfix) with that field. Absent: in all versions."""
 
 
 def available(name: str, version: tuple[int, int, int]) -> bool:
-    """Whether a controller of that (major, minor, bugfix) sends the field."""
+    """Whether a controller of that version (major, minor, bugfix) sends the field."""
     if name not in OUTPUTS:
         return False
     rules = SINCE.get(name)

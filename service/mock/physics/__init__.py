@@ -1,1 +1,1 @@
-"""Dynamics of the simulated arm in real time: a servo moves it, obstacles resist."""
+"""Dynamics of the simulated arm in real time: joint servos move it, and obstacles exert contact forces."""

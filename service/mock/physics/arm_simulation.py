@@ -1,4 +1,4 @@
-"""The simulated arm: what its sensors would read, step by step, while servos follow a target."""
+"""Simulation of the arm and its sensors, step by step, while servos follow a target."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -23,9 +23,9 @@ from contactsense.service.mock.physics.servo_kernels import (
 STEP = 1e-3
 """Time between two readings [s]."""
 SUBSTEPS = 5
-"""Steps of the integration in it."""
+"""Integration steps per `STEP`."""
 SERVO_STIFFNESS = 100.0
-"""Torque of a servo per deviation, as a multiple of the drive's limit [1/rad]: full torque at 10 mrad."""
+"""Torque of a servo per position error, relative to the drive's limit [1/rad]: full torque at 10 mrad."""
 
 
 class ObstacleContact(NamedTuple):
@@ -36,7 +36,7 @@ class ObstacleContact(NamedTuple):
     link: int
     """Number of the touched link; the tool is the last."""
     depth: float
-    """How deep the surface is in the obstacle [m]."""
+    """Penetration depth of the surface in the obstacle [m]."""
     point: np.ndarray
     """Deepest point, base frame [m], shape (3,)."""
     force: np.ndarray
@@ -55,15 +55,15 @@ class Push(NamedTuple):
 
 
 class ArmSimulation:
-    """An arm at rest at joint positions q; `step` moves it on by `STEP`.
+    """An arm, initially at rest at joint positions q; `step` advances it by `STEP`.
 
-    Deterministic: the same targets and pushes give the same numbers.
+    Deterministic: the same targets and pushes give the same results.
 
     Args:
         robot: The arm.
         q: Joint positions at the beginning [rad], shape (n,).
-        tool: What the flange carries.
-        obstacles: What stands in the way.
+        tool: Tool at the flange.
+        obstacles: Obstacles in the cell.
         gravity: Acceleration of free fall, base axes [m/s^2].
         servo_stiffness: See `SERVO_STIFFNESS`.
     """
@@ -80,7 +80,7 @@ class ArmSimulation:
     ) -> None:
         joints = len(robot.joints)
         self.robot = arrays.with_tool(robot, tool)
-        """The arm with its tool as a further link on a joint that does not move."""
+        """The arm with its tool as an additional link on a fixed joint."""
         self._bodies = arrays.bodies(self.robot, joints)
         self._surfaces = arrays.surfaces(self.robot)
         self._obstacles = arrays.obstacle_arrays(obstacles)
@@ -108,12 +108,12 @@ class ArmSimulation:
         return self._bodies, self._surfaces, self._obstacles, self._servo, self._fall
 
     def step(self, target: np.ndarray, pushes: Sequence[Push] = ()) -> None:
-        """Move on by `STEP`.
+        """Advance by `STEP`.
 
         Args:
-            target: Target positions [rad], velocities and accelerations at the step's beginning, shape
+            target: Target positions [rad], velocities and accelerations at the beginning of the step, shape
                 (3, n).
-            pushes: Wrenches on the links meanwhile.
+            pushes: Wrenches on the links during the step.
         """
         state = self._state
         state.target[:] = target
@@ -145,12 +145,12 @@ class ArmSimulation:
 
     @property
     def model_torque(self) -> np.ndarray:
-        """Torques that the target's acceleration asks for without any contact [Nm], shape (n,)."""
+        """Torques for the target's acceleration without any contact [Nm], shape (n,)."""
         return np.asarray(self._state.rows[BIAS] + self._work.mass @ self._state.target[2])
 
     @property
     def external_torque(self) -> np.ndarray:
-        """Joint torques that contacts and pushes put on the arm [Nm], shape (n,)."""
+        """Joint torques due to contacts and pushes [Nm], shape (n,)."""
         return np.array(self._state.rows[EXTERNAL])
 
     @property
@@ -165,7 +165,7 @@ class ArmSimulation:
 
     @property
     def external_wrench(self) -> np.ndarray:
-        """Sum of what contacts and pushes put on the arm: force, then moment about the base origin, base axes
+        """Total wrench of contacts and pushes on the arm: force, then moment about the base origin, base axes
         [N, Nm], shape (6,)."""
         total = np.zeros(6)
         for link in np.flatnonzero(self._work.load.any(axis=1)):
@@ -183,8 +183,8 @@ class ArmSimulation:
 
     @property
     def last_link_wrench(self) -> np.ndarray:
-        """Wrench of the last link (the tool, if there is one) on what carries it, in its own axes about its
-        origin [N, Nm], shape (6,)."""
+        """Wrench of the last link (the tool, if there is one) on the body that carries it, in its own axes
+        about its own origin [N, Nm], shape (6,)."""
         return np.asarray(-self._work.wrench[-1])
 
     @property
@@ -204,7 +204,7 @@ class ArmSimulation:
 
     @property
     def contacts(self) -> list[ObstacleContact]:
-        """Contacts with obstacles now."""
+        """Present contacts with obstacles."""
         rows = self._state.contacts
         return [
             ObstacleContact(

@@ -15,13 +15,13 @@ HALF_SPACE, BOX, SPHERE = 0, 1, 2
 
 
 class Bodies(NamedTuple):
-    """A chain of B bodies, body 0 fixed; body j + 1 is carried by joint j. The first n joints move, any
-    further ones are locked at 0: the tool is a body of its own, so that the wrench at the flange is known."""
+    """A chain of B bodies. Body 0 is fixed; joint j carries body j + 1. The first n joints move, any further
+    ones are locked at 0. The tool is a separate body, so that the wrench at the flange is known."""
 
     rotation: np.ndarray
-    """Orientation of each joint frame in the body before it, shape (B - 1, 3, 3)."""
+    """Orientation of each joint frame in the parent body, shape (B - 1, 3, 3)."""
     translation: np.ndarray
-    """Origin of each joint frame in the body before it [m], shape (B - 1, 3)."""
+    """Origin of each joint frame in the parent body [m], shape (B - 1, 3)."""
     axis: np.ndarray
     """Unit axis of each joint in its own frame, shape (B - 1, 3)."""
     mass: np.ndarray
@@ -31,32 +31,32 @@ class Bodies(NamedTuple):
     inertia: np.ndarray
     """Inertia about the centre of mass, body axes [kg m^2], shape (B, 3, 3)."""
     rotor: np.ndarray
-    """Inertia of the rotors as seen at the joints [kg m^2], shape (n,)."""
+    """Inertia of the rotors, reflected to the joints [kg m^2], shape (n,)."""
 
 
 class Obstacles(NamedTuple):
-    """Obstacles, base frame, M of them."""
+    """M obstacles in the base frame."""
 
     kind: np.ndarray
     """`HALF_SPACE`, `BOX` or `SPHERE`, shape (M,), int64."""
     rotation: np.ndarray
-    """Axes as columns; of a half-space the third one is the outward normal, shape (M, 3, 3)."""
+    """Axes as columns, shape (M, 3, 3); the third axis of a half-space is its outward normal."""
     origin: np.ndarray
-    """Centre, or a point of the plane [m], shape (M, 3)."""
+    """Centre, or a point on the plane [m], shape (M, 3)."""
     half: np.ndarray
-    """Half edge lengths of a box without its rounding [m], shape (M, 3)."""
+    """Half of the edge lengths of a box without its rounding [m], shape (M, 3)."""
     radius: np.ndarray
     """Radius of a sphere, or of a box's edges [m], shape (M,)."""
     stiffness: np.ndarray
-    """Force per depth [N/m], shape (M,)."""
+    """Normal force per penetration depth [N/m], shape (M,)."""
     damping: np.ndarray
-    """Force per speed of approach [Ns/m], shape (M,)."""
+    """Normal force per speed of approach [Ns/m], shape (M,)."""
     friction: np.ndarray
     """Coefficient of friction, shape (M,)."""
 
 
 def with_tool(robot: Robot, tool: Tool | None) -> Robot:
-    """The arm with its tool as a further link, on a joint at the flange that is never moved."""
+    """Return the arm with its tool as an additional link on a fixed joint at the flange."""
     if tool is None:
         return robot
     flange = Joint(
@@ -73,7 +73,7 @@ def with_tool(robot: Robot, tool: Tool | None) -> Robot:
 
 
 def bodies(robot: Robot, moving: int) -> Bodies:
-    """Arrays of a robot of which the first `moving` joints move."""
+    """Arrays of a robot whose first `moving` joints move."""
     return Bodies(
         rotation=np.array([joint.rotation for joint in robot.joints]),
         translation=np.array([joint.translation for joint in robot.joints]),

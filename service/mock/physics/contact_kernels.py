@@ -1,11 +1,11 @@
-"""Contact between the arm's surface and obstacles: a force for each link and obstacle at the deepest point.
+"""Contact between the arm's surface and obstacles: one force per link and obstacle, at the deepest point.
 
-The depth of a convex primitive in an obstacle is that of its deepest surface point. Against a half-space that
-is the support point; against a ball the point nearest to its centre. A box with rounded edges is a core and a
-ball: where the support point lies over a face of the core it is the deepest point; else the deepest point
-faces an edge of the core, along which the distance to the primitive is convex. Where the primitive has
-entered the core beside its faces, deeper than the rounding, the face that it has entered least takes its
-place.
+The penetration depth of a convex primitive in an obstacle is the depth of its deepest surface point. In a
+half-space this is the support point; in a ball it is the point nearest to the centre. A box with rounded
+edges is the Minkowski sum of a core and a ball. If the support point lies over a face of the core, it is the
+deepest point. Otherwise the deepest point faces an edge of the core, along which the distance to the
+primitive is convex. If the primitive has entered the core across an edge, deeper than the rounding, the face
+with the smallest depth is used instead.
 """
 
 from math import sqrt
@@ -18,11 +18,11 @@ from contactsense.service.mock.physics.dynamics_kernels import cross, turn, turn
 HALVINGS = 40
 """Bisections along an edge: a metre down to a picometre."""
 CLOSE = 1e-9
-"""Distance below which a primitive has entered an edge of a box's core [m]."""
+"""Distance from an edge of a box's core below which a primitive counts as having entered it [m]."""
 FAR = 1e9
-"""More than any distance [m]."""
+"""Larger than any distance [m]."""
 CREEP = 0.01
-"""Sliding speed at which friction is fully there [m/s]; below, it is proportional to the speed."""
+"""Sliding speed from which friction has its full magnitude [m/s]; below, it is proportional to the speed."""
 
 
 @kernel
@@ -35,7 +35,7 @@ def deepest_point(kind, size, rotation, origin, obstacles, i):  # type: ignore[n
         obstacles, i: The obstacle.
 
     Returns:
-        Depth [m], at most 0 where they do not touch; the point (3 floats) and the obstacle's outward normal
+        Depth [m], not positive if they do not touch; the point (3 floats) and the obstacle's outward normal
         there (3 floats), base frame.
     """
     own, at = obstacles.rotation[i], obstacles.origin[i]
@@ -95,8 +95,8 @@ def _in_box(kind, size, rotation, origin, obstacles, i):  # type: ignore[no-unty
 
 @kernel
 def _nearest_edge(kind, size, rotation, origin, obstacles, i):  # type: ignore[no-untyped-def]
-    """Distance of a primitive from the nearest edge of a box's core (`FAR` where it is inside), its nearest
-    point and the direction from the edge to it, base frame."""
+    """Distance of a primitive from the nearest edge of a box's core (`FAR` if it is inside), its nearest
+    point and the direction from the edge to that point, base frame."""
     half, own, at = obstacles.half[i], obstacles.rotation[i], obstacles.origin[i]
     best = FAR
     bx = by = bz = nx = ny = nz = 0.0
@@ -119,7 +119,7 @@ def _nearest_edge(kind, size, rotation, origin, obstacles, i):  # type: ignore[n
                 else:
                     low = s
             mx, my, mz = turn(rotation, -mx, -my, -mz)
-            # The edge is nearest only where the way to the primitive leads out of both its faces.
+            # The edge is nearest only if the direction to the primitive points out of both of its faces.
             out_one = mx * own[0, one] + my * own[1, one] + mz * own[2, one]
             out_two = mx * own[0, two] + my * own[1, two] + mz * own[2, two]
             leaves = u * out_one >= -CLOSE and v * out_two >= -CLOSE
@@ -132,7 +132,7 @@ def _nearest_edge(kind, size, rotation, origin, obstacles, i):  # type: ignore[n
 
 @kernel
 def _out_of_reach(obstacles, i, x, y, z, radius):  # type: ignore[no-untyped-def]
-    """Whether a ball about a point (base frame) is clear of obstacle i."""
+    """Whether a ball around a point (base frame) does not touch obstacle i."""
     own, at = obstacles.rotation[i], obstacles.origin[i]
     dx, dy, dz = x - at[0], y - at[1], z - at[2]
     if obstacles.kind[i] == HALF_SPACE:
@@ -147,11 +147,11 @@ def _out_of_reach(obstacles, i, x, y, z, radius):  # type: ignore[no-untyped-def
 
 @kernel
 def add_contacts(surfaces, obstacles, work, pose, contacts):  # type: ignore[no-untyped-def]
-    """Add to the loads what the obstacles put on each moving link, and note the contacts.
+    """Add the wrenches of the obstacles on each moving link to the loads, and record the contacts.
 
     Args:
         surfaces: Primitives of all links.
-        obstacles: What stands around.
+        obstacles: Obstacles in the cell.
         work: Poses and velocities of the links; `load` is added to.
         pose: Scratch for the pose of a primitive, shape (4, 3).
         contacts: For each obstacle and link: depth [m], point (3) [m], force on the robot (3) [N], base
@@ -186,7 +186,7 @@ def add_contacts(surfaces, obstacles, work, pose, contacts):  # type: ignore[no-
 
 @kernel
 def _push(obstacles, i, link, work, nx, ny, nz, row):  # type: ignore[no-untyped-def]
-    """Force of obstacle i on a link at a contact point, into the loads and `row`."""
+    """Add the force of obstacle i on a link at a contact point to the loads, and write it to `row`."""
     R, o = work.rotation[link], work.origin[link]
     lx, ly, lz = turn_back(R, row[1] - o[0], row[2] - o[1], row[3] - o[2])
     w, v = work.omega[link], work.velocity[link]

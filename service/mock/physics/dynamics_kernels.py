@@ -1,7 +1,8 @@
-"""Newton-Euler recursion over a chain of bodies, each in its own axes, and the mass matrix from it.
+"""Newton-Euler recursion over a chain of bodies, each in its own axes, and the mass matrix computed with it.
 
-The same scheme as `contactsense.service.mock.newton_euler`, for one instant and compiled: a thousand steps a
-second have to leave the processor to others. It shares no line and no frame with `kinematics`.
+The same method as `contactsense.service.mock.newton_euler`, but compiled and for one instant: a thousand
+steps per second must leave processor time for other processes. It shares no code and no frames with
+`kinematics`.
 """
 
 from math import cos, sin, sqrt
@@ -16,7 +17,7 @@ class Scratch(NamedTuple):
     """Arrays that the kernels fill, for B bodies and n joints. Vectors of body j are in its own axes."""
 
     local: np.ndarray
-    """Orientation of each body in the one before it, shape (B, 3, 3); that of body 0 is unused."""
+    """Orientation of each body in its parent, shape (B, 3, 3); that of body 0 is unused."""
     rotation: np.ndarray
     """Orientation of each body in base axes, shape (B, 3, 3)."""
     origin: np.ndarray
@@ -28,24 +29,23 @@ class Scratch(NamedTuple):
     alpha: np.ndarray
     """Angular acceleration [rad/s^2], shape (B, 3)."""
     accel: np.ndarray
-    """Acceleration of the origin against free fall [m/s^2], shape (B, 3)."""
+    """Acceleration of the origin minus that of free fall [m/s^2], shape (B, 3)."""
     wrench: np.ndarray
-    """What each body needs from the one before it: force, then moment about its origin [N, Nm], shape
-    (B, 6)."""
+    """Wrench of the parent on each body: force, then moment about its origin [N, Nm], shape (B, 6)."""
     load: np.ndarray
-    """What the surroundings put on each body: force, then moment about its origin [N, Nm], shape (B, 6)."""
+    """Wrench of the environment on each body: force, then moment about its origin [N, Nm], shape (B, 6)."""
     mass: np.ndarray
     """Mass matrix, shape (n, n) [kg m^2]."""
     factor: np.ndarray
-    """Cholesky factor of the matrix that is solved, shape (n, n)."""
+    """Cholesky factor of the system matrix, shape (n, n)."""
     unit: np.ndarray
-    """A joint acceleration, shape (n,)."""
+    """A unit joint acceleration, shape (n,)."""
     torque: np.ndarray
     """Joint torques, shape (n,) [Nm]."""
 
 
 def scratch(count: int, joints: int) -> Scratch:
-    """Zeroed arrays for so many bodies and moving joints."""
+    """Allocate zeroed arrays for this number of bodies and moving joints."""
     vectors = [np.zeros((count, 3)) for _ in range(5)]
     rotation = np.tile(np.eye(3), (count, 1, 1))
     return Scratch(
@@ -93,7 +93,7 @@ def cross(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
 
 @kernel
 def set_poses(bodies, q, work):  # type: ignore[no-untyped-def]
-    """Fill `local`, `rotation` and `origin` for joint positions q [rad]; joints beyond them stand at 0."""
+    """Fill `local`, `rotation` and `origin` for joint positions q [rad]; further joints are at 0."""
     for j in range(bodies.axis.shape[0]):
         angle = q[j] if j < q.shape[0] else 0.0
         x, y, z = bodies.axis[j, 0], bodies.axis[j, 1], bodies.axis[j, 2]
@@ -140,12 +140,12 @@ def inverse_dynamics(bodies, moving, qdd, fall, loaded, work, torque):  # type: 
 
     Args:
         bodies: The chain.
-        moving: 1.0 with the velocities of `work`; 0.0 as if nothing moved.
+        moving: 1.0: use the velocities of `work`; 0.0: treat all velocities as zero.
         qdd: Joint accelerations, shape (n,).
         fall: Acceleration of free fall, base axes [m/s^2], shape (3,).
-        loaded: 1.0 with the loads of `work`; 0.0 without.
-        work: Fills `alpha`, `accel`, `wrench`.
-        torque: Filled, rotors included, shape (n,).
+        loaded: 1.0: include the loads of `work`; 0.0: omit them.
+        work: `alpha`, `accel` and `wrench` are filled.
+        torque: Filled with the joint torques, rotors included, shape (n,).
     """
     n, count = torque.shape[0], bodies.mass.shape[0]
     first, turned = work.accel[0], work.alpha[0]
@@ -162,7 +162,7 @@ def inverse_dynamics(bodies, moving, qdd, fall, loaded, work, torque):  # type: 
             sx, sy, sz = cross(wx, wy, wz, sx, sy, sz)
             ac[0], ac[1], ac[2] = turn_back(local, pc[0] + lx + sx, pc[1] + ly + sy, pc[2] + lz + sz)
             ax, ay, az = bodies.axis[j - 1, 0], bodies.axis[j - 1, 1], bodies.axis[j - 1, 2]
-            cx, cy, cz = turn_back(local, wx, wy, wz)  # carried angular velocity, own axes
+            cx, cy, cz = turn_back(local, wx, wy, wz)  # parent's angular velocity, own axes
             hx, hy, hz = moving * o[0] - cx, moving * o[1] - cy, moving * o[2] - cz
             gx, gy, gz = cross(cx, cy, cz, hx, hy, hz)
             bx, by, bz = turn_back(local, pl[0], pl[1], pl[2])

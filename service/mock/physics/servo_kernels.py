@@ -1,14 +1,14 @@
 """One step of the arm under its joint servos, in contact or not.
 
-Each joint's servo is a spring and a damper between target and actual position, beside the torque that the
-controller's own model asks for. With M(q) a + h(q, qd) = torque + J^T f and the deviations e, e' of position
-and velocity from the target,
+Each joint's servo is a spring and a damper between target and actual position, added to the torque that the
+controller's own model computes. With M(q) a + h(q, qd) = torque + J^T f and the errors e, e' of position and
+velocity relative to the target,
 
     M (a - a_target) = K e + D e' + J^T f
 
-A drive cannot give more than its limit; beyond it the torque is the limit and the arm yields. The servo is
-integrated implicitly in e (its stiffness against the small inertia of a wrist would ask for a tiny step), the
-contact explicitly.
+The torque of a drive saturates at its limit; beyond it the arm yields. The servo is integrated implicitly in
+e, because its stiffness and the small inertia of a wrist would otherwise require a tiny step. The contact is
+integrated explicitly.
 """
 
 from math import sqrt
@@ -27,9 +27,9 @@ from contactsense.service.mock.physics.dynamics_kernels import (
 )
 
 BIAS = 0
-"""Row of `State.rows`: torques of gravity and velocity."""
+"""Row of `State.rows`: torques due to gravity and velocity, h(q, qd)."""
 EXTERNAL = 1
-"""Row of `State.rows`: joint torques that contacts and pushes put on the arm, J^T f."""
+"""Row of `State.rows`: joint torques due to contacts and pushes, J^T f."""
 GRAVITY = 2
 """Row of `State.rows`: torques that hold the arm against gravity."""
 
@@ -38,13 +38,13 @@ class Servo(NamedTuple):
     """Joint servos of n joints."""
 
     stiffness: np.ndarray
-    """Torque per deviation [Nm/rad], shape (n,)."""
+    """Torque per position error [Nm/rad], shape (n,)."""
     limit: np.ndarray
     """Largest torque of each drive [Nm], shape (n,)."""
 
 
 class State(NamedTuple):
-    """The arm's state at an instant, and what follows from it; n joints, B bodies, M obstacles."""
+    """The arm's state at an instant, and quantities derived from it; n joints, B bodies, M obstacles."""
 
     q: np.ndarray
     """Joint positions [rad], shape (n,)."""
@@ -53,7 +53,7 @@ class State(NamedTuple):
     qdd: np.ndarray
     """Joint accelerations [rad/s^2], shape (n,)."""
     target: np.ndarray
-    """Target positions, velocities and accelerations of this instant, shape (3, n)."""
+    """Target positions, velocities and accelerations at this instant, shape (3, n)."""
     pushes: np.ndarray
     """Scripted wrenches on the bodies, own axes: force, moment about the origin [N, Nm], shape (B, 6)."""
     contacts: np.ndarray
@@ -72,9 +72,9 @@ def set_acceleration(bodies, surfaces, obstacles, servo, fall, dt, state, work):
     """Fill `qdd`, `torque` and `contacts` of the state, and `wrench` of the scratch, from the rest of it.
 
     Args:
-        bodies, surfaces, obstacles, servo: The arm and what is around it.
+        bodies, surfaces, obstacles, servo: The arm and its environment.
         fall: Acceleration of free fall, base axes [m/s^2], shape (3,).
-        dt: Step in which the servo is integrated [s].
+        dt: Integration step of the servo [s].
         state, work: Filled.
     """
     n = state.q.shape[0]
@@ -120,7 +120,8 @@ def set_acceleration(bodies, surfaces, obstacles, servo, fall, dt, state, work):
 
 @kernel
 def advance(bodies, surfaces, obstacles, servo, fall, dt, steps, state, work):  # type: ignore[no-untyped-def]
-    """So many steps of `dt` [s]: semi-implicit Euler; the target moves on with its own acceleration."""
+    """Integrate the given number of steps of `dt` [s] by semi-implicit Euler; the target advances with its
+    own acceleration."""
     for _ in range(steps):
         for i in range(state.q.shape[0]):
             state.qd[i] += dt * state.qdd[i]

@@ -1,4 +1,4 @@
-"""Actions, one file each: settings as they stand in the rules' file, and what the action does."""
+"""Actions, one file each: the settings in the rules file, and the code that performs the action."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""What all actions have in common."""
+"""Base classes of all actions."""
 
 import contextlib
 import socket
@@ -12,47 +12,47 @@ Port = Annotated[int, Field(ge=1, le=65535)]
 
 
 class ActionError(RuntimeError):
-    """An action failed; the message says what was expected and what came."""
+    """An action failed; the message states what was expected and what was received."""
 
 
 class ActionSettings(BaseModel, ABC):
-    """Settings of one action. Those with `perform` are carried out in the executor's process."""
+    """Settings of one action. Actions with `perform` run in the executor's process."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     @abstractmethod
     def describe(self) -> str:
-        """What it does, in a few words."""
+        """Return a short description of the action."""
 
 
 class ExecutedAction(ActionSettings):
-    """An action that may take its time: it has a thread of its own in the executor's process."""
+    """An action that may be slow: it runs in its own thread of the executor's process."""
 
     timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 2.0
     """Time limit [s]."""
 
     def prepare(self, host: str) -> None:
-        """What can be done before it is needed; `host` is the robot's controller.
+        """Do in advance what can be done before the action is needed; `host` is the robot's controller.
 
         Raises:
-            ActionError: It failed; it is tried again when the action is needed.
+            ActionError: The preparation failed; it is tried again when the action is needed.
         """
 
     @abstractmethod
     def perform(self, decision: dict[str, Any], host: str) -> str:
-        """Carry it out; returns what to report.
+        """Perform the action; returns what to report.
 
         Raises:
-            ActionError: It failed.
+            ActionError: The action failed.
         """
 
     def close(self) -> None:
-        """Release what `prepare` has taken."""
+        """Release what `prepare` acquired."""
 
 
 @contextlib.contextmanager
 def connection(host: str, port: int, timeout: float) -> Iterator[socket.socket]:
-    """A TCP connection; every trouble with it is an `ActionError`."""
+    """Open a TCP connection; every problem with it is raised as an `ActionError`."""
     where = f"{host}:{port}"
     try:
         with socket.create_connection((host, port), timeout) as opened:

@@ -1,4 +1,4 @@
-"""Run a command of the user's with the decision as JSON on its standard input."""
+"""Run a user's command with the decision as JSON on its standard input."""
 
 import json
 import os
@@ -19,10 +19,10 @@ class CommandAction(ExecutedAction):
     command: Annotated[tuple[str, ...], Field(min_length=1)]
     """The program and its arguments."""
     timeout: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
-    """It is killed, with its children, after this time [s]."""
+    """Time after which the program and its children are killed [s]."""
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
-        """Carry it out; see `ExecutedAction.perform`."""
+        """Run the program; see `ExecutedAction.perform`."""
         try:
             process = subprocess.Popen(
                 self.command,
@@ -46,5 +46,5 @@ class CommandAction(ExecutedAction):
         return "exit status 0"
 
     def describe(self) -> str:
-        """What it does, in a few words."""
+        """Return a short description of the action."""
         return f"run {' '.join(self.command)} (at most {self.timeout:g} s)"

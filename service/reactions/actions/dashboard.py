@@ -15,11 +15,11 @@ class DashboardAction(ExecutedAction):
     type: Literal["dashboard"]
     command: Literal["pause", "stop", "popup"]
     text: Annotated[str, Field(max_length=200, pattern=r"^[^\r\n]*$")] = "{rule}: {force} N on {link}"
-    """Of the popup; {rule}, {level}, {link} and {force} are filled in."""
+    """Text of the popup; {rule}, {level}, {link} and {force} are replaced by their values."""
     port: Port = 29999
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
-        """Carry it out; see `ExecutedAction.perform`."""
+        """Send the command; see `ExecutedAction.perform`."""
         line: str = self.command
         if line == "popup":
             filled = self.text
@@ -37,5 +37,5 @@ class DashboardAction(ExecutedAction):
         return answer
 
     def describe(self) -> str:
-        """What it does, in a few words."""
+        """Return a short description of the action."""
         return f"dashboard: {self.command}"

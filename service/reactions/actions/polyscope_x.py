@@ -1,4 +1,4 @@
-"""Program state by the REST interface of PolyScope X (from 10.11)."""
+"""Change the program state through the REST interface of PolyScope X (from 10.11)."""
 
 import json
 import urllib.error
@@ -18,7 +18,7 @@ class PolyscopeXAction(ExecutedAction):
     port: Port = 80
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
-        """Carry it out; see `ExecutedAction.perform`."""
+        """Send the request; see `ExecutedAction.perform`."""
         request = urllib.request.Request(
             f"http://{host}:{self.port}{PATH}",
             json.dumps({"action": self.action}).encode(),
@@ -36,5 +36,5 @@ class PolyscopeXAction(ExecutedAction):
             raise ActionError(f"{host}:{self.port}{PATH}: {reason}") from None
 
     def describe(self) -> str:
-        """What it does, in a few words."""
+        """Return a short description of the action."""
         return f"PolyScope X: {self.action} the program"

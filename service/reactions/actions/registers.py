@@ -1,4 +1,4 @@
-"""Tell the robot program by RTDE input registers, with a heartbeat that a watchdog in it can watch."""
+"""Inform the robot program through RTDE input registers, with a heartbeat for a watchdog in the program."""
 
 from typing import Annotated, Literal, Self
 
@@ -14,17 +14,17 @@ LEVELS = {"contact": 1, "collision": 2}
 
 
 class RegistersAction(ActionSettings):
-    """Registers and what is written into them. They are written when a level begins or ends, with every
-    sample while one is active, and every `period` as a heartbeat."""
+    """Registers and the values written to them. They are written when a level begins or ends, with every
+    sample while a level is active, and at least once per `period` as a heartbeat."""
 
     type: Literal["registers"]
     code: Register = 47
-    """Integer register: level + 10 (link index + 1); level 0: none, 1: contact, 2: collision. Without a known
-    link 1 or 2."""
+    """Integer register: level + 10 (link index + 1); level 0: none, 1: contact, 2: collision. If the link is
+    unknown, 1 or 2."""
     force: Register | None = 47
     """Double register: force [N]."""
     link: Register | None = None
-    """Integer register: link index, the base being 0; -1 where there is none."""
+    """Integer register: link index (base: 0); -1 if there is none."""
     point: tuple[Register, Register, Register] | None = None
     """Double registers: contact centroid, base frame [m]."""
     time: Register | None = None
@@ -36,7 +36,7 @@ class RegistersAction(ActionSettings):
     collision: Bit | None = 66
     """Bit: a collision is latched."""
     degraded: Bit | None = 67
-    """Bit: the newest estimate is degraded, or there has been none for 0.1 s."""
+    """Bit: the latest estimate is degraded, or there has been none for 0.1 s."""
     period: Annotated[float, Field(ge=0.01, le=1.0)] = 0.02
     """Longest time between two writes [s]."""
 
@@ -59,11 +59,11 @@ class RegistersAction(ActionSettings):
         return (*found, *[f"input_bit_register_{n}" for n in bits if n is not None])
 
     def values(self, decision: Decision | None, t: float, beat: bool, degraded: bool) -> tuple[Number, ...]:
-        """Numbers for `names`.
+        """Values for `names`.
 
         Args:
-            decision: That by which the highest active level began, with the present force and place; None:
-                none is active.
+            decision: The decision that began the highest active level, with the present force and point;
+                None: no level is active.
             t: Time of the sample [s].
             beat: The heartbeat bit.
             degraded: The degraded bit.
@@ -91,5 +91,5 @@ class RegistersAction(ActionSettings):
         return (*found, *[value for bit, value in bits if bit is not None])
 
     def describe(self) -> str:
-        """What it does, in a few words."""
+        """Return a short description of the action."""
         return f"write {', '.join(self.names)} (heartbeat every {1e3 * self.period:g} ms)"

@@ -1,4 +1,4 @@
-"""Turn the robot's speed slider down."""
+"""Lower the robot's speed slider."""
 
 from typing import Annotated, Literal
 
@@ -11,15 +11,15 @@ NAMES = ("speed_slider_mask", "speed_slider_fraction")
 
 
 class SpeedSliderAction(ActionSettings):
-    """A fraction of the programmed speed; never 0, as leaving 0 makes a protective stop."""
+    """Sets a fraction of the programmed speed; never 0, because leaving 0 causes a protective stop."""
 
     type: Literal["speed_slider"]
     fraction: Annotated[float, Field(ge=0.01, le=1.0)]
-    """While the level is active."""
+    """Fraction while the level is active."""
     restore: Annotated[float, Field(ge=0.01, le=1.0)] | None = None
-    """When it ends; None: it stays, until a person or the program raises it."""
+    """Fraction after the level has ended; None: the slider stays until a person or the program raises it."""
 
     def describe(self) -> str:
-        """What it does, in a few words."""
+        """Return a short description of the action."""
         after = "it stays there" if self.restore is None else f"back to {100 * self.restore:g} % at its end"
         return f"set the speed slider to {100 * self.fraction:g} %, {after}"

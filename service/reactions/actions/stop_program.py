@@ -1,4 +1,4 @@
-"""Stop the motion by a program of its own: it replaces the one that runs."""
+"""Stop the motion by sending a short program, which replaces the running one."""
 
 from typing import Annotated, Any, Literal
 
@@ -10,30 +10,30 @@ PORTS = {"primary": 30001, "secondary": 30002, "realtime": 30003}
 
 
 class StopProgramAction(ExecutedAction):
-    """`stopj` as a `def` program to one of the controller's client interfaces; needs remote control."""
+    """Sends `stopj` as a `def` program to one of the controller's client interfaces; needs remote control."""
 
     type: Literal["stop_program"]
     deceleration: Annotated[float, Field(gt=0.0, le=100.0)] = 8.0
-    """Of the fastest joint [rad/s^2]."""
+    """Deceleration of the fastest joint [rad/s^2]."""
     interface: Literal["primary", "secondary", "realtime"] = "secondary"
-    """Which client interface takes the program."""
+    """Client interface to which the program is sent."""
     port: Annotated[int, Field(ge=1, le=65535)] | None = None
-    """Another port than the interface's own."""
+    """Port, if it differs from the interface's usual one."""
 
     @property
     def script(self) -> str:
-        """The program."""
+        """Return the program."""
         return f"def contactsense_stop():\n  stopj({self.deceleration:g})\nend\n"
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
-        """Carry it out; see `ExecutedAction.perform`."""
+        """Send the program; see `ExecutedAction.perform`."""
         port = self.port or PORTS[self.interface]
         with connection(host, port, self.timeout) as robot:
             robot.sendall(self.script.encode())
         return f"sent to {host}:{port}"
 
     def describe(self) -> str:
-        """What it does, in a few words."""
+        """Return a short description of the action."""
         return (
             f"replace the robot's program by stopj({self.deceleration:g}), sent to "
             f"port {self.port or PORTS[self.interface]}"

@@ -1,4 +1,4 @@
-"""`stopJ` of ur_rtde's control interface, for robots that are driven by it, from a child process."""
+"""Stop with `stopJ` of ur_rtde's control interface, in a child process, for robots controlled by ur_rtde."""
 
 import select
 import subprocess
@@ -14,16 +14,17 @@ CHILD = "contactsense.service.reactions.actions.ur_rtde_stop_child"
 
 
 class UrRtdeStopAction(ExecutedAction):
-    """The child connects when the service starts, and so replaces the robot's program by ur_rtde's: only for
-    robots that nobody else drives. It may die without harm: it is started again when it is needed."""
+    """The child process connects when the service starts and thereby replaces the robot's program by
+    ur_rtde's. Use it only for robots that nothing else controls. A child that dies is restarted when it is
+    needed."""
 
     type: Literal["ur_rtde_stop"]
     deceleration: Annotated[float, Field(gt=0.0, le=100.0)] = 8.0
-    """[rad/s^2]."""
+    """Deceleration [rad/s^2]."""
     frequency: Annotated[float, Field(gt=0.0, le=500.0)] = 500.0
-    """Of the control interface [Hz]."""
+    """Frequency of the control interface [Hz]."""
     timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
-    """Time limit, connecting included [s]."""
+    """Time limit, including the connection [s]."""
     _child: "subprocess.Popen[str] | None" = PrivateAttr(None)
 
     def prepare(self, host: str) -> None:
@@ -41,7 +42,7 @@ class UrRtdeStopAction(ExecutedAction):
         self._expect("ready")
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
-        """Carry it out; see `ExecutedAction.perform`."""
+        """Stop the robot; see `ExecutedAction.perform`."""
         self.prepare(host)
         assert self._child is not None
         assert self._child.stdin is not None
@@ -77,5 +78,5 @@ class UrRtdeStopAction(ExecutedAction):
             self._child = None
 
     def describe(self) -> str:
-        """What it does, in a few words."""
+        """Return a short description of the action."""
         return f"ur_rtde: stopJ({self.deceleration:g})"

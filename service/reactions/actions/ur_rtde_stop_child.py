@@ -1,6 +1,6 @@
 """Child process with ur_rtde's control interface, which may abort its process: `HOST FREQUENCY DECELERATION`.
 
-It writes `ready`, then for each line that it reads stops the robot and writes `stopped`.
+It writes `ready`. Then, for each line that it reads, it stops the robot and writes `stopped`.
 """
 
 import sys

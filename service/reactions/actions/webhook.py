@@ -1,4 +1,4 @@
-"""A webhook as Standard Webhooks signs it (https://www.standardwebhooks.com, specification 1.0.0)."""
+"""A webhook, signed as in Standard Webhooks (https://www.standardwebhooks.com, specification 1.0.0)."""
 
 import base64
 import binascii
@@ -15,14 +15,14 @@ PREFIX = "whsec_"
 
 
 class WebhookAction(ActionSettings):
-    """Where to post. A delivery that fails is retried for a day and waits in the journal meanwhile."""
+    """Where to post. A failed delivery is stored in the journal and retried for a day."""
 
     type: Literal["webhook"]
     url: Annotated[str, Field(pattern=r"^https?://[^\s/]+\S*$")]
     secret: str | None = None
-    """Signing secret: `whsec_` and 24 to 64 bytes in base64."""
+    """Signing secret: `whsec_` followed by 24 to 64 bytes in base64."""
     secret_file: Path | None = None
-    """File that holds it, instead of `secret`."""
+    """File that contains the secret, instead of `secret`."""
     timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 20.0
     """Time limit of one attempt [s]."""
 
@@ -36,10 +36,10 @@ class WebhookAction(ActionSettings):
         return self
 
     def key(self) -> bytes:
-        """The signing key.
+        """Return the signing key.
 
         Raises:
-            ActionError: The file cannot be read, or holds no secret.
+            ActionError: The file cannot be read or contains no secret.
         """
         try:
             return decode_secret(self.secret or Path(self.secret_file or "").read_text().strip())
@@ -49,15 +49,15 @@ class WebhookAction(ActionSettings):
             raise ActionError(f"secret_file: {self.secret_file}: {error}") from None
 
     def describe(self) -> str:
-        """What it does, in a few words."""
+        """Return a short description of the action."""
         return f"post to {self.url}, with retries"
 
 
 def decode_secret(secret: str) -> bytes:
-    """The key in a secret of the form `whsec_<base64>`.
+    """Decode the key from a secret of the form `whsec_<base64>`.
 
     Raises:
-        ValueError: It is none; the secret is not repeated in the message.
+        ValueError: The secret does not have this form; the message does not repeat it.
     """
     try:
         key = base64.b64decode(secret.removeprefix(PREFIX), validate=True)
@@ -69,6 +69,6 @@ def decode_secret(secret: str) -> bytes:
 
 
 def sign(key: bytes, webhook_id: str, timestamp: int, body: bytes) -> str:
-    """The header `webhook-signature`."""
+    """Return the value of the header `webhook-signature`."""
     signed = f"{webhook_id}.{timestamp}.".encode() + body
     return "v1," + base64.b64encode(hmac.new(key, signed, hashlib.sha256).digest()).decode()
