@@ -22,7 +22,7 @@ SENSORS = {"all": "base and torques", "torques": "torques alone"}
 
 
 def methods(case: Case) -> Iterator[Method]:
-    """Ours first, then the peers that use the case's sensors."""
+    """Our method first, then the peers that use the case's sensors."""
     yield Located(case.scene)
     for peer in PEERS:
         if peer.sensors == case.sensors:

@@ -1,9 +1,9 @@
-"""The setting of MCP-EP (Han & Kim 2023) as far as it is known: up to three contacts, one after another.
+"""The setting of MCP-EP (Han & Kim 2023), as far as it is known: up to three contacts, one after another.
 
-Known of it: joint torques and a base sensor, 20 N, contacts on different links that arrive one at a time, an
-answer counts within 22.5 mm. Not known, and assumed here: the arm at rest, links drawn all alike among those
-that move, places uniform by area, forces uniform within friction 0.5, places on the primitives that the
-method is given, the noise.
+Known: joint torques and a base sensor, 20 N, contacts on different links that start one at a time, and that
+an answer counts as correct within 22.5 mm. Unknown, and assumed here: the arm is at rest, all moving links
+are equally probable, places are uniform by area and lie on the primitives that the method is given, forces
+are uniform within friction 0.5; and the noise.
 
 Run: python -m contactsense.benchmarks.mcp_ep
 """
@@ -42,11 +42,11 @@ class Judged(NamedTuple):
     """Estimates with this number of contacts present."""
 
     success: float
-    """Share of the runs in which every contact is found within `NEAR`."""
+    """Fraction of the runs in which every contact is found within `NEAR`."""
     each: float
-    """Share of the contacts found within `NEAR`."""
+    """Fraction of the contacts found within `NEAR`."""
     rmse: float
-    """Root mean square distance of the contacts that got an answer, failures included [m]."""
+    """Root mean square distance of the contacts with an answer, including failures [m]."""
 
 
 def scene_of(robot: str, noise: Noise) -> Scene:
@@ -54,7 +54,7 @@ def scene_of(robot: str, noise: Noise) -> Scene:
 
     Args:
         robot: A name that `robots.load` knows, or a path to a URDF with its `.surface.yaml` beside it.
-        noise: Of one sample.
+        noise: Noise of one sample.
     """
     arm = robots.load(robot)
     stated = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
@@ -77,7 +77,8 @@ def sequence(touches: Touches, noise: Noise, seed: int) -> tuple[np.ndarray, np.
 
 
 def judge(found: Found, touches: Touches) -> Iterator[Judged]:
-    """Score after one, two, ... contacts; answers are matched so that the farthest is nearest."""
+    """Score after one, two, ... contacts; answers are matched such that the largest distance is as small as
+    possible."""
     for t in range(found.link.shape[1]):
         matched = pair(found, touches, t)[0]
         there = matched[np.isfinite(matched)]
@@ -89,16 +90,16 @@ def judge(found: Found, touches: Touches) -> Iterator[Judged]:
 
 
 def pair(found: Found, touches: Touches, step: int) -> tuple[np.ndarray, np.ndarray]:
-    """Give each true contact the answer that is meant for it, so that the farthest is nearest.
+    """Assign an answer to each true contact such that the largest distance is as small as possible.
 
     Args:
         found: Answers.
         touches: The truth.
-        step: Index of the measurement: one more contacts are there.
+        step: Index of the measurement: there are `step` + 1 contacts.
 
     Returns:
-        Distances, infinite where no answer is left, and whether the answer names the link, shapes (N, step +
-        1).
+        Distances, infinite for contacts without an answer, and whether the answer has the correct link,
+        shapes (N, step + 1).
     """
     here = slice(step + 1)
     gap = np.linalg.norm(found.point_base[:, step, :, None] - touches.point_base[:, None, here], axis=-1)
@@ -110,7 +111,7 @@ def pair(found: Found, touches: Touches, step: int) -> tuple[np.ndarray, np.ndar
 
 
 def _way(gap: np.ndarray) -> tuple[int, ...]:
-    """Number of each true contact's answer, of answers by contacts `gap` (A, K)."""
+    """Index of the answer for each true contact; `gap`: distances of answers from contacts, shape (A, K)."""
     contacts = range(gap.shape[1])
     return min(
         permutations(range(len(gap)), gap.shape[1]),
@@ -119,17 +120,17 @@ def _way(gap: np.ndarray) -> tuple[int, ...]:
 
 
 class Row(NamedTuple):
-    """One method on one arm with one noise."""
+    """One method on one arm with one noise level."""
 
     method: str
     judged: list[Judged]
-    """After one, two, ... contacts."""
+    """Results after one, two, ... contacts."""
     seconds: list[float]
-    """Of an answer after each."""
+    """Time of an answer after each."""
 
 
 def compare(robot: str, noise: Noise, runs: int, seed: int) -> Iterator[Row]:
-    """Ours with forces that are held, held loosely, and free; and the exploring particle filter."""
+    """Our method with fixed, loosely constrained and free forces; and the exploring particle filter."""
     scene = scene_of(robot, noise)
     touches = Toucher(scene, seed=seed).draw(runs, CONTACTS, even=True)
     measured = sequence(touches, noise, seed + 1)
@@ -155,7 +156,7 @@ def compare(robot: str, noise: Noise, runs: int, seed: int) -> Iterator[Row]:
 @click.option("--seed", default=0, show_default=True, help="Of everything random.")
 @click.option("--json", "as_json", is_flag=True, help="Plain numbers instead of tables.")
 def main(names: tuple[str, ...], runs: int, seed: int, as_json: bool) -> None:
-    """Success and error for one, two and three contacts that are added one after another."""
+    """Print success and error for one, two and three contacts that are added one after another."""
     cases = [(name, noise) for name in names for noise in COLUMNS[:3]]
     results = [
         (Path(name).stem, noise, row)

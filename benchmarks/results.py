@@ -1,4 +1,4 @@
-"""Write docs/results.md: every figure printed by a command, with the machine and the day. Run: make
+"""Write docs/results.md: every number is printed by a command; the page states machine and date. Run: make
 results."""
 
 import os
@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 TRUTH = "../shared/data/truth"
 MESHES = "../shared/data/ur_visual"
 _FRAME = "━─┏┓┗┛┡┩└┘├┤┳┻╇┴┼┬"
-"""Characters of which the horizontal lines of a table's frame are made."""
+"""Characters of the horizontal lines of a table's frame."""
 
 INTRODUCTION = """# Results
 
@@ -25,7 +25,7 @@ all arms, sensors and noises.
 """
 
 DRAWN = "python -m contactsense.benchmarks.speed_error --contacts 100"
-"""The command that draws speed_error.png: the picture stands for its table."""
+"""The command that draws speed_error.png: the picture replaces its table."""
 PICTURE = "![Time of one answer against its error, for each method and level of detail](speed_error.png)"
 
 SECTIONS = (
@@ -83,7 +83,7 @@ client, on one machine.""",
         "contactsense bench latency --seconds 60",
     ),
 )
-"""Heading, what it is about, command."""
+"""Heading, description, command."""
 
 
 def _machine() -> str:
@@ -98,14 +98,14 @@ def _machine() -> str:
 
 
 def without_frame(output: str, notes: set[str] | None = None) -> str:
-    """What a command printed, its tables without box-drawing frames and in columns as narrow as they can be.
+    """Output of a command, with tables without box-drawing frames and with columns as narrow as possible.
 
-    A rule is left below each header and between groups of rows. Titles, captions and numbers stay as they
-    are, but ` / ` and ` %` within a cell become `/` and `%`.
+    A rule remains below each header and between groups of rows. Titles, captions and numbers are unchanged,
+    but ` / ` and ` %` within a cell become `/` and `%`.
 
     Args:
-        output: What the command printed.
-        notes: Titles and captions that the page has already: they are left out. New ones are added.
+        output: Output of the command.
+        notes: Titles and captions that are already on the page: they are omitted. New ones are added.
     """
     lines: list[str] = []
     notes = set() if notes is None else notes

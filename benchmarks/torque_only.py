@@ -1,7 +1,7 @@
-"""Which fraction of each link can be located from joint torques alone, and which with a base sensor.
+"""Fraction of each link where contacts can be located from joint torques alone, and with a base sensor.
 
 Pang, Umenberger & Tedrake (2021) found 32.6 % of a UR5's forearm fully detectable from torques alone. Their
-criterion is uniqueness; ours is the estimate: it counts where it is within 22.5 mm of the contact.
+criterion is uniqueness. Ours is the error of the estimate: it must be within 22.5 mm of the contact.
 
 Run: python -m contactsense.benchmarks.torque_only
 """
@@ -21,14 +21,14 @@ from contactsense.benchmarks.peers.method import Located
 from contactsense.benchmarks.peers.touches import Toucher, Touches
 
 FORCE = 20.0
-"""Size of each force [N]."""
+"""Magnitude of each force [N]."""
 
 
 class Shares(NamedTuple):
-    """Per link. Contacts are uniform by area, so these are fractions of its area."""
+    """Results per link. Contacts are uniform by area, so fractions of contacts are fractions of area."""
 
     located: np.ndarray
-    """Answered within `NEAR`, shape (links,)."""
+    """Fraction of the contacts located within `NEAR`, shape (links,)."""
     contacts: np.ndarray
     """Number of contacts, shape (links,)."""
 

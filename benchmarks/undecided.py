@@ -2,8 +2,8 @@
 determined by the measurement?
 
 The setting of `contactsense.benchmarks.mcp_ep`. The search is also started at the truth, and the evidence of
-its result is compared with that of the estimate. Where the truth's evidence is clearly higher, a better
-search would have found it; otherwise no search can, as the measurement and the prior do not determine the
+its result is compared with that of the estimate. If the truth's evidence is clearly higher, a better search
+would have found it; otherwise no search can, because the measurement and the prior do not determine the
 answer.
 """
 
@@ -29,7 +29,7 @@ from contactsense.benchmarks.peers.touches import Toucher, Touches
 TOLERANCE = 1.0
 """Difference in log evidence within which two explanations count as equally good."""
 KNOWN_FORCES: dict[str, float | None] = {"forces held": HELD, "forces free": None}
-"""How a further contact is added, and what is known of the others' forces, see `mcp_ep.HELD`."""
+"""How a further contact is added, and what is known about the other forces, see `mcp_ep.HELD`."""
 
 
 class Row(NamedTuple):
@@ -39,32 +39,33 @@ class Row(NamedTuple):
     arriving: str
     runs: int
     found: float
-    """Share in which all contacts are found within `NEAR`."""
+    """Fraction in which all contacts are found within `NEAR`."""
     better: float
-    """Share in which they are not, and the truth's explanation has clearly better evidence."""
+    """Fraction in which they are not, and the true explanation has clearly better evidence."""
     alike: float
-    """Share in which they are not, and it is about as good."""
+    """Fraction in which they are not, and its evidence is about equal."""
     worse: float
-    """Share in which they are not, and it is clearly worse, or itself leads away from the truth."""
+    """Fraction in which they are not, and its evidence is clearly worse, or the search from the truth leaves
+    it."""
     perfect: float
-    """Share in which an explanation as good as the answer's or better has all contacts within `NEAR`: no
-    search finds more."""
+    """Fraction in which an explanation that is as good as the answer or better has all contacts within
+    `NEAR`: the upper limit for any search."""
     lined: float
-    """Share in which they are not, and an answer lies within `NEAR` of the line of the force that is farthest
-    from its answer: the line meets the arm more than once."""
+    """Fraction in which they are not, and an answer is within `NEAR` of the line of the force that is
+    farthest from its answer: the line intersects the arm more than once."""
     stated: float
     """Mean probability that the answer states."""
 
 
 class Outcome(NamedTuple):
-    """One answer beside the truth."""
+    """Comparison of one answer with the truth."""
 
     found: bool
     holds: bool
     """Whether the search that starts at the truth stays within `NEAR`."""
     gain: float
     lined: bool
-    """Whether the answer lies within `NEAR` of the line of the force that is farthest from it."""
+    """Whether the answer is within `NEAR` of the line of the force that is farthest from it."""
     stated: float
 
 
@@ -99,7 +100,7 @@ def _answer(
     known: tuple[Contact, ...],
     drift: float | None,
 ) -> tuple[tuple[Contact, ...], Outcome]:
-    """Contacts of the answer, and how they stand beside the truth."""
+    """Contacts of the answer, and their comparison with the truth."""
     wrench, torque = (part[i, step] for part in measured)
     estimate = oracle.locate(touches.q[i], wrench, torque, step + 1, known, drift)
     contacts = estimate.contacts if estimate.explanations else estimate.contacts[:1]
@@ -146,7 +147,7 @@ def _row(contacts: int, arriving: str, outcomes: list[Outcome]) -> Row:
 @click.option("--seed", default=0, show_default=True, help="Of everything random.")
 @click.option("--json", "as_json", is_flag=True, help="Plain numbers instead of tables.")
 def main(names: tuple[str, ...], runs: int, seed: int, as_json: bool) -> None:
-    """Hold answers with several contacts against what the search finds that knows the truth."""
+    """Compare answers with several contacts with the result of a search that starts at the truth."""
     cases = [(name, noise) for name in names for noise in COLUMNS[:3]]
     rows = [
         (Path(name).stem, noise, row)

@@ -71,7 +71,7 @@ class Batch(NamedTuple):
     """Best candidate of each of N samples, as arrays; base axes unless stated otherwise."""
 
     link: np.ndarray
-    """Index of the touched link, -1 where no push on any link explains the sample, shape (N,), int64."""
+    """Index of the touched link, -1 if no push on any link explains the sample, shape (N,), int64."""
     primitive: np.ndarray
     """Index of the touched primitive among all of the arm, shape (N,), int64."""
     probability: np.ndarray
@@ -96,7 +96,7 @@ class Localizer:
     """Localizes contacts on the arm of one scene.
 
     One instance serves one stream and one thread; instances are independent. The first one after installation
-    compiles the kernels, which takes minutes; they are cached on disk.
+    compiles the kernels, which takes minutes; the machine code is cached on disk.
     """
 
     def __init__(
@@ -106,13 +106,13 @@ class Localizer:
         *,
         progress: bool | Callable[[CompilationProgress], object] | None = None,
     ) -> None:
-        """Prepare for `scene`, and compile what is not in the cache.
+        """Prepare for `scene`, and compile the kernels that are not in the cache.
 
         Args:
-            scene: The arm in its place.
-            method: How link and place are decided.
-            progress: Whether a bar on stderr shows how far the compilation is; None: on a terminal and in a
-                notebook. A function is called with the progress instead.
+            scene: The arm, its mounting and its sensors.
+            method: How link and position are estimated.
+            progress: Whether a bar on stderr shows the progress of the compilation; None: on a terminal and
+                in a notebook. A function is called with the progress instead.
         """
         self.scene = scene
         self._gate = method == "torques_first"
@@ -198,7 +198,7 @@ class Localizer:
         return self._estimate(sample.t, flags)
 
     def _estimate(self, t: float, flags: int) -> Estimate:
-        """The estimate for the sample that `detect` has processed, where it is not simply `none`."""
+        """The estimate for the sample that `detect` has processed, unless it is simply `none`."""
         if flags & UNUSABLE:
             return self._estimate_builder.without_contacts(
                 t,
@@ -243,7 +243,7 @@ class Localizer:
         return base > 0.0, torque > 0.0, wrist > 0.0
 
     def _picked_up(self, t: float, mass: float) -> Estimate:
-        """The contact was a payload, which is in the model now: restart the observers."""
+        """The contact was a payload, which is now part of the model: restart the observers."""
         event = Event("weight", self._number, t, self.scene.robot.link_names[-1], mass)
         reset_timing(self._stream.timing)
         end_contact(self._buffers.state.track)
@@ -288,10 +288,10 @@ class Localizer:
             external: Whether the arm's weight has been subtracted from the measurements already (a contact
                 wrench w leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is subtracted
                 here.
-            detect: Return `none` where noise alone explains the measurement; False: a contact is known to be
+            detect: Return `none` if noise alone explains the measurement; False: a contact is known to be
                 present.
             contacts: Largest number of simultaneous contacts, 1 to 3. With more than one, the status is
-                `multiple` where several explain the measurement better than one.
+                `multiple` if several explain the measurement better than one.
             known: Contacts that are already present, from an estimate in the same posture: their positions
                 have their covariances as prior. They count towards `contacts`.
             drift: Standard deviation of the change of each component of their forces since then [N]; None:
@@ -402,8 +402,8 @@ class Localizer:
         """The estimates of `run` for a whole stream, with samples and estimates as arrays: for recordings, at
         the speed of compiled code.
 
-        Blocks of more than some thousand samples are returned in parts. With `Scene.contacts` above 1, or
-        where the arm picks things up, samples with a contact take as long as in `step`.
+        Blocks of more than a few thousand samples are returned in parts. With `Scene.contacts` above 1, or if
+        the arm picks up payloads, samples with a contact take as long as in `step`.
 
         Raises:
             ValueError: a field of a block has the wrong shape; the message names it.

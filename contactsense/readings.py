@@ -1,4 +1,4 @@
-"""From a contact to what the sensors read: the model that the localizer inverts, for an arm at rest."""
+"""Sensor readings caused by a contact: the forward model that the localizer inverts, for an arm at rest."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from contactsense.sensors.validation import checked_vector
 
 
 class Readings(NamedTuple):
-    """What the sensors read without noise, see `contactsense.types.Sample`."""
+    """The sensors' readings without noise, see `contactsense.types.Sample`."""
 
     joint_torque: np.ndarray
     """Torque that each actuator applies [Nm], shape (n,)."""
@@ -32,23 +32,23 @@ def forward_model(
     *,
     external: bool = False,
 ) -> Readings:
-    """Readings of an arm at rest that is touched.
+    """Readings of the sensors when an arm at rest is touched.
 
     A contact wrench w on link k adds w to the base wrench and -s_j . w to the torque of every joint j below
     that link (Haddadin, De Luca & Albu-Schaeffer, T-RO 2017).
 
     Args:
-        scene: The arm in its place.
+        scene: The arm, its mounting and its sensors.
         q: Joint positions [rad], shape (n,).
         link: Name of the touched link.
-        point: Place, link frame [m], shape (3,).
+        point: Contact point, link frame [m], shape (3,).
         force: Force on the robot, base axes [N], shape (3,).
         torsion: Moment on the robot about `normal` [Nm].
         normal: Outward unit normal, base axes, shape (3,); needed with `torsion` only.
-        external: Leave the arm's own weight out, as `Localizer.locate` expects by default.
+        external: Whether to omit the arm's own weight, as `Localizer.locate` expects by default.
 
     Raises:
-        ValueError: the link is not known, an argument has the wrong shape, or `normal` is missing.
+        ValueError: the link is unknown, an argument has the wrong shape, or `normal` is missing.
     """
     robot, joints = scene.robot, len(scene.robot.joints)
     if link not in scene.link_names:

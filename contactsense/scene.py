@@ -39,7 +39,7 @@ the surface is much nearer; at ribs, steps and screw heads it is further away.""
 
 
 class SceneError(ValueError):
-    """An invalid scene. The message names the file, the field, what was expected and what was given."""
+    """An invalid scene. The message names the file, the field, the expected value and the given one."""
 
 
 def _as_robot(value: object) -> object:
@@ -47,7 +47,7 @@ def _as_robot(value: object) -> object:
 
 
 class Scene(BaseModel):
-    """One arm and its surroundings. Immutable; a `Localizer` is made from it.
+    """One arm and its surroundings. Immutable; a `Localizer` is created from it.
 
     From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`, with the
     same fields.
@@ -70,12 +70,12 @@ class Scene(BaseModel):
     gravity: PositiveFloat = 9.81
     """Acceleration of gravity [m/s^2]."""
     inertia: dict[str, LinkInertia] | None = None
-    """Inertia of links by name, where calibration has changed it from the robot's data."""
+    """Inertia of links by name, if calibration has changed it from the robot's data."""
     inertia_error: NonNegativeFloat = 0.0
     """Relative standard deviation of the mass of each link. A stream estimates the masses in free motion;
-    their remaining uncertainty is not taken for a contact."""
+    their remaining uncertainty is not mistaken for a contact."""
     tool: Tool | None = None
-    """What is mounted on the tool flange."""
+    """The tool or payload mounted on the tool flange."""
     base_wrench: WrenchSensor | None = WrenchSensor()
     """Force/torque sensor under the base, or none."""
     joint_torque: JointTorqueSensor | None = JointTorqueSensor()
@@ -91,11 +91,11 @@ class Scene(BaseModel):
     """For `detail: skin`: folder of visual meshes, LINK.ply in each link's frame [m]. Those of UR3e and UR5e
     are part of the package airo-models and need no folder."""
     friction: PositiveFloat = 0.5
-    """Coefficient of friction between the arm and what touches it: contact forces rarely lean further from
-    the normal."""
+    """Coefficient of friction between the arm and what touches it: contact forces are rarely inclined further
+    from the normal."""
     force: PositiveFloat = 20.0
     """Usual normal force of contacts [N]: a third and three times as much are common, a tenth and ten times
-    are rare. It matters only where the sensors do not determine the size of the force."""
+    are rare. It matters only if the sensors do not determine the magnitude of the force."""
     torsion: PositiveFloat = 0.0025
     """Torsional moment per normal force, standard deviation [m]: about friction times the radius of the
     contact patch."""
@@ -219,7 +219,7 @@ def _has_one_per_joint(place: str, part: BaseModel, joints: int) -> None:
 
 
 def describe(error: ValidationError) -> str:
-    """All errors in one line: field, what was expected, what was given."""
+    """All errors in one line: field, expected value, given value."""
     parts = []
     for item in error.errors(include_url=False):
         field = ".".join(str(key) for key in item["loc"])

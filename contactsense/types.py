@@ -74,7 +74,7 @@ class Event:
     t: float
     """Time of the sample [s]."""
     link: str = ""
-    """The most probable link, where there is one."""
+    """The most probable link, if there is one."""
     mass: float = 0.0
     """Change of the payload's mass [kg]."""
 
@@ -100,12 +100,12 @@ class Estimate:
     worse; `multiple`: several simultaneous contacts; `degraded`: a sensor is missing or unusable, see
     `reason`."""
     contacts: tuple[Contact, ...]
-    """Candidates, most probable first; with `other` their probabilities add up to one. Where the status is
+    """Candidates, most probable first; with `other` their probabilities add up to one. If the status is
     `multiple`: the simultaneous contacts of the best of `explanations`."""
     link_probability: np.ndarray
     """Probability that each link is touched, shape (n + 1,); zeros without contact. The remainder to one is
     the probability that it is not a single push on a touchable link: a pull, a couple, several contacts.
-    Where the status is `multiple`: probability that each link is touched, which may add up to more than one.
+    If the status is `multiple`: probability that each link is touched, which may add up to more than one.
     """
     wrench: np.ndarray
     """External wrench on the arm for the best candidate, force then moment about the base origin, base axes
@@ -115,7 +115,7 @@ class Estimate:
     other: float = 0.0
     """Probability of none of `contacts`: no single push, or a candidate too improbable to be reported."""
     reason: str = ""
-    """Reason for the status, where it is not obvious: one sentence."""
+    """Reason for the status if it is not obvious: one sentence."""
     events: tuple[Event, ...] = ()
     """Changes of the stream's contacts in this sample."""
     explanations: tuple[Explanation, ...] = ()

@@ -1,4 +1,4 @@
-"""What an arm is: kinematics, inertia and surface of each link. Data, no estimation."""
+"""Description of an arm: kinematics, inertia and surface of each link. Data only, no estimation."""
 
 from contactsense.robots.kinematic_calibration import calibrated
 from contactsense.robots.library import UnknownRobotError, from_urdf, load, names

@@ -1,4 +1,4 @@
-"""The kinematics of one real arm, on top of a model's."""
+"""Kinematic calibration of one real arm, applied to a model."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.yaml_schema import RobotError, check, read_yaml
 
 FAR = 0.05
-"""A calibrated joint that is further than this from the model's place is another arm's [m]."""
+"""If a calibrated joint is further than this from the model's, the calibration belongs to another arm [m]."""
 
 
 class _Place(BaseModel):
@@ -32,18 +32,18 @@ class _Calibration(BaseModel):
 
 
 def calibrated(robot: Robot, path: str | Path) -> Robot:
-    """A model with the joint places of one real arm, as UR's driver exports them (`calibration_correction`).
+    """A model with the joint poses of one real arm, as exported by UR's driver (`calibration_correction`).
 
-    Masses and surfaces stay the model's; they differ from the real arm's by much less than the joints do.
+    Masses and surfaces are those of the model; they differ from the real arm much less than the joints.
 
     Args:
         robot: The model.
-        path: YAML with `kinematics: {<link>: {x, y, z, roll, pitch, yaw}}`, the joint that carries each link
-            in the link before it [m, rad].
+        path: YAML with `kinematics: {<link>: {x, y, z, roll, pitch, yaw}}`, the pose in its parent link of
+            the joint that carries each link [m, rad].
 
     Raises:
-        RobotError: the file is unusable, a link is missing or unknown, or a joint is so far off that the file
-            must be another arm's.
+        RobotError: the file is unusable, a link is missing or unknown, or a joint differs so much that the
+            file must belong to another arm.
     """
     path = Path(path)
     places = check(_Calibration, read_yaml(path), path).kinematics
@@ -67,9 +67,8 @@ def calibrated(robot: Robot, path: str | Path) -> Robot:
 
 
 def _check_near(model: Robot, real: Robot, path: Path) -> None:
-    """Compare joint axes as lines at zero angles: a calibration may slide a joint's frame along its axis by
-    metres
-    where two axes are nearly parallel, without moving the arm."""
+    """Compare joint axes as lines at zero angles: if two axes are nearly parallel, a calibration may shift a
+    joint's frame along its axis by metres without changing the motion of the arm."""
     pose = [np.eye(4), np.eye(4)]
     for joints in zip(model.joints, real.joints, strict=True):
         for i, joint in enumerate(joints):

@@ -9,7 +9,7 @@ from contactsense.robots.yaml_schema import RobotError
 
 
 class UnknownRobotError(RobotError):
-    """A name that the library does not have; the message lists those that it has."""
+    """A name that is not in the library; the message lists the available names."""
 
 
 def names() -> tuple[str, ...]:
@@ -20,11 +20,11 @@ def names() -> tuple[str, ...]:
 
 
 def load(name: str | Path) -> Robot:
-    """An arm by its name in the library, or from a YAML file of the same form, or a URDF.
+    """Load an arm by its name in the library, or from a YAML file of the same format, or from a URDF.
 
     Args:
         name: One of `names()`, or a path that ends in `.yaml` or `.urdf`. Primitives are read from
-            `<name>.surface.yaml` beside it.
+            `<name>.surface.yaml` in the same folder.
 
     Raises:
         UnknownRobotError: the library has no such arm.
@@ -44,14 +44,15 @@ def load(name: str | Path) -> Robot:
 
 
 def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None) -> Robot:
-    """An arm from a URDF: kinematics, inertia, limits.
+    """Load an arm from a URDF: kinematics, inertia, limits.
 
-    Its surface is read from `<name>.surface.yaml` beside the URDF, which `contactsense decompose` makes.
+    Its surface is read from `<name>.surface.yaml` in the URDF's folder, which `contactsense decompose`
+    creates.
 
     Args:
         path: The URDF.
-        tip: Last link of the arm; without it, the longest chain of revolute joints.
-        name: Of the robot; without it, the URDF's own.
+        tip: Last link of the arm; by default, that of the longest chain of revolute joints.
+        name: Name of the robot; by default, the one in the URDF.
 
     Raises:
         RobotError: the file or an element in it cannot be used; the message names both.
@@ -65,7 +66,7 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
 
 
 def surface_file(name: str) -> Path:
-    """Where the surface of an arm of the library is kept."""
+    """Path of the surface file of an arm in the library."""
     return _folder() / f"{name}.surface.yaml"
 
 

@@ -1,4 +1,4 @@
-"""Where the links are at given joint angles: plain and slow, for pictures and for fitting."""
+"""Poses of the links at given joint angles: simple and slow, for pictures and for fitting."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from contactsense.robots.robot import Joint, Robot
 
 
 def joint_pose(joint: Joint, angle: float) -> np.ndarray:
-    """Pose (4, 4) of the link that a joint carries, in the link before it.
+    """Pose (4, 4) of the child link of a joint in its parent link.
 
     Args:
         joint: The joint.
@@ -28,7 +28,7 @@ def link_poses(robot: Robot, q: np.ndarray) -> np.ndarray:
         q: Joint angles, shape (n,) [rad].
 
     Raises:
-        ValueError: not one angle for each joint.
+        ValueError: the number of angles differs from the number of joints.
     """
     if np.shape(q) != (len(robot.joints),):
         raise ValueError(f"{robot.name} has {len(robot.joints)} joints, got {np.size(q)} angles")

@@ -13,14 +13,14 @@ from contactsense.robots.yaml_schema import RobotError
 SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
 
 _PLATE = 3.0
-"""Edge of the plate that stands for what a base is mounted on [m]."""
+"""Edge length of the plate that represents the mounting surface of a base [m]."""
 
 
 def read_mesh(path: Path, scale: float | np.ndarray = 1.0) -> trimesh.Trimesh:
-    """One mesh of all that a file holds, scaled.
+    """Load all meshes of a file as one, scaled.
 
     Raises:
-        RobotError: the file is missing, of an unknown form, or holds no surface.
+        RobotError: the file is missing, has an unknown format, or contains no surface.
     """
     if not path.exists():
         raise RobotError(f"{path}: no such mesh")
@@ -37,7 +37,7 @@ def read_mesh(path: Path, scale: float | np.ndarray = 1.0) -> trimesh.Trimesh:
 
 
 def check_unit(mesh: trimesh.Trimesh, where: str) -> None:
-    """Refuse meshes that are plainly not in metres.
+    """Reject meshes that are obviously not in metres.
 
     Raises:
         RobotError: larger than 5 m or smaller than 5 mm.
@@ -51,7 +51,7 @@ def from_folder(folder: Path, names: tuple[str, ...]) -> dict[str, trimesh.Trime
     """Meshes named after the links, each in its link's frame, in metres.
 
     Args:
-        folder: Holds `<link>.ply`, or another of `SUFFIXES`.
+        folder: Contains `<link>.ply`, or a file with another of `SUFFIXES`.
         names: The links, all of which are needed.
 
     Raises:
@@ -74,14 +74,14 @@ def from_folder(folder: Path, names: tuple[str, ...]) -> dict[str, trimesh.Trime
 def neighbour_poses(
     robot: Robot, meshes: Mapping[str, trimesh.Trimesh], link: int, count: int = 8, seed: int = 0
 ) -> list[list[trimesh.Trimesh]]:
-    """The links before and after one, and the plate below the base, as they may lie to it.
+    """Meshes of the links before and after one, and of the plate below the base, in possible relative poses.
 
     Args:
-        robot: Says how the joints lie.
+        robot: Provides the joints.
         meshes: Mesh of each link, by name; links without one are left out.
         link: Number of the link.
         count: Number of poses, joint angles at random within their limits.
-        seed: Of the angles.
+        seed: Seed of the angles.
 
     Returns:
         Meshes in the frame of `link`, one list for each pose.

@@ -1,9 +1,9 @@
 """Convex primitives that make up the surface of a link.
 
-Each primitive is a plain, frozen description in its link's frame (metres), as it stands in a robot's YAML
-file. Every one is convex and, where it has edges, rounded: its surface has a normal everywhere but on seams
-of measure zero, which is what the contact solvers need. `contactsense.robots.surface.convex_primitives` holds
-the compiled geometry of the same shapes.
+Each primitive is a plain, frozen description in its link's frame (metres), as in a robot's YAML file. All are
+convex, and their edges are rounded: the surface has a normal everywhere except on seams of measure zero, as
+the contact solvers require. `contactsense.robots.surface.convex_primitives` holds the compiled geometry of
+the same shapes.
 """
 
 from math import dist, sqrt
@@ -50,9 +50,9 @@ class Capsule(_Shape):
 class Cylinder(_Shape):
     """A cylinder or truncated cone with flat caps and rounded rims.
 
-    The caps lie in the planes through `a` and `b`, square to the axis a-b. `radius_a` and `radius_b` are
-    those of the unrounded cone at its caps; the rims are rounded off inside it. Formally: the truncated cone,
-    shrunk by `rounding` on every side, plus a ball of radius `rounding`.
+    The caps lie in the planes through `a` and `b`, perpendicular to the axis a-b. `radius_a` and `radius_b`
+    are those of the unrounded cone at its caps; the rims are rounded off inside it. Formally: the truncated
+    cone, shrunk by `rounding` on every side, plus a ball of radius `rounding`.
     """
 
     kind: Literal["cylinder"] = "cylinder"
@@ -68,7 +68,7 @@ class Cylinder(_Shape):
     """Radius of the rims [m]; at most what fits into the cone."""
 
     def core(self) -> tuple[float, float, float]:
-        """Half length and both radii of the cone after `rounding` is taken off every side [m]."""
+        """Half length and both radii of the cone after shrinking it by `rounding` on every side [m]."""
         half, radius_a, radius_b = self._shrunk()
         return max(half, 0.0), max(radius_a, 0.0), max(radius_b, 0.0)
 

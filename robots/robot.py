@@ -1,4 +1,4 @@
-"""What an arm is: a serial chain of links and joints, with their inertia and surface. Frozen data."""
+"""Description of an arm: a serial chain of links and joints, with their inertia and surface. Frozen data."""
 
 from dataclasses import dataclass, field
 
@@ -58,7 +58,7 @@ class Joint:
     rotor_inertia: float = 0.0
     """Inertia of the rotor reflected to the joint, gear ratio squared included [kg m^2]."""
     torque_constant: float | None = None
-    """Joint torque per motor current [Nm/A], gear included; None where nobody has measured it."""
+    """Joint torque per motor current [Nm/A], gear included; None if it has not been measured."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rotation", _frozen(self.rotation, (3, 3), f"joint {self.name}: rotation"))
@@ -79,7 +79,7 @@ class Link:
     primitives: tuple[Primitive, ...] = ()
     """The surface as a union of convex primitives."""
     coarse: tuple[Primitive, ...] = ()
-    """The same with as few as one or two, for scenes that would rather be fast."""
+    """The same with only one or two primitives, for scenes where speed matters more."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Rotations as the files of robots write them."""
+"""Rotations in the notation of robot files."""
 
 from collections.abc import Sequence
 from math import cos, sin

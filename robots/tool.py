@@ -10,7 +10,7 @@ _Tensor = tuple[float, float, float, float, float, float]
 
 
 class Tool(BaseModel):
-    """Something rigidly mounted on the tool flange; what has no primitives is felt as weight, but cannot be
+    """Something rigidly mounted on the tool flange; without primitives it only has weight and cannot be
     touched."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -33,13 +33,13 @@ class Tool(BaseModel):
 
 
 def move_inertia(inertia: Inertia, rotation: np.ndarray, translation: np.ndarray) -> Inertia:
-    """The same body expressed in a frame in which its own frame has `rotation` (3, 3) and `translation` (3,)
-    [m]."""
+    """The same inertia expressed in a frame in which the body's own frame has `rotation` (3, 3) and
+    `translation` (3,) [m]."""
     return Inertia(inertia.mass, rotation @ inertia.com + translation, rotation @ inertia.tensor @ rotation.T)
 
 
 def join_inertia(a: Inertia, b: Inertia) -> Inertia:
-    """Two bodies rigidly joined, both given in one frame (parallel-axis theorem)."""
+    """Inertia of two rigidly joined bodies, both given in one frame (parallel-axis theorem)."""
     mass = a.mass + b.mass
     if mass == 0.0:
         return a

@@ -1,8 +1,8 @@
-"""A URDF as a `Robot`, and the visual meshes of its links.
+"""Read a URDF as a `Robot`, and the visual meshes of its links.
 
-The arm is the chain of revolute joints from the root to the tip. Links that hang on it by fixed joints become
-part of the link that carries them, and so do those behind other movable joints that branch off (a gripper's
-fingers), which are held at zero.
+The arm is the chain of revolute joints from the root to the tip. Links attached by fixed joints become part
+of the link that carries them, and so do links behind other movable joints that branch off (a gripper's
+fingers), which are fixed at zero.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ MeshReader = Callable[[Path, np.ndarray], trimesh.Trimesh]
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """A URDF read: its serial arm, and the way to its meshes."""
+    """The content of a URDF: its serial arm, and access to its meshes."""
 
     path: Path
     robot: Robot
@@ -40,7 +40,7 @@ class Chain:
         """Visual surface of each link that has one, in the link's frame [m].
 
         Raises:
-            RobotError: a mesh is missing, unreadable or plainly not in metres.
+            RobotError: a mesh is missing, unreadable or obviously not in metres.
         """
         found = {}
         for name, parts in self.parts.items():
@@ -61,13 +61,13 @@ class Chain:
 
 
 def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None) -> Robot:
-    """Read an arm from a URDF: kinematics, inertia, limits; its surface is the work of `contactsense
+    """Read an arm from a URDF: kinematics, inertia, limits; its surface is created by `contactsense
     decompose`.
 
     Args:
         path: The URDF.
-        tip: Last link of the arm; without it, the longest chain of revolute joints.
-        name: Of the robot; without it, the URDF's own.
+        tip: Last link of the arm; by default, that of the longest chain of revolute joints.
+        name: Name of the robot; by default, the one in the URDF.
 
     Raises:
         RobotError: the file or an element in it cannot be used; the message names both.
@@ -99,7 +99,7 @@ def read_chain(path: str | Path, tip: str | None = None, name: str | None = None
         raise RobotError(f"{path}: expected one root link, got {', '.join(roots) or 'a ring'}")
     if tip is not None and tip not in links:
         raise RobotError(f"{path}: there is no link {tip}; links are {', '.join(links)}")
-    # The way from each link to the root; the arm is the longest by number of turning joints.
+    # Path from each link to the root; the arm is the one with the largest number of revolute joints.
     ways = {link: _way(link, parent) for link in ([tip] if tip else links)}
     best = max(ways, key=lambda link: (sum(joint.type in _TURNING for joint in ways[link]), -len(ways[link])))
     way = ways[best]
@@ -143,7 +143,7 @@ def visuals(path: Path, link: Any) -> list[trimesh.Trimesh]:
 
 
 def find_mesh(path: Path, name: str) -> Path:
-    """A mesh by the name that a URDF gives it: relative to it, absolute, or `package://`, searched upwards.
+    """Path of a mesh from its name in a URDF: relative to it, absolute, or `package://`, searched upwards.
 
     Raises:
         RobotError: there is no such file.
@@ -151,7 +151,8 @@ def find_mesh(path: Path, name: str) -> Path:
     if name.startswith("package://"):
         relative = name.removeprefix("package://")
         for folder in path.resolve().parents:
-            # The package's folder is above the URDF, under its own name or with its contents laid open.
+            # The package's folder is above the URDF, under its own name, or the parent folder contains its
+            # content directly.
             for candidate in (folder / relative, folder / relative.partition("/")[2]):
                 if candidate.exists():
                     return candidate
@@ -173,7 +174,7 @@ def _way(link: str, parent: dict[str, Any]) -> list[Any]:
 
 
 def _rigid(link: str, joints: Any, moving: set[str]) -> list[tuple[str, np.ndarray]]:
-    """A link and all that hangs on it without a joint of the arm between, with their poses in it."""
+    """A link and all links attached to it without a joint of the arm in between, with their poses in it."""
     found = [(link, np.eye(4))]
     for name, pose in found:
         found += [

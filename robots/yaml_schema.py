@@ -1,7 +1,7 @@
 """Schema of a robot's YAML files, validated field by field, and the `Robot` built from them.
 
-Two files an arm: `<name>.yaml` with kinematics, inertia and limits, and `<name>.surface.yaml` with the convex
-primitives of each link, which `contactsense decompose` writes.
+Two files per arm: `<name>.yaml` with kinematics, inertia and limits, and `<name>.surface.yaml` with the
+convex primitives of each link, which `contactsense decompose` writes.
 """
 
 from collections import Counter
@@ -24,7 +24,7 @@ Rotor = Annotated[float, Field(ge=0.0)]
 
 
 class RobotError(ValueError):
-    """A description of a robot that cannot be used: the message names the file, the element, the fault."""
+    """An invalid description of a robot: the message names the file, the element and the error."""
 
 
 class _Entry(BaseModel):
@@ -32,7 +32,7 @@ class _Entry(BaseModel):
 
 
 class LinkEntry(_Entry):
-    """One link: `tensor` as ixx, ixy, ixz, iyy, iyz, izz about the com, in axes turned by `rpy`."""
+    """One link: `tensor` as ixx, ixy, ixz, iyy, iyz, izz about the com, in axes rotated by `rpy`."""
 
     name: str
     mass: PositiveFloat
@@ -42,7 +42,7 @@ class LinkEntry(_Entry):
 
     @model_validator(mode="after")
     def _is_a_body(self) -> "LinkEntry":
-        """Principal moments of real bodies are positive and no one exceeds the sum of the others."""
+        """Check that the principal moments are positive and that none exceeds the sum of the other two."""
         moments = np.linalg.eigvalsh(symmetric(self.tensor))
         if moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6):
             raise ValueError(f"tensor: no real body has principal moments {moments.tolist()} kg m^2")
@@ -55,7 +55,7 @@ class LinkEntry(_Entry):
 
 
 class JointEntry(_Entry):
-    """One revolute joint: its frame in the link before it; limits in degrees, degrees per second and Nm."""
+    """One revolute joint: its frame in its parent link; limits in degrees, degrees per second and Nm."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=True)
 
@@ -131,7 +131,7 @@ class SurfaceEntry(_Entry):
 
     robot: str
     fit_seconds: float = 0.0
-    """How long the fit took on the machine that made it [s]."""
+    """Duration of the fit on the machine that ran it [s]."""
     links: dict[str, LinkSurface]
 
 
@@ -142,10 +142,10 @@ def symmetric(tensor: Tensor) -> np.ndarray:
 
 
 def read_yaml(path: Path) -> Any:
-    """What a YAML file says.
+    """Content of a YAML file.
 
     Raises:
-        RobotError: the file cannot be read, or is no YAML.
+        RobotError: the file cannot be read, or is not YAML.
     """
     try:
         with path.open(encoding="utf-8") as stream:
@@ -160,7 +160,7 @@ def check(entry: type[Entry], content: Any, path: Path) -> Entry:
     """Read `content` of the file at `path` as `entry`.
 
     Raises:
-        RobotError: the first field that is wrong, with the file's name.
+        RobotError: a field is wrong; the message names the first one and the file.
     """
     try:
         return entry.model_validate(content)
@@ -172,7 +172,7 @@ def check(entry: type[Entry], content: Any, path: Path) -> Entry:
 
 
 def robot(path: Path) -> Robot:
-    """Read a robot from `<name>.yaml`, with its surface where `<name>.surface.yaml` lies beside it.
+    """Read a robot from `<name>.yaml`, with its surface if `<name>.surface.yaml` exists in the same folder.
 
     Raises:
         RobotError: a file is missing or wrong.
@@ -190,7 +190,7 @@ def robot(path: Path) -> Robot:
 
 
 def with_surface(bare: Robot, path: Path) -> Robot:
-    """A robot with the primitives of a `.surface.yaml`; links that it does not name get none.
+    """A robot with the primitives of a `.surface.yaml`; links that are not in the file get none.
 
     Raises:
         RobotError: the file is missing or wrong, or names a link that the robot does not have.
@@ -209,7 +209,7 @@ def with_surface(bare: Robot, path: Path) -> Robot:
 
 
 def read_surface(path: Path) -> SurfaceEntry:
-    """What a `.surface.yaml` says.
+    """Content of a `.surface.yaml`.
 
     Raises:
         RobotError: the file is missing or wrong.

@@ -23,7 +23,7 @@ NEAR = 0.02
 REGION = 0.9
 """Probability of the credible region."""
 _EDGE = float(np.sqrt(chi2.isf(1e-3, 2)))
-"""Standard deviations within which a place still belongs to an explanation."""
+"""Number of standard deviations within which a place belongs to an explanation."""
 STATEMENTS = ("answer", "place", "link")
 """Probabilities that are checked, see the command's help."""
 
@@ -32,15 +32,15 @@ class Verdict(NamedTuple):
     """What one estimate stated, and what was correct."""
 
     answer: tuple[float, bool]
-    """Probability of the best candidate; whether it is the true one."""
+    """Probability of the best candidate, and whether it is the true one."""
     place: tuple[float, bool]
-    """Probability that the mixture gives to places within `NEAR` of the best; whether the truth is there."""
+    """Probability of the mixture within `NEAR` of the best candidate, and whether the truth is there."""
     link: tuple[float, bool]
-    """Probability of the most probable link; whether it is the touched one."""
+    """Probability of the most probable link, and whether it is the touched one."""
     in_region: bool
-    """Whether the region of highest density that holds `REGION` of the mixture holds the truth."""
+    """Whether the region of highest density with the probability `REGION` contains the truth."""
     in_ellipse: bool | None
-    """Whether the best explanation's own ellipse holds the truth; None where it is not the true one."""
+    """Whether the best explanation's own ellipse contains the truth; None if it is not the true one."""
     listed: float
     """Sum of the probabilities of all candidates."""
 
@@ -125,7 +125,7 @@ def judge(
     detail: Detail = "fine",
     meshes: Path | None = None,
 ) -> list[Verdict | None]:
-    """Locate all points with that noise and judge every estimate; None where there is no answer."""
+    """Locate all points with that noise and judge every estimate; None if there is no answer."""
     localizer = Localizer(scene_of(points, noise, sensors, detail, meshes))
     wrench, torque = measured(points, noise, sensors)
     verdicts = []
@@ -144,7 +144,7 @@ def judge(
 def verdict(
     contacts: Sequence[Contact], link_probability: np.ndarray, link: int, point: np.ndarray
 ) -> Verdict | None:
-    """Judge one estimate by the truth; None without an answer.
+    """Compare one estimate with the truth; None without an answer.
 
     Args:
         contacts: Explanations, most probable first.
@@ -176,7 +176,7 @@ class Share(NamedTuple):
     """A frequency with its confidence interval."""
 
     found: float
-    """NaN where there was nothing to count."""
+    """Relative frequency; NaN without samples."""
     low: float
     high: float
     """Wilson's 95 % interval."""
@@ -203,9 +203,9 @@ class Summary(NamedTuple):
     no_answer: float
     statements: dict[str, Reliability]
     region: Share
-    """Of all samples, those whose region holds the truth; no answer holds nothing."""
+    """Fraction of all samples whose region contains the truth; without an answer it does not."""
     ellipse: Share
-    """Of the samples whose best explanation is the true one, those whose ellipse holds the truth."""
+    """Fraction of the samples with the true best explanation whose ellipse contains the truth."""
     listed: float
     """Mean of the listed probability."""
 

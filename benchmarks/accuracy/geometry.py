@@ -26,7 +26,7 @@ COLUMNS = ("p50", "p95", "max")
 def geometry(meshes: Path, names: tuple[str, ...], as_json: bool) -> None:
     """Compare every level of detail with the skin of the meshes in MESHES/<robot>/<link>.ply.
 
-    Skin that neighbours or the mounting always cover is left out, and so are primitives there.
+    Skin that is always covered by neighbours or the mounting is excluded, and so are the primitives there.
     """
     rows: list[dict[str, Any]] = []
     try:
@@ -43,7 +43,7 @@ def geometry(meshes: Path, names: tuple[str, ...], as_json: bool) -> None:
 
 
 def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
-    """One row for each level of one arm."""
+    """One row for each level of detail of one arm."""
     import trimesh
 
     from contactsense.robots.decomposition.distance_samples import Shape

@@ -1,9 +1,9 @@
-"""`python -m contactsense.benchmarks.accuracy.own_truth FOLDER`: our own ground truth, in the format of the
-given one.
+"""`python -m contactsense.benchmarks.accuracy.own_truth FOLDER`: generates our own ground truth, in the
+format of the given one.
 
-For tuning without the given contacts: other postures, contacts on the primitives, dynamics of our own model.
-It shares the model's errors with the estimator and does not test them; and a point may be touched here with 5
-mm of clearance to a neighbouring link, not 20 mm as there.
+It allows tuning without the given contacts: other postures, contacts on the primitives, dynamics of our own
+model. It has the same model errors as the estimator and does not test them. A point may be touched here with
+5 mm of clearance to a neighbouring link, instead of 20 mm.
 """
 
 from pathlib import Path
@@ -20,9 +20,9 @@ from contactsense.kinematics.model import Motion, build_model, empty_motion
 
 FRICTION = 0.5
 TORSION = 0.005
-"""Torsion over normal force, at most [m]."""
+"""Maximum ratio of torsion to normal force [m]."""
 FORCES = (5.0, 60.0)
-"""Normal forces, their logarithm uniform [N]."""
+"""Range of normal forces, log-uniform [N]."""
 
 
 @click.command()
@@ -92,7 +92,7 @@ def make(robot: str, contacts: int, seed: int, samples: Samples) -> StaticPoints
 def _contact(
     samples: Samples, q: np.ndarray, motion: Motion, twisted: bool, rng: np.random.Generator
 ) -> tuple[int, np.ndarray, np.ndarray]:
-    """Link, place and wrench about the base origin of one contact at random."""
+    """Link, place and wrench about the base origin of one random contact."""
     s, link = _touched(samples, q, motion, rng)
     R, o = motion.rotation[link], motion.origin[link]
     point, normal = o + R @ samples.point[s], R @ samples.normal[s]
@@ -106,7 +106,7 @@ def _contact(
 
 
 def _touched(samples: Samples, q: np.ndarray, motion: Motion, rng: np.random.Generator) -> tuple[int, int]:
-    """A patch that can be touched at this posture, by area, and its link."""
+    """A random patch, weighted by area, that can be touched at this posture, and its link."""
     angle = np.floor((q + np.pi) / (2.0 * np.pi) % 1.0 * ANGLES).astype(int)
     while True:
         s = int(rng.choice(len(samples.area), p=samples.area / samples.area.sum()))
@@ -115,7 +115,7 @@ def _touched(samples: Samples, q: np.ndarray, motion: Motion, rng: np.random.Gen
             continue
         if link < len(q) and samples.covered[s, 1, angle[link]]:
             continue
-        # Not below the plane that the arm stands on.
+        # Not below the plane on which the arm is mounted.
         if (motion.origin[link] + motion.rotation[link] @ samples.point[s])[2] > 0.004:
             return s, link
 

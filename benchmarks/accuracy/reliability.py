@@ -1,4 +1,5 @@
-"""Reliability of stated probabilities: of the statements with probability p, p should be correct."""
+"""Reliability of stated probabilities: of the statements with probability p, the fraction p should be
+correct."""
 
 from typing import Any, NamedTuple
 
@@ -7,7 +8,7 @@ import numpy as np
 BINS = 10
 """Number of bins of equal width."""
 _TRIALS = 1000
-"""Number of random outcomes for the range of chance."""
+"""Number of simulated random outcomes that give the range due to chance."""
 
 
 class Bin(NamedTuple):
@@ -19,7 +20,7 @@ class Bin(NamedTuple):
     stated: float
     """Mean of their probabilities."""
     right: float
-    """Share of them that is right."""
+    """Fraction of them that is correct."""
 
 
 class Reliability(NamedTuple):

@@ -13,7 +13,7 @@ SENSORS = {
     "base": (True, False),
     "torques": (False, True),
 }
-"""Set of sensors -> whether there are a base wrench and joint torques."""
+"""Set of sensors -> whether base wrench and joint torques are present."""
 
 Detail = Literal["coarse", "fine", "skin"]
 
@@ -48,7 +48,7 @@ def scene_of(
     detail: Detail = "fine",
     meshes: Path | None = None,
 ) -> Scene:
-    """The scene of those contacts, with their noise.
+    """The scene of the contacts, with their noise.
 
     Args:
         points: Contacts on one arm.

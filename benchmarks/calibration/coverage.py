@@ -27,7 +27,7 @@ _VELOCITY = 0.05
 
 
 def measure(runs: int, seconds: float, rate: float, show: bool = False) -> dict[str, Any]:
-    """Simulate recordings with drawn parameters, calibrate each, and count true values within 95 %
+    """Simulate recordings with drawn parameters, calibrate each, and count true values within the 95 %
     intervals."""
     hits: dict[str, list[bool]] = defaultdict(list)
     scores: dict[str, list[float]] = defaultdict(list)

@@ -34,7 +34,7 @@ FREE = ("validation-p1", "validation-p2", "validation-p9", "validation-ptp_10_po
 TOUCHED = ("collision_forearm", "push_pose_1")
 _GROUPS: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "links")
 _PAUSE = 0.3
-"""Alarms closer together than this belong to one contact [s]."""
+"""Alarms separated by less than this belong to one contact [s]."""
 
 
 def read(path: Path, scene: Scene) -> tuple[FreeMotion, np.ndarray]:

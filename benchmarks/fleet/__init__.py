@@ -1,1 +1,1 @@
-"""A year of a fleet by simulation: made, analysed, and compared with what was made."""
+"""A simulated year of a fleet: generated, analysed, and compared with the ground truth."""

@@ -1,4 +1,4 @@
-"""`contactsense bench fleet`: a year of a fleet by simulation, and what analysing it takes."""
+"""`contactsense bench fleet`: a simulated year of a fleet, and the cost of its analysis."""
 
 import json
 import resource
@@ -35,8 +35,8 @@ MANY = 100_000
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def fleet(recordings: int, robots: int, seconds: float, workers: int, out: Path, as_json: bool) -> None:
-    """Make a year of a fleet from the mock's physics at 500 Hz, analyse it, and compare what was found with
-    what was made.
+    """Simulate a year of a fleet with the mock's physics at 500 Hz, analyse it, and compare the result with
+    the ground truth.
 
     Half of the recordings have contacts; biases and friction drift; one in a hundred is broken. Then
     `contactsense analyze OUT/data --workers N` runs.
@@ -78,7 +78,7 @@ def fleet(recordings: int, robots: int, seconds: float, workers: int, out: Path,
 def _make(
     data: Path, recordings: int, robots: int, seconds: float, workers: int
 ) -> tuple[list[dict[str, Any]], float]:
-    """Make the dataset; gives its contacts, and the time that it took [s]."""
+    """Generate the dataset; returns its contacts, and the time taken [s]."""
     start = time.perf_counter()
     write_scenes(data, robots)
     made: list[dict[str, Any]] = []
@@ -90,7 +90,7 @@ def _make(
 
 
 def _processor_time() -> float:
-    """Of this process and of the workers that have ended [s]."""
+    """Processor time of this process and of the workers that have exited [s]."""
     usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 

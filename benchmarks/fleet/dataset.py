@@ -1,5 +1,5 @@
-"""A year of a fleet as a dataset: short recordings from the mock's physics with known contacts, and with
-biases and friction that drift.
+"""A simulated year of a fleet as a dataset: short recordings from the mock's physics with known contacts,
+drifting biases and drifting friction.
 """
 
 from collections.abc import Iterator
@@ -19,11 +19,11 @@ from contactsense.service.mock.simulated_arm import Motion, joint_motion, simula
 from contactsense.service.recordings.export import write_columns
 
 COULOMB, VISCOUS = (6.0, 6.0, 4.0, 2.0, 2.0, 2.0), (6.0, 6.0, 4.0, 2.0, 2.0, 2.0)
-"""Friction of the joints as the scenes have it [Nm, Nms/rad]."""
+"""Friction of the joints in the scenes [Nm, Nms/rad]."""
 FRICTION_DRIFT, WORN_DRIFT = 0.15, 0.8
-"""Most that friction changes over the year, relative; and of the one robot that wears."""
+"""Maximum relative change of friction over the year; the same for the one robot that wears."""
 DAY_DEVIATION = 0.02
-"""Deviation of friction from day to day, relative: oil is warm or cold."""
+"""Relative deviation of friction from day to day, as the oil is warm or cold."""
 FORCE_DRIFT, MOMENT_DRIFT, TORQUE_DRIFT = 0.1, 0.01, 0.3
 """Standard deviations of the biases' change over the year: base force [N], base moment [Nm], joints [Nm]."""
 HOME = (0.0, -1.3, 1.6, -1.9, -1.57, 0.0)
@@ -31,14 +31,14 @@ HOME = (0.0, -1.3, 1.6, -1.9, -1.57, 0.0)
 FORCES, DURATIONS = (10.0, 60.0), (0.4, 1.5)
 """Forces [N] and durations [s] of contacts."""
 CONTACT_INTERVAL, FIRST_CONTACT = 6.0, 5.0
-"""Time between the begins of contacts, and before the first [s]."""
+"""Time between the starts of contacts, and before the first [s]."""
 BROKEN_EVERY = 101
-"""Of so many recordings one is broken."""
+"""One in this many recordings is broken."""
 
 
 @dataclass(frozen=True)
 class RecordingTask:
-    """One recording that is to be made."""
+    """One recording to generate."""
 
     folder: str
     """Folder of the dataset."""
@@ -47,9 +47,9 @@ class RecordingTask:
     robot: int
     """Number of the robot."""
     day: int
-    """Days since the begin of the year."""
+    """Days since the start of the year."""
     year: float
-    """The same as a share of the time that the dataset covers."""
+    """The same as a fraction of the time that the dataset covers."""
     seconds: float
     """Length [s]."""
 
@@ -66,12 +66,12 @@ class RecordingTask:
 
     @property
     def broken(self) -> bool:
-        """Whether the file is made unreadable."""
+        """Whether the file is deliberately corrupted."""
         return self.number % BROKEN_EVERY == BROKEN_EVERY // 2
 
 
 def plan(folder: Path, recordings: int, robots: int, seconds: float) -> list[RecordingTask]:
-    """The recordings of a year, evenly over robots and days."""
+    """The recordings of a year, evenly distributed over robots and days."""
     tasks = []
     for number in range(recordings):
         turn, turns = number // robots, max(-(-recordings // robots) - 1, 1)
@@ -81,7 +81,7 @@ def plan(folder: Path, recordings: int, robots: int, seconds: float) -> list[Rec
 
 
 def write_scenes(folder: Path, robots: int) -> None:
-    """The scene of each robot, in its folder; every third is a larger arm."""
+    """Write the scene of each robot to its folder; every third is a larger arm."""
     for robot in range(robots):
         here = folder / f"robot=arm{robot:02d}"
         here.mkdir(parents=True, exist_ok=True)
@@ -89,7 +89,7 @@ def write_scenes(folder: Path, robots: int) -> None:
 
 
 def scene_settings(robot: int) -> dict[str, Any]:
-    """What the scene file of a robot says."""
+    """Content of a robot's scene file."""
     friction = {"coulomb": list(COULOMB), "viscous": list(VISCOUS), "error": 0.15}
     return {
         "robot": "ur10e" if robot % 3 == 2 else "ur5e",
@@ -98,7 +98,7 @@ def scene_settings(robot: int) -> dict[str, Any]:
 
 
 def friction_drift(robot: int) -> np.ndarray:
-    """How much friction of each joint changes over the year, relative, shape (6,); robot 1 wears."""
+    """Relative change of each joint's friction over the year, shape (6,); robot 1 wears."""
     chance = np.random.default_rng([71, robot])
     drift = chance.uniform(-FRICTION_DRIFT, FRICTION_DRIFT, 6)
     if robot == 1:
@@ -107,14 +107,14 @@ def friction_drift(robot: int) -> np.ndarray:
 
 
 def bias_drift(robot: int) -> tuple[np.ndarray, np.ndarray]:
-    """How much the biases change over the year: base wrench (6,) [N, Nm], joint torques (6,) [Nm]."""
+    """Change of the biases over the year: base wrench (6,) [N, Nm], joint torques (6,) [Nm]."""
     chance = np.random.default_rng([72, robot])
     base = chance.standard_normal(6) * np.repeat([FORCE_DRIFT, MOMENT_DRIFT], 3)
     return base, TORQUE_DRIFT * chance.standard_normal(6)
 
 
 def make_recording(task: RecordingTask) -> list[dict[str, Any]]:
-    """Make one recording; returns its contacts, none where the file is broken."""
+    """Generate one recording; returns its contacts, or none if the file is broken."""
     chance = np.random.default_rng([73, task.number])
     trials = _trials(task.robot % 3 == 2)
     trajectory = _trajectory(task.seconds, chance)
@@ -162,7 +162,7 @@ def _trajectory(seconds: float, chance: np.random.Generator) -> Trajectory:
 
 
 def _contacts(trajectory: Trajectory, trials: Trials, chance: np.random.Generator) -> Iterator[Contact]:
-    """In every other recording, a contact in half of the intervals."""
+    """Random contacts: in every other recording, one in half of the intervals."""
     if chance.random() < 0.5:
         return
     q, _, _ = joint_motion(trajectory, 100.0)
@@ -188,7 +188,7 @@ def _vector(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def _write(motion: Motion, task: RecordingTask, start: float, path: Path) -> None:
-    """The readings with friction and biases of the day; `start`: time of the first sample [s]."""
+    """Write the readings with the day's friction and biases; `start`: time of the first sample [s]."""
     base_bias, joint_bias = bias_drift(task.robot)
     day = np.random.default_rng([74, task.robot, task.day]).standard_normal(6)
     factor = 1.0 + task.year * friction_drift(task.robot) + DAY_DEVIATION * day
@@ -206,7 +206,7 @@ def _write(motion: Motion, task: RecordingTask, start: float, path: Path) -> Non
 
 
 def _break(path: Path, kind: int) -> None:
-    """Cut the file short, or empty it; the third kind lacks a column already."""
+    """Truncate the file, or empty it; the third kind already lacks a column."""
     if kind % 3 < 2:
         data = path.read_bytes()
         path.write_bytes(data[: len(data) // 2] if kind % 3 == 0 else b"")

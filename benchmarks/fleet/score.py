@@ -1,4 +1,4 @@
-"""Contacts that were found in a dataset beside those that were made."""
+"""Comparison of the contacts found in a dataset with the simulated ones."""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
@@ -11,15 +11,15 @@ from contactsense.benchmarks.fleet.dataset import COULOMB, bias_drift, friction_
 from contactsense.service.analysis.fleet.summary import FleetSummary, robot_row
 
 TOLERANCE = 0.2
-"""A contact may begin so much earlier or end so much later than it was made: the low-pass [s]."""
+"""Tolerance for earlier starts and later ends of a contact, due to the low-pass [s]."""
 
 
 def score_contacts(made: Sequence[dict[str, Any]], found: pa.Table) -> dict[str, Any]:
-    """How many contacts were found, on which link, how far away, and how many are false.
+    """Number of contacts found, their links and errors, and number of false contacts.
 
     Args:
-        made: What `contactsense.benchmarks.fleet.dataset.make_recording` gave.
-        found: Contacts of the analysis.
+        made: Results of `contactsense.benchmarks.fleet.dataset.make_recording`.
+        found: Contacts found by the analysis.
     """
     rows: dict[str, list[dict[str, Any]]] = defaultdict(list)
     names = ("robot", "recording", "begin", "duration", "link", "peak_force", "point_x", "point_y", "point_z")
@@ -56,7 +56,7 @@ def score_contacts(made: Sequence[dict[str, Any]], found: pa.Table) -> dict[str,
 
 
 def score_drift(summary: FleetSummary) -> list[dict[str, Any]]:
-    """Drift that was found beside that which was made, root mean square over the joints of each robot."""
+    """Estimated drift and simulated drift, root mean square over the joints of each robot."""
     scores = []
     for robot in summary.robots:
         number = int(robot.robot.removeprefix("arm"))

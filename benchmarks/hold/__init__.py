@@ -1,1 +1,1 @@
-"""A contact that is held gets better with time, one that slides is followed."""
+"""The estimate of a held contact improves with time; a sliding contact is tracked."""

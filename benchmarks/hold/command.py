@@ -23,10 +23,10 @@ TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
 @click.option("--picture", type=click.Path(path_type=Path), help="Draw both into this picture (PNG or SVG).")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def hold(runs: int, picture: Path | None, as_json: bool) -> None:
-    """Hold a finger of 20 N against a UR5e's forearm for 4 s, and draw it along at 50 mm/s.
+    """Press a finger with 20 N against a UR5e's forearm for 4 s, and slide it along at 50 mm/s.
 
     The surface is exact, the noise 0.25 N, 0.05 Nm at the base and 1 Nm at the joints. Errors are root mean
-    squares over the streams; beside them, what the answers state.
+    squares over the streams; the stated standard deviations are printed next to them.
     """
     console = Console(stderr=True)
     rounds = [(case, seed) for case in CASES for seed in range(runs)]
@@ -69,9 +69,9 @@ def summary(squares: np.ndarray) -> dict[str, list[float]]:
     """Root mean square error and stated standard deviation along the surface at `TIMES`, in mm.
 
     Args:
-        squares: Of all streams, see `held`, shape (runs, len(TIMES), 2) [m^2].
+        squares: Squared errors and variances of all streams, see `held`, shape (runs, len(TIMES), 2) [m^2].
     """
-    # What is stated across the surface is how well the primitives fit, and here they are exact.
+    # The variance across the surface states how well the primitives fit, and here they are exact.
     across = scene_of(CASES[0]).surface_deviation ** 2
     rms = np.sqrt(np.mean(squares[..., 0], axis=0))
     stated = np.sqrt(np.maximum(np.mean(squares[..., 1], axis=0) - across, 0.0))
@@ -79,8 +79,8 @@ def summary(squares: np.ndarray) -> dict[str, list[float]]:
 
 
 def slid(localizer: Localizer, finger: Finger, seed: int = 0) -> np.ndarray:
-    """A contact that slides: time since the touch [s], true and found way along the forearm [m], error [m],
-    whether its phase is `slide`; one row a sample with an answer, shape (N, 5)."""
+    """A sliding contact: time since the touch [s], true and estimated distance along the forearm [m], error
+    [m], whether its phase is `slide`; one row per sample with an answer, shape (N, 5)."""
     rows = []
     start = finger.at(0.0)[0]
     for sample, point, since in stream(SLIDE, finger, 2.5, seed):
@@ -94,7 +94,7 @@ def slid(localizer: Localizer, finger: Finger, seed: int = 0) -> np.ndarray:
 
 
 def slide_summary(trace: np.ndarray) -> dict[str, Any]:
-    """Error while the contact slides and once it has come to rest, in mm, and the delay of both reports."""
+    """Error while the contact slides and after it has come to rest, in mm, and the delay of both reports."""
     since, error, sliding = trace[:, 0], 1e3 * trace[:, 3], trace[:, 4] > 0.0
     moving, after = (since > 0.6) & (since < 1.5), since > 2.0
     first = np.flatnonzero(sliding)

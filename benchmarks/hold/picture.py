@@ -9,7 +9,7 @@ from contactsense.benchmarks.hold.command import TIMES
 
 
 def draw(held: dict[str, dict[str, list[float]]], trace: np.ndarray, path: Path) -> None:
-    """Error against holding time, and the way of a sliding contact.
+    """Plot the error against holding time, and the path of a sliding contact.
 
     Args:
         held: See `contactsense.benchmarks.hold.command.summary`, by the name of the case.

@@ -1,4 +1,4 @@
-"""A fingertip on the forearm of a UR5e: held at one place, or drawn along the arm; the arm may move.
+"""A fingertip on the forearm of a UR5e: held at one place, or moved along the arm; the arm may move.
 
 The finger touches the estimator's own surface, so that all errors come from noise and motion.
 """
@@ -22,7 +22,7 @@ RATE = 500.0
 FREE = 1.0
 """Time without contact at the start [s]."""
 PUSH = 20.0
-"""Force of the finger [N], leaning by a tenth."""
+"""Force of the finger [N], inclined by a tenth."""
 RAMP = 0.03
 """Rise time of the force [s]."""
 _HOME = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5])
@@ -32,7 +32,7 @@ _RATES = np.array([2.0, 1.5, 2.5, 3.0, 2.0, 1.0])
 
 @dataclass(frozen=True)
 class Case:
-    """What is simulated."""
+    """A simulated case."""
 
     name: str
     speed: float = 0.0
@@ -40,7 +40,7 @@ class Case:
     wrong: bool = False
     """Whether the estimator's masses are 2 % too large, within their stated uncertainty."""
     slide: float = 0.0
-    """Speed of the finger along the forearm, from 0.5 s after its touch to 1.5 s after it [m/s]."""
+    """Speed of the finger along the forearm between 0.5 s and 1.5 s after its touch [m/s]."""
 
 
 CASES = (
@@ -63,14 +63,14 @@ def scene_of(case: Case) -> Scene:
 
 
 class Finger:
-    """Where the finger is, in the frame of the forearm."""
+    """Position of the finger in the frame of the forearm."""
 
     def __init__(self) -> None:
-        """On the side of the forearm."""
+        """Start on the side of the forearm."""
         self._surfaces = build_constants(Scene(robot=robots.load("ur5e"))).surfaces
 
     def at(self, way: float) -> tuple[np.ndarray, np.ndarray]:
-        """Point [m] and outward normal after so much of its way along the forearm [m]."""
+        """Point [m] and outward normal after the distance `way` along the forearm [m]."""
         point = np.array([[-0.16 - way, 0.06, 0.02]])
         normal = np.zeros((1, 3))
         for _ in range(4):

@@ -1,4 +1,4 @@
-"""`contactsense bench analyze`: how fast recordings are worked through, beside merely reading the file."""
+"""`contactsense bench analyze`: speed of the analysis of recordings, compared with only reading the file."""
 
 import json
 import resource
@@ -21,8 +21,8 @@ from contactsense.service.recordings import read
 from contactsense.service.recordings.export import write_columns
 
 ROUNDS = 5
-"""Each measurement is repeated so often; the shortest time of the processor counts, as other work on the
-machine only adds."""
+"""Number of repetitions of each measurement; the shortest processor time counts, because other work on the
+machine can only add to it."""
 
 
 @click.command("analyze")
@@ -31,9 +31,8 @@ machine only adds."""
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def analyze(minutes: float, as_json: bool) -> None:
-    """Time the analysis of simulated recordings at 500 Hz on one core: one without contact, the demo's, in
-    which contacts are on for a third of the time, and one with one contact that is on for nine tenths
-    of it."""
+    """Time the analysis of simulated recordings at 500 Hz on one core: one without contact, the demo's, with
+    contacts for a third of the time, and one with a single contact that lasts nine tenths of the time."""
     script = Script.demo()
     first = script.contacts[0]
     held = first.model_copy(update={"start": 2.0, "duration": script.duration - 3.0})

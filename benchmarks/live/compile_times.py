@@ -1,8 +1,8 @@
-"""Compile times of all kernels that a localizer needs: `robots/jit/compile_times.yaml`, which the progress of
-the first compilation is reckoned by.
+"""Compile times of all kernels that a localizer needs: `robots/jit/compile_times.yaml`, from which the
+progress of the first compilation is estimated.
 
-`python -m contactsense.benchmarks.live.compile_times` compiles everything anew, beside the cache, and writes
-the table. Only the ratios count, so that any machine that does nothing else will do.
+`python -m contactsense.benchmarks.live.compile_times` compiles everything again, without using the cache, and
+writes the table. Only the ratios count, so any machine that is otherwise idle can be used.
 """
 
 import os
@@ -19,8 +19,8 @@ _SHORTEST = 0.01
 
 
 def measure() -> dict[str, list[float]]:
-    """Compile in this process, without a look at the cache of others; seconds of each version of each
-    function."""
+    """Compile in this process, without the existing cache; compile time of each version of each function
+    [s]."""
     from contactsense import Localizer, Scene
     from contactsense.localizer import kernels_of
     from contactsense.robots.jit.compilation import Compilation

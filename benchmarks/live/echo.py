@@ -1,7 +1,7 @@
-"""A yardstick for round trips: plain messages between two processes, beside whatever else is measured.
+"""Reference for round trips: plain messages between two processes, in parallel with the actual measurement.
 
-One sends at 500 Hz in real time where that is permitted, the other is scheduled as the pipeline is and sends
-each message back. What is longer here than a fraction of a millisecond is the host's doing.
+One process sends at 500 Hz, with real-time scheduling if permitted. The other is scheduled like the pipeline
+and returns each message. Times longer than a fraction of a millisecond are caused by the host.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ from contactsense.service.live.scheduling import PIPELINE, Scheduling, hurry
 
 RATE = 500.0
 SIZE = 500
-"""Bytes of a message, about those of a robot packet."""
+"""Size of a message [bytes], about that of a robot packet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,14 +28,14 @@ class EchoTimes:
     """Round trips of plain messages [ms]."""
 
     scheduling: Scheduling
-    """Of the process that sends back, and of the pipeline's."""
+    """Scheduling of the process that returns messages, and of the pipeline."""
     p50: float
     p99: float
     p999: float
     worst: float
 
     def __str__(self) -> str:
-        """One line for a person."""
+        """One readable line."""
         return (
             f"beside it, plain messages between two processes ({self.scheduling}) took [ms]: "
             f"p50 {self.p50:.2f}, p99 {self.p99:.2f}, p99.9 {self.p999:.2f}, worst {self.worst:.2f}"
@@ -43,7 +43,7 @@ class EchoTimes:
 
 
 class Echo:
-    """Measures while `run` lasts."""
+    """Measures while `run` is active."""
 
     def __init__(self) -> None:
         self._times: tuple[Scheduling, list[float]] = ("normal", [])
@@ -69,15 +69,15 @@ class Echo:
             process.join()
 
     def times(self) -> EchoTimes:
-        """What was measured."""
+        """The measured times."""
         scheduling, times = self._times
         p50, p99, p999, worst = (1e3 * np.percentile(times, [50, 99, 99.9, 100])).round(3).tolist()
         return EchoTimes(scheduling, p50, p99, p999, worst)
 
 
 def set_apart(process: int | None = None) -> None:
-    """Let all threads of a process, this one by default, run as if they were on another machine, where that
-    is allowed: in real time."""
+    """Give all threads of a process, by default this one, real-time scheduling if permitted, as if they ran
+    on another machine."""
     if sys.platform == "linux":
         for thread in os.listdir(f"/proc/{process or os.getpid()}/task"):
             with contextlib.suppress(OSError):

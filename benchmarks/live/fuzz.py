@@ -1,6 +1,7 @@
-"""Spoiled bytes into every parser of the wire: each must answer by a value or by its own error, nothing else.
+"""Fuzzing of all protocol parsers with corrupted bytes: each must return a value or raise its own error,
+nothing else.
 
-`python -m benchmarks.live.fuzz --inputs 1000000`; exit status 1 where a parser broke.
+`python -m benchmarks.live.fuzz --inputs 1000000`; exit status 1 if a parser failed.
 """
 
 import json
@@ -25,7 +26,7 @@ _PACKET = _RECIPE.pack([1.0, *([0.5] * 12), 7])
 def _frames(data: bytes) -> list[rtde.Frame]:
     decoder = rtde.FrameDecoder()
     found = []
-    # As bytes arrive: in pieces.
+    # In pieces, as bytes arrive.
     for start in range(0, len(data), 7):
         decoder.feed(data[start : start + 7])
         while (frame := decoder.next_frame()) is not None:
@@ -84,13 +85,13 @@ TARGETS: list[Target] = [
 
 
 def all_targets() -> list[Target]:
-    """These, and the parsers of the ways in for controllers."""
+    """These, and the parsers of the controller interfaces."""
     return [*TARGETS, *controller_targets()]
 
 
 @dataclass(slots=True)
 class Result:
-    """What one parser did."""
+    """Result of one parser."""
 
     name: str
     inputs: int = 0
@@ -98,11 +99,11 @@ class Result:
     refused: int = 0
     defects: int = 0
     first_defect: str = ""
-    """The input, in hexadecimal digits, and what it caused."""
+    """The input, in hexadecimal digits, and the error that it caused."""
 
 
 def spoil(data: bytes, dice: random.Random) -> bytes:
-    """The same bytes with some flipped, cut, doubled, put in or joined to noise."""
+    """Corrupt bytes: flip, remove, duplicate or insert some, or append noise."""
     spoiled = bytearray(data)
     for _ in range(dice.choice((1, 1, 2, 4, 8))):
         where = dice.randrange(len(spoiled) + 1)
@@ -125,7 +126,7 @@ def spoil(data: bytes, dice: random.Random) -> bytes:
 
 
 def fuzz(target: Target, inputs: int, seed: int = 1) -> Result:
-    """Feed a parser so many spoiled inputs."""
+    """Feed a parser with `inputs` corrupted inputs."""
     dice = random.Random(f"{seed} {target.name}")
     result = Result(target.name)
     for _ in range(inputs):
@@ -144,7 +145,7 @@ def fuzz(target: Target, inputs: int, seed: int = 1) -> Result:
 
 
 def run(inputs: int, seed: int, targets: Sequence[Target] | None = None) -> list[Result]:
-    """Share the inputs among all parsers."""
+    """Distribute the inputs among all parsers."""
     chosen = all_targets() if targets is None else targets
     share = -(-inputs // len(chosen))
     return [fuzz(target, share, seed) for target in chosen]
@@ -155,7 +156,7 @@ def run(inputs: int, seed: int, targets: Sequence[Target] | None = None) -> list
 @click.option("--seed", default=1, show_default=True, help="Same seed, same inputs.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 def main(inputs: int, seed: int, as_json: bool) -> None:
-    """Spoiled bytes into every parser of the wire."""
+    """Feed corrupted bytes to all protocol parsers."""
     begin = time.monotonic()
     results = run(inputs, seed)
     if as_json:

@@ -1,6 +1,7 @@
-"""Parsers of the ways in for controllers, for a fuzzer: any bytes give a value or the parser's own error.
+"""Fuzzing targets for the parsers of the controller interfaces: any bytes give a value or the parser's own
+error.
 
-Each target reads its input as it might come over the wire, cut into pieces where it is a stream.
+Each target reads its input as it might arrive from the network, in pieces if it is a stream.
 """
 
 from typing import Any
@@ -31,7 +32,7 @@ def _pieces(data: bytes) -> list[bytes]:
 
 
 def targets() -> list[Target]:
-    """All of them."""
+    """All targets."""
     decoder = SampleDecoder(Scene(robot=load("ur5e")))
 
     def sample(data: bytes, binary: bool) -> object:

@@ -1,4 +1,4 @@
-"""What a fuzzer needs to know of a parser."""
+"""Description of a parser for fuzzing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A parser, what it may raise, and well-formed inputs to spoil."""
+    """A parser, the errors it may raise, and well-formed inputs to corrupt."""
 
     name: str
     parse: Callable[[bytes], object]

@@ -1,4 +1,4 @@
-"""How long it takes from a robot packet's leaving the mock to its estimate at a WebSocket client."""
+"""Latency from the sending of a robot packet by the mock to its estimate at a WebSocket client."""
 
 import json
 import sys
@@ -23,7 +23,7 @@ _WARM_UP = 2.0
 
 @dataclass(frozen=True, slots=True)
 class LatencyResult:
-    """Times from packet to message [ms], and what was lost on the way."""
+    """Latencies from packet to message [ms], and losses."""
 
     seconds: float
     """Between the first and the last estimate, on the robot's clock [s]."""
@@ -37,19 +37,19 @@ class LatencyResult:
     p999: float
     worst: float
     step: float
-    """Of that, the localizer's share, typically [ms]."""
+    """Typical share of the localizer in that [ms]."""
 
 
 def measure(seconds: float, tick: Callable[[float], None]) -> LatencyResult:
-    """Run service and mock, each in a process of its own, and read the stream for a while.
+    """Run service and mock in separate processes, and read the stream for a while.
 
     Args:
-        seconds: For how long [s].
-        tick: Called again and again with the time that has passed [s].
+        seconds: Duration [s].
+        tick: Called repeatedly with the elapsed time [s].
 
     Raises:
         ChildError: A process did not start.
-        ClientError: The service fell silent.
+        ClientError: The service stopped sending.
     """
     with tempfile.TemporaryDirectory() as folder, Stage("ur5e") as stage:
         path = Path(folder) / "sent"
@@ -106,9 +106,9 @@ def _collect(
 def latency(
     seconds: float, reaction: bool, track: track_latency.Way | None, messagepack: bool, as_json: bool
 ) -> int:
-    """Time from a robot packet's leaving the mock to the WebSocket message with its estimate.
+    """Measure the latency from a robot packet sent by the mock to the WebSocket message with its estimate.
 
-    The demo's script is played; mock, pipeline, web server and client are four processes on this host.
+    The demo script is run; mock, pipeline, web server and client are four processes on this host.
     """
     if reaction:
         return reaction_latency.report(seconds, as_json)

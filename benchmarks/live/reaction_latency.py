@@ -1,7 +1,7 @@
-"""How long it takes from a robot packet's leaving the mock to a reaction's register write arriving there.
+"""Latency from the sending of a robot packet by the mock to the arrival of a reaction's register write.
 
-The arm is pushed and released again and again; while a push lasts, registers are written with every sample.
-Beside it 8 readers take the whole stream and a single sample is posted every second, as a busy cell might.
+The arm is pushed and released again and again; during a push, registers are written with every sample. In
+parallel, 8 clients read the whole stream and one sample is posted every second, as in a busy cell.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ from contactsense.service.mock.sent_log import DEFAULT_SIZE, SentLog
 
 READERS = 8
 EDGES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0)
-"""Of the histogram [ms]; a last bin takes what is longer."""
+"""Bins of the histogram [ms]; a last bin contains all longer times."""
 _WARM_UP = 3.0
 _PUSHES = 20
 _POSE = [0.0, -1.3, 1.6, -1.9, -1.57, 0.0]
@@ -44,11 +44,11 @@ class ReactionLatency:
     """Times from packet to register write [ms]."""
 
     seconds: float
-    """For how long it was measured [s]."""
+    """Duration of the measurement [s]."""
     writes: int
     """Register writes that could be assigned to a sample."""
     onsets: int
-    """Of those, the first of a push."""
+    """Number of these that are the first of a push."""
     p50: float
     p90: float
     p99: float
@@ -56,13 +56,13 @@ class ReactionLatency:
     worst: float
     onset_p50: float
     onset_worst: float
-    """Of the first writes of pushes alone."""
+    """The same, only for the first write of each push."""
     step: float
-    """Of that, the localizer's share, typically [ms]."""
+    """Typical share of the localizer in that [ms]."""
     histogram: list[tuple[float, int]]
     """Lower edge [ms] and number of writes."""
     echo: EchoTimes
-    """Round trips of plain messages in the same time."""
+    """Round trips of plain messages during the same time."""
 
 
 def script() -> dict[str, Any]:
@@ -94,11 +94,11 @@ def rules(rtde_port: int) -> dict[str, Any]:
 
 
 def measure(seconds: float) -> ReactionLatency:
-    """Run service, mock and readers, each in a process of its own.
+    """Run service, mock and readers in separate processes.
 
     Raises:
-        ChildError: A process did not come up.
-        ClientError: The service fell silent.
+        ChildError: A process did not start.
+        ClientError: The service stopped sending.
     """
     seconds = min(seconds, DEFAULT_SIZE / RATE - _WARM_UP - 5.0)
     with tempfile.TemporaryDirectory() as name, Stage("ur5e") as stage:
@@ -140,7 +140,7 @@ def _result(
 
 
 def _wait(client: Client, seconds: float) -> tuple[float, float]:
-    """Read the stream for so long; times of the first and the last sample that count [s]."""
+    """Read the stream for `seconds`; returns the times of the first and last sample that count [s]."""
     client.receive()
     begin, first, t = time.monotonic(), None, 0.0
     while (passed := time.monotonic() - begin) < seconds + _WARM_UP:
@@ -163,7 +163,7 @@ def _load(url: str) -> Iterator[None]:
 
 
 def _read_and_post(url: str) -> None:
-    os.nice(10)  # readers are other machines: they should not take the service's time
+    os.nice(10)  # readers represent other machines: they should not compete with the service
     asyncio.run(_readers(url))
 
 

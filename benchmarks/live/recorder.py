@@ -1,7 +1,7 @@
-"""`python -m benchmarks.live.recorder`: what `contactsense record` loses, keeps in memory and writes.
+"""`python -m benchmarks.live.recorder`: losses, memory use and output size of `contactsense record`.
 
-The mock arm is recorded live for some time at 500 Hz. With `--hours`, the writer alone takes samples as fast
-as it can, which tells the size of a long recording and whether its memory grows.
+The mock arm is recorded live for some time at 500 Hz. With `--hours`, only the writer runs, as fast as it
+can, to show the size of a long recording and whether memory use grows.
 """
 
 import json
@@ -32,7 +32,7 @@ _SCRIPT = {
 
 
 def live(seconds: float, rotation: Rotation, folder: Path) -> dict[str, float]:
-    """Record the mock arm; samples, losses, megabytes."""
+    """Record the mock arm; returns samples, losses, megabytes."""
     motion = simulate(Script.model_validate(_SCRIPT))
     chosen = MockSettings(rtde_port=0, netft_port=0, http_port=0, loop=True)
     with MockServers(motion, chosen) as servers:
@@ -73,7 +73,7 @@ def _peak_memory() -> int:
 
 
 def writer(hours: float, folder: Path) -> dict[str, float]:
-    """Write that many hours of random samples as fast as possible; growth of memory, size, speed."""
+    """Write that many hours of random samples as fast as possible; returns memory growth, size, speed."""
     rows = int(hours * 3600.0 * _RATE)
     columns = [f"value_{i}" for i in range(33)]
     made = SegmentWriter(folder, "samples", columns, {}, Rotation(megabytes=64.0), rate=_RATE)

@@ -1,5 +1,5 @@
-"""For minutes at 500 Hz with readers that come, go and stall: are samples lost, does memory grow, are events
-seen by every reader who asked for them?"""
+"""Soak test: minutes at 500 Hz with readers that connect, disconnect and stall. It checks whether samples are
+lost, whether memory grows, and whether every subscribed reader receives all events."""
 
 import contextlib
 import json
@@ -24,47 +24,47 @@ from contactsense.service.mock.rtde_server import RATE
 
 _WARM_UP = 5.0
 _VISIT = 2.0
-"""For how long a reader that comes and goes stays [s]."""
+"""Duration of the connection of a reader that connects and disconnects [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class SoakResult:
-    """What became of the samples, the memory and the events."""
+    """Results for samples, memory and events."""
 
     seconds: float
     """Between the first and the last estimate, on the robot's clock [s]."""
     samples: int
     """Samples that the robot took in that time."""
     lost: int
-    """Of these, those without an estimate at the steady reader, whatever the reason."""
+    """Number of these without an estimate at the steady reader, for any reason."""
     lost_on_the_wire: int
-    """Of these, those that the service itself has missed, by the robot's time stamps."""
+    """Number of these that the service itself missed, by the robot's time stamps."""
     restarts: int
-    """Pipelines that had to be started again."""
+    """Number of restarts of the pipeline."""
     visits: int
-    """Readers that came and went."""
+    """Number of readers that connected and disconnected."""
     dropped: int
-    """Readers that were dropped as they took nothing."""
+    """Number of readers disconnected by the service because they read nothing."""
     memory: float
     """Memory of the service's processes at the end [MB]."""
     memory_slope: float
-    """By how much it grew over the second half [MB a minute]."""
+    """Its growth rate over the second half [MB per minute]."""
     events: int | None
-    """Events of the journal in that time; None where this service has no events."""
+    """Number of events in the journal during that time; None if this service has no events."""
     events_missed: int | None
-    """Of these, those that some reader of the events has not seen."""
+    """Number of these that at least one subscribed reader did not receive."""
 
 
 def measure(seconds: float, tick: Callable[[float], None]) -> SoakResult:
-    """Run service and mock, and let readers come, go and stall.
+    """Run service and mock with readers that connect, disconnect and stall.
 
     Args:
-        seconds: For how long [s].
-        tick: Called again and again with the time that has passed [s].
+        seconds: Duration [s].
+        tick: Called repeatedly with the elapsed time [s].
 
     Raises:
-        ChildError: A process did not come up.
-        ClientError: The service fell silent.
+        ChildError: A process did not start.
+        ClientError: The service stopped sending.
     """
     with Stage("ur5e") as stage, contextlib.ExitStack() as stack:
         client = stage.start_service()
@@ -81,7 +81,7 @@ def measure(seconds: float, tick: Callable[[float], None]) -> SoakResult:
         stack.callback(over.set)
         stamps, memory = _read(client, seconds, tick)
         health = client.health()
-        time.sleep(1.0)  # events on their way
+        time.sleep(1.0)  # events still in transit
         over.set()
         for thread in (*threads, *watchers):
             thread.join(10.0)
@@ -126,7 +126,7 @@ def _read(
 
 
 def service_memory() -> float:
-    """Memory of all processes of the service that we started, from Linux' /proc [MB]."""
+    """Memory of all processes of the service that we started, from /proc on Linux [MB]."""
     children: dict[int, list[int]] = {}
     sizes: dict[int, float] = {}
     names: dict[int, str] = {}
@@ -150,7 +150,7 @@ def _descendants(pid: int, children: dict[int, list[int]]) -> Iterator[int]:
 
 
 def _come_and_go(url: str, over: threading.Event, visits: list[int]) -> None:
-    """A reader that stays a moment, leaves, and comes again; every other one hangs up without a word."""
+    """A reader that repeatedly connects for a moment; every other time it disconnects without closing."""
     while not over.is_set():
         with (
             contextlib.suppress(OSError, WebSocketException, ConnectionClosed, TimeoutError),
@@ -165,7 +165,7 @@ def _come_and_go(url: str, over: threading.Event, visits: list[int]) -> None:
 
 
 def _stall(url: str, over: threading.Event) -> None:
-    """A reader that takes nothing, comes again when it was dropped."""
+    """A reader that reads nothing, and reconnects when it was disconnected."""
     while not over.is_set():
         with (
             contextlib.suppress(OSError, WebSocketException),
@@ -179,7 +179,7 @@ def _stall(url: str, over: threading.Event) -> None:
 
 
 class _EventReader(threading.Thread):
-    """Takes the events from `WS /v1/events`, where the service has it."""
+    """Reads the events from `WS /v1/events`, if the service has it."""
 
     def __init__(self, url: str, over: threading.Event) -> None:
         super().__init__(daemon=True)
@@ -187,12 +187,12 @@ class _EventReader(threading.Thread):
         self._url = url.replace("http", "ws", 1) + "/v1/events"
         self._over = over
         self.seen: set[int] = set()
-        """Numbers of the events that came."""
+        """Numbers of the received events."""
         self.journal: set[int] | None = None
-        """Numbers of those in the journal at the end; None where there is none."""
+        """Numbers of the events in the journal at the end; None if there is no journal."""
 
     def run(self) -> None:
-        """Read until the end, then look into the journal."""
+        """Read until the end, then read the journal."""
         try:
             with connect(self._url, compression=None, close_timeout=0.2) as connection:
                 while not self._over.is_set():
@@ -228,9 +228,9 @@ def _compare(readers: list[_EventReader]) -> tuple[int | None, int | None]:
 @click.option("--minutes", default=10.0, show_default=True, type=click.FloatRange(0.1), help="For how long.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 def soak(minutes: float, as_json: bool) -> int:
-    """Minutes at 500 Hz with readers that come, go and stall: losses, memory, events.
+    """Run for minutes at 500 Hz with readers that connect, disconnect and stall: losses, memory, events.
 
-    Exit status 1 where the service missed samples, was started again, or a reader of events missed one.
+    Exit status 1 if the service missed samples or was restarted, or if a reader missed an event.
     """
     seconds = 60.0 * minutes
     with click.progressbar(length=round(seconds + _WARM_UP), label="reading", file=sys.stderr) as bar:

@@ -16,7 +16,7 @@ from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
 
 ROUNDS = 5
-"""Every measurement and the yardstick are repeated in turn this often; the median of all calls counts."""
+"""Number of alternating repetitions of each measurement and the reference; the median of all calls counts."""
 
 
 @click.command()
@@ -24,8 +24,8 @@ ROUNDS = 5
 def speed(as_json: bool) -> None:
     """Time one sample through the localizer on the demonstration's contacts.
 
-    The yardstick is Pinocchio's RNEA of a 6-joint arm, called from Python in turn with what is measured:
-    machines differ and are noisy, ratios carry over. Needs Pinocchio (PyPI: pin).
+    The reference is Pinocchio's RNEA of a 6-joint arm, called from Python in alternation with the measured
+    function: machines differ and are noisy, but ratios are comparable. Needs Pinocchio (PyPI: pin).
     """
     yardstick = _yardstick()
     script = Script.demo()

@@ -1,6 +1,6 @@
-"""How many samples the sources lose at 500 Hz, what they cost, and how late a packet is when it is read.
+"""Lost samples, processor time and read latency of the sources at 500 Hz.
 
-The mock and each reader run in a process of their own, as they do in life.
+The mock and each reader run in separate processes, as in real use.
 """
 
 import contextlib
@@ -39,7 +39,7 @@ NAMES: dict[Client, str] = {
     "joined": "own reader, joined with the force/torque sensor to samples",
 }
 FIELDS = ("actual_q", "actual_qd", "actual_current", "target_moment")
-"""What is read: what the estimator needs, of what both clients offer."""
+"""Fields to read: those that the estimator needs and both clients provide."""
 
 _SPAWN = multiprocessing.get_context("spawn")
 _START = 20.0
@@ -48,7 +48,7 @@ _WARM_UP = 0.5
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where the mock listens, and where it notes when packets left."""
+    """Address at which the mock listens, and the log of the packets' send times."""
 
     host: str
     netft_port: int
@@ -58,7 +58,7 @@ class _Place:
 
 @dataclass(frozen=True, slots=True)
 class _Waves:
-    """Joints that swing for ten seconds; the wire does not care about physics."""
+    """Joints that swing for ten seconds; the physics do not matter for the protocol."""
 
     rate: float
     t: np.ndarray
@@ -70,7 +70,7 @@ class _Waves:
 
 @dataclass(frozen=True, slots=True)
 class StreamResult:
-    """How one source did."""
+    """Result of one source."""
 
     client: Client
     seconds: float
@@ -78,17 +78,18 @@ class StreamResult:
     samples: int
     """Samples that the robot took in that time."""
     lost: int
-    """Number of these never received."""
+    """Number of these that were never received."""
     cpu: float
-    """Processor time of the reader over that time, a child process with its start included; 1 is a core."""
+    """Processor time of the reader divided by that time, including a child process and its start; 1 is one
+    core."""
     late_p50: float
-    """From the packet's leaving the mock to the record in Python: median [ms]."""
+    """Latency from the packet sent by the mock to the record in Python: median [ms]."""
     late_p99: float
-    """The same, exceeded by one in a hundred [ms]."""
+    """The same, 99th percentile [ms]."""
 
 
 def waves(seconds: float = 10.0) -> _Waves:
-    """A motion of six joints to serve."""
+    """A motion of six joints for the mock."""
     t = np.arange(round(seconds * RATE)) / RATE
     phase = 2.0 * np.pi * np.outer(t, np.arange(1, 7)) / seconds
     return _Waves(RATE, t, np.sin(phase), np.cos(phase), 10.0 * np.sin(phase), 20.0 * np.cos(phase))
@@ -110,9 +111,9 @@ def measure(clients: tuple[Client, ...], seconds: float, tick: Callable[[float],
     """Let the clients read from one mock at the same time.
 
     Args:
-        clients: Which ones.
-        seconds: For how long [s].
-        tick: Called again and again with the time that has passed [s].
+        clients: The clients to measure.
+        seconds: Duration [s].
+        tick: Called repeatedly with the elapsed time [s].
 
     Raises:
         SensorError: A process did not start or failed.
@@ -161,7 +162,7 @@ def _serve(connection: Connection, host: str, sent_log: Path) -> None:
     with MockServers(waves(), settings) as servers:
         connection.send(_Place(host, servers.netft.port, servers.netft.http_port, sent_log))
         with contextlib.suppress(EOFError):
-            connection.recv()  # until the bench hangs up
+            connection.recv()  # until the benchmark closes the connection
 
 
 def _read(connection: Connection, client: Client, place: _Place, seconds: float) -> None:
@@ -214,7 +215,7 @@ def _collect(
             stamps.append(stamp)
             late.append(1e-6 * (time.monotonic_ns() - log.left_ns(stamp)))
         if stamps and end is None:
-            end = time.monotonic() + seconds  # counted from the first sample: starting up is no loss
+            end = time.monotonic() + seconds  # counted from the first sample: the start-up is not a loss
     return stamps, late
 
 
@@ -224,10 +225,10 @@ def _collect(
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 def stream(seconds: float, as_json: bool) -> int:
-    """Samples lost at 500 Hz: our own reader, ur_rtde where it is installed, our reader joined with the
-    sensor under the base.
+    """Measure samples lost at 500 Hz: by our own reader, ur_rtde if it is installed, and our reader combined
+    with the sensor under the base.
 
-    Exit status 1 where our own reader lost any.
+    Exit status 1 if our own reader lost any.
     """
     clients: tuple[Client, ...] = ("rtde", "ur_rtde", "joined")
     if importlib.util.find_spec("rtde_receive") is None:
@@ -254,7 +255,7 @@ def stream(seconds: float, as_json: bool) -> int:
 
 
 def table(results: list[StreamResult]) -> Iterator[str]:
-    """The results for a person, line by line."""
+    """The results as text, line by line."""
     head = ("samples", 10), ("lost", 8), ("lost %", 9), ("core %", 9), ("late p50 ms", 13), ("p99 ms", 9)
     yield f"{'source':<12}" + "".join(f"{name:>{width}}" for name, width in head)
     for r in results:

@@ -1,7 +1,7 @@
-"""How long a controller waits for the estimate of a sample that it sends to `WS /v1/track`.
+"""Time that a controller waits for the estimate of a sample sent to `WS /v1/track`.
 
-The demo's motion is sent at 500 Hz by one thread, on schedule whether or not answers have come, and another
-reads the answers: one that is late holds up no sample, and hides none of the waiting.
+One thread sends the demo's motion at 500 Hz, on schedule whether or not answers have arrived, and another
+reads the answers: a late answer delays no sample, and no waiting time is hidden.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
 
 Way = Literal["push", "own"]
-"""`push`: the samples are the pipeline's; `own`: the connection has a localizer of its own."""
+"""`push`: the samples go to the pipeline; `own`: the connection has its own localizer."""
 RATE = 500.0
 _WARM_UP = 2.0
 _LOADING = 900.0
@@ -36,15 +36,15 @@ _SILENCE = 15.0
 
 @dataclass(frozen=True, slots=True)
 class TrackLatency:
-    """Times from a sample's leaving to its estimate's arrival [ms]."""
+    """Times from sending a sample to receiving its estimate [ms]."""
 
     way: Way
     binary: bool
     """Whether messages were MessagePack; otherwise JSON."""
     samples: int
-    """Samples sent after warming up."""
+    """Number of samples sent after the warm-up."""
     estimates: int
-    """Of those, how many were answered."""
+    """Number of these that were answered."""
     p50: float
     p90: float
     p99: float
@@ -53,15 +53,15 @@ class TrackLatency:
     histogram: list[tuple[float, int]]
     """Lower edge [ms] and number of estimates."""
     echo: EchoTimes
-    """Round trips of plain messages in the same time."""
+    """Round trips of plain messages during the same time."""
 
 
 def measure(seconds: float, way: Way, binary: bool) -> TrackLatency:
-    """Start a service, send to it for a while, and return the round trips.
+    """Start a service, send samples to it for a while, and return the round-trip times.
 
     Raises:
-        ChildError: The service did not come up.
-        ClientError: It refused, or fell silent.
+        ChildError: The service did not start.
+        ClientError: It refused the connection, or stopped sending.
     """
     messages = _messages(round((seconds + _WARM_UP) * RATE), binary)
     options = ("--source", "push") if way == "push" else ()
@@ -110,7 +110,8 @@ def _messages(n: int, binary: bool) -> list[bytes]:
 def _exchange(
     connection: ClientConnection, messages: list[bytes], echo: Echo
 ) -> tuple[np.ndarray, np.ndarray]:
-    """When each sample left and when its estimate arrived, NaN where it did not, each (n,) [s]."""
+    """Time at which each sample was sent and at which its estimate arrived, NaN if it did not, each (n,)
+    [s]."""
     binary = messages[0][:1] != b"{"
     sent, arrived = np.full(len(messages), np.nan), np.full(len(messages), np.nan)
 
@@ -131,11 +132,11 @@ def _exchange(
         return i
 
     transmit(0)
-    receive(_LOADING)  # a localizer of its own is loaded first
+    receive(_LOADING)  # a separate localizer is loaded first
 
     def send_all() -> None:
         begin = time.monotonic()
-        with contextlib.suppress(OSError, WebSocketException):  # reported where answers are read
+        with contextlib.suppress(OSError, WebSocketException):  # reported by the reader of the answers
             for i in range(1, len(messages)):
                 time.sleep(max(0.0, begin + i / RATE - time.monotonic()))
                 transmit(i)
@@ -143,7 +144,7 @@ def _exchange(
     sender = threading.Thread(target=send_all, name="sender", daemon=True)
     with echo.run():
         sender.start()
-        set_apart()  # the client's own threads included
+        set_apart()  # including the client's own threads
         while receive(_SILENCE) < len(messages) - 1:
             pass
         sender.join()
@@ -163,7 +164,8 @@ def _until_it_listens(url: str) -> None:
 
 
 def _until_it_locates(url: str) -> None:
-    """Wait until the service has loaded what POST /v1/locate needs; it takes processor time beside it all."""
+    """Wait until the service has loaded what POST /v1/locate needs; this takes processor time from the
+    measurement."""
     sample = {"q": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "base_wrench": [5.9, 2.4, -19.0, -1.1, -2.3, -0.6]}
     request = urllib.request.Request(
         f"{url}/v1/locate", json.dumps(sample).encode(), {"Content-Type": "application/json"}

@@ -1,1 +1,1 @@
-"""Contacts on moving arms, from simulated ground truth: who is found, how soon, how exactly."""
+"""Contacts on moving arms, from simulated ground truth: detection rate, delay and accuracy."""

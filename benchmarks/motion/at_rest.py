@@ -1,4 +1,4 @@
-"""The same contacts on an arm that stands still: the yardstick for what motion costs."""
+"""The same contacts on an arm at rest: the reference for the effect of motion."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def static_error(
     rows: list[tuple[Stream, int]],
     noise: tuple[float, float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Locate the contact of each sample from its posture and its true wrench, with that noise.
+    """Locate the contact of each sample from its posture and its true wrench, with added noise.
 
     Args:
         localizer: For a scene with the true noise of the sensors.
@@ -21,8 +21,8 @@ def static_error(
         noise: Standard deviations of base force, base moment and joint torque [N, Nm, Nm].
 
     Returns:
-        Distance of each answer from the truth, shape (N,) [m], infinite where there is none; whether the
-        link is right, shape (N,).
+        Distance of each answer from the truth, shape (N,) [m], infinite if there is none; whether the link is
+        correct, shape (N,).
     """
     model, motion = build_model(localizer.scene.robot), empty_motion(6)
     q = np.array([stream.q[i] for stream, i in rows])

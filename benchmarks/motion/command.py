@@ -21,7 +21,7 @@ from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction
 
 MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
-"""Choice -> whether mass and friction are wrong, one round each."""
+"""Choice -> whether mass and friction are wrong, one run each."""
 
 
 @click.command()
@@ -69,10 +69,10 @@ def motion(
     bandwidth: float | None,
     as_json: bool,
 ) -> None:
-    """Step through the ground truth of moving arms in FOLDER (motion_ROBOT.npz, probe_ROBOT.npz).
+    """Process the ground truth of moving arms in FOLDER (motion_ROBOT.npz, probe_ROBOT.npz).
 
-    Errors are those of all samples that were touched at one place by at least 5 N and got an answer; the
-    share of these is printed beside. Ratios are to the same contacts on an arm at rest: the true wrench of
+    Errors are those of all samples with an answer that were touched at one place by at least 5 N; their
+    fraction is printed next to them. Ratios are to the same contacts on an arm at rest: the true wrench of
     each sample with the noise that the observer leaves, located without a stream.
     """
     streams = {(name, suite): read(folder, name, suite) for name in names for suite in suites}
@@ -125,11 +125,10 @@ def samples(stream: Stream, noise: Noise, wrong: bool) -> Iterator[Sample]:
 def measure(
     streams: Sequence[Stream], noise: Noise, wrong: bool, bandwidth: float | None = None, draws: int = 1
 ) -> list[dict[str, Any]]:
-    """Step through the streams of one arm and suite, `draws` times with noise of its own (once without).
+    """Process the streams of one arm and suite, `draws` times with different noise (once without).
 
     Returns:
-        One row per kind of motion, plain numbers for a table or JSON; errors in mm, None where there are
-        none.
+        One row per kind of motion, plain numbers for a table or JSON; errors in mm, None if there are none.
     """
     scene = scene_for(streams[0], noise, wrong, bandwidth)
     localizer = Localizer(scene)

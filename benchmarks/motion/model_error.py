@@ -1,4 +1,4 @@
-"""Errors of the model that the estimator is given: masses that are off, friction known with an error."""
+"""Errors of the estimator's model: wrong masses, and friction known with an error."""
 
 from dataclasses import replace
 
@@ -8,20 +8,20 @@ from contactsense.robots import Inertia, Robot
 from contactsense.sensors.settings import Friction
 
 MASS_ERROR = 0.02
-"""All masses and inertias are taken to be larger by this share than they are."""
+"""All masses and inertias of the model are too large by this fraction."""
 FRICTION_ERROR = 0.05
-"""Friction is compensated with coefficients that are smaller by this share."""
+"""Friction is compensated with coefficients that are too small by this fraction."""
 COULOMB = np.array([8.0, 8.0, 6.0, 2.0, 2.0, 2.0])
-"""Coulomb friction of each joint that is added to the truth, which has none [Nm]."""
+"""Coulomb friction of each joint, added to the ground truth, which has none [Nm]."""
 VISCOUS = np.array([10.0, 10.0, 8.0, 2.0, 2.0, 2.0])
 """Viscous friction of each joint [Nm s/rad]."""
 CREEP = 0.02
-"""Speed over which Coulomb friction turns round [rad/s]: a step would excite what no sample rate can
-follow."""
+"""Width of the sign change of Coulomb friction [rad/s]: a step would contain frequencies that no sample rate
+can resolve."""
 
 
 def heavier(robot: Robot, share: float) -> Robot:
-    """The same arm with all masses and inertias larger by that share."""
+    """The same arm with all masses and inertias larger by that fraction."""
     factor = 1.0 + share
     return replace(
         robot,

@@ -9,42 +9,42 @@ from contactsense import Estimate
 from contactsense.benchmarks.motion.streams import Stream
 
 FORCE = 5.0
-"""Contacts count while their force is at least this [N], the smallest of the static suite."""
+"""Contacts count while their force is at least this [N], the smallest in the static suite."""
 AFTERGLOW = 0.2
 """Time after the end of a contact during which the observer may still report it [s]."""
 PAUSE = 0.1
-"""Alarms with less than this between them are one alarm [s]."""
+"""Alarms separated by less than this are one alarm [s]."""
 
 
 @dataclass
 class Score:
-    """Sums over any number of streams; `add` counts one in."""
+    """Sums over any number of streams; `add` adds one."""
 
     error: list[float] = field(default_factory=list)
     """Distance from the truth of each sample with an answer, of those touched by at least `FORCE` [m]."""
     link_right: list[bool] = field(default_factory=list)
-    """Whether its link is right."""
+    """Whether its link is correct."""
     clear: list[bool] = field(default_factory=list)
     """Whether its status was `contact`."""
     touched: int = 0
-    """Samples touched at one place by at least `FORCE`."""
+    """Number of samples touched at one place by at least `FORCE`."""
     rows: list[tuple[Stream, int]] = field(default_factory=list)
-    """Where the samples with an answer are, for the comparison with an arm at rest."""
+    """Indices of the samples with an answer, for the comparison with an arm at rest."""
     delay: list[float] = field(default_factory=list)
-    """From the first sample of a contact to the first answer, of the contacts that were found [s]."""
+    """Delay from the first sample of a contact to the first answer, for contacts that were found [s]."""
     events: dict[str, int] = field(default_factory=dict)
-    """Contacts of each type."""
+    """Number of contacts of each type."""
     missed: dict[str, int] = field(default_factory=dict)
-    """Those without any answer, of each type."""
+    """Number of contacts without any answer, of each type."""
     masked: int = 0
     """Contacts that began during a false alarm: whether they were detected is undefined."""
     false_alarms: int = 0
-    """Contacts reported where there is none."""
+    """Number of contacts reported although there is none."""
     free: float = 0.0
     """Time without contact [s]."""
 
     def add(self, stream: Stream, estimates: Iterable[Estimate]) -> None:
-        """Count the estimates of all samples of a stream in."""
+        """Add the estimates of all samples of a stream."""
         answered = np.zeros(len(stream.t), dtype=bool)
         strong = (stream.link >= 0) & (np.linalg.norm(stream.wrench[:, :3], axis=1) >= FORCE)
         self.touched += int(strong.sum())

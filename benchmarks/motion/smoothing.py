@@ -1,5 +1,5 @@
-"""`contactsense bench smoothing FOLDER`: contacts on moving arms, the live answer at their end beside the
-answer from all of their samples and the limit of what the readings say."""
+"""`contactsense bench smoothing FOLDER`: contacts on moving arms: the live answer at their end compared with
+the answer from all of their samples and with the limit given by the readings."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -31,40 +31,42 @@ from contactsense.service.analysis.summarize import Summarizer
 CHI_SQUARE_90 = 6.251
 """90 % of squared Mahalanobis distances in three dimensions are below this."""
 KINDS = ("hold", "slide", "impact", "press", "two at a time", "all")
-"""Kinds of contacts; "all" leaves out runs in which two act at a time, for which the live answer is kept."""
+"""Kinds of contacts; "all" excludes runs with two simultaneous contacts, for which the live answer is
+kept."""
 RESAMPLED = 1000
 """Random draws of contacts for the interval of a ratio."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Of one contact, at its last sample that has a live answer and a true force of at least `FORCE`."""
+    """Comparison for one contact, at its last sample that has a live answer and a true force of at least
+    `FORCE`."""
 
     event: tuple[int, int]
-    """Run and number of the event: the same contact with other noise has the same."""
+    """Run and number of the event: identical for the same contact with different noise."""
     kind: str
     """One of `KINDS`."""
     live: float
     """Error of the live answer [m]."""
     whole: float
-    """Error of the answer from the whole contact; the live one where there is none [m]."""
+    """Error of the answer from the whole contact; that of the live one if there is none [m]."""
     limit: float
-    """Error of the oracle of `contactsense.benchmarks.motion.smoothing_limit`; infinite where two contacts
-    act or where the contact is too short for windows [m]."""
+    """Error of the oracle of `contactsense.benchmarks.motion.smoothing_limit`; infinite if two contacts act
+    or if the contact is too short for windows [m]."""
     live_all: list[float]
     """Errors of all live answers [m]."""
     whole_all: list[float]
     """Errors of the whole contact's answer for the same samples [m]."""
     live_right: bool
-    """Whether the live answer names the right link."""
+    """Whether the live answer has the correct link."""
     whole_right: bool
     """Whether the whole contact's answer does."""
     live_probability: float
     """Probability of the live answer's link."""
     whole_probability: float | None
-    """Probability of the link that the whole contact names; None where the live answer is kept."""
+    """Probability of the link in the whole contact's answer; None if the live answer is kept."""
     predicted: float | None
-    """Root of the trace of the whole contact's covariance [m]."""
+    """Square root of the trace of the whole contact's covariance [m]."""
     covered: bool | None
     """Whether the truth is in its 90 % region."""
 
@@ -78,7 +80,7 @@ class Comparer:
         self._prior, self._bandwidth = build_constants(scene).prior, scene.bandwidth
 
     def compare(self, history: ContactHistory, stream: Stream) -> Comparison | None:
-        """Compare one contact; None where nothing touched at one place or the touch was too light."""
+        """Compare one contact; None if nothing touched at a single place or the touch was too light."""
         at = history.row[history.sample]
         strong = np.flatnonzero(
             (stream.link[at] >= 0) & (np.linalg.norm(stream.wrench[at, :3], axis=1) >= FORCE)
@@ -123,7 +125,7 @@ class Comparer:
 
 
 def summary(contacts: Sequence[Comparison]) -> dict[str, Any]:
-    """The numbers of some contacts, errors in mm."""
+    """Statistics of some contacts, errors in mm."""
     answered = [c for c in contacts if c.covered is not None]
     within = sum(bool(c.covered) for c in answered)
     interval = binomtest(within, len(answered)).proportion_ci(0.9, "wilson") if answered else None
@@ -155,7 +157,7 @@ def summary(contacts: Sequence[Comparison]) -> dict[str, Any]:
 
 
 def _quantiles(errors: list[float]) -> dict[str, float | None]:
-    """Median and 95th percentile [mm]; None where they are infinite."""
+    """Median and 95th percentile [mm]; None if infinite."""
     found = np.quantile(errors, [0.5, 0.95], method="higher")
     return {
         name: 1e3 * float(value) if np.isfinite(value) else None
@@ -164,9 +166,9 @@ def _quantiles(errors: list[float]) -> dict[str, float | None]:
 
 
 def _ratio(contacts: Sequence[Comparison]) -> list[float]:
-    """Median error at the end, of the whole contact over that of the live answer: 5 %, best guess, 95 %.
+    """Ratio of the median errors at the end, whole contact to live answer: 5 %, best estimate, 95 %.
 
-    Contacts are drawn anew, each with all of its noise.
+    Bootstrap over contacts, each with all of its noise draws.
     """
     events = sorted({c.event for c in contacts})
     of = [[c for c in contacts if c.event == event] for event in events]
@@ -183,7 +185,7 @@ def _ratio(contacts: Sequence[Comparison]) -> list[float]:
 
 
 def _event(stream: Stream, row: int) -> tuple[int, str]:
-    """Number and kind of the contact that acts in a sample."""
+    """Index and kind of the contact that acts in a sample."""
     for number, event in enumerate(stream.events):
         if event.start <= row < event.stop:
             return number, "two at a time" if stream.multi else event.type
@@ -209,8 +211,8 @@ def smoothing(
 ) -> None:  # fmt: skip
     """Compare the last live answer of each contact in FOLDER's ground truth with the whole contact's.
 
-    The arms' contacts are counted together. The limit is the error of an oracle with the same readings that
-    is told link, surface and when the place moves; all but the place.
+    The arms' contacts are counted together. The limit is the error of an oracle that has the same readings
+    and knows everything but the place: the link, the surface and when the place moves.
     """
     streams = {(name, suite): read(folder, name, suite) for name in names for suite in suites}
     rounds = [
@@ -288,7 +290,7 @@ def _number(value: float | None, digits: int = 2) -> str:
 
 
 def measure(streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int = 1) -> Iterator[Comparison]:
-    """Compare all contacts of one arm's streams, each with so many draws of noise (one without noise)."""
+    """Compare all contacts of one arm's streams, each with `draws` draws of noise (one without noise)."""
     scene = scene_for(streams[0], noise, wrong)
     localizer, comparer = Localizer(scene), Comparer(scene)
     for draw in range(draws if any(noise) else 1):

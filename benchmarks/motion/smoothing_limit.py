@@ -1,11 +1,11 @@
-"""What the readings of a contact say of its place at best: an estimator that is told all but the place.
+"""Lower limit of the error with given readings: an oracle that knows everything but the place of the contact.
 
-It gets the same windows of the same noisy readings, and it is told the link, the true surface (normal, no
-offset) and when the place moves; force and torsion of every window and the sensors' biases stay unknown. What
-is left is a shift of the place in the tangent plane: one of a contact that holds, one at the begin and one at
-the end of a contact that slides. The residuals are linear in it. With S the information of all windows about
-shift and biases once force and torsion are eliminated, and g the gradient at the true place, the error is
--S^-1 g: that of the maximum of the posterior if the place were a small step from the truth, which it is by
+It uses the same windows of the same noisy readings, and knows the link, the true surface (normal, no offset)
+and when the place moves; force and torsion of every window and the sensors' biases remain unknown. The
+remaining unknown is a shift of the place in the tangent plane: one for a contact that holds, one at the start
+and one at the end for a contact that slides. The residuals are linear in it. With S the information of all
+windows about shift and biases once force and torsion are eliminated, and g the gradient at the true place,
+the error is -S^-1 g: that of the maximum of the posterior for a small distance from the truth, which holds by
 construction. Its covariance S^-1 is the Cramér-Rao bound.
 """
 
@@ -27,7 +27,7 @@ class Limit:
     error: float
     """Distance of the oracle's place from the true one, with the noise of the readings [m]."""
     predicted: float
-    """Root of the trace of the bound on its covariance [m]."""
+    """Square root of the trace of the bound on its covariance [m]."""
 
 
 def smoothing_limit(
@@ -44,10 +44,10 @@ def smoothing_limit(
     Args:
         stream: The truth.
         history: The contact.
-        measured: What its windows say of a contact on the true link.
-        prior: Prior of contacts, of which that of the torsion is used.
+        measured: Measurements of its windows for a contact on the true link.
+        prior: Prior of contacts; only that of the torsion is used.
         frames: Link poses.
-        end: Sample of the stream for which the place is asked.
+        end: Sample of the stream at which the place is evaluated.
         slides: Whether the place moves.
     """
     link = int(stream.link[end])
@@ -56,7 +56,7 @@ def smoothing_limit(
     inside = before[before <= history.row[-1]]
     middle = history.row[np.searchsorted(history.t, measured.t).clip(max=len(history.row) - 1)]
     nearest = inside[np.searchsorted(inside, middle).clip(max=len(inside) - 1)]
-    # The truth in the link's frame: in all touched samples for the way that it slid, then in the windows.
+    # The truth in the link's frame: in all touched samples for the length of the slide, then in the windows.
     points = np.array([_in_link(stream, frames, int(k), link)[0] for k in inside])
     way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     way = way / max(float(way[-1]), 1e-9) if slides else np.zeros(len(way))
@@ -90,7 +90,7 @@ def smoothing_limit(
         S[:shifts, shifts:] += E.T @ M
         S[shifts:, :shifts] += M.T @ E
         S -= J.T @ np.linalg.solve(H, J)
-    # Along the normals there is no shift.
+    # There is no shift along the normals.
     for k, n in enumerate((normals[0], normals[-1])[: shifts // 3]):
         S[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += 1e12 * np.outer(n, n)
     share = way[min(last, len(way) - 1)]

@@ -1,4 +1,4 @@
-"""Reading the ground truth of arms that move: one stream of samples per run, and what touches when."""
+"""Reading the ground truth of moving arms: one stream of samples per run, and its contacts."""
 
 import json
 from collections.abc import Iterator
@@ -22,8 +22,8 @@ _OWN = {
 }  # fmt: skip
 EVENT_TYPES = ("hold", "slide", "impact")
 _HALF_STEP = 0.25e-3
-"""`probe` was integrated by semi-implicit Euler in steps of 0.5 ms: the velocity that is logged belongs to
-the middle of the step before its torques and wrenches. Half a step later the two agree [s]."""
+"""`probe` was integrated by semi-implicit Euler in steps of 0.5 ms: the logged velocity belongs to the middle
+of the step before its torques and wrenches. A shift by half a step aligns the two [s]."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def read(folder: Path, robot: str, suite: str) -> list[Stream]:
 
 
 def redrawn(stream: Stream, draw: int) -> Stream:
-    """The same run with other noise; draw 0 is the noise that is stored with it."""
+    """The same run with different noise; draw 0 is the noise stored with it."""
     if draw == 0:
         return stream
     rng = np.random.default_rng((draw, stream.run, SUITES.index(stream.suite)))
@@ -150,7 +150,7 @@ def _runs(data: dict[str, np.ndarray], robot: str, suite: str) -> Iterator[Strea
 def _contacts(
     data: dict[str, np.ndarray], suite: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Whether touched; the link if there is one only; point, normal and wrench of that contact."""
+    """Whether touched; the link if there is only one; point, normal and wrench of that contact."""
     if suite == "probe":
         force, point = data["f"], data["c_base"]
         moment = np.cross(point, force) + data["m_c"]
@@ -169,6 +169,6 @@ def _contacts(
 
 
 def _presses(touched: np.ndarray) -> tuple[Event, ...]:
-    """A press may lift off for an instant: it lasts from the first touch to the last."""
+    """Events of presses: a press may lift off briefly, so it lasts from the first touch to the last."""
     rows = np.flatnonzero(touched)
     return (Event(int(rows[0]), int(rows[-1]) + 1, "press"),) if len(rows) else ()

@@ -78,7 +78,7 @@ def read_pairs(folder: Path, robot: str, model: Model) -> Motion:
 def measure_pairs(folder: Path, robot: str, noise: Noise) -> list[dict[str, Any]]:
     """Rows as from `contactsense.benchmarks.multi_contact.measure.measure`.
 
-    Pairs at once, and with the first contact known from before.
+    Pairs located together, and with the first contact already known.
     """
     localizer = localizer_for(robot, noise)
     model = build_model(localizer.scene.robot)

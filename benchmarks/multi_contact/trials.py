@@ -126,7 +126,7 @@ class Trials:
         return Push(link, point, normal, self._force(normal, size, direction), torsion)
 
     def changed(self, push: Push, drift: float | None, direction: ForceDirection) -> Push:
-        """The push a while later.
+        """The push at a later time.
 
         Its force has changed by about `drift` in each component, or, with None, become another one of the
         same size [N].

@@ -15,23 +15,23 @@ FORCE = 20.0
 
 
 def add(points: StaticPoints, further: int, folder: Path = TRUTH, seed: int = 0) -> Touches:
-    """The contacts of the ground truth, each with further ones in the same posture on other links.
+    """The contacts of the ground truth, each combined with further ones in the same posture on other links.
 
-    The further ones are at places that the ground truth touches in other postures, and have room there, links
-    drawn all alike, forces uniform within friction.
+    The further contacts are at places that the ground truth touches in other postures and that are
+    accessible; links are equally probable, forces uniform within friction.
 
     Args:
         points: The first contacts.
-        further: How many more come after each.
-        folder: Ground truth of that arm, for the places.
-        seed: Of the further contacts.
+        further: Number of further contacts after each.
+        folder: Folder of the ground truth of that arm, for the places.
+        seed: Seed for the further contacts.
     """
     toucher = Toucher(Scene(robot=points.robot), _contact_table(folder, points.robot), seed)
     rest = [toucher.beside(q, link, further, FORCE) for q, link in zip(points.q, points.link, strict=True)]
     after = Touches(*(np.concatenate(parts) for parts in zip(*rest, strict=True)))
     own_wrench, own_torque = weight(points)
     wrench, torque = points.base_wrench - own_wrench, points.torque - own_torque
-    # Of the first contact, the ground truth as it is read here has no normal.
+    # For the first contact, the ground truth as it is read here has no normal.
     first = (points.link, points.point_base, np.full_like(points.point_base, np.nan), wrench[:, :3])
     return Touches(
         points.q,
@@ -43,8 +43,8 @@ def add(points: StaticPoints, further: int, folder: Path = TRUTH, seed: int = 0)
 
 
 def _contact_table(folder: Path, robot: str) -> Table:
-    """Points of the ground truth, in the frames of the links."""
-    read(folder, robot)  # says clearly what is wrong with the file
+    """Contact points of the ground truth, in the frames of the links."""
+    read(folder, robot)  # raises a clear error if the file is unusable
     with np.load(folder / f"static_points_{robot}.npz") as file:
         order = np.argsort(file["link"], kind="stable")
         link = file["link"][order].astype(np.int64)

@@ -1,4 +1,4 @@
-"""Cases that methods are compared on, and how their answers are scored."""
+"""Cases for the comparison of methods, and the score of their answers."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -15,14 +15,14 @@ from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 
 TRUTH = Path(__file__).resolve().parents[3] / "shared" / "data" / "truth"
-"""Where the static ground truth lies beside the project."""
+"""Folder of the static ground truth, next to the project."""
 MESHES = TRUTH.parent / "ur_visual"
-"""Where the visual meshes lie, ROBOT/LINK.ply."""
+"""Folder of the visual meshes, ROBOT/LINK.ply."""
 ROBOTS = ("ur5e", "ur10e")
 
 
 class Case(NamedTuple):
-    """N contacts with one level of noise and one set of sensors; external parts as a `Method` takes them."""
+    """N contacts with one level of noise and one set of sensors; external parts as in `Method`."""
 
     points: StaticPoints
     noise: Noise
@@ -38,18 +38,18 @@ class Case(NamedTuple):
 
 
 class Score(NamedTuple):
-    """How good the answers to one case are."""
+    """Score of the answers to one case."""
 
     link_right: float
-    """Share of the answers that name the touched link; no answer is wrong."""
+    """Fraction of the answers with the touched link; a missing answer counts as wrong."""
     median: float
-    """Median distance of the answered place from the true one, no answer being infinitely far [m]."""
+    """Median distance of the estimated point from the true one, infinite for a missing answer [m]."""
     p95: float
     """95 % quantile of the same [m]."""
     answered: float
-    """Share of the samples that got an answer."""
+    """Fraction of the samples with an answer."""
     seconds: float
-    """Time per answer, `nan` where it was not taken [s]."""
+    """Time per answer, `nan` if not measured [s]."""
 
 
 def cases(
@@ -59,7 +59,8 @@ def cases(
     detail: Detail = "fine",
     meshes: Path | None = MESHES,
 ) -> Iterator[Case]:
-    """The contacts with every noise column and set of sensors, their own weight taken off by our model."""
+    """The contacts with every noise level and set of sensors; the arm's weight is subtracted with our
+    model."""
     weight_wrench, weight_torque = weight(points)
     for kind in sensors:
         for noise in columns:
@@ -82,12 +83,12 @@ def static_cases(
     rows: slice = slice(None),
     folder: Path = TRUTH,
 ) -> Iterator[Case]:
-    """Cases of the given ground truth of one arm; `rows` picks among its contacts."""
+    """Cases of the given ground truth of one arm; `rows` selects contacts."""
     yield from cases(select(read(folder, robot), rows), columns, sensors, detail)
 
 
 def weight(points: StaticPoints) -> tuple[np.ndarray, np.ndarray]:
-    """What base sensor and joints carry of the arm's own weight, shapes (N, 6) and (N, n) [N, Nm]."""
+    """Base wrench and joint torques due to the arm's own weight, shapes (N, 6) and (N, n) [N, Nm]."""
     scene = Scene(robot=points.robot, gravity=points.gravity)
     model = build_model(scene.robot)
     motion = empty_motion(model.joints)
@@ -101,7 +102,7 @@ def weight(points: StaticPoints) -> tuple[np.ndarray, np.ndarray]:
 
 
 def answer(method: Method, case: Case) -> tuple[Answers, float]:
-    """Answers to one case and the time per answer [s], once the method has seen one sample."""
+    """Answers to one case and the time per answer [s], after one sample as warm-up."""
     first = slice(0, 1)
     base, torque = case.base_wrench, case.joint_torque
     method(case.q[first], None if base is None else base[first], None if torque is None else torque[first])
@@ -117,7 +118,7 @@ def errors(answers: Answers, points: StaticPoints) -> np.ndarray:
 
 
 def score(answers: Answers, points: StaticPoints, seconds: float = np.nan) -> Score:
-    """Quantiles over all samples, failures included."""
+    """Quantiles over all samples, including failures."""
     median, p95 = np.quantile(errors(answers, points), [0.5, 0.95], method="higher")
     return Score(
         link_right=float((answers.link == points.link).mean()),

@@ -1,10 +1,10 @@
-"""The paper's contacts, without refinement: wrench axis and closed form on each primitive.
+"""The paper's methods without refinement: wrench axis and closed form on each primitive.
 
-Bicchi, Salisbury & Brock (1993) know the touched body. Here a link is touched: the wrench is fused from base
-sensor and joint torques under each link's hypothesis (theory, section 3), and the most probable link is taken
-on which it finds a contact at all. On a link of several primitives the contact must be outside of the others;
-of several the one with the least torsion for its push is taken, of the wrench axis the one that it enters
-first.
+Bicchi, Salisbury & Brock (1993) know the touched body. Here the link is unknown: the wrench is fused from
+base sensor and joint torques under each link's hypothesis (theory, section 3), and the most probable link
+with a contact is chosen. On a link with several primitives, the contact must be outside the other ones. Of
+several contacts, the one with the least torsion relative to its normal force is chosen; for the wrench axis,
+the one that it enters first.
 """
 
 from math import sqrt
@@ -34,7 +34,7 @@ class ExactContact:
     """Wrench axis or closed form at the fused wrench."""
 
     def __init__(self, scene: Scene, closed_form: bool) -> None:
-        """Of a scene's arm, with torsion (`closed_form`) or without (wrench axis)."""
+        """For a scene's arm, with torsion (`closed_form`) or without (wrench axis)."""
         self.name = "closed form, unrefined" if closed_form else "wrench axis, unrefined"
         if scene.base_wrench is None:
             raise ValueError("base_wrench: expected a base sensor, the scene has none")
@@ -132,7 +132,8 @@ def _on_link(motion, surfaces, closed_form, link, wrench):  # type: ignore[no-un
         )  # fmt: skip
         if d < -_MAX_DEPTH:
             continue
-        # The entry of the wrench axis farthest back along the force, or the least torsion for its push.
+        # The entry of the wrench axis farthest back along the force, or the least torsion relative to the
+        # force.
         order = abs(xi) / push if closed_form else (fx * x + fy * y + fz * z) / f
         if order < least:
             least, found = order, True

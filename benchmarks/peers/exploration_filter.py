@@ -1,12 +1,12 @@
-"""Several contacts by one particle set each, with exploring particles: in the spirit of MCP-EP (Han & Kim
-2023).
+"""Particle filter for several contacts with one particle set each and exploring particles, similar to MCP-EP
+(Han & Kim 2023).
 
-Joint torques and base wrench, contacts that arrive one after another, at most one on a link. Each round goes
-through the sets in turn: the others hold still at their best places, the set's particles walk on the surface,
-exploring particles are thrown at random on all links that no other set holds, and all are weighed by the
-residual of one QP over the forces of all contacts together. The set is drawn anew from both, so that an
-exploring particle that explains the measurement better takes the set over to another link. Where the residual
-stays above what noise explains, a set is added.
+It uses joint torques and base wrench. Contacts start one after another, at most one per link. Each round
+processes the sets in turn: the other sets are fixed at their best places, the set's particles walk on the
+surface, exploring particles are placed at random on all links without another set, and all are weighted by
+the residual of one QP over the forces of all contacts together. The set is resampled from both, so that an
+exploring particle that explains the measurement better moves the set to another link. If the residual remains
+larger than noise explains, a set is added.
 """
 
 from typing import NamedTuple
@@ -24,31 +24,31 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.robots.jit.kernel import allocating_kernel, kernel
 
 PARTICLES = 50
-"""Particles in a set."""
+"""Number of particles in a set."""
 EXPLORERS = 150
-"""Exploring particles of each set in each round."""
+"""Number of exploring particles of each set in each round."""
 ROUNDS = 30
-"""Rounds on one measurement."""
+"""Number of rounds for one measurement."""
 SHORT, LONG = 0.001, 0.05
-"""Shortest and longest standard deviation of a step, drawn evenly by its logarithm [m]."""
+"""Range of the standard deviation of a step, log-uniform [m]."""
 LEAST_TORQUE, LEAST_MOMENT = 0.1, 0.03
-"""Joint torques and base moment count as at least that noisy [Nm]: the surface that it is given is off by
-about a millimetre, which is no noise of the sensors."""
+"""Minimum noise assumed for joint torques and base moment [Nm]: the given surface has an error of about a
+millimetre, in addition to the noise of the sensors."""
 FLAT = 0.001
-"""Sharpness of the first round's weights beside the last one's: the particles do not all go to the first link
-that explains the measurement halfway."""
+"""Sharpness of the first round's weights relative to the last one's, so that the particles do not all move to
+the first link that roughly explains the measurement."""
 EXCESS = 30.0
-"""Squared residual in units of the noise above which a contact is missing: 13 rows leave 13 at most on
-average."""
+"""Squared residual in units of the noise above which a contact is missing: with 13 rows, its mean is at most
+13."""
 _DENSITY = 4000.0
-"""Random places to explore, per area [1/m^2]."""
+"""Density of random places for exploration [1/m^2]."""
 
 
 class Found(NamedTuple):
-    """Contacts after each of T measurements of N runs, of up to K each; base axes."""
+    """Up to K contacts after each of T measurements of N runs; base axes."""
 
     link: np.ndarray
-    """Number of the link, -1 where there is no such contact, shape (N, T, K), int64."""
+    """Index of the link, -1 without such a contact, shape (N, T, K), int64."""
     point_base: np.ndarray
     """Shape (N, T, K, 3) [m]."""
     force_base: np.ndarray
@@ -59,7 +59,7 @@ class ExplorationFilter:
     """The filter with at most `contacts` sets."""
 
     def __init__(self, scene: Scene, contacts: int = 1, rounds: int = ROUNDS, seed: int = 0) -> None:
-        """Of a scene's arm; a sensor that the scene has not is left out."""
+        """For a scene's arm; a sensor that the scene does not have is omitted."""
         self.name = "exploring particle filter"
         self._stage = build_stage(scene, LEAST_TORQUE, LEAST_MOMENT)
         self._friction = scene.friction
@@ -108,7 +108,7 @@ class ExplorationFilter:
 
 
 class Problem(NamedTuple):
-    """Scratch of the QPs of one run, for as many contacts as there are sets."""
+    """Scratch of the QPs of one run, for one contact per set."""
 
     b: np.ndarray
     A: np.ndarray
@@ -133,7 +133,7 @@ class Sets(NamedTuple):
     out: np.ndarray
     """Normals, shape (sets, particles, 3)."""
     best_on: np.ndarray
-    """Link of each set's best, -1 where there is no such set, shape (sets,), int64."""
+    """Link of each set's best particle, -1 if there is no such set, shape (sets,), int64."""
     best_at: np.ndarray
     """Shape (sets, 3)."""
     best_out: np.ndarray
@@ -169,8 +169,8 @@ def _run(  # type: ignore[no-untyped-def]
             for r in range(m):
                 square += problem.b[r] * problem.b[r]
             for turn in range(rounds):
-                # A set is added where those that are there leave too much unexplained: at once where a new
-                # measurement differs, and when they had half of the rounds to settle.
+                # A set is added if the existing ones leave too much unexplained: at once if a new measurement
+                # differs, and after they had half of the rounds to settle.
                 if count < most and (turn == 0 or turn == rounds // 2):
                     left = _forces(stage, friction, problem, square, sets, count)
                     if count == 0 or left > excess:
@@ -190,7 +190,7 @@ def _run(  # type: ignore[no-untyped-def]
 
 @allocating_kernel
 def _anywhere(rng, first):  # type: ignore[no-untyped-def]
-    """Number of a random place: a link that can be touched, all alike, then a place on it."""
+    """Index of a random place: a touchable link, all equally probable, then a place on it."""
     link = rng.integers(0, first.shape[0] - 1)
     return rng.integers(first[link], first[link + 1])
 
@@ -206,7 +206,7 @@ def _throw(rng, sets, c, points, normals, links, first):  # type: ignore[no-unty
 
 @kernel
 def _taken(sets, c, count, link):  # type: ignore[no-untyped-def]
-    """Whether a set other than `c` holds a link."""
+    """Whether a set other than `c` is on a link."""
     taken = False
     for other in range(count):
         taken = taken or (other != c and sets.best_on[other] == link)
@@ -233,7 +233,7 @@ def _turn(  # type: ignore[no-untyped-def]
     span = np.log(long / short)
     for k in range(pool):
         if k == 0:
-            # The best so far stays, so that nothing gets worse.
+            # The best particle so far is kept, so that the result never becomes worse.
             on[k], at[k], out[k] = sets.best_on[c], sets.best_at[c], sets.best_out[c]
         elif k < particles:
             step = short * np.exp(span * rng.random())
@@ -257,14 +257,14 @@ def _turn(  # type: ignore[no-untyped-def]
         cost[k] *= sharpness
     resample(rng, cost, chosen)
     for k in range(particles):
-        # Every second of the pool's draw: the draw is in order.
+        # Every second particle drawn from the pool, since the draw is sorted.
         pick = chosen[k * pool // particles]
         sets.on[c, k], sets.at[c, k], sets.out[c, k] = on[pick], at[pick], out[pick]
 
 
 @kernel
 def _forces(stage, friction, problem, square, sets, count):  # type: ignore[no-untyped-def]
-    """Solve for the forces of all sets at their best places; the squared residual."""
+    """Solve for the forces of all sets at their best places; returns the squared residual."""
     for c in range(count):
         add_contact(
             stage.noise, stage.motion, friction, sets.best_on[c], sets.best_at[c], sets.best_out[c],

@@ -1,6 +1,6 @@
 """Force line of the base sensor, link by the last loaded joint.
 
-The oldest idea and, with better sensors, the one in use at DLR (Iskandar et al. 2021, 2024; Eberman &
+The oldest method and, with better sensors, the one used at DLR (Iskandar et al. 2021, 2024; Eberman &
 Salisbury 1989 for the line of a hand's force): beyond the touched link no joint feels the contact, so the
 link is the one after the last joint whose torque exceeds a threshold, and the contact lies where the line of
 the force measured at the base enters that link's surface.
@@ -64,7 +64,7 @@ def _run(stage, threshold, q, base_wrench, joint_torque, link, point_base):  # t
             link[i] = -1
             point_base[i] = 0.0
             continue
-        # Point of the line nearest to the base origin, then both in the link's frame.
+        # Point of the line nearest to the base origin, then point and direction in the link's frame.
         x, y, z = to_link(
             motion, touched, (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
         )
@@ -85,8 +85,8 @@ def enter(surfaces, link, x, y, z, ux, uy, uz):  # type: ignore[no-untyped-def]
         ux, uy, uz: Its direction, a unit vector.
 
     Returns:
-        How far the line stays away, 0 where it enters [m], and the surface point where it enters, or the one
-        nearest to it where it does not (3 floats), link frame.
+        Distance of the line from the surface, 0 if it enters [m], and the surface point where it enters, or
+        otherwise the surface point nearest to it (3 floats), link frame.
     """
     first, last = surfaces.start[link], surfaces.start[link + 1]
     reach = 0.0
@@ -105,7 +105,7 @@ def enter(surfaces, link, x, y, z, ux, uy, uz):  # type: ignore[no-untyped-def]
             return 0.0, px, py, pz
         if d < gap:
             gap, gx, gy, gz = d, px, py, pz
-        # No surface is nearer than that, so none is jumped over.
+        # No surface is nearer than that, so none is skipped.
         s += max(d, _MIN_STEP)
         if s > middle + 1.01 * reach:
             break

@@ -1,4 +1,4 @@
-"""The force of least residual within friction: a small non-negative least-squares problem.
+"""The force with the smallest residual within the friction cone: a small non-negative least-squares problem.
 
 Coulomb's cone is replaced by a pyramid of four edges about it, so that every force in the cone is a sum of
 edge forces with weights of at least zero: minimise |A x - b|^2 for x >= 0. Solved on the Gram matrix A^T A by
@@ -14,7 +14,8 @@ EDGES = 4
 """Edges of the pyramid."""
 
 _DEPENDENT = 1e-10
-"""Share of a column's square that must be left beside the others for it to count as independent."""
+"""Fraction of a column's square that must remain after projection on the others for it to count as
+independent."""
 
 
 @kernel
@@ -26,7 +27,7 @@ def edges(nx, ny, nz, friction, out):  # type: ignore[no-untyped-def]
         friction: Coefficient of friction; at an edge a force leans sqrt(2) times further.
         out: Filled, shape (4, 3).
     """
-    # A tangent square to the smallest component of the normal.
+    # A tangent perpendicular to the axis of the normal's smallest component.
     ax, ay, az = fabs(nx), fabs(ny), fabs(nz)
     if ax <= ay and ax <= az:
         tx, ty, tz = 0.0, nz, -ny
@@ -51,7 +52,7 @@ def edges(nx, ny, nz, friction, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def columns(rows, directions, out, first):  # type: ignore[no-untyped-def]
-    """What each edge force does to the sensors: columns `first`.. of the problem.
+    """Effect of each edge force on the sensors: columns `first`.. of the problem.
 
     Args:
         rows: Measurement by force, shape (m, 3).
@@ -68,7 +69,8 @@ def columns(rows, directions, out, first):  # type: ignore[no-untyped-def]
 
 @kernel
 def gram(A, b, first, last, G, h):  # type: ignore[no-untyped-def]
-    """Fill rows and columns `first` to `last` - 1 of the Gram matrix, beside all columns below `last`.
+    """Fill rows and columns `first` to `last` - 1 of the Gram matrix, with respect to all columns below
+    `last`.
 
     Args:
         A: Columns of the problem as rows, shape (columns, m).
@@ -93,8 +95,8 @@ def gram(A, b, first, last, G, h):  # type: ignore[no-untyped-def]
 
 @kernel
 def _solve_passive(G, h, order, count, L, s):  # type: ignore[no-untyped-def]
-    """Least squares on the columns in `order`: fills `s`, or returns False where the last of them depends on
-    the others."""
+    """Least squares on the columns in `order`: fills `s`, or returns False if the last of them depends on the
+    others."""
     for i in range(count):
         p = order[i]
         for k in range(i + 1):
@@ -158,7 +160,7 @@ def solve(G, h, square, count, x, L, s, order):  # type: ignore[no-untyped-def]
         order[passive] = chosen
         passive += 1
         if not _solve_passive(G, h, order, passive, L, s):
-            # Depends on the columns at hand: what it could gain is rounding.
+            # Depends on the active columns: any gain would be rounding error.
             passive -= 1
             break
         while True:

@@ -1,4 +1,4 @@
-"""Our method on contacts that start one after another: each is searched given those found before."""
+"""Our method for contacts that start one after another: each is located given those found before."""
 
 import time
 from typing import NamedTuple
@@ -21,13 +21,13 @@ class OneByOne:
     """`Localizer.locate` with the contacts found before as `known`."""
 
     def __init__(self, scene: Scene, contacts: int, drift: float | None) -> None:
-        """Of a scene's arm.
+        """For a scene's arm.
 
         Args:
             scene: Sensors and their noise.
-            contacts: Most contacts at a time.
-            drift: How much each component of the forces that were there may have changed since, standard
-                deviation [N]; None: they are free.
+            contacts: Maximum number of simultaneous contacts.
+            drift: Standard deviation of the change of each component of the previous forces [N]; None: they
+                are free.
         """
         held = "forces free" if drift is None else f"forces within {drift:g} N"
         self.name = f"ours, {held}"
@@ -35,7 +35,7 @@ class OneByOne:
         self._contacts, self._drift = contacts, drift
 
     def follow(self, q: np.ndarray, base_wrench: np.ndarray, joint_torque: np.ndarray) -> TrackedAnswers:
-        """One answer to each of T measurements of each of N postures.
+        """One answer for each of T measurements in each of N postures.
 
         Args:
             q: Shape (N, n) [rad].

@@ -1,8 +1,8 @@
 """Contact particle filter after Manuelli & Tedrake (IROS 2016), for one contact.
 
-50 particles on the surface of the arm. Each round moves them at random along the surface, weighs each by how
-well the best force within friction at its place explains the measurement (a small QP), and draws anew by
-those weights. The answer is the place of largest weight in the last round.
+50 particles on the surface of the arm. Each round moves them at random along the surface, weights each by how
+well the best force within friction at its place explains the measurement (a small QP), and resamples by those
+weights. The answer is the place with the largest weight in the last round.
 """
 
 import numpy as np
@@ -19,23 +19,23 @@ from contactsense.robots.jit.kernel import allocating_kernel
 
 PARTICLES = 50
 ROUNDS = 50
-"""Rounds on one measurement, which is held still: the filter's own clock is its sampling rate."""
+"""Number of rounds for one constant measurement, in place of the filter's sampling rate."""
 STEP = 0.05
 """Standard deviation of a particle's step [m]."""
 LEAST_TORQUE = 0.3
-"""Joint torques count as at least that noisy [Nm]: 50 particles starve under a sharper likelihood. The
-paper's figures for step and noise are not known to us; these are the best of nine tried on the UR5e."""
+"""Minimum noise assumed for joint torques [Nm]: with a sharper likelihood, 50 particles are too few. The
+paper's values for step and noise are not known to us; these are the best of nine tried on the UR5e."""
 LEAST_MOMENT = 0.1
 """The same for the moment at the base [Nm]."""
 _DENSITY = 4000.0
-"""Random places to start from, per area [1/m^2]."""
+"""Density of random starting places [1/m^2]."""
 
 
 class ParticleFilter:
-    """The filter, started anew on each measurement."""
+    """The filter, restarted for each measurement."""
 
     def __init__(self, scene: Scene, seed: int = 0) -> None:
-        """Of a scene's arm. A base sensor, where the scene has one, adds six rows to the QP; the paper has
+        """For a scene's arm. A base sensor, if the scene has one, adds six rows to the QP; the paper has
         none."""
         self.name = "particle filter" if scene.base_wrench is None else "particle filter with base wrench"
         self._stage = build_stage(scene, LEAST_TORQUE, LEAST_MOMENT)

@@ -11,14 +11,15 @@ from contactsense.robots.jit.kernel import allocating_kernel, kernel
 def add_contact(  # type: ignore[no-untyped-def]
     noise, motion, friction, link, place, normal, b, number, A, G, h, directions, rows
 ):
-    """Put the four edge forces of one contact into the problem as contact `number`.
+    """Add the four edge forces of one contact to the problem as contact `number`.
 
     Args:
-        noise, motion: Sensors, and where the links are.
+        noise, motion: Sensors, and poses of the links.
         friction: Coefficient of friction.
         link, place, normal: The contact, in its link's frame.
         b: Measurement in units of its noise, shape (m,).
-        number: Which contact it is: columns 4 `number` to 4 `number` + 3; those before are there already.
+        number: Index of the contact: columns 4 `number` to 4 `number` + 3; previous columns are already
+            filled.
         A, G, h: Columns as rows (columns, m), Gram matrix, A^T b; filled.
         directions: Filled: its edge forces in base axes, shape (4, 3).
         rows: Scratch, shape (m, 3).
@@ -44,7 +45,7 @@ def force_of(directions, weights, first, out):  # type: ignore[no-untyped-def]
 
 @allocating_kernel
 def resample(rng, cost, chosen):  # type: ignore[no-untyped-def]
-    """Systematic resampling: fills `chosen` (K,) with particle numbers, each as often as its weight asks for.
+    """Systematic resampling: fills `chosen` (K,) with particle indices, each in proportion to its weight.
 
     Args:
         rng: A NumPy generator.

@@ -19,18 +19,18 @@ class Table(NamedTuple):
     normal: np.ndarray
     """Outward unit normals, shape (M, 3)."""
     link: np.ndarray
-    """Index of the link, rising, shape (M,), int64."""
+    """Index of the link, ascending, shape (M,), int64."""
     area: np.ndarray
     """Area of each link's surface [m^2], shape (links,)."""
 
 
 def scattered(surfaces: Surfaces, density: float, seed: int = 0) -> Table:
-    """Random places, uniform by area, on the unions of primitives of all links.
+    """Random points, uniform by area, on the unions of primitives of all links.
 
     Args:
         surfaces: Packed primitives.
-        density: Places per area [1/m^2].
-        seed: Of the places.
+        density: Points per area [1/m^2].
+        seed: Random seed.
     """
     rng = np.random.default_rng(seed)
     parts = []
@@ -42,7 +42,7 @@ def scattered(surfaces: Surfaces, density: float, seed: int = 0) -> Table:
 
 
 def spread(surfaces: Surfaces, spacing: float, seed: int = 0) -> Table:
-    """Places about `spacing` [m] apart: of random ones, that nearest to the middle of each cell of a grid."""
+    """Points about `spacing` [m] apart: in each cell of a grid, the random point nearest to its centre."""
     dense = scattered(surfaces, 8.0 / spacing**2, seed)
     cell = np.floor(dense.point / spacing).astype(np.int64)
     off = np.linalg.norm(dense.point - (cell + 0.5) * spacing, axis=1)

@@ -1,8 +1,8 @@
-"""What all peers are given: the arm of a scene, its surface, and what a contact does to the sensors.
+"""Common input of all peers: the arm of a scene, its surface, and the effect of a contact on the sensors.
 
 Measurements are whitened: each row is divided by its standard deviation, so that a squared residual is a sum
-of squares. Rows are the joint torques first, then the six of the base wrench; a sensor that is absent has
-none.
+of squares. Rows are first the joint torques, then the six of the base wrench; the rows of an absent sensor
+are zero.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from contactsense.runtime.constants import build_constants
 
 
 class Noise(NamedTuple):
-    """What turns a measurement into rows of unit noise."""
+    """Whitening of a measurement to rows with unit noise."""
 
     torque: np.ndarray
     """Inverse standard deviation of each joint torque, shape (n,) [1/Nm]; zeros without torques."""
@@ -26,11 +26,11 @@ class Noise(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """One arm as the kernels of the peers see it."""
+    """One arm in the form that the peers' kernels use."""
 
     model: Model
     motion: Motion
-    """Scratch: where the links are at the sample's joint positions."""
+    """Scratch: poses of the links at the sample's joint positions."""
     surfaces: Surfaces
     ball: np.ndarray
     """Ball about each link's surface in its frame: centre and radius, shape (links, 4) [m]."""
@@ -41,8 +41,8 @@ def build_stage(scene: Scene, least_torque: float = 0.0, least_moment: float = 0
     """Arrays of a scene.
 
     Args:
-        scene: Says which sensors there are and how noisy.
-        least_torque: Joint torques count as at least that noisy [Nm]: a filter of few particles needs a
+        scene: Defines the sensors and their noise.
+        least_torque: Minimum noise assumed for joint torques [Nm]: a filter with few particles needs a
             likelihood that is wide enough for them.
         least_moment: The same for the base moment [Nm]; the base force is widened by the same factor.
     """
@@ -72,12 +72,13 @@ def _balls(surfaces: Surfaces) -> np.ndarray:
 def given(
     q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Measurements as the kernels take them: joint positions, base wrenches, joint torques, one sample a row.
+    """Measurements as arguments of the kernels: joint positions, base wrenches, joint torques, one sample per
+    row.
 
     A sensor that is absent reads zero; its rows have no weight.
 
     Raises:
-        ValueError: neither sensor came.
+        ValueError: neither sensor is given.
     """
     n = len(q)
     if base_wrench is None and joint_torque is None:
@@ -93,7 +94,7 @@ def measure(noise, joint_torque, base_wrench, rows):  # type: ignore[no-untyped-
     """Fill `rows` (n + 6,) with a measurement in units of its noise.
 
     Args:
-        noise: What the sensors are.
+        noise: Noise of the sensors.
         joint_torque: External part of the actuators' torques, shape (n,): a contact wrench w leaves -s_j . w.
         base_wrench: External wrench on the base sensor, shape (6,).
         rows: Filled.
@@ -110,13 +111,13 @@ def measure(noise, joint_torque, base_wrench, rows):  # type: ignore[no-untyped-
 
 @kernel
 def load(noise, motion, link, x, y, z, rows):  # type: ignore[no-untyped-def]
-    """What a force at a place does to the sensors, in units of their noise.
+    """Effect of a force at a given place on the sensors, in units of their noise.
 
-    Joint j sees the force f at c as f . (z_j x (c - o_j)) if it lies before the link, the base sensor sees
-    (f, c x f).
+    Joint j measures the force f at c as f . (z_j x (c - o_j)) if it is proximal to the link; the base sensor
+    measures (f, c x f).
 
     Args:
-        noise, motion: Sensors, and where the links are.
+        noise, motion: Sensors, and poses of the links.
         link: Number of the touched link.
         x, y, z: Place of the force, base frame [m].
         rows: Filled, shape (n + 6, 3): measurement by force.
@@ -132,7 +133,7 @@ def load(noise, motion, link, x, y, z, rows):  # type: ignore[no-untyped-def]
         rows[j, 2] = weight * (zx * dy - zy * dx)
     for i in range(6):
         b = noise.base[i]
-        # Columns of (f, c x f) by f.
+        # Derivative of (f, c x f) with respect to f.
         rows[n + i, 0] = b[0] + b[4] * z - b[5] * y
         rows[n + i, 1] = b[1] - b[3] * z + b[5] * x
         rows[n + i, 2] = b[2] + b[3] * y - b[4] * x
@@ -140,7 +141,7 @@ def load(noise, motion, link, x, y, z, rows):  # type: ignore[no-untyped-def]
 
 @kernel
 def to_base(motion, link, x, y, z):  # type: ignore[no-untyped-def]
-    """A point of a link's frame in the base frame, as 3 floats [m]."""
+    """Transform a point from a link's frame to the base frame, as 3 floats [m]."""
     R, o = motion.rotation[link], motion.origin[link]
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + o[0],
@@ -151,7 +152,7 @@ def to_base(motion, link, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def to_link(motion, link, x, y, z):  # type: ignore[no-untyped-def]
-    """A point of the base frame in a link's frame, as 3 floats [m]."""
+    """Transform a point from the base frame to a link's frame, as 3 floats [m]."""
     R, o = motion.rotation[link], motion.origin[link]
     dx, dy, dz = x - o[0], y - o[1], z - o[2]
     return (
@@ -163,7 +164,7 @@ def to_link(motion, link, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def turned_to_base(motion, link, x, y, z):  # type: ignore[no-untyped-def]
-    """A direction of a link's frame in base axes, as 3 floats."""
+    """Transform a direction from a link's frame to base axes, as 3 floats."""
     R = motion.rotation[link]
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
@@ -174,7 +175,7 @@ def turned_to_base(motion, link, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def turned_to_link(motion, link, x, y, z):  # type: ignore[no-untyped-def]
-    """A direction of base axes in a link's frame, as 3 floats."""
+    """Transform a direction from base axes to a link's frame, as 3 floats."""
     R = motion.rotation[link]
     return (
         R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,

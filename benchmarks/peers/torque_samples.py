@@ -1,9 +1,9 @@
 """Contacts from joint torques alone: the residual of a small QP at each sample of the arm's surface.
 
-After Pang, Umenberger & Tedrake (ICRA 2021): of all places on the surface and forces within friction, those
-that explain the torques. Often there are many, far apart: a residual of zero does not make a place the right
-one. All are reported as candidates; the one of least residual is the answer. Joints beyond the link count,
-with a torque of zero.
+After Pang, Umenberger & Tedrake (ICRA 2021): it finds all places on the surface and forces within friction
+that explain the torques. Often there are many, far apart: a residual of zero does not mean that a place is
+correct. All are reported as candidates; the one with the smallest residual is the answer. Joints distal to
+the link count, with a torque of zero.
 """
 
 from typing import NamedTuple
@@ -44,7 +44,7 @@ class TorqueSamples:
     name = "torque QP on samples"
 
     def __init__(self, scene: Scene, spacing: float = SPACING) -> None:
-        """Sample the surface of the arm of a scene, which has joint torques and nothing else."""
+        """Sample the surface of the arm of a scene that has joint torques only."""
         if scene.base_wrench is not None:
             raise ValueError("base_wrench: expected a scene of joint torques alone")
         self._stage = build_stage(scene)

@@ -1,4 +1,5 @@
-"""Contacts made up for a benchmark: random postures, places on the skin, forces, and what the sensors say."""
+"""Simulated contacts for a benchmark: random postures, places on the skin, forces, and the sensors'
+readings."""
 
 from typing import NamedTuple
 
@@ -12,19 +13,19 @@ from contactsense.robots.surface.union import distances
 from contactsense.runtime.constants import build_constants
 
 ROOM = 0.02
-"""Above a place that is touched, this much is free of other links and of the mounting plane [m]."""
+"""Required distance above a touched place that is free of other links and of the mounting plane [m]."""
 OPEN = 0.4
-"""Of the directions above it, this part is free as far as `REACH`."""
+"""Required fraction of the directions above it that are free up to `REACH`."""
 REACH = 0.04
-"""How far a finger reaches [m]."""
+"""Reach of a finger [m]."""
 _TRIES = 16
 _RAYS = 20
 _APART = 0.03
-"""Distance of the places that self-collision is checked at [m]."""
+"""Spacing of the points at which self-collision is checked [m]."""
 
 
 class Touches(NamedTuple):
-    """N postures with K contacts each, all of them there at once; base axes."""
+    """N postures with K simultaneous contacts each; base axes."""
 
     q: np.ndarray
     """Joint positions, shape (N, n) [rad]."""
@@ -37,16 +38,16 @@ class Touches(NamedTuple):
     force_base: np.ndarray
     """Forces on the robot, shape (N, K, 3) [N]."""
     base_wrench: np.ndarray
-    """What each contact alone adds to the base wrench, shape (N, K, 6) [N, Nm]."""
+    """Contribution of each contact to the base wrench, shape (N, K, 6) [N, Nm]."""
     joint_torque: np.ndarray
-    """What each contact alone adds to the actuators' torques, shape (N, K, n) [Nm]."""
+    """Contribution of each contact to the actuators' torques, shape (N, K, n) [Nm]."""
 
 
 def sensed(motion: Motion, link: int, point: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What one force does to the sensors.
+    """Effect of one force on the sensors.
 
     Args:
-        motion: Where the links are.
+        motion: Poses of the links.
         link: Number of the touched link.
         point, force: Base frame, shapes (3,) [m, N].
 
@@ -63,12 +64,12 @@ class Toucher:
     """Draws postures of an arm and contacts on it."""
 
     def __init__(self, scene: Scene, skin: Table | None = None, seed: int = 0) -> None:
-        """Of a scene's arm: its links that can be touched.
+        """For the touchable links of a scene's arm.
 
         Args:
-            scene: The arm; its primitives say what is in the way.
-            skin: Where contacts are, uniform by area; without it, on the primitives themselves.
-            seed: Of everything.
+            scene: The arm; its primitives define the obstacles.
+            skin: Points for contacts, uniform by area; None: on the primitives themselves.
+            seed: Random seed.
         """
         arm = build_constants(scene)
         whole = build_constants(scene.model_copy(update={"touchable": None}))
@@ -87,8 +88,9 @@ class Toucher:
     def draw(self, count: int, contacts: int = 1, force: float = 20.0, even: bool = False) -> Touches:
         """Postures free of collision, each touched at `contacts` different links.
 
-        Links are drawn by their area, or all alike (`even`); places uniform by area where there is room for a
-        finger; forces of that size [N] uniform over the disc that the scene's friction allows.
+        Links are drawn in proportion to their area, or all with equal probability (`even`); places uniform by
+        area where there is room for a finger; forces of that magnitude [N] uniform over the disc that the
+        scene's friction allows.
         """
         share = (self._share > 0.0).astype(float) if even else self._share
         parts = [self._posture(share.copy(), contacts, force) for _ in range(count)]
@@ -105,13 +107,13 @@ class Toucher:
         return self._room(point, normal)
 
     def beside(self, q: np.ndarray, taken: int, contacts: int, force: float) -> Touches:
-        """Further contacts in a posture that is touched already, as `draw` with `even`; N is 1.
+        """Further contacts in a posture with an existing contact, as `draw` with `even`; N is 1.
 
         Args:
             q: Shape (n,) [rad].
-            taken: Number of the link that is touched.
-            contacts: How many, on different links other than that.
-            force: Size of each [N].
+            taken: Index of the link that is already touched.
+            contacts: Number of contacts, on different links other than that one.
+            force: Magnitude of each force [N].
         """
         forward_kinematics(self._model, q, self._motion)
         share = (self._share > 0.0).astype(float)
@@ -122,7 +124,7 @@ class Toucher:
         return self._touch(self._free(), share, contacts, force)
 
     def _touch(self, q: np.ndarray, share: np.ndarray, contacts: int, force: float) -> tuple[np.ndarray, ...]:
-        """Contacts at the posture that `_motion` has, as one run of `Touches`."""
+        """Contacts in the posture of `_motion`, as one run of `Touches`."""
         chosen: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
         while len(chosen) < contacts:
             link = int(self._rng.choice(len(share), p=share / share.sum()))
@@ -160,7 +162,7 @@ class Toucher:
         free = self._free_at(point + ROOM / 4.0 * normal) & self._free_at(point + ROOM * normal)
         opening = np.zeros(len(point))
         for direction in self._directions:
-            # On a unit ball that touches the surface: the density of cosine-weighted directions.
+            # A uniform point on a unit sphere that touches the surface gives cosine-weighted directions.
             way = normal + direction
             way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
             opening += self._free_at(point + REACH / 2.0 * way) & self._free_at(point + REACH * way)
@@ -173,7 +175,7 @@ class Toucher:
         return np.asarray(free)
 
     def _place_on(self, link: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """A place on a link with room above it; none where a few tries find none."""
+        """A place on a link with free space above it; None if a few tries find none."""
         own = np.flatnonzero(self._skin.link == link)
         chosen = self._rng.choice(own, _TRIES)
         skin = self._skin

@@ -1,7 +1,7 @@
 """A random step on the surface of the arm: the motion model of the particle filters.
 
-A particle is a place in its link's frame with the normal there. It is pushed off the surface at random and
-goes back to the nearest place of the arm, which may lie on the link before or after its own.
+A particle is a place in its link's frame with the normal there. It is displaced at random and projected back
+to the nearest point of the arm, which may lie on the link before or after its own.
 """
 
 import numpy as np
@@ -32,17 +32,17 @@ def _nearest_on_link(stage, link, x, y, z, within):  # type: ignore[no-untyped-d
 
 @allocating_kernel
 def walk(rng, stage, step, link, point, normal, new_point, new_normal):  # type: ignore[no-untyped-def]
-    """Move a particle at random; it stays where the step ends at no place that can be touched.
+    """Move a particle at random; it does not move if the step ends at a place that cannot be touched.
 
     Args:
         rng: A NumPy generator.
-        stage: Where the links are, and their surfaces.
+        stage: Poses of the links, and their surfaces.
         step: Standard deviation of the step [m].
-        link, place, normal: Where it is: number of the link, place (3,) [m] and normal (3,), link frame.
+        link, place, normal: Its position: index of the link, place (3,) [m] and normal (3,), link frame.
         new_place, new_normal: Filled, shapes (3,).
 
     Returns:
-        Number of its new link.
+        Index of its new link.
     """
     x, y, z = to_base(
         stage.motion,
@@ -59,7 +59,7 @@ def walk(rng, stage, step, link, point, normal, new_point, new_normal):  # type:
             best, found = d, other
             new_point[0], new_point[1], new_point[2] = sx, sy, sz
             new_normal[0], new_normal[1], new_normal[2] = nx, ny, nz
-    # From outside, the nearest place is on the surface of all; from inside, it may lie in another body.
+    # From outside, the nearest point is on the surface of the union; from inside, it may lie in another body.
     if best < 0.0:
         x, y, z = to_base(stage.motion, found, new_point[0], new_point[1], new_point[2])
         for other in range(first, last):

@@ -19,7 +19,7 @@ PICTURE = Path(__file__).resolve().parents[2] / "docs" / "speed_error.png"
 DETAILS: tuple[Detail, ...] = ("coarse", "fine", "skin")
 QUANTILES = (0.5, 0.75, 0.95)
 FARTHEST = 3.0
-"""Where an answer that is not there is drawn [m]."""
+"""Error at which a missing answer is drawn [m]."""
 MARKS = "osDv^<>PXhpd*"
 
 
@@ -30,13 +30,13 @@ class Mark(NamedTuple):
     robot: str
     noise: Noise
     contacts: int
-    """How many act at the same time."""
+    """Number of simultaneous contacts."""
     microseconds: float
-    """Of one answer."""
+    """Time of one answer."""
     error: tuple[float, ...]
-    """`QUANTILES` of the distance of a contact from its answer, infinite where an estimate is missing [m]."""
+    """`QUANTILES` of the distance of a contact from its answer, infinite if an estimate is missing [m]."""
     link_right: float
-    """Share of the contacts whose answer names the link."""
+    """Fraction of the contacts whose answer has the correct link."""
 
     def as_json(self) -> dict[str, Any]:
         """Plain numbers; infinite ones as None."""
@@ -47,7 +47,7 @@ class Mark(NamedTuple):
 
 
 def table(marks: Sequence[Mark], samples: int) -> Table:
-    """One line a mark."""
+    """One row per mark."""
     drawn = Table(
         title=f"base sensor and torques, {samples} postures an arm",
         caption=(
@@ -75,11 +75,11 @@ def table(marks: Sequence[Mark], samples: int) -> Table:
 
 
 def draw(marks: Sequence[Mark], path: Path = PICTURE) -> None:
-    """A row of panels for each arm and level of noise, a panel for each number of contacts: medians as full
-    marks, 95 % quantiles as open ones, a colour and a shape for each method."""
+    """Draw a row of panels for each arm and level of noise, with a panel for each number of contacts: medians
+    as filled marks, 95 % quantiles as open ones, a colour and a shape for each method."""
     rows = list(dict.fromkeys((m.robot, m.noise) for m in marks))
     columns = sorted({m.contacts for m in marks})
-    # Ours first, else in the order in which they were measured.
+    # Our method first, the others in the order of measurement.
     names = sorted(
         dict.fromkeys(m.method for m in marks), key=lambda name: not name.startswith("contactsense")
     )

@@ -1,5 +1,5 @@
-"""Time of one answer against its error where two and three contacts act at once: the marks that
-`contactsense.benchmarks.speed_error` draws beside those of one contact."""
+"""Time of one answer against its error with two and three simultaneous contacts: marks that
+`contactsense.benchmarks.speed_error` draws next to those of one contact."""
 
 import time
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from contactsense.benchmarks.pictures.mark import DETAILS, QUANTILES, Mark
 
 CONTACTS = 3
 SEED = 1
-"""Of the further contacts and of the noise."""
+"""Seed of the further contacts and of the noise."""
 
 
 class Follower(Protocol):
@@ -45,7 +45,7 @@ def _exploring(scene: Scene) -> Follower:
     def follow(q: np.ndarray, base_wrench: np.ndarray, joint_torque: np.ndarray) -> TrackedAnswers:
         start = time.perf_counter()
         found = method.follow(q, base_wrench, joint_torque)
-        # A filter: it takes the same time for each measurement.
+        # A filter takes the same time for each measurement.
         each = (time.perf_counter() - start) / base_wrench.shape[0] / base_wrench.shape[1]
         return TrackedAnswers(found, np.full(base_wrench.shape[1], each))
 
@@ -53,10 +53,10 @@ def _exploring(scene: Scene) -> Follower:
 
 
 def several(case: Case) -> Iterator[Mark]:
-    """Marks of all methods for two and three contacts that came one after another in the case's postures.
+    """Marks of all methods for two and three contacts that start one after another in the case's postures.
 
-    The first contact is the case's own. An error is that of one contact; one that is missed is
-    infinitely far.
+    The first contact is the case's own. Each error is that of one contact; it is infinite for a missed
+    contact.
     """
     touches = add(case.points, CONTACTS - 1, seed=SEED)
     measured = sequence(touches, case.noise, SEED + 1)

@@ -1,1 +1,2 @@
-"""The dense posterior: every place on the skin is tried (theory, section 5), the yardstick for accuracy."""
+"""The dense posterior: it evaluates every place on the skin (theory, section 5), as the reference for
+accuracy."""

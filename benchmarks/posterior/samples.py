@@ -1,4 +1,4 @@
-"""Dense samples of the surfaces of the links, of primitives or of meshes, each with a small patch."""
+"""Dense samples of the links' surfaces, from primitives or meshes, each with a small patch."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +22,7 @@ DENSITY = 16
 MESH_DENSITY = 5
 """The same for a mesh, where each point costs two hundred rays."""
 ANGLES = 120
-"""Number of joint angles at which the accessibility beside neighbouring links is tabulated."""
+"""Number of joint angles at which the accessibility next to neighbouring links is tabulated."""
 CLEARANCE = 0.005
 """Points with less clearance to a neighbouring link cannot be touched [m]."""
 
@@ -117,7 +117,8 @@ def _assemble(
 def _patches(
     points: np.ndarray, normals: np.ndarray, area: float, spacing: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Gather points that lie in one cube and face one way: the point nearest to their mean stands for them.
+    """Group points that lie in one cube and have similar normals; the point nearest to their mean represents
+    them.
 
     Returns:
         Points, normals, areas and standard deviations of the patches.
@@ -153,7 +154,7 @@ def _is_covered(
             if not 0 <= neighbour < len(robot.links) or link >= len(robot.links):
                 continue
             pose = joint_pose(robot.joints[min(link, neighbour)], angle)
-            # Seen from the neighbour: the joint carries the later one of the two.
+            # Seen from the neighbour: the joint moves the distal one of the two.
             seen = pose if side == 0 else np.linalg.inv(pose)
             own = slice(surfaces.start[neighbour], surfaces.start[neighbour + 1])
             if own.start == own.stop:

@@ -1,5 +1,5 @@
-"""How near our answers are to the best possible: errors, link decisions and time as ratios to the dense
-posterior's."""
+"""Comparison of our answers with the best possible ones: errors, link decisions and time as ratios to the
+dense posterior's."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from contactsense.benchmarks.posterior.dense import Dense, Geometry, Rule
 from contactsense.benchmarks.posterior.samples import Samples, of_meshes, of_primitives
 
 AMBIGUOUS = 0.05
-"""An answer is ambiguous where so much of the probability lies on other links."""
+"""An answer is ambiguous if this much of the probability is on other links."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Our answers and the dense posterior's to one case."""
+    """Our answers and those of the dense posterior for one case."""
 
     robot: str
     sensors: str
@@ -33,9 +33,9 @@ class Row:
     dense: dict[Geometry, Score]
     ambiguous: dict[Geometry, float]
     median: dict[Geometry, Ratio]
-    """Median error, ours to the dense posterior's."""
+    """Ratio of our median error to that of the dense posterior."""
     p95: dict[Geometry, Ratio]
-    """The same of the 95 % quantile."""
+    """The same for the 95 % quantile."""
 
     def as_json(self) -> dict[str, Any]:
         """Plain numbers."""
@@ -54,13 +54,13 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Skins:
-    """Dense samples of one arm, made once for all cases."""
+    """Dense samples of one arm, generated once for all cases."""
 
     samples: dict[Geometry, Samples]
 
     @classmethod
     def of(cls, robot: str, detail: Detail, meshes: Path, geometries: Sequence[Geometry]) -> "Skins":
-        """Sample an arm: its primitives as coarse or fine as `detail`, its meshes in folder ROBOT."""
+        """Sample an arm: its primitives at the level of `detail`, its meshes from folder ROBOT."""
         scene = Scene(robot=robot, detail="coarse" if detail == "coarse" else "fine")
         samples: dict[Geometry, Samples] = {}
         for geometry in geometries:
@@ -78,13 +78,13 @@ def rows(
     columns: Sequence[Noise] = COLUMNS,
     rule: Rule = "middle",
 ) -> Iterator[Row]:
-    """Compare on all cases of some contacts; `rule` is what the dense posterior answers."""
+    """Compare for all cases of some contacts; `rule` selects the point estimate of the dense posterior."""
     for case in cases(points, columns, sensors, detail, meshes):
         yield compare(case, skins, rule)
 
 
 def compare(case: Case, skins: Skins, rule: Rule = "middle") -> Row:
-    """Both on one case."""
+    """Compare both methods on one case."""
     found, seconds = answer(Located(case.scene), case)
     dense: dict[Geometry, Score] = {}
     ambiguous: dict[Geometry, float] = {}
@@ -112,7 +112,7 @@ def compare(case: Case, skins: Skins, rule: Rule = "middle") -> Row:
 
 
 def table(found: Sequence[Row], geometry: Geometry, detail: Detail) -> Table:
-    """One line a case."""
+    """One row per case."""
     contacts = found[0].contacts
     result = Table(
         title=f"ours ({detail}) beside the dense posterior on {geometry}, {contacts} contacts an arm",

@@ -1,4 +1,5 @@
-"""Error of the closed forms on many random wrenches, in units of what rounding of the wrench alone may do."""
+"""Error of the closed forms on many random wrenches, in units of the error that rounding of the wrench alone
+may cause."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from contactsense.solvers import (
 
 EPS = float(np.finfo(float).eps)
 TORSIONS = (0.0, 1e-8, 0.1, 10.0)
-"""Torsion relative to force times size; each gets an equal share of the wrenches."""
+"""Torsion relative to force times size; each value is used for an equal number of wrenches."""
 
 
 GRAZING = 1e-7
@@ -40,14 +41,14 @@ class Row:
     surface: str
     wrenches: int
     failures: int
-    """Wrenches whose status is not `OK`, without those that graze."""
+    """Number of wrenches whose status is not `OK`, except grazing ones."""
     worst: float
     high: float
     printed: float | None
-    """Median error of the printed formula; None where the paper has none."""
+    """Median error of the printed formula; None if the paper has none."""
     printed_worst: float | None
     printed_failures: int | None
-    """NaN results of the printed formula."""
+    """Number of NaN results of the printed formula."""
 
 
 Reference = Callable[[Any, Any], Any]
@@ -75,7 +76,7 @@ def points_on(surface: Surface, rng: np.random.Generator, count: int) -> tuple[n
         return np.column_stack((x, y, z)), n
     angle = rng.uniform(0.0, 2.0 * np.pi, count)
     e = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(count)))
-    # At most up to the apex of the cone.
+    # Only up to the apex of the cone.
     z = 0.1 * np.clip(rng.normal(size=(count, 1)), -4.0, 4.0) * (0.0, 0.0, 1.0)
     if isinstance(surface, Cone):
         return (surface.radius - surface.taper * z[:, 2:]) * e + z, unit(
@@ -86,8 +87,7 @@ def points_on(surface: Surface, rng: np.random.Generator, count: int) -> tuple[n
 
 
 def reference_of(surface: Surface, number: Callable[[float], Any]) -> Reference | None:
-    """The closed form of a surface for numbers made by `number`; none where the contact has several
-    patches."""
+    """The closed form of a surface for numbers made by `number`; None if the body has several patches."""
     if isinstance(surface, Sphere):
         radius = number(surface.radius)
         return lambda f, m: formulas.ellipsoid(f, m, radius, radius, radius)
@@ -111,7 +111,7 @@ def reference_of(surface: Surface, number: Callable[[float], Any]) -> Reference 
 
 
 def printed_of(surface: Surface) -> Reference | None:
-    """The paper's formula for a surface, if it has one; for planes only that across z."""
+    """The paper's formula for a surface, if it has one; for planes only if perpendicular to z."""
     if isinstance(surface, Sphere):
         return lambda f, m: formulas.printed_ellipsoid(f, m, *(surface.radius,) * 3)
     if isinstance(surface, Ellipsoid):

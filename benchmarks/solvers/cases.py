@@ -1,5 +1,5 @@
-"""Hard cases: contacts that break formulas. Each is known exactly, from mpmath at 50 digits or by its
-status."""
+"""Hard cases: contacts for which formulas fail. The exact result of each is known, from mpmath at 50 digits
+or by its status."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -44,14 +44,14 @@ class Case:
     torsion: float = 0.0
     """Torsion of that contact."""
     decided_by_rounding: bool = False
-    """Whether the force grazes so much that the rounding of its moment decides whether it enters, touches or
-    misses."""
+    """Whether the force is so nearly tangential that the rounding of its moment decides whether it enters,
+    touches or misses."""
 
 
 Vector = tuple[float, float, float]
 
 _ROOT = 1e-7
-"""Cosines below this have squares that are negligible beside one."""
+"""Squares of cosines below this are negligible compared with one."""
 
 
 def _vector(values: np.ndarray) -> Vector:
@@ -106,7 +106,7 @@ def _torsion() -> Iterator[Case]:
         c, n = _on_ellipsoid(axes, (0.5, -0.3, 0.8))
         body: Surface = Sphere(axes[0]) if axes[0] == axes[2] else Ellipsoid(*axes)
         for xi in sizes:
-            # A pure force whose moment is exact in floats, so that the torsion is what it says.
+            # A pure force whose moment is exact in floating point, so that the torsion is exact too.
             yield Case(
                 "torsion", f"{type(body).__name__} {xi:g}", body, (0.0, 0.0, -8.0), (0.25, 0.0, -xi / 8.0)
             )
@@ -126,7 +126,7 @@ def _grazing() -> Iterator[Case]:
     for power in range(0, 13, 2):
         cosine = 10.0**-power
         along = float(np.sqrt(1.0 - cosine * cosine))
-        # At the top of the body, pressed down by that part of the force only.
+        # At the top of the body, where only that fraction of the force presses down.
         force = (7.0 * along, 0.0, -7.0 * cosine)
         for xi in (0.0, 1e-6, 0.1):
             label = f"cos 1e-{power}, torsion {xi:g}"

@@ -1,8 +1,8 @@
 """The closed forms for any number type, and as the paper prints them.
 
-The first are written for arrays of any type that numpy can add and take roots of, so the same lines give the
-reference in extended precision for a million wrenches and with mpmath for a few. The second are the paper's
-own, in double precision, with only its misprints put right.
+The former work for arrays of any type for which numpy has sums and square roots, so the same code gives the
+reference in extended precision for a million wrenches and with mpmath for a few. The latter are the paper's
+own formulas in double precision, with only its misprints corrected.
 """
 
 from typing import Any

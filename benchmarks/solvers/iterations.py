@@ -44,7 +44,7 @@ BODIES: dict[str, Surface] = {
 }
 
 HARDEST = ("superquadric, exponents 2, 8", "superquadric, exponent 16")
-"""Nearly a cylinder, and a box, with sharp edges: these take more steps."""
+"""Approximately a cylinder and a box, with sharp edges: these need more steps."""
 
 
 def problem(surface: Surface) -> tuple[Any, ...]:

@@ -56,8 +56,8 @@ def _constructed_condition(case: Case) -> float:
     assert case.normal is not None, case.name
     n = np.array(case.normal)
     bend = case.torsion * case.surface.shape_operator(np.array(case.centroid), n)
-    # J turns by a quarter about n, so M acts in the tangent plane; its other singular value, of n n^T, is set
-    # aside.
+    # J is a rotation by 90 degrees about n, so M acts in the tangent plane; its other singular value, of n
+    # n^T, is ignored.
     turn = np.array(((0.0, -n[2], n[1]), (n[2], 0.0, -n[0]), (-n[1], n[0], 0.0)))
     force = np.array(case.force)
     least = np.linalg.svd(float(n @ force) * turn - bend, compute_uv=False)[1]
@@ -89,7 +89,7 @@ def _truth(case: Case) -> list[Any]:
         surface = surface.surface
     reference = reference_of(surface, number)
     if reference is not None:
-        # The zero of mpmath has no sign: the formula does not apply to tangent lines.
+        # Zero has no sign in mpmath: the formula does not apply to tangent lines.
         return list((origin + reference(f, m))[:, 0])
     assert case.centroid is not None, case.name
     return [number(x) for x in case.centroid]

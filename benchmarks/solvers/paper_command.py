@@ -85,8 +85,8 @@ def _table_3() -> Table:
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print our numbers as JSON.")
 def paper(as_json: bool) -> None:
-    """Reproduce the tables of the paper that this project stands on, with the misprints of its copy put
-    right.
+    """Reproduce the tables of the paper on which this project is based, with the misprints of our copy
+    corrected.
 
     Bicchi, Salisbury & Brock, "Contact Sensing from Force Measurements", 1993.
     """

@@ -1,10 +1,9 @@
 """Tables 1, 2 and 3 of Bicchi, Salisbury & Brock, "Contact Sensing from Force Measurements" (1993), as
 printed.
 
-With the corrections of the copy at hand, each found by recomputing it: Table 1 leaves the radius out (10
-gives every number) and calls x what is y for two of its points; Table 3 prints -0.04 for the force's second
-component, which is
--0.4, and its first row belongs to c = (-0.598, 0.801, 0.028), not to z = 0.
+Misprints of our copy are corrected; each was found by recomputing the tables: Table 1 omits the radius (10
+gives every number) and swaps x and y for two of its points; Table 3 prints -0.04 for the force's second
+component instead of -0.4, and its first row belongs to c = (-0.598, 0.801, 0.028), not to z = 0.
 """
 
 RADIUS_OF_TABLE_1 = 10.0
@@ -36,6 +35,6 @@ TABLE_3 = {
 }
 
 TABLE_2 = {"wrench axis": 232.0, "ellipsoid": 486.0, "iterative step": 473.0}
-"""Microseconds on a Motorola 68030; 20 iterative steps to one part in 10^6, the input varying slowly."""
+"""Microseconds on a Motorola 68030; 20 iterative steps to one part in 10^6, with slowly varying input."""
 
 STEPS_OF_TABLE_2 = 20

@@ -38,7 +38,7 @@ def press(
     """Random pushing forces at given points.
 
     Args:
-        rng: Source of randomness.
+        rng: Random number generator.
         centroid: Points [m], shape (N, 3).
         normal: Outward normals there, shape (N, 3).
         torsion: Typical moment about the normal, relative to force times the largest distance of a point.
@@ -84,7 +84,7 @@ def points_on_packed(
 
 
 def relative_condition(contacts: Contacts, found: Solutions) -> np.ndarray:
-    """How much a small relative change of the wrench can move the centroid, relative to its distance, shape
+    """Maximum shift of the centroid by a small relative change of the wrench, relative to its distance, shape
     (N,)."""
     lever = np.linalg.norm(contacts.moment, axis=1) / np.linalg.norm(contacts.force, axis=1)
     return np.asarray(1.0 + found.condition * (1.0 + lever / np.linalg.norm(contacts.centroid, axis=1)))

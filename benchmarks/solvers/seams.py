@@ -30,15 +30,15 @@ class Row:
     surface: str
     wrenches: int
     gaps: int
-    """Wrenches whose status is not `OK`, without those that graze a sharp rim."""
+    """Number of wrenches whose status is not `OK`, except those that graze a sharp rim."""
     doubles: int
-    """Results that differ from the constructed contact."""
+    """Number of results that differ from the constructed contact."""
     residual: float
     """Largest relative residual."""
 
 
 def _nudges(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Distances from the seam: some exactly zero, else from 1e-17 to 1e-3."""
+    """Distances from the seam: some exactly zero, the others from 1e-17 to 1e-3."""
     size = 10.0 ** rng.uniform(-17.0, -3.0, count)
     return np.where(rng.uniform(size=count) < 0.1, 0.0, size)
 

@@ -44,9 +44,9 @@ class Row:
     method: Method
     patches: int
     nanoseconds: float
-    """Per solve, inside compiled code."""
+    """Time per solve, inside compiled code."""
     ratio: float
-    """To the wrench axis on a sphere."""
+    """Ratio to the wrench axis on a sphere."""
 
 
 _STONE = unit(np.random.default_rng(1).normal(size=(30, 3))) * (0.1, 0.05, 0.07)
@@ -96,8 +96,8 @@ Job = tuple[Problem, np.ndarray]
 def times_of(*jobs: Job) -> list[float]:
     """Times per solve [ns].
 
-    The jobs take turns in small parts, and of each part the shortest time of some rounds counts, so that what
-    else the machine does falls on none of them.
+    The jobs run alternately in small parts, and for each part the shortest time of several rounds counts, so
+    that other work on the machine does not affect the result.
     """
     best = np.full((len(jobs), _PARTS), np.inf)
     for _ in range(_ROUNDS):
@@ -153,7 +153,7 @@ def table_2(count: int) -> tuple[float, float, float]:
     steps: list[int] = []
     x, y, z, k = 0.0, 0.0, 1.0, 0.0
     for i in range(2000):
-        # In units of the radius and of the force: a contact that wanders by a hundredth of the radius.
+        # In units of the radius and of the force: a contact that moves by a hundredth of the radius.
         n = unit(np.array((np.sin(0.01 * i), 0.3 * np.sin(0.007 * i), np.cos(0.01 * i))))
         f = unit(-n + 0.3 * unit(np.cross(n, (0.3, 1.0, 0.2))))
         m = np.cross(n, f) + 0.05 * np.sin(0.01 * i) * n
@@ -161,7 +161,7 @@ def table_2(count: int) -> tuple[float, float, float]:
             f[0], f[1], f[2], m[0], m[1], m[2], 1.0, 1.0, 1.0, x, y, z, k, 1000, 1e-6
         )
         steps.append(taken)
-    # Many steps in one call: on a long ellipsoid they do not end early.
+    # Many steps in one call: on a long ellipsoid the iteration does not end early.
     step = float("inf")
     for _ in range(_ROUNDS):
         start = time.perf_counter()

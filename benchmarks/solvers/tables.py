@@ -15,14 +15,14 @@ Tick = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Table:
-    """A table and what it says, for people and for programs."""
+    """A table and its content, for people and for programs."""
 
     head: tuple[str, ...]
     rows: Sequence[tuple[str, ...]]
     data: list[dict[str, Any]]
 
     def markdown(self) -> str:
-        """The table in Markdown, as the documentation holds it."""
+        """The table in Markdown, as in the documentation."""
         ruler = ("-",) * len(self.head)
         return "\n".join("|" + "|".join(line) + "|" for line in (self.head, ruler, *self.rows))
 
@@ -38,7 +38,7 @@ class Table:
 
 
 def number(value: float | None) -> str:
-    """A number with two digits that matter; a dash for none."""
+    """A number with two significant digits; a dash for None."""
     if value is None:
         return "-"
     if isnan(value):
@@ -71,7 +71,7 @@ def accuracy_table(count: int, tick: Tick) -> Table:
 
 
 def cases_table(count: int, tick: Tick) -> Table:
-    """The hard cases, a line for each group."""
+    """The hard cases, one row per group."""
     groups: dict[str, list[Verdict]] = defaultdict(list)
     for case in catalogue():
         if case.group not in groups:
@@ -112,7 +112,7 @@ def cases_table(count: int, tick: Tick) -> Table:
 
 
 def seams_table(count: int, tick: Tick) -> Table:
-    """Gaps and second answers around the seams."""
+    """Gaps and duplicate solutions near the seams."""
     found = list(seams.rows(count, tick))
     rows = [
         (row.surface, _count(row.wrenches), _count(row.gaps), _count(row.doubles), number(row.residual))
@@ -123,7 +123,7 @@ def seams_table(count: int, tick: Tick) -> Table:
 
 
 def iterations_table(count: int, tick: Tick) -> Table:
-    """Steps of Newton's method, a line for each body."""
+    """Steps of Newton's method, one row per body."""
     found = list(iterations.rows(max(count // 10, 1), tick))
     bodies: dict[str, list[iterations.Row]] = defaultdict(list)
     for row in found:
@@ -176,11 +176,11 @@ TABLES: dict[str, Callable[[int, Tick], Table]] = {
     "iterations": iterations_table,
     "speed": speed_table,
 }
-"""Name -> how the table is made from a number of wrenches."""
+"""Name -> function that generates the table from a number of wrenches."""
 
 
 def into(text: str, tables: Iterable[tuple[str, Table]]) -> str:
-    """Put tables between the lines `<!-- NAME -->` and `<!-- end -->` of a text.
+    """Insert tables between the lines `<!-- NAME -->` and `<!-- end -->` of a text.
 
     Raises:
         ValueError: The text has no place for a table.

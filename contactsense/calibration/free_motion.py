@@ -22,7 +22,7 @@ class FreeMotion:
     reading: np.ndarray | None = None
     """Readings of the sensor under the base, in its own frame and sign, shape (N, 6) [N, Nm]."""
     name: str = "recording"
-    """For messages."""
+    """Name for messages."""
 
     def __post_init__(self) -> None:
         """Check shapes and values.

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 _AVERAGING_TIME = 0.5
-"""Averages over this time contain the slow part [s]."""
+"""Averages over this time contain only the slow part [s]."""
 _TAIL = 0.999
 _TAIL_SIGMA = 3.29
 _REST_VELOCITIES = (0.01, 0.02, 0.05, 0.1, 0.2)
@@ -35,8 +35,8 @@ class NoiseLevels:
     model_error: np.ndarray
     """Of the model in motion, in addition to `friction_error` [Nm], shape (n,)."""
     rest_error: np.ndarray
-    """Of the model at rest and reversals, in addition to `model_error` [Nm], shape (n,); NaN where the joint
-    was never at rest."""
+    """Of the model at rest and reversals, in addition to `model_error` [Nm], shape (n,); NaN if the joint was
+    never at rest."""
     rest_velocity: float
     """Velocity below which `rest_error` applies [rad/s]."""
 
@@ -51,9 +51,9 @@ def estimate_noise(
     """Noise and model error of the joints, from one or more recordings.
 
     Args:
-        residual: Of all joints, settled, one recording each, shape (N, n) [Nm].
-        qd: Joint velocities, alike [rad/s].
-        friction: What the friction formula says, alike [Nm].
+        residual: Settled residuals of all joints, one array per recording, shape (N, n) [Nm].
+        qd: Joint velocities, in the same form [rad/s].
+        friction: Values of the friction formula, in the same form [Nm].
         dt: Sample time [s].
         variance_ratio: Variance of the residual over that of white noise in one sample.
     """

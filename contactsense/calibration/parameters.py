@@ -1,6 +1,6 @@
 """The parameters that can be estimated: names, units and prior standard deviations.
 
-The prior is centred on the scene's own value. It matters only where the motion is little informative; a
+The prior is centred on the scene's own value. It matters only if the motion contains little information; a
 parameter that is not excited is reported and kept.
 """
 
@@ -28,12 +28,13 @@ Group = Literal[
     "links",
 ]
 GROUPS: tuple[Group, ...] = get_args(Group)
-"""All groups, the most important first: of two that cannot be distinguished the later one is kept."""
+"""All groups, the most important first: of two that cannot be distinguished, the later one keeps the scene's
+value."""
 
 PER_JOINT: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "gain")
 NOT_NEGATIVE: tuple[Group, ...] = ("coulomb", "viscous", "rotor", "load", "lubricant")
 OPTIONAL: tuple[Group, ...] = ("load", "lubricant")
-"""Groups that are kept where they are not significant."""
+"""Groups that keep the scene's values if they are not significant."""
 
 _AXES = ("x", "y", "z")
 _INERTIAL = ("mass", "mass x com x", "mass x com y", "mass x com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -65,7 +66,7 @@ def entries(arm: CalibrationModel, groups: tuple[Group, ...], inertia_error: flo
 
     Args:
         arm: The arm.
-        groups: Which are wanted.
+        groups: Groups to include.
         inertia_error: Prior standard deviation of each link's mass, relative; of its first and second moments
             accordingly, by the radius of gyration.
     """

@@ -29,9 +29,9 @@ class Value:
     before: float
     after: float
     std: float
-    """Standard deviation of `after`; 0 where the parameter was kept."""
+    """Standard deviation of `after`; 0 if the parameter was kept."""
     kept: str = ""
-    """Why the scene's value was kept; empty where the parameter was estimated."""
+    """Why the scene's value was kept; empty if the parameter was estimated."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def _torque(
 ) -> JointTorqueSensor:
     coulomb = _round(arm.coulomb)
     never_at_rest = np.isnan(noise_levels.rest_error)
-    # A joint at rest holds anything between plus and minus Coulomb friction.
+    # A joint at rest holds any torque between plus and minus Coulomb friction.
     rest = np.where(never_at_rest, arm.coulomb / np.sqrt(3.0), noise_levels.rest_error)
     friction = Friction(
         coulomb=tuple(coulomb),

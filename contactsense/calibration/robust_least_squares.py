@@ -23,7 +23,7 @@ _HUBER = 2.5
 """Residuals beyond this many standard deviations are weighted down."""
 _ITERATIONS = 6
 _LAG = 1.5
-"""Residuals further apart are taken as independent [s]."""
+"""Residuals further apart than this are treated as independent [s]."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def fit_robust(
         c = row.channel
         if not counts[c] or not len(row.columns):
             continue
-        # The fit takes a part of the residuals' degrees of freedom.
+        # The fit uses some of the residuals' degrees of freedom.
         autocovariance = covariances[c] / max(1.0 - degrees_of_freedom[c] * tau[c] / counts[c], 0.2)
         W = row.slope * weights[i][:, None] / (sigma[c] ** 2 * tau[c])
         filtered = fftconvolve(

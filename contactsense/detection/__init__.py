@@ -1,1 +1,1 @@
-"""Detection: which residual is a contact, from the false alarms that the user accepts."""
+"""Detection: decides which residual is a contact, from the accepted false-alarm rate."""

@@ -1,5 +1,5 @@
-"""Detection threshold from the false-alarm rate: which energy of the no-contact hypothesis noise exceeds once
-in so many hours.
+"""Detection threshold from the false-alarm rate: the energy of the no-contact hypothesis that noise alone
+exceeds at that rate.
 
 Twice that energy is the squared length R of a vector of d residuals in units of their noise. Each of them is
 white noise through the observer, an Ornstein-Uhlenbeck process of correlation time 1 / K, K = 2 pi bandwidth.
@@ -30,7 +30,7 @@ was found by simulation."""
 
 
 def false_alarms_per_hour(energy: float, degrees_of_freedom: int, bandwidth: float, dt: float) -> float:
-    """How often noise alone takes the energy of the no-contact hypothesis above a level [1/h].
+    """Rate at which noise alone raises the energy of the no-contact hypothesis above a level [1/h].
 
     Args:
         energy: The level: half the squared residuals in units of the noise.

@@ -1,1 +1,1 @@
-"""Localization: where on the surface of each link a wrench enters, and how probable that is."""
+"""Localization: the point on the surface of each link at which a wrench acts, and its probability."""

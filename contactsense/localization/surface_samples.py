@@ -14,9 +14,9 @@ from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 
 SAMPLES = 480
-"""Approximate number of samples of an arm: cells of some 35 mm on a UR5e."""
+"""Approximate number of samples of an arm: cells of about 35 mm on a UR5e."""
 SUBSAMPLES = 4
-"""Maximum number of subsamples of a cell: some 17 mm on a UR5e."""
+"""Maximum number of subsamples of a cell: about 17 mm on a UR5e."""
 MAX_GRID_SPACING = 0.006
 """Maximum spacing of the grid that measures the surface area [m]."""
 RELATIVE_GRID_SPACING = 0.05

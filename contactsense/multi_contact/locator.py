@@ -46,7 +46,7 @@ class MultiContactLocator:
         arrays: tuple[Any, ...],
         estimate_builder: EstimateBuilder,
     ) -> None:
-        """For the scene of a `Localizer` and its kernel buffers."""
+        """Prepare for the scene of a `Localizer` and its kernel buffers."""
         self._constants = kernel_buffers.constants
         self._arrays = arrays
         self.buffers = empty_multi_contact_buffers(kernel_buffers.constants)
@@ -126,7 +126,7 @@ class MultiContactLocator:
         """Check the arguments of `Localizer.locate`.
 
         Raises:
-            ValueError: the message names the argument, what was expected and what came.
+            ValueError: the message names the argument, the expected value and the actual one.
         """
         if not isinstance(contacts, int) or not 1 <= contacts <= MAX_CONTACTS:
             raise ValueError(f"contacts: expected 1 to {MAX_CONTACTS}, got {contacts!r}")

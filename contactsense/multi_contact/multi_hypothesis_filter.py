@@ -56,7 +56,7 @@ class MultiHypothesisFilter:
     """Explains the samples of a stream by competing hypotheses."""
 
     def __init__(self, scene: Scene, kernel_buffers: KernelBuffers, locator: MultiContactLocator) -> None:
-        """For the scene and the kernel buffers of a `Localizer`."""
+        """Prepare for the scene and the kernel buffers of a `Localizer`."""
         self._scene, self._constants, self._state, self._locator = (
             scene,
             kernel_buffers.constants,

@@ -6,7 +6,7 @@ new one has started, or a further contact has started. The previous estimate of 
 until this is decided, because the onset of a further contact looks like a slide of the first.
 
 Several contacts are tracked by a multiple-hypothesis filter. While the force of the newest contact grows,
-its point is searched anew, given the contacts known before its onset. Afterwards the points of each
+its point is searched again, given the contacts known before its onset. Afterwards the points of each
 hypothesis are the prior of the next samples, the forces may drift, and the log evidence accumulates. The
 noise of the observers is correlated in time, so a prior is updated only every few time constants.
 """
@@ -53,7 +53,7 @@ MIN_PROBABILITY = 0.1
 FORCE_GROWTH_RATIO = 1.25
 """The force of the newest contact is growing if it exceeds this many times its last value."""
 MAX_SETTLING_FACTOR = 5.0
-"""A growing contact is searched anew for at most this many times `SETTLING_TIME`."""
+"""A growing contact is searched again for at most this many times `SETTLING_TIME`."""
 WEAK_FORCE = 5.0
 """A contact that pushes less than this may have been released [N]."""
 RELEASE_FORCE = 1.0
@@ -81,8 +81,8 @@ class MultiContactTracker:
         locator: MultiContactLocator,
         builder: ContactSetBuilder,
     ) -> None:
-        """For the scene and the kernel buffers of a `Localizer`; `locator` and `builder` belong to the
-        same."""
+        """Prepare for the scene and the kernel buffers of a `Localizer`, to which `locator` and `builder`
+        belong too."""
         self._max_contacts, self._constants, self._state = (
             scene.contacts,
             kernel_buffers.constants,
@@ -221,7 +221,7 @@ class MultiContactTracker:
     def _reestimate_newest(
         self, t: float, present: tuple[bool, bool, bool], fits: Sequence[HypothesisFit], limit: float
     ) -> bool:
-        """Search the newest contact anew, whose force may have grown; returns whether it was found."""
+        """Search again for the newest contact, whose force may have grown; returns whether it was found."""
         extended = self._filter.with_further_contact(present, self._before_onset)
         improved = bool(extended) and (
             not fits or extended[0].energy <= max(limit, fits[0].hypothesis.energy)

@@ -1,1 +1,1 @@
-"""From the numbers of the sample path to `Estimate`."""
+"""Converts the numbers of the sample path to an `Estimate`."""

@@ -1,4 +1,4 @@
-"""The arrays of `detect_and_localize_block`, made once for a whole recording."""
+"""The arrays of `detect_and_localize_block`, allocated once for a whole recording."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,8 @@ from contactsense.tracking.contact_tracker import NUMBER, PHASE
 from contactsense.types import Contact, Estimate
 
 MAX_BLOCK = 8192
-"""Most samples in one call of the kernel: the arrays of a block stay small however long the recording is."""
+"""Maximum number of samples per call of the kernel: it bounds the size of the arrays for recordings of any
+length."""
 
 
 class BlockRunner:
@@ -27,13 +28,13 @@ class BlockRunner:
         first_primitive: np.ndarray,
         phases: np.ndarray,
     ) -> None:
-        """Make the arrays.
+        """Allocate the arrays.
 
         Args:
             scene: The localizer's.
             scene_sensors: Whether the scene has a base sensor, joint torques, a wrist sensor.
-            links: Number of links that can be told apart.
-            first_primitive: Number of each link's first primitive.
+            links: Number of links that can be distinguished.
+            first_primitive: Index of each link's first primitive.
             phases: The view of the localizer's state, see
                 `contactsense.tracking.contact_tracker.ContactTrack.scalars`.
         """
@@ -60,15 +61,15 @@ class BlockRunner:
         rows: np.ndarray,
         estimate: Callable[[float, int], Estimate] | None,
     ) -> BlockEstimates:
-        """Work through a block of at most `MAX_BLOCK` samples.
+        """Process a block of at most `MAX_BLOCK` samples.
 
         Args:
-            parts: Workspace and skin, as the kernel takes them.
+            parts: Workspace and skin, as arguments of the kernel.
             settings: Bandwidth [Hz], whether the link is chosen first, mask of the relevant flags.
             block: The samples.
             rows: Scratch for explanations.
-            estimate: Called with time and flags of each sample that touches or ends a contact, where that
-                takes more than the kernel; None where the kernel does all of it.
+            estimate: Called with time and flags of each sample with a contact or its end, if that needs more
+                than the kernel; None if the kernel does everything.
         """
         count = len(block)
         inputs = self._inputs(block)
@@ -88,7 +89,7 @@ class BlockRunner:
         return self._collect(block, residuals, estimates)
 
     def _inputs(self, block: SampleBlock) -> tuple[np.ndarray, ...]:
-        """The samples as the kernel takes them."""
+        """The samples as arguments of the kernel."""
         present = np.zeros(len(block), dtype=np.int64)
         values = []
         sensors = (block.base_wrench, block.joint_torque, block.wrist_wrench)
@@ -110,7 +111,7 @@ class BlockRunner:
         located = np.flatnonzero(self._listed[:count] > 0)
         sample, contact = located, self._phases[located, 1].astype(np.int64)
         rows, link_probability = self._best[located], self._link_probability[located]
-        # A tool's own frame is the flange's, not that of the body that carries it.
+        # A tool's own frame is that of the flange, not of the body that carries it.
         tool = rows[:, LINK] > self._joints
         rows[tool, POINT] = (rows[tool, POINT] - self._flange[1]) @ self._flange[0]
         if estimates:
@@ -149,10 +150,10 @@ class BlockRunner:
 
 
 def _writeable(array: np.ndarray) -> np.ndarray:
-    """The array, or a copy: for one that cannot be written the kernel would be compiled once more."""
+    """The array, or a writable copy: for a read-only array, the kernel would be compiled again."""
     return array if array.flags.writeable else array.copy()
 
 
 def _acting(estimate: Estimate) -> tuple[Contact, ...]:
-    """Contacts that act at the same time, of the best explanation."""
+    """Simultaneous contacts of the best explanation."""
     return estimate.contacts if estimate.status == "multiple" else estimate.contacts[:1]

@@ -13,7 +13,7 @@ class KernelBuffers:
     """The flat buffers and the named views of them.
 
     The arrays of `Constants` and `State` are stored one after the other in the order in which the fields are
-    declared, floats in one buffer and integers in the other. `contactsense.runtime.buffer_views` makes the
+    declared, floats in one buffer and integers in the other. `contactsense.runtime.buffer_views` creates the
     same views inside a kernel.
     """
 

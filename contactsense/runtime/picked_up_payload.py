@@ -1,7 +1,7 @@
 """Recognize a payload that the arm has picked up, as opposed to a contact.
 
 A payload pulls along gravity, loads all joints, hangs near the flange and keeps its weight. A push can do the
-same to within the noise, but rarely does. Where the sensors are precise enough, such a load is taken as a
+same to within the noise, but rarely does. If the sensors are precise enough, such a load is treated as a
 payload and added to the arm's model until it is put down.
 """
 

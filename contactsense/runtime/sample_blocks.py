@@ -1,4 +1,4 @@
-"""Samples of a recording as arrays, and what the localizer finds in them."""
+"""Samples of a recording as arrays, and the localizer's estimates for them."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from contactsense.types import Estimate, Sample
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SampleBlock:
-    """N consecutive samples of one stream, see `contactsense.types.Sample`; a row of NaN stands for a sensor
-    without a value in that sample."""
+    """N consecutive samples of one stream, see `contactsense.types.Sample`; a row of NaN means that the
+    sensor has no value in that sample."""
 
     t: np.ndarray
     """Time on the robot's clock [s], shape (N,)."""
@@ -26,7 +26,8 @@ class SampleBlock:
     base_wrench: np.ndarray | None = None
     """Wrench of the arm on the sensor below it, base axes, about the base origin [N, Nm], shape (N, 6)."""
     wrist_wrench: np.ndarray | None = None
-    """Wrench of all beyond the wrist sensor on it, base axes, about the base origin [N, Nm], shape (N, 6)."""
+    """Wrench on the wrist sensor of everything distal to it, base axes, about the base origin [N, Nm], shape
+    (N, 6)."""
 
     def __len__(self) -> int:
         return len(self.t)
@@ -80,7 +81,7 @@ class SampleBlock:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BlockEstimates:
-    """What the localizer finds in the N samples of a block, and the residuals it finds it in."""
+    """The localizer's estimates for the N samples of a block, and their residuals."""
 
     t: np.ndarray
     """Times of the samples [s], shape (N,)."""
@@ -91,8 +92,8 @@ class BlockEstimates:
     energy: np.ndarray
     """Energy of "nothing touches": half the squared residuals in units of their covariance, shape (N,)."""
     consistency: np.ndarray
-    """Mean square residuals in units of their variance, averaged over some seconds: base wrench, joint
-    torques, agreement of the two, shape (N, 3)."""
+    """Mean square residuals in units of their variance, averaged over several seconds: base wrench, joint
+    torques, consistency of the two, shape (N, 3)."""
     base_wrench: np.ndarray
     """External wrench on the base sensor, base axes, base origin [N, Nm], shape (N, 6)."""
     base_wrench_std: np.ndarray
@@ -102,9 +103,9 @@ class BlockEstimates:
     joint_torque_std: np.ndarray
     """Its standard deviation without contact, shape (N, n)."""
     joint_bias: np.ndarray
-    """What is taken for the biases of the joint torques [Nm], shape (N, n)."""
+    """Estimated biases of the joint torques [Nm], shape (N, n)."""
     sample: np.ndarray
-    """The sample of each of the K located contacts, shape (K,), int64, rising."""
+    """The sample of each of the K located contacts, shape (K,), int64, ascending."""
     contact: np.ndarray
     """Number of that contact in its stream, shape (K,), int64."""
     rows: np.ndarray
@@ -112,8 +113,8 @@ class BlockEstimates:
     link_probability: np.ndarray
     """Probability of each link, shape (K, links)."""
     estimates: Mapping[int, Estimate]
-    """Sample number -> estimate, where several contacts or a payload had to be considered one sample at a
-    time."""
+    """Sample number -> estimate, for samples that were processed one at a time because of several contacts or
+    a payload."""
 
     def __len__(self) -> int:
         return len(self.t)

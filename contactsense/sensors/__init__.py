@@ -1,1 +1,1 @@
-"""Settings of each sensor, one sample as it arrives, and what can be used of it."""
+"""Settings of each sensor, the conversion of samples, and which of their values can be used."""

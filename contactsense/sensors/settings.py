@@ -1,5 +1,4 @@
-"""Settings of the sensors: where they are, what their signals mean, how noisy they are, what calibration
-found out about them."""
+"""Settings of the sensors: poses, meaning of the signals, noise, and results of calibration."""
 
 from typing import Literal
 
@@ -17,25 +16,25 @@ JointTorqueSignal = Literal[
     "external_torque",
     "target_moment",
 ]
-"""Which RTDE signal carries the joint torques:
+"""The RTDE signal that contains the joint torques:
 
 - `actual_current_as_torque`: motor torque at the joint in Nm, as the controller computes it (from PolyScope
 5.23 / 10.11);
 - `actual_current`: motor current in A, times `torque_constants`;
-- `actual_current_minus_target`: the same less `target_current`, so that the controller's own model is taken
-off;
-- `external_torque`: external torques as the controller sees them, in Nm, from the output registers that
-`fields` names;
-- `target_moment`: what the controller's own model asks for in Nm; it feels no contact and is of use for
-trials only.
+- `actual_current_minus_target`: the same minus `target_current`, so that the controller's own model is
+subtracted;
+- `external_torque`: external torques as estimated by the controller, in Nm, from the output registers listed
+in `fields`;
+- `target_moment`: the torque computed by the controller's own model in Nm; it does not contain contacts and
+is useful for tests only.
 """
 
 Meaning = Literal["motor", "gravity_free", "external"]
-"""What a torque signal contains beside the contact:
+"""What a torque signal contains in addition to the contact:
 
 - `motor`: gravity, inertia, rotors and friction;
-- `gravity_free`: inertia, rotors and friction, gravity having been taken off;
-- `external`: nothing of the three, a model having been taken off by whoever made the signal.
+- `gravity_free`: inertia, rotors and friction; gravity is already subtracted;
+- `external`: none of these; the source of the signal has already subtracted a model.
 """
 
 _MEANINGS: dict[JointTorqueSignal, Meaning] = {
@@ -47,7 +46,7 @@ _MEANINGS: dict[JointTorqueSignal, Meaning] = {
 }
 
 Number = NonNegativeFloat | tuple[NonNegativeFloat, ...]
-"""One number for all joints, or one each."""
+"""One value for all joints, or one per joint."""
 Six = tuple[float, float, float, float, float, float]
 
 
@@ -58,8 +57,7 @@ class Part(BaseModel):
 
 
 class WrenchSensor(Part):
-    """A six-axis force/torque sensor: where its frame is, which way its readings count, how noisy they
-    are."""
+    """A six-axis force/torque sensor: its frame, the sign of its readings, and their noise."""
 
     force_noise: PositiveFloat = 0.25
     """Standard deviation of each force component of one sample [N]."""
@@ -70,12 +68,12 @@ class WrenchSensor(Part):
     translation: Vector = (0.0, 0.0, 0.0)
     """Origin of the sensor's frame in the base frame [m]."""
     sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor"
-    """Whose push is counted positive: with `arm_on_sensor` a table-mounted arm at rest reads a force along
-    -z."""
+    """Which side's push is counted as positive: with `arm_on_sensor` a table-mounted arm at rest reads a
+    force along -z."""
     bias: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    """What the sensor reads without any load, in its own frame and sign: force, then moment [N, Nm]."""
+    """Reading of the sensor without load, in its own frame and sign: force, then moment [N, Nm]."""
     delay: float = 0.0
-    """By how much readings come later than the joint positions of the same instant [s]."""
+    """Delay of the readings relative to the joint positions of the same instant [s]."""
 
     @property
     def rotation(self) -> np.ndarray:
@@ -84,7 +82,7 @@ class WrenchSensor(Part):
 
 
 class Friction(Part):
-    """Friction of the joints' drives; numbers for all joints or one each.
+    """Friction of the joints' drives; one value for all joints or one per joint.
 
     The torque that friction takes from the actuator at joint velocity qd is
 
@@ -99,55 +97,56 @@ class Friction(Part):
     viscous: Number = 0.0
     """Viscous friction [Nms/rad]."""
     lubricant: Number = 0.0
-    """Friction of the lubricant, which rises with the velocity and levels off [Nm]."""
+    """Friction of the lubricant, which increases with the velocity and saturates [Nm]."""
     velocity: PositiveFloat = 0.01
     """Width of the smooth sign [rad/s]."""
     lubricant_velocity: PositiveFloat = 0.2
-    """Velocity at which the lubricant's friction levels off [rad/s]."""
+    """Velocity at which the lubricant's friction saturates [rad/s]."""
     error: Number = 0.0
-    """How far friction is from this formula on another day: relative, standard deviation. Oil gets warm."""
+    """Relative standard deviation of friction from this formula between days, mainly due to oil
+    temperature."""
     rest_error: Number = 0.0
-    """How far friction at rest and at reversals is from this formula, standard deviation [Nm]: a joint at
-    rest holds any torque up to Coulomb friction."""
+    """Standard deviation of friction from this formula at rest and at reversals [Nm]: a joint at rest holds
+    any torque up to Coulomb friction."""
     rest_velocity: PositiveFloat = 0.02
-    """Velocity below which `rest_error` counts [rad/s]."""
+    """Velocity below which `rest_error` applies [rad/s]."""
 
 
 class JointTorqueSensor(Part):
-    """Joint torques from motor currents: which signal, what it means, how noisy it is."""
+    """Joint torques from motor currents: the signal, its meaning, and its noise."""
 
     signal: JointTorqueSignal = "actual_current_as_torque"
     """The RTDE signal that is read."""
     meaning: Meaning | None = None
-    """What the signal contains beside the contact; without it, what its name says."""
+    """What the signal contains in addition to the contact; by default, as implied by its name."""
     fields: tuple[str, ...] | None = None
-    """RTDE fields, or a recording's columns, that carry the torques, one per joint, such as output registers;
-    needed for `external_torque`."""
+    """RTDE fields, or a recording's columns, that contain the torques, one per joint, such as output
+    registers; needed for `external_torque`."""
     sign: Literal["by_actuator", "on_arm"] = "by_actuator"
-    """Whose torque is counted positive: the actuator's, or that which the surroundings put on the arm."""
+    """Which torque is counted as positive: the actuator's, or that exerted by the environment on the arm."""
     torque_constants: tuple[PositiveFloat, ...] | None = None
-    """Joint torque per motor current [Nm/A], one per joint; needed for currents where the robot's data have
+    """Joint torque per motor current [Nm/A], one per joint; needed for currents if the robot's data have
     none."""
     bias: float | tuple[float, ...] = 0.0
-    """What is read without any torque, actuator's sign [Nm]."""
+    """Reading without any torque, actuator's sign [Nm]."""
     noise: PositiveFloat | tuple[PositiveFloat, ...] = 1.0
-    """Standard deviation of one sample, one number for all joints or one each [Nm]."""
+    """Standard deviation of one sample, one value for all joints or one per joint [Nm]."""
     model_error: Number = 0.0
-    """What model and friction leave unexplained while the arm moves, standard deviation [Nm]. Unlike noise it
-    does not average out."""
+    """Standard deviation of the error of model and friction while the arm moves [Nm]. Unlike noise, it does
+    not average out."""
     friction: Friction = Friction()
     """Friction of the drives, unless the signal is free of it."""
     rotor_inertia: tuple[NonNegativeFloat, ...] | None = None
-    """Inertia of the rotors as seen at the joints [kg m^2], one per joint; without it, the robot's data."""
+    """Inertia of the rotors reflected to the joints [kg m^2], one per joint; by default, the robot's data."""
 
     @property
     def contains(self) -> Meaning:
-        """What the signal contains beside the contact."""
+        """What the signal contains in addition to the contact."""
         return self.meaning or _MEANINGS[self.signal]
 
 
 class LinkInertia(Part):
-    """Mass distribution of one link, where the robot's data are not good enough."""
+    """Mass distribution of one link, if the robot's data are not accurate enough."""
 
     mass: NonNegativeFloat
     """Mass [kg]."""
@@ -164,5 +163,5 @@ class LinkInertia(Part):
 
 
 def per_joint(value: float | tuple[float, ...], joints: int) -> np.ndarray:
-    """One number for all joints, or one each, as an array of shape (joints,)."""
+    """One value for all joints, or one per joint, as an array of shape (joints,)."""
     return np.broadcast_to(np.asarray(value, dtype=np.float64), (joints,)).copy()

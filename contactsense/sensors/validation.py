@@ -1,4 +1,4 @@
-"""Checks of arguments; errors name the argument, what was expected and what was given."""
+"""Checks of arguments; errors name the argument, the expected value and the given one."""
 
 import numpy as np
 

@@ -28,12 +28,12 @@ class Compound:
     """A convex body whose surface is composed of parts (paper, section 7), with or without edges."""
 
     def __init__(self, parts: Sequence[Part], reach: float) -> None:
-        """Put a body together.
+        """Compose a body.
 
         Args:
             parts: Parts that bound a convex body, each with its outward normal, and together leave no gap.
                 This is not checked.
-            reach: Size of the body [m], of which a contact may lie 1e-9 beside its part by rounding.
+            reach: Size of the body [m]; due to rounding, a contact may lie 1e-9 of it outside its part.
 
         Raises:
             ValueError: There is no part, a surface has no closed form, or `reach` is not positive.
@@ -81,7 +81,8 @@ class Compound:
         return compound.wrench_axis_compound, self._size
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """The surface's shape operator there [1/m], shape (3, 3): that of the part on which the point is."""
+        """The surface's shape operator there [1/m], shape (3, 3): that of the part that contains the
+        point."""
         kind, size, rotation, origin, border, _ = self._size
         distances = []
         for row in range(len(self.parts)):

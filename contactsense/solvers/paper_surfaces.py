@@ -32,11 +32,11 @@ class Sphere:
         return wrench_axis.wrench_axis_sphere, self.problem()[1]
 
     def newton_problem(self) -> Problem:
-        """As any smooth convex body."""
+        """Newton's method, as for any smooth convex body."""
         return Ellipsoid(self.radius, self.radius, self.radius).newton_problem()
 
     def descent_problem(self) -> Problem:
-        """The paper's section 6."""
+        """Gradient descent (paper, section 6)."""
         return Ellipsoid(self.radius, self.radius, self.radius).descent_problem()
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
@@ -67,7 +67,7 @@ class Ellipsoid:
         return wrench_axis.wrench_axis_ellipsoid, self.problem()[1]
 
     def newton_problem(self) -> Problem:
-        """As any smooth convex body."""
+        """Newton's method, as for any smooth convex body."""
         a, b, c = self.problem()[1]
         return general.solve_smooth, (
             (ELLIPSOID, 1.0 / a, 1.0 / b, 1.0 / c, 0.0, 0.0),
@@ -77,7 +77,7 @@ class Ellipsoid:
         )
 
     def descent_problem(self) -> Problem:
-        """The paper's section 6."""
+        """Gradient descent (paper, section 6)."""
         return descent.descent_ellipsoid, self.problem()[1]
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
@@ -139,7 +139,8 @@ class Cone:
 
 @dataclass(frozen=True)
 class Plane:
-    """The plane normal . c = offset, with the body behind it (paper, section 5.1.3)."""
+    """The plane normal . c = offset, with the body on the side opposite to the normal (paper, section
+    5.1.3)."""
 
     normal: tuple[float, float, float]
     """Outward normal, of any length but zero."""
@@ -168,7 +169,7 @@ class Placed:
     """A surface at a given pose."""
 
     surface: Surface
-    """What is placed."""
+    """The surface to place."""
     origin: np.ndarray
     """Origin of the surface's frame [m], shape (3,)."""
     rotation: np.ndarray

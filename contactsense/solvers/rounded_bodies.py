@@ -51,7 +51,7 @@ class TaperedCapsule:
     """The convex hull of two balls about (0, 0, -half) and (0, 0, half)."""
 
     half: float
-    """Half the distance of the centres [m]."""
+    """Half the distance between the centres [m]."""
     radius_a: float
     """Radius of the lower ball [m]."""
     radius_b: float
@@ -169,10 +169,10 @@ class Polytope:
     """The convex hull of points, plus a ball: a mesh's hull with rounded edges and corners."""
 
     def __init__(self, points: ArrayLike, rounding: float) -> None:
-        """Make the hull.
+        """Compute the hull.
 
         Args:
-            points: Points of which the hull is taken [m], shape (N, 3).
+            points: Points whose convex hull is used [m], shape (N, 3).
             rounding: Radius of the ball [m]; zero for a sharp polytope.
         """
         not_negative(self, rounding=rounding)

@@ -17,9 +17,9 @@ class Sensitivity:
     tangents: np.ndarray
     """Two unit vectors that span the tangent plane, as columns, shape (3, 2)."""
     by_force: np.ndarray
-    """Shift along them by the force [m/N], shape (2, 3)."""
+    """Derivative of the shift along them with respect to the force [m/N], shape (2, 3)."""
     by_moment: np.ndarray
-    """Shift along them by the moment [m/Nm], shape (2, 3)."""
+    """Derivative of the shift along them with respect to the moment [m/Nm], shape (2, 3)."""
 
     def covariance(self, wrench: np.ndarray) -> np.ndarray:
         """Covariance of the centroid [m^2], shape (3, 3), from that of the wrench, force first, shape (6,
@@ -29,16 +29,16 @@ class Sensitivity:
 
 
 def sensitivity(surface: Surface, solution: Solution) -> Sensitivity:
-    """Derivatives of a contact centroid by force and moment.
+    """Derivatives of a contact centroid with respect to force and moment.
 
     With M = fn J - xi W as in the Newton step, M dv = T^T (c x df - dm).
 
     Args:
-        surface: What is touched.
+        surface: The touched surface.
         solution: A contact on it, status `OK`.
 
     Raises:
-        ValueError: The solution is no contact, so it has no derivatives.
+        ValueError: The solution is not a contact, so it has no derivatives.
     """
     if not solution.ok:
         raise ValueError(f"no derivatives of a solution that is {solution.status.name}")

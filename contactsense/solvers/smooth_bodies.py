@@ -22,7 +22,7 @@ class Superquadric:
     c: float
     """Semi-axis along z [m]."""
     p: float = 4.0
-    """Exponent across z, at least 2."""
+    """Exponent perpendicular to z, at least 2."""
     q: float = 4.0
     """Exponent along z, at least 2."""
 
@@ -59,7 +59,7 @@ class Paraboloid:
     k2: float
     """Curvature along y at the top [1/m]."""
     depth: float
-    """Depth below the top to which it is touched, about [m]; only Newton's method asks."""
+    """Approximate depth below the top up to which it is touched [m]; only used by Newton's method."""
 
     def __post_init__(self) -> None:
         positive(self, k1=self.k1, k2=self.k2, depth=self.depth)
@@ -69,7 +69,7 @@ class Paraboloid:
         return paraboloid.solve_paraboloid, (float(self.k1), float(self.k2))
 
     def newton_problem(self) -> Problem:
-        """As any smooth convex body."""
+        """Newton's method, as for any smooth convex body."""
         size = (implicit.PARABOLOID, float(self.k1), float(self.k2), 0.0, 0.0, 0.0)
         half = 0.5 * float(self.depth)
         extent = (float(np.sqrt(self.depth / self.k1)), float(np.sqrt(self.depth / self.k2)), half)
@@ -95,9 +95,9 @@ class Convex:
     function: Callable[..., Any]
     """The compiled function."""
     size: tuple[float, ...]
-    """What it takes before the point."""
+    """Its arguments before the point."""
     extent: tuple[float, float, float]
-    """Half the body's size along each axis, about [m]."""
+    """Approximate half size of the body along each axis [m]."""
     inner: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """A point well inside [m]."""
 

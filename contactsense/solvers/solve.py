@@ -19,7 +19,7 @@ class Solution:
     """A soft-finger contact that balances a wrench, or the nearest surface point."""
 
     status: Status
-    """What the other fields are worth."""
+    """Validity of the other fields."""
     centroid: np.ndarray
     """Contact centroid [m], shape (3,)."""
     normal: np.ndarray
@@ -31,8 +31,8 @@ class Solution:
     residual: float
     """Unbalanced moment, relative to moment and lever."""
     condition: float
-    """Shift on the surface for a small shift of the force's line, 1 where it is pressed squarely on a flat,
-    infinite where it grazes."""
+    """Shift on the surface for a small shift of the force's line: 1 for a normal force on a plane, infinite
+    for a tangential one."""
 
     @property
     def ok(self) -> bool:
@@ -90,7 +90,7 @@ def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method 
     """Find where a wrench enters a surface.
 
     Args:
-        surface: What is touched.
+        surface: The surface.
         force: Force on the body [N], shape (3,).
         moment: Moment on the body about the frame's origin [Nm], shape (3,).
         method: `exact`, with torsion; `wrench_axis`, the paper's section 4, as if there were none; on
@@ -101,7 +101,7 @@ def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method 
         The solution, in the frame of the wrench. No measurement makes this raise.
 
     Raises:
-        ValueError: The method has another name, or cannot solve this surface.
+        ValueError: The method is unknown, or cannot solve this surface.
     """
     f = np.asarray(force, dtype=float).reshape(3)
     m = np.asarray(moment, dtype=float).reshape(3)
@@ -138,13 +138,13 @@ def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: M
     """Find where many wrenches enter a surface.
 
     Args:
-        surface: What is touched.
+        surface: The surface.
         force: Forces on the body [N], shape (N, 3).
         moment: Moments on the body about the frame's origin [Nm], shape (N, 3).
         method: As for `solve`.
 
     Returns:
-        One solution a row, in the frame of the wrenches.
+        One solution per row, in the frame of the wrenches.
     """
     f = np.asarray(force, dtype=float).reshape(-1, 3)
     m = np.asarray(moment, dtype=float).reshape(-1, 3)

@@ -10,14 +10,14 @@ from contactsense.solvers.solution import Answer
 
 Kernel = Callable[..., Answer]
 Problem = tuple[Kernel, tuple[Any, ...]]
-"""A compiled solver and what it takes after the wrench."""
+"""A compiled solver and its arguments after the wrench."""
 
 
 class Surface(Protocol):
     """A surface with an outward normal that bounds a convex body and can be solved."""
 
     def problem(self) -> Problem:
-        """The kernel of the exact solution, and the surface's size as that takes it."""
+        """The kernel of the exact solution, and the surface's size as its arguments."""
         ...
 
     def line_problem(self) -> Problem:
@@ -25,7 +25,7 @@ class Surface(Protocol):
         ...
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """How the outward normal turns with a step on the surface, at a point of it.
+        """Derivative of the outward normal with respect to the position on the surface, at one point.
 
         Args:
             point: Surface point [m], shape (3,).

@@ -1,1 +1,1 @@
-"""How primitives are fitted to the skin of a link; needs the `geometry` extra, and is not needed to run."""
+"""Fitting of primitives to the skin of a link; needs the `geometry` extra, and is not needed at run time."""

@@ -1,8 +1,8 @@
-"""Fit few convex primitives to the skin of a link.
+"""Fit a few convex primitives to the skin of a link.
 
-Grow, then shift: start from nothing, add the body that helps most out of many guesses, refit all, then take
-    away each one in turn and put it where it helps most; until the tolerance is met both ways. Every guess is
-    judged after a short least-squares fit of the whole union, which costs milliseconds.
+Grow, then shift: starting without bodies, add the best body out of many guesses, refit all, then remove each
+one in turn and insert it where it improves the fit most, until the tolerance is met in both directions. Every
+guess is evaluated after a short least-squares fit of the whole union, which takes milliseconds.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,40 +22,41 @@ from contactsense.robots.robot import Robot
 from contactsense.robots.surface.union import distances
 
 LEAST = 0.001
-"""Least radius of a rounded edge, and of a ball [m]."""
+"""Minimum radius of a rounded edge, and of a ball [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What is asked of a decomposition."""
+    """Settings of a decomposition."""
 
     tolerance: float = 0.002
-    """Wanted 95th percentile of the distance, skin to primitives and back [m]."""
+    """Required 95th percentile of the distance in both directions, skin to primitives and primitives to skin
+    [m]."""
     most: int = 8
-    """Largest number of primitives on a link."""
+    """Maximum number of primitives on a link."""
     seed: int = 0
     """Seed of all random numbers: samples, rays, initial guesses."""
     boxes: bool = True
-    """Whether rounded boxes may be used beside bodies of revolution."""
+    """Whether rounded boxes may be used in addition to bodies of revolution."""
     guesses: int = 40
-    """Guesses for each further primitive."""
+    """Number of guesses for each further primitive."""
     samples: int = 30000
-    """Samples on each mesh."""
+    """Number of samples on each mesh."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Primitives of one link, and how well they follow its skin."""
+    """Primitives of one link, and how well they fit its skin."""
 
     bodies: Bodies
     errors: Errors
     cost: float
-    """What the fit minimises, without unit: grows with the skin's area that is off by more than the
+    """Cost minimised by the fit, dimensionless: increases with the area of skin whose error exceeds the
     tolerance."""
 
     @property
     def p95(self) -> float:
-        """The larger of the two 95th percentiles, skin to primitives and back [m]."""
+        """The larger of the two 95th percentiles, skin to primitives and primitives to skin [m]."""
         there = float(np.percentile(np.abs(self.errors.skin), 95.0))
         back = float(np.percentile(self.errors.primitive, 95.0)) if len(self.errors.primitive) else 0.0
         return max(there, back)
@@ -64,10 +65,10 @@ class Fit:
 def fit_link(
     robot: Robot, meshes: Mapping[str, trimesh.Trimesh], link: int, options: Options | None = None
 ) -> tuple[Fit, ...]:
-    """Unions of 1, 2, ... primitives that follow the skin of a link ever better.
+    """Unions of 1, 2, ... primitives that fit the skin of a link increasingly well.
 
     Args:
-        robot: Says how the neighbours lie, and which axes to try.
+        robot: Provides the poses of the neighbours, and the axes to try.
         meshes: Visual surface of each link by name, in its frame [m].
         link: Number of the link.
         options: Tolerance and limits.
@@ -97,7 +98,7 @@ def _stalled(costs: Sequence[float]) -> bool:
 
 
 def joint_axes(robot: Robot, link: int) -> np.ndarray:
-    """Directions worth a try as axes of bodies: the link's own, and the axis of the next joint, shape (M,
+    """Candidate directions for axes of bodies: the link's own, and the axis of the next joint, shape (M,
     3)."""
     axes = [np.eye(3)]
     if link < len(robot.joints):
@@ -107,13 +108,13 @@ def joint_axes(robot: Robot, link: int) -> np.ndarray:
 
 
 def choose(fits: Sequence[Sequence[Fit]], tolerance: float, total: int | None = None) -> list[int]:
-    """How many primitives each link gets: what its tolerance takes, less where the sum must not exceed
-    `total`.
+    """Choose the number of primitives of each link: as many as the tolerance needs, fewer if the sum would
+    exceed `total`.
 
     Args:
         fits: For each link its fits, by number of primitives.
-        tolerance: Wanted 95th percentile [m].
-        total: Largest sum, if any.
+        tolerance: Required 95th percentile [m].
+        total: Maximum sum, if any.
 
     Returns:
         Index into each link's fits.
@@ -153,7 +154,7 @@ class _Search:
         self._scale, self._reach = options.tolerance / 2.0, 20.0 * options.tolerance
 
     def next(self, bodies: Bodies | None) -> Fit:
-        """One body more, all refitted and measured."""
+        """Add one body, refit all and measure the error."""
         grown = self._grown(bodies)
         if bodies is not None:
             grown = self._shifted(grown)
@@ -164,7 +165,8 @@ class _Search:
         return float(fit(*bodies, *target, self._scale, self._reach, LEAST, steps))
 
     def _grown(self, bodies: Bodies | None) -> Bodies:
-        """One body more: the best of many guesses, first by a quick fit, the best few by a thorough one."""
+        """Add one body: the best of many guesses, which are first fitted quickly, then the best few
+        thoroughly."""
         skin, options = self._skin, self._options
         guesses = additions(
             skin.points, skin.normals, self._misfit(bodies), self._axes, LEAST, options.boxes, self._rng
@@ -181,7 +183,8 @@ class _Search:
         return winner
 
     def _shifted(self, bodies: Bodies) -> Bodies:
-        """As many bodies, each in turn taken away and put where it helps most."""
+        """The same number of bodies, after each was removed in turn and inserted where it improves the fit
+        most."""
         least = self._cost(bodies)
         for k in range(len(bodies.kind)):
             rest = bodies.only(np.arange(len(bodies.kind)) != k)

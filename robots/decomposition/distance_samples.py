@@ -1,4 +1,4 @@
-"""From a link's skin to samples of the signed distance that a union of primitives shall have."""
+"""Samples of the signed distance that a union of primitives should have, from a link's skin."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -7,13 +7,13 @@ from contactsense.robots.decomposition.least_squares_fit import AT_LEAST, AT_MOS
 from contactsense.robots.decomposition.outer_skin import Skin, Surroundings
 
 _HIDDEN = 0.05
-"""Weight of skin that neighbours always cover, against 1 for skin that can be touched."""
+"""Weight of skin that is always covered by neighbours, relative to 1 for skin that can be touched."""
 
 _HIDDEN_AIR = 0.3
-"""The same for the room above it: a primitive that sticks out there is in the way of the neighbour's skin."""
+"""The same for the space above it: a primitive that protrudes there would cover the neighbour's skin."""
 
 _SEES_OUT = 0.42
-"""Part of all directions that are free from a point that counts as outside; at the mouth of a tube it is a
+"""Minimum fraction of free directions for a point that counts as outside; at the mouth of a tube it is one
 half."""
 
 
@@ -31,7 +31,7 @@ class Shape:
         offset = points[:, None, :] - self._skin.points[near]
         height = np.einsum("nkj,nkj->nk", offset, self._skin.normals[near])
         sign = np.where(height.sum(axis=1) >= 0.0, 1.0, -1.0)
-        # Near the skin the height above the facet, away from it the distance to the sample.
+        # Near the skin, the height above the facet; far from it, the distance to the sample.
         on_facet = np.abs(height[:, 0]) > 0.7 * far[:, 0]
         return np.asarray(np.where(on_facet | (far[:, 0] > self._spacing), sign * far[:, 0], height[:, 0]))
 
@@ -47,9 +47,10 @@ class Shape:
 def make_target(skin: Skin, around: Surroundings, count: int, rng: np.random.Generator) -> Target:
     """Samples on the skin, above it, below it and around it, in random order.
 
-    On the skin the distance is asked to be zero. Above it must not be smaller than it is, else a primitive
-    sticks out, and below not positive, else there is a void whose walls a contact could be put on. Shells are
-    often open where a neighbour is mounted: inside and outside are distinguished there by visibility.
+    On the skin, the required distance is zero. Above it, the distance must not be smaller than the true one,
+    otherwise a primitive protrudes. Below it, it must not be positive, otherwise there is a void whose walls
+    could be mistaken for a touchable surface. Shells are often open where a neighbour is mounted: inside and
+    outside are distinguished there by visibility.
     """
     shape = Shape(skin)
     air = np.maximum(skin.exposure, _HIDDEN_AIR)

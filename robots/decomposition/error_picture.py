@@ -19,8 +19,8 @@ from contactsense.robots.robot import Robot
 from contactsense.robots.surface.union import distances
 
 SPAN = 0.005
-"""Error at the ends of the colour scale [m]: blue where primitives stick out of the skin, red where they fall
-short."""
+"""Error at the ends of the colour scale [m]: blue where primitives protrude from the skin, red where they are
+below it."""
 
 
 def draw_fits(
@@ -36,8 +36,8 @@ def draw_fits(
         robot: The arm.
         meshes: Visual surface of each link, in its frame [m].
         bodies: Primitives of each link.
-        path: Of the PNG.
-        pixels: Edge of each picture.
+        path: Path of the PNG.
+        pixels: Width and height of each picture.
     """
     rows = []
     for name, own in bodies.items():

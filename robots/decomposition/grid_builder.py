@@ -1,5 +1,5 @@
-"""Build the signed-distance grids of `contactsense.robots.surface.signed_distance_grid` from meshes, once,
-and keep them."""
+"""Build the signed-distance grids of `contactsense.robots.surface.signed_distance_grid` from meshes, and
+cache them."""
 
 import hashlib
 import os
@@ -17,7 +17,7 @@ from contactsense.robots.surface.signed_distance_grid import BAND, Grids, read, 
 from contactsense.robots.yaml_schema import RobotError
 
 CELL = 0.0035
-"""Distance of neighbouring nodes [m]."""
+"""Distance between neighbouring nodes [m]."""
 
 _DENSITY = 1.2e6
 """Samples on a mesh per square metre."""
@@ -27,9 +27,9 @@ def build(robot: Robot, meshes: Mapping[str, trimesh.Trimesh], cell: float = CEL
     """Grids of all links.
 
     Args:
-        robot: Names the links, in order.
+        robot: Provides the names of the links, in order.
         meshes: Visual surface by link, in its frame [m]; links without one get no nodes.
-        cell: Distance of neighbouring nodes [m].
+        cell: Distance between neighbouring nodes [m].
 
     Raises:
         ValueError: a mesh has no surface visible from outside.
@@ -60,8 +60,8 @@ def build(robot: Robot, meshes: Mapping[str, trimesh.Trimesh], cell: float = CEL
 
 
 def dense_skin(mesh: trimesh.Trimesh) -> Skin:
-    """Outer skin of a mesh by many samples: those that lie on a coarser sampling of it and face the same
-    way."""
+    """Densely sampled outer skin of a mesh: samples that are close to a coarser sampling of it and have
+    similar normals."""
     coarse = outer_skin(mesh, count=30000)
     rng = np.random.default_rng(1)
     points, normals = sample(mesh, int(np.clip(_DENSITY * mesh.area, 50000, 600000)), rng)
@@ -73,12 +73,12 @@ def dense_skin(mesh: trimesh.Trimesh) -> Skin:
 
 
 def cached(robot: Robot, meshes: Mapping[str, trimesh.Trimesh], folder: Path | None = None) -> Grids:
-    """Grids of a robot from the cache, built first where they are not there yet.
+    """Grids of a robot from the cache; they are built first if they are missing.
 
     Args:
-        robot: Names the links.
+        robot: Provides the names of the links.
         meshes: Visual surface by link, in its frame [m].
-        folder: Of the cache; by default `contactsense` in `XDG_CACHE_HOME` or `~/.cache`.
+        folder: Folder of the cache; by default `contactsense` in `XDG_CACHE_HOME` or `~/.cache`.
 
     Raises:
         RobotError: the cache cannot be written.

@@ -1,4 +1,4 @@
-"""Guesses for a further primitive, where a union of them does not yet follow the skin."""
+"""Guesses for a further primitive where the union does not yet fit the skin."""
 
 from collections.abc import Iterator
 
@@ -28,14 +28,14 @@ def one(kind: int, rotation: np.ndarray, origin: np.ndarray, size: tuple[float, 
 
 
 def revolved(points: np.ndarray, normals: np.ndarray, axis: np.ndarray, least: float) -> Bodies | None:
-    """A rounded cylinder along `axis` through oriented points; None where they do not bend about that
+    """A rounded cylinder along `axis` through oriented points; None if the surface is not curved about that
     axis."""
     frame = frame_along(axis)
     local, local_normals = points @ frame, normals @ frame
     side = np.abs(local_normals[:, 2]) < 0.5
     if side.sum() < 12:
         return None
-    # p = c + rho n in the plane across the axis, by least squares in c and rho.
+    # p = c + rho n in the plane perpendicular to the axis, by least squares in c and rho.
     q, n = local[side, :2], local_normals[side, :2]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
     rows = np.zeros((2 * len(q), 3))
@@ -71,13 +71,13 @@ def additions(
     boxes: bool,
     rng: np.random.Generator,
 ) -> Iterator[Bodies]:
-    """Endless guesses for one more body.
+    """An endless sequence of guesses for one more body.
 
     Args:
         points, normals: Skin, shape (N, 3) each.
-        misfit: How badly each point is followed, shape (N,), not negative.
-        axes: Directions worth a try, shape (M, 3): those of joints.
-        least: Least radius of a ball [m].
+        misfit: Misfit at each point, shape (N,), not negative.
+        axes: Candidate directions, shape (M, 3): those of joints.
+        least: Minimum radius of a ball [m].
         boxes: Whether to guess boxes as well.
         rng: Random number generator.
     """
@@ -87,7 +87,7 @@ def additions(
         seed = int(rng.choice(len(points), p=probability))
         reach = rng.uniform(0.05, 0.6) * extent
         near = np.linalg.norm(points - points[seed], axis=1) < reach
-        if rng.random() < 0.5:  # only what is not followed yet
+        if rng.random() < 0.5:  # only points that are not yet fitted
             near &= misfit > np.percentile(misfit, 60.0)
         if near.sum() < 20:
             continue
@@ -118,7 +118,7 @@ def additions(
 
 
 def splits(bodies: Bodies, rng: np.random.Generator) -> Iterator[Bodies]:
-    """Endless guesses in which one body is cut in two along its longest dimension."""
+    """An endless sequence of guesses in which one body is split in two along its longest dimension."""
     while True:
         k = int(rng.integers(len(bodies.kind)))
         first, second = bodies.only(np.array([k])), bodies.only(np.array([k]))

@@ -1,4 +1,4 @@
-"""An arm and its meshes, by the name that a user gives."""
+"""Find an arm and its meshes by a name given by the user."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.robots.urdf import read_chain, visuals
 
 _AIRO_LINKS = {"base": "base_link_inertia"}
-"""Links of PyPI's airo-models whose names differ from ours by more than an ending."""
+"""Links of PyPI's airo-models whose names differ from ours by more than a suffix."""
 
 
 def read_arm(
@@ -23,8 +23,8 @@ def read_arm(
 
     Args:
         arm: Path to a .urdf, or a name or .yaml file for `robots.load`.
-        folder: Where the meshes are; without it those of the URDF, or of PyPI's airo-models (MIT), which has
-            UR3e and UR5e.
+        folder: Folder of the meshes; by default those of the URDF, or of PyPI's airo-models (MIT), which
+            contains UR3e and UR5e.
         tip: Last link of the arm in a URDF.
 
     Raises:
@@ -51,18 +51,18 @@ def _from_airo(robot: Robot) -> dict[str, trimesh.Trimesh]:
     for name in robot.link_names:
         link = model.link_map[_AIRO_LINKS.get(name, f"{name}_link")]
         if name == "base":
-            # That URDF shows the base with its cable, which is no part of the arm.
+            # That URDF includes the base's cable, which is not part of the arm.
             link.visuals[0].geometry.mesh.filename = "visual/base.obj"
         meshes[name] = visuals(path, link)[0]
     return meshes
 
 
 def skin_grids(arm: str, folder: Path | None = None, cache: Path | None = None) -> Grids:
-    """Signed-distance grids of an arm's skin, from the cache or built now (about a minute an arm).
+    """Signed-distance grids of an arm's skin, from the cache or built now (about a minute per arm).
 
     Args:
         arm: As in `read_arm`.
-        folder: Where the meshes are, as in `read_arm`.
+        folder: Folder of the meshes, as in `read_arm`.
         cache: Folder for the grids; by default `contactsense` in `XDG_CACHE_HOME` or `~/.cache`.
 
     Raises:

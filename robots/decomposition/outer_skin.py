@@ -1,8 +1,8 @@
 """The outer skin of a link: points on its visual mesh that a finger can reach, with outward normals.
 
-Visual meshes are open, nested and full of inner parts, and the winding of their facets cannot be trusted.
-What a finger can reach is found by looking out: from a point on the skin a good part of the hemisphere above
-it is free.
+Visual meshes are open, nested and full of inner parts, and the winding order of their facets is not reliable.
+Whether a finger can reach a point is determined by visibility: from a point on the skin, a large part of the
+hemisphere above it is free.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ NEAR = 0.02
 AROUND = 0.04
 """Other rays count as free when nothing is within this distance [m]."""
 OPEN = 0.4
-"""Least part of the (cosine-weighted) hemisphere that is free above a point that can be touched."""
+"""Minimum fraction of the (cosine-weighted) hemisphere that is free above a point that can be touched."""
 
 _RAYS = 48
 _FAR = 1e3
@@ -34,34 +34,35 @@ class Skin(NamedTuple):
     normals: np.ndarray
     """Outward unit normals of the facets, shape (N, 3)."""
     exposure: np.ndarray
-    """Part of the neighbours' poses in which the point can be touched, shape (N,), 0 to 1."""
+    """Fraction of the neighbours' poses in which the point can be touched, shape (N,), 0 to 1."""
     area: float
     """Area of the whole skin [m^2]."""
 
 
 class Surroundings:
-    """What may be in a finger's way on one link: its neighbours, each of their poses a set of meshes."""
+    """Obstacles for a finger on one link: its neighbours, with one set of meshes for each of their poses."""
 
     def __init__(self, mesh: trimesh.Trimesh, poses: Sequence[Sequence[trimesh.Trimesh]] = ((),)) -> None:
-        """`mesh`: of the link itself; `poses`: of its neighbours in its frame, one set for each pose."""
+        """`mesh`: mesh of the link itself; `poses`: meshes of its neighbours in its frame, one set for each
+        pose."""
         self._own = _Rays([mesh])
         self._others = [_Rays(meshes) for meshes in poses]
         self._all = [_Rays([mesh, *meshes]) for meshes in poses]
 
     def exposure(self, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Part of the poses in which each point of the skin can be touched, shape (N,).
+        """Fraction of the poses in which each point of the skin can be touched, shape (N,).
 
         Args:
             points, normals: Shape (N, 3) each, in the link's frame.
-            rng: Of the rays' directions.
+            rng: Random number generator for the rays' directions.
         """
         visible = [scene.openness(points, normals, rng) > 0.0 for scene in self._all]
         return np.asarray(np.mean(visible, axis=0))
 
     def freedom(self, points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Part of all directions in which points anywhere get away from the link itself, shape (N,).
+        """Fraction of all directions in which rays from arbitrary points miss the link itself, shape (N,).
 
-        About a half and more outside, little inside, also in a shell that is open at one end.
+        About one half or more outside, little inside, even in a shell that is open at one end.
         """
         directions = rng.normal(size=(len(points) * _RAYS, 3))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -71,7 +72,7 @@ class Surroundings:
     def exposure_of_model(
         self, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
-        """The same for points on primitives. Those a little below the skin count as if it were not there."""
+        """The same for points on primitives. For points slightly below the skin, the skin is ignored."""
         beneath = self._own.blocked(points, normals, NEAR)
         visible = [
             np.where(
@@ -96,7 +97,7 @@ def outer_skin(
         mesh: Surface of the link, in its own frame [m].
         poses: Meshes of the neighbours in the link's frame, one set for each of their poses.
         count: Number of samples on the whole mesh; those on inner parts are dropped.
-        seed: Of the samples and rays.
+        seed: Seed of the samples and rays.
 
     Raises:
         ValueError: the mesh has no area, or no part of it is visible from outside.
@@ -140,7 +141,7 @@ class _Rays:
             TriangleMesh(self._scene, triangles.astype(np.float32))
 
     def openness(self, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """How much of the hemisphere above each point is free, shape (N,); zero where it cannot be touched.
+        """Fraction of the hemisphere above each point that is free, shape (N,); zero if it cannot be touched.
 
         A cavity inside a shell can be wider than a finger: at least a tenth of the rays must get away
             altogether.
@@ -149,7 +150,7 @@ class _Rays:
             return np.full(len(points), 2.0)
         origins = points + _LIFT * normals
         straight = self.blocked(origins, normals, NEAR)
-        # A uniform point of a sphere that touches the plane is a cosine-weighted direction.
+        # A uniform point on a sphere that touches the plane gives a cosine-weighted direction.
         sphere = rng.normal(size=(len(points), _RAYS, 3))
         sphere /= np.linalg.norm(sphere, axis=2, keepdims=True)
         directions = sphere + normals[:, None, :]

@@ -1,4 +1,4 @@
-"""How far a union of primitives is from the skin that it approximates, in both directions."""
+"""Distance between a union of primitives and the skin that it approximates, in both directions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ from contactsense.robots.surface.convex_primitives import (
 from contactsense.robots.surface.union import distances
 
 ROOM = 0.003
-"""A point on a primitive counts as exposed where so much above it there is still air [m]."""
+"""A point on a primitive counts as exposed if there is free space above it for this distance [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Distances between skin that can be touched and primitives, one entry a sample."""
+    """Distances between touchable skin and primitives, one entry per sample."""
 
     skin: np.ndarray
-    """From the skin to the primitives, signed: positive where they fall short of it, shape (N,) [m]."""
+    """From the skin to the primitives, signed: positive where they are below it, shape (N,) [m]."""
     primitive: np.ndarray
     """From exposed surface of the primitives to the skin, not negative, shape (M,) [m]."""
     angle: np.ndarray
@@ -105,7 +105,7 @@ def exposed_surface(bodies: Bodies, count: int, rng: np.random.Generator) -> np.
     surfaces = packed(bodies)
     distance, _, normal = distances(surfaces, points)
     points, normal = points[distance > -1e-6], normal[distance > -1e-6]
-    # The walls of a slit between two bodies are surface too, but nothing gets in there.
+    # The walls of a slit between two bodies are also surface, but cannot be reached.
     return np.asarray(points[distances(surfaces, points + ROOM * normal)[0] > ROOM / 3.0])
 
 
@@ -166,7 +166,7 @@ HEADINGS = (
 
 
 def row(found: Errors) -> tuple[str, str, str]:
-    """Errors in words, under `HEADINGS`."""
+    """Errors as text, in the columns of `HEADINGS`."""
 
     def lengths(values: np.ndarray) -> str:
         return " / ".join(
@@ -178,7 +178,8 @@ def row(found: Errors) -> tuple[str, str, str]:
 
 
 def together(parts: Sequence[Errors]) -> Errors:
-    """Errors of several links as of one surface, each with as many samples as its area is worth."""
+    """Errors of several links combined as one surface, each with a number of samples proportional to its
+    area."""
     density = min(len(part.skin) / part.area for part in parts)
     back = min(len(part.primitive) / part.area for part in parts)
     rng = np.random.default_rng(0)

@@ -21,7 +21,7 @@ def primitives(bodies: Bodies) -> tuple[Primitive, ...]:
 
 
 def primitive(kind: int, rotation: np.ndarray, origin: np.ndarray, size: np.ndarray) -> Primitive:
-    """One body of `contactsense.robots.surface.convex_primitives` as the plainest primitive that describes
+    """One body of `contactsense.robots.surface.convex_primitives` as the simplest primitive that describes
     it."""
     if kind == REVOLVED:
         return _revolved(rotation[:, 2], origin, size)
@@ -73,13 +73,13 @@ def text(
     comments: Iterable[str],
     seconds: float,
 ) -> str:
-    """The YAML file: comments, then one primitive a line under link and level.
+    """Content of the YAML file: comments, then one primitive per line under link and level.
 
     Args:
         robot: Name of the robot.
         links: Link name -> level (`coarse`, `fine`) -> primitives.
-        comments: Lines for the head of the file.
-        seconds: Time that the fit took [s].
+        comments: Lines at the start of the file.
+        seconds: Duration of the fit [s].
     """
     lines = [f"# {comment}".rstrip() for comment in comments]
     lines += [f"robot: {robot}", f"fit_seconds: {seconds:.0f}", "links:"]

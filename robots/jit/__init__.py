@@ -1,1 +1,1 @@
-"""How all compiled functions of this project are made."""
+"""Compilation of all kernels of this project."""

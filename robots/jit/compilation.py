@@ -1,9 +1,9 @@
-"""How far the first compilation of the kernels has come, and how long it will still take.
+"""Progress of the first compilation of the kernels, and its remaining time.
 
-Numba announces each function that it compiles; functions whose machine code comes from the disk are not
-announced. What is still to come is found by following the calls from the functions that Python calls, down
-to those that are in the cache. Each counts as much as it took when `compile_times.yaml` was measured
-(`python -m contactsense.benchmarks.live.compile_times`); the speed of this machine is estimated on the way.
+Numba reports each function that it compiles, but not functions whose machine code is loaded from disk. The
+remaining functions are found by following the calls from the functions that Python calls, down to those in
+the cache. Each is weighted by its compile time in `compile_times.yaml` (`python -m
+contactsense.benchmarks.live.compile_times`); the speed of this machine is estimated during compilation.
 """
 
 import time
@@ -19,21 +19,21 @@ _EVENT = "numba:compile"
 _TIMES = Path(__file__).with_name("compile_times.yaml")
 _PACKAGE = "contactsense."
 _PRIOR = 5.0
-"""The speed seen so far counts half after so much of the measured time [s]."""
+"""The observed speed has a weight of one half after this much of the measured time [s]."""
 _UNFINISHED = 0.95
-"""Most of a function's share that counts before it is finished."""
+"""Maximum fraction of a function's time that counts before it is finished."""
 
 
 class CompilationProgress(NamedTuple):
     """State of a compilation."""
 
     share: float
-    """Share of the work that is done, 0 to 1."""
+    """Fraction of the work that is done, 0 to 1."""
     left: float
     """Estimated time left [s]."""
 
     def __str__(self) -> str:
-        """The same for a person."""
+        """The same as readable text."""
         return f"compiling kernels: {100.0 * self.share:.0f} %, about {self.left:.0f} s left"
 
 
@@ -45,7 +45,7 @@ class _Frame:
     weight: float
     """Its measured time [s]."""
     resumed: float
-    """Since when it is the innermost one, on the clock [s]."""
+    """Time on the clock since which it has been the innermost one [s]."""
     spent: float = 0.0
     """Time spent on it before that, without the functions that it calls [s]."""
 
@@ -53,7 +53,7 @@ class _Frame:
 class Compilation(event.Listener):
     """Follows the compilation that happens inside its `with` block.
 
-    `progress` may be read from any thread meanwhile.
+    During that time, `progress` may be read from any thread.
     """
 
     def __init__(
@@ -62,13 +62,13 @@ class Compilation(event.Listener):
         notify: Callable[[CompilationProgress], object] | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        """Nothing is read or computed before a function is compiled.
+        """Initialize; nothing is read or computed before a function is compiled.
 
         Args:
             roots: Compiled functions that Python calls.
             notify: Called in the compiling thread whenever the compilation of a function begins or ends, and
-                with the share 1 when all is done.
-            clock: Time [s].
+                with the fraction 1 at the end.
+            clock: Returns the time [s].
         """
         self._roots = tuple(roots)
         self._notify = notify
@@ -77,16 +77,16 @@ class Compilation(event.Listener):
         self._expected: dict[str, list[float]] | None = None
         self._total = self._done = self._measured = self._spent = self._share = 0.0
         self.times: list[tuple[str, float]] = []
-        """Function and own compile time [s] of all that has been compiled, in order."""
+        """Each compiled function and its own compile time [s], in order."""
 
     @property
     def active(self) -> bool:
-        """Whether something had to be compiled."""
+        """Whether any function had to be compiled."""
         return self._expected is not None
 
     @property
     def progress(self) -> CompilationProgress:
-        """The state now; the share never falls."""
+        """The current state; the fraction never decreases."""
         if self._total == 0.0:
             return CompilationProgress(0.0, 0.0)
         now, slowness = self._clock(), (self._spent + _PRIOR) / (self._measured + _PRIOR)
@@ -123,7 +123,7 @@ class Compilation(event.Listener):
     def on_end(self, event: Any) -> None:
         """Numba has compiled a function, or failed to."""
         if not self._stack:
-            return  # begun before we listened
+            return  # started before we listened
         now, frame = self._clock(), self._stack.pop()
         frame.spent += now - frame.resumed
         if self._stack:
@@ -147,8 +147,8 @@ def name_of(compiled: Any) -> str:
 
 
 def uncached(roots: Iterable[Any]) -> dict[str, list[float]]:
-    """Measured compile times of each version of all functions that these need and that are not in the cache
-    [s]; the median of all where a function has not been measured."""
+    """Measured compile times [s] of each version of all functions that `roots` need and that are not in the
+    cache; the median of all for functions that have not been measured."""
     table: dict[str, list[float]] = yaml.safe_load(_TIMES.read_text(encoding="utf-8"))
     times = sorted(seconds for versions in table.values() for seconds in versions)
     usual = times[len(times) // 2]
@@ -167,8 +167,8 @@ def uncached(roots: Iterable[Any]) -> dict[str, list[float]]:
 
 
 def _cached_versions(compiled: Any) -> int:
-    """How many versions of a function are in memory or on disk."""
+    """Number of versions of a function in memory or on disk."""
     in_memory = len(compiled.overloads)
-    # Numba offers no public way to look into its cache without loading from it.
+    # Numba has no public interface to inspect its cache without loading from it.
     index = getattr(compiled._cache, "_cache_file", None)
     return max(in_memory, 0 if index is None else len(index._load_index()))

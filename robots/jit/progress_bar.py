@@ -1,4 +1,4 @@
-"""Shows the first compilation of the kernels: a bar on a terminal, one line that changes in a notebook."""
+"""Shows the first compilation of the kernels: a bar on a terminal, one line that is updated in a notebook."""
 
 import contextlib
 import sys
@@ -20,7 +20,7 @@ def shown_compilation(roots: Iterable[Any], progress: bool | Notify | None = Non
     Args:
         roots: Compiled functions that Python calls.
         progress: A function is called with the progress instead. True: shown on stderr; False: not shown;
-            None: shown where stderr is a terminal or the program is a notebook.
+            None: shown if stderr is a terminal or the program is a notebook.
     """
     if callable(progress):
         with Compilation(roots, progress) as compilation:
@@ -44,16 +44,16 @@ class CompilationBar:
     """A progress bar with the time left, from the first `update` on."""
 
     def __init__(self, console: Console) -> None:
-        """`console`: where it is shown; each update is one line where that is no terminal."""
+        """`console`: where it is shown; if that is not a terminal, each update is one line."""
         self.source: Compilation | None = None
-        """Asked for the progress between updates, if there is one."""
+        """Called to get the progress between updates, if set."""
         self._console = console
         self._bar: _Bar | None = None
         self._last = CompilationProgress(0.0, 0.0)
         self._printed = -1
 
     def update(self, progress: CompilationProgress) -> None:
-        """Show this progress; the share 1 takes the bar away."""
+        """Show this progress; the fraction 1 removes the bar."""
         self._last = progress
         if progress.share >= 1.0:
             self.close()
@@ -67,7 +67,7 @@ class CompilationBar:
             self._bar.start()
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.stop()
             self._bar = None
@@ -92,7 +92,7 @@ class _Bar(Progress):
         self._only = self.add_task("", total=1.0, left=now().left)
 
     def get_renderables(self) -> Iterable[RenderableType]:
-        """What is drawn."""
+        """The elements to draw."""
         for task in self.tasks:
             now = self._now()
             self.update(task.id, completed=now.share, left=now.left)
@@ -100,7 +100,7 @@ class _Bar(Progress):
 
 
 class _Line:
-    """One line of a notebook's output that is written over."""
+    """One line of a notebook's output that is overwritten."""
 
     def __init__(self) -> None:
         self.source: Compilation | None = None

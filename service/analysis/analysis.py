@@ -1,4 +1,4 @@
-"""`analyze`: what touched the arm in a recording."""
+"""`analyze`: finds the contacts in a recording."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -29,7 +29,7 @@ from contactsense.service.recordings.recording import RecordingFile
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """What touched the arm in one recording, and how well the model fits it."""
+    """The contacts in one recording, and how well the model fits it."""
 
     scene: Scene
     """The scene it was analysed with."""
@@ -42,9 +42,9 @@ class Analysis:
     duration: float
     """From the first sample to the last [s]."""
     gaps: int
-    """Places where time is missing."""
+    """Gaps in time."""
     problems: tuple[str, ...]
-    """What is wrong with the file, a sentence each."""
+    """Problems found in the file, one sentence each."""
     contacts: tuple[ContactSummary, ...]
     """The contacts, in the order in which they began."""
     residuals: ResidualSummary
@@ -52,7 +52,7 @@ class Analysis:
     limits: ForceLimits | None = None
     """The limits that forces are compared with."""
     estimates: pa.Table | None = None
-    """Estimates and residuals of every sample, where they were asked for, see
+    """Estimates and residuals of every sample, if they were requested, see
     `contactsense.service.analysis.sample_table.sample_table`."""
 
     def __repr__(self) -> str:
@@ -89,13 +89,14 @@ def analyze(
     """Find the contacts of a recording.
 
     Args:
-        recording: The recording, or its file, which is read block by block: its length does not matter.
-        scene: The arm in its place.
-        estimates: Keep the estimates and residuals of every sample, some 400 bytes each.
+        recording: The recording, or its file, which is read block by block: memory use does not depend on its
+            length.
+        scene: The arm, its mounting and its sensors.
+        estimates: Keep the estimates and residuals of every sample, about 400 bytes each.
         limits: Limits to compare forces with.
-        smooth: Decide link and place of each contact from all of its samples together.
+        smooth: Determine link and place of each contact from all of its samples together.
         progress: Called with the number of samples done since it was last called.
-        localizer: One of the same scene to use again.
+        localizer: A localizer of the same scene to reuse.
 
     Raises:
         RecordingError: the file cannot be read or lacks a column.
@@ -126,7 +127,7 @@ def analyze(
 
 @dataclass
 class Extent:
-    """How much of a recording has been gone through."""
+    """The part of a recording that has been processed."""
 
     samples: int = 0
     """Number of samples."""
@@ -135,12 +136,12 @@ class Extent:
     seconds: float = 0.0
     """From the first to the last, see `contactsense.service.recordings.Recording.seconds` [s]."""
     problems: tuple[Problem, ...] = ()
-    """What is wrong with the file."""
+    """Problems found in the file."""
     last: float = float("nan")
     """Time of the last sample [s]."""
 
     def add(self, t: np.ndarray) -> None:
-        """Count samples in; t: their times [s], shape (N,)."""
+        """Add samples; t: their times [s], shape (N,)."""
         if len(t) == 0:
             return
         if self.samples == 0:
@@ -151,16 +152,16 @@ class Extent:
 
 
 class AnalysisRun:
-    """One way through a recording; keeps the localizer for the next one."""
+    """One pass through a recording; keeps the localizer for the next one."""
 
     scene: Scene
     """The scene."""
     residuals: ResidualStatistics
-    """Of the recording that was last gone through."""
+    """Residual statistics of the last recording."""
     extent: Extent
     """The same."""
     biases: tuple[np.ndarray, np.ndarray]
-    """What the localizer took for the biases of base wrench (6,) and joint torques (n,) at its end."""
+    """The localizer's estimates of the biases of base wrench (6,) and joint torques (n,) at its end."""
 
     def __init__(self, scene: Scene, localizer: Localizer | None = None, smooth: bool = True) -> None:
         """Prepare for `scene`."""
@@ -181,17 +182,17 @@ class AnalysisRun:
         own: tuple[int, int] | None = None,
         friction: FrictionResiduals | None = None,
     ) -> Iterator[ContactSummary]:
-        """The contacts of a recording, each when it has ended.
+        """The contacts of a recording, each as soon as it has ended.
 
         Args:
             recording: The recording.
-            keep: Given the tables of all samples.
-            progress: Given the number of samples done since the last time.
-            cuts: Where blocks end, all samples from 0 to N.
-            statistics: Takes in the residuals instead of `residuals`.
-            own: Samples of which residuals are taken in, whole blocks; after them only a contact that is on
-                is followed.
-            friction: Takes in the same residuals.
+            keep: Receives the tables of all samples.
+            progress: Called with the number of samples processed since the last call.
+            cuts: Sample numbers at which blocks end, covering all samples from 0 to N.
+            statistics: Collects the residuals instead of `residuals`.
+            own: Samples whose residuals are collected, whole blocks; after them, only an active contact is
+                followed.
+            friction: Collects the same residuals.
         """
         name, joints = recording.name, len(self.scene.robot.joints)
         span = _span(recording)
@@ -221,14 +222,14 @@ class AnalysisRun:
     def _blocks(
         self, recording: Recording | RecordingFile, cuts: Sequence[int] | None
     ) -> Iterator[tuple[np.ndarray, SampleBlock, BlockEstimates]]:
-        """Rows of each block in the file, the block, and what is found in it."""
+        """Rows of each block in the file, the block, and its estimates."""
         taken: deque[tuple[np.ndarray, SampleBlock]] = deque()
 
         def blocks() -> Iterator[SampleBlock]:
             at = 0
             for part in recording.blocks():
                 self.extent.add(part.t)
-                # Parts of a recording carry the problems of all of it.
+                # Slices of a recording carry the problems of the whole recording.
                 if not isinstance(recording, Recording):
                     self.extent.problems += part.problems
                 begin = at
@@ -252,7 +253,7 @@ class AnalysisRun:
 
 
 def _span(recording: Recording | RecordingFile) -> tuple[float | None, float | None]:
-    """Times of the first and the last sample [s], where they are known beforehand."""
+    """Times of the first and the last sample [s], if they are known in advance."""
     if isinstance(recording, RecordingFile) or len(recording) == 0:
         return None, None
     return float(recording.t[0]), float(recording.t[-1])

@@ -1,10 +1,10 @@
-"""What an analysis takes for granted, in words."""
+"""The assumptions of an analysis, in words."""
 
 from contactsense.scene import Scene
 
 
 def assumptions(scene: Scene) -> list[str]:
-    """What the scene says, a sentence each."""
+    """The assumptions that the scene states, one sentence each."""
     mounting = scene.mounting if isinstance(scene.mounting, str) else f"rpy {scene.mounting} rad"
     found = [
         f"Robot {scene.robot.name}, mounting {mounting}, gravity {scene.gravity:g} m/s².",

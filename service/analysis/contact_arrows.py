@@ -1,4 +1,4 @@
-"""Contacts of an analysis as arrows over time, for a 3D panel beside the recording's own messages."""
+"""Contacts of an analysis as arrows over time, for a 3D panel next to the recording's own messages."""
 
 from collections.abc import Iterator
 
@@ -11,19 +11,19 @@ from contactsense.service.recordings import Recording
 from contactsense.types import Contact
 
 ARROWS_PER_SECOND = 25.0
-"""How often an arrow is drawn anew while its contact is on [Hz]."""
+"""Rate at which an arrow is redrawn while its contact is active [Hz]."""
 
 
 def contact_arrows(analysis: Analysis, recording: Recording) -> Iterator[tuple[float, list[Contact]]]:
-    """Times and the contact at each, for `contactsense.service.recordings.export.export`.
+    """Times and the contacts at each, for `contactsense.service.recordings.export.export`.
 
-    Place and direction of the force move with the touched link; the size of the force is the force curve's.
-    A time without contacts follows each contact, which removes its arrow. Contacts without a single place are
-    left out.
+    Place and direction of the force move with the touched link; the magnitude of the force is taken from the
+    force curve. Each contact is followed by a time without contacts, which removes its arrow. Contacts
+    without a definite place are omitted.
 
     Args:
         analysis: The contacts.
-        recording: What was analysed.
+        recording: The recording that was analysed.
     """
     poses = Summarizer(analysis.scene)
     for summary in analysis.contacts:

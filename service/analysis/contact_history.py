@@ -1,4 +1,4 @@
-"""The samples of a contact that is on, until it ends."""
+"""The samples of an active contact, until it ends."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from contactsense.sensors.stream_state import REPEATED, RESTARTED, UNUSABLE
 from contactsense.tracking.contact_tracker import NONE
 
 MAX_SAMPLES = 30_000
-"""A history that grows longer keeps every other sample, so that memory is bounded."""
+"""A longer history keeps only every other sample, so that memory is bounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,25 +57,25 @@ class ContactHistory:
 
 
 class ContactCollector:
-    """Cuts a stream of blocks into contacts."""
+    """Splits a stream of blocks into contacts."""
 
     def __init__(self) -> None:
-        """No contact is on."""
+        """Start without a contact."""
         self._open: list[ContactHistory] = []
         self._count = 0
 
     @property
     def is_open(self) -> bool:
-        """Whether a contact is on."""
+        """Whether a contact is active."""
         return bool(self._open)
 
     def add(self, rows: np.ndarray, block: SampleBlock, found: BlockEstimates) -> Iterator[ContactHistory]:
-        """Take in a block; gives the contacts that have ended in it.
+        """Add a block; yields the contacts that have ended in it.
 
         Args:
             rows: Rows of the file, shape (N,).
             block: The samples.
-            found: What the localizer says of them.
+            found: The localizer's estimates for them.
         """
         used = (found.flags & (REPEATED | UNUSABLE)) == 0
         on = (found.phase != NONE) & used
@@ -92,14 +92,14 @@ class ContactCollector:
                 self._take(here, rows, block, found)
 
     def end(self) -> Iterator[ContactHistory]:
-        """The recording is over; gives the contact that is still on."""
+        """End the recording; yields the contact that is still active."""
         yield from self._end(False)
 
     def _take(self, here: np.ndarray, rows: np.ndarray, block: SampleBlock, found: BlockEstimates) -> None:
         inside = np.flatnonzero((found.sample >= here[0]) & (found.sample <= here[-1]))
         if len(inside):
             strongest = np.linalg.norm(found.rows[inside][:, FORCE], axis=1)
-            # Of contacts that act at the same time a sample is listed once for each: the strongest counts.
+            # With simultaneous contacts, a sample is listed once for each: the strongest counts.
             order = np.lexsort((-strongest, found.sample[inside]))
             _, once = np.unique(found.sample[inside][order], return_index=True)
             inside = inside[order][once]

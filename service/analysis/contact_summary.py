@@ -7,22 +7,22 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class ForceCurve:
-    """Force of one contact over time, thinned out to some hundred points."""
+    """Force of one contact over time, reduced to a few hundred points."""
 
     t: np.ndarray
     """Time on the robot's clock [s], shape (K,)."""
     force: np.ndarray
-    """Size of the force, the largest between two points [N], shape (K,)."""
+    """Magnitude of the force, the maximum between two points [N], shape (K,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactSummary:
-    """A contact as a whole. Base frame and base axes unless said otherwise."""
+    """A contact as a whole. Base frame and base axes unless stated otherwise."""
 
     recording: str
     """The file."""
     row: int
-    """Row of its first sample in that file, counted from 0."""
+    """Row of its first sample in that file, from 0."""
     row_end: int
     """Row after its last sample."""
     contact: int
@@ -32,7 +32,7 @@ class ContactSummary:
     duration: float
     """From its first to its last sample [s]."""
     complete: bool
-    """Whether its end is in the recording."""
+    """Whether the recording contains its end."""
     link: str
     """The most probable link; empty where no single push on a touchable link explains the contact."""
     link_index: int
@@ -40,11 +40,11 @@ class ContactSummary:
     probability: float
     """Probability of this link and place."""
     link_probability: np.ndarray
-    """Probability of each link; what they lack to one is that of none of them, shape (links,)."""
+    """Probability of each link; the remainder to one is the probability of none of them, shape (links,)."""
     point: np.ndarray
-    """Place in the link's frame [m], shape (3,)."""
+    """Contact point in the link's frame [m], shape (3,)."""
     point_base: np.ndarray
-    """Place in the base frame at the time of the largest force [m], shape (3,)."""
+    """Contact point in the base frame at the time of the largest force [m], shape (3,)."""
     normal_base: np.ndarray
     """Outward unit normal of the link there at that time, shape (3,)."""
     covariance: np.ndarray
@@ -52,27 +52,27 @@ class ContactSummary:
     force_base: np.ndarray
     """The largest force on the robot [N], shape (3,)."""
     peak_force: float
-    """Its size [N]."""
+    """Its magnitude [N]."""
     peak_time: float
-    """When it acted [s]."""
+    """Time at which it acted [s]."""
     transient_force: float
     """Largest force in the first half second [N]."""
     quasi_static_force: float
     """Largest force after the first half second [N]; 0 for shorter contacts."""
     impulse: float
-    """Integral of the size of the force over time [N s]."""
+    """Integral of the magnitude of the force over time [N s]."""
     torsion: float
     """Moment on the robot about the outward normal at the time of the largest force [Nm]."""
     speed: float
-    """Speed of the arm at that place when the contact began [m/s]."""
+    """Speed of the arm at the contact point when the contact began [m/s]."""
     slides: bool
-    """Whether the place moved for longer than it kept still."""
+    """Whether the contact point moved for longer than it was at rest."""
     energy: float
-    """Largest energy of "nothing touches" while it was on."""
+    """Largest energy of "nothing touches" during the contact."""
     q: np.ndarray
     """Joint positions at the time of the largest force [rad], shape (n,)."""
     smoothed: bool = False
-    """Whether link, place and probabilities are those of the whole contact."""
+    """Whether link, place and probabilities were determined from the whole contact."""
     curve: ForceCurve = field(default_factory=lambda: ForceCurve(np.empty(0), np.empty(0)), repr=False)
     """Its force over time."""
 

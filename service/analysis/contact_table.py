@@ -49,7 +49,7 @@ SCHEMA = pa.schema(
 
 
 def contact_rows(contacts: Iterable[ContactSummary]) -> list[dict[str, Any]]:
-    """One dictionary per contact, with the columns of `SCHEMA`; numbers that are not known are None."""
+    """One dictionary per contact, with the columns of `SCHEMA`; unknown numbers are None."""
     rows = [_row(contact) for contact in contacts]
     return [{name: None if isinstance(x, float) and x != x else x for name, x in row.items()} for row in rows]
 
@@ -60,7 +60,7 @@ def contact_table(contacts: Iterable[ContactSummary]) -> pa.Table:
 
 
 def write_contacts(table: pa.Table, folder: Path) -> None:
-    """Write `contacts.parquet` and `contacts.csv`; files that are there already are replaced at once."""
+    """Write `contacts.parquet` and `contacts.csv`; existing files are replaced atomically."""
     replace_parquet(table, folder / "contacts.parquet")
     flat = table
     for name in ("link_probability", "q"):
@@ -71,12 +71,12 @@ def write_contacts(table: pa.Table, folder: Path) -> None:
 
 
 def replace_parquet(table: pa.Table, path: Path) -> None:
-    """Write a table as Parquet; a file that is there already is replaced at once."""
+    """Write a table as Parquet; an existing file is replaced atomically."""
     replace(path, lambda temporary: pa_parquet.write_table(table, temporary, compression="zstd"))
 
 
 def replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write(temporary)` make a file, then move it to its name: no reader sees half a file."""
+    """Let `write(temporary)` create a file, then rename it: no reader sees an incomplete file."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         write(temporary)

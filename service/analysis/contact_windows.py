@@ -1,4 +1,4 @@
-"""The measurements of one contact, cut into windows: what each sensor felt on average, without its low-pass.
+"""The measurements of one contact, split into windows: the mean of each sensor, without its low-pass.
 
 The observer's residual r follows the external part x by dr/dt = K (x - r). So the mean of x over a window of
 length T is mean(r) + (r(end) - r(begin)) / (K T), and the white noise of one sample is divided by the samples
@@ -12,14 +12,15 @@ import numpy as np
 from contactsense.service.analysis.contact_history import ContactHistory
 
 SHORTEST, LONGEST = 0.02, 0.1
-"""Windows are at least and, while there are fewer than `MOST`, at most so long [s]."""
+"""Minimum duration of windows and, while there are fewer than `MOST`, maximum duration [s]."""
 FEWEST, MOST = 12, 24
-"""Windows of a contact that is long enough, where the arm does not move too fast for so few. The force is
-free in each, so what noise does to it from one window to the next counts as evidence: few are better."""
+"""Number of windows of a contact that is long enough, unless the arm moves too fast for so few. The force is
+free in each window, so its changes by noise from one window to the next count as evidence: few windows are
+better."""
 LARGEST_TURN = 0.2
-"""No joint turns farther within a window [rad]."""
+"""Maximum rotation of a joint within a window [rad]."""
 LIMIT = 400
-"""Most windows, however the arm moves."""
+"""Maximum number of windows, however fast the arm moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +38,11 @@ class ContactWindows:
     joint_torque: np.ndarray
     """Mean external torque about each joint [Nm], shape (W, n)."""
     edges: np.ndarray
-    """Samples of the contact at which windows begin and end, shape (W + 1,), int64."""
+    """Samples of the contact at which the windows begin and end, shape (W + 1,), int64."""
 
 
 def contact_windows(history: ContactHistory, bandwidth: float) -> ContactWindows | None:
-    """Cut a contact into windows; None where it is too short for one.
+    """Split a contact into windows; None if it is too short for one.
 
     Args:
         history: The contact.
@@ -57,7 +58,7 @@ def contact_windows(history: ContactHistory, bandwidth: float) -> ContactWindows
     length = max(length, SHORTEST, duration / LIMIT)
     count = max(int(duration / length), 1)
     edges = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], count + 1)))
-    # Time within a step is not split, and a window needs a begin and an end.
+    # A time step is not split, and a window needs a start and an end.
     edges = edges[np.concatenate(([True], np.diff(edges) >= 1))]
     begin, end = edges[:-1], edges[1:]
     whole = t[end] - t[begin]

@@ -1,4 +1,5 @@
-"""Forces against limits that the user brings. No norm's table is shipped, and this is no conformity test."""
+"""Comparison of forces with limits that the user provides. No table of a standard is included, and this is
+not a conformity test."""
 
 from pathlib import Path
 from typing import Any, Self
@@ -15,7 +16,7 @@ DISCLAIMER = (
 
 
 class LimitsError(ValueError):
-    """A file of limits that cannot be used: the message names the file, the field, what was expected."""
+    """A file of limits that cannot be used: the message names the file, the field and the expected value."""
 
 
 class RegionLimit(BaseModel):
@@ -26,9 +27,9 @@ class RegionLimit(BaseModel):
     name: str
     """The region, such as `hand`."""
     quasi_static: PositiveFloat
-    """Largest force that lasts [N]."""
+    """Largest quasi-static force [N]."""
     transient: PositiveFloat
-    """Largest force of the first half second [N]."""
+    """Largest transient force, in the first half second [N]."""
 
 
 class ForceLimits(BaseModel):
@@ -54,7 +55,7 @@ class ForceLimits(BaseModel):
         """Read limits from a YAML file.
 
         Raises:
-            LimitsError: the file is missing, is no YAML, or a field is wrong; the message names it.
+            LimitsError: the file is missing or is not valid YAML, or a field is wrong; the message names it.
         """
         try:
             content: Any = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
@@ -70,7 +71,7 @@ class ForceLimits(BaseModel):
             raise LimitsError(f"{path}: {describe(error)}") from None
 
     def exceeded(self, contact: ContactSummary) -> list[str]:
-        """Regions whose limits the contact exceeds, a phrase each."""
+        """Regions whose limits the contact exceeds, one phrase each."""
         found = []
         for region in self.regions:
             for kind, force, limit in (

@@ -1,9 +1,9 @@
 """How friction differs from the scene's, from residuals without contact: Coulomb and viscous part of each
 joint.
 
-What model and friction leave of a joint's torque, low-passed by the observer, is fitted with the low-passed
-sign and value of the joint's velocity, and a constant. Outliers count less (Huber's weights): impacts below
-the threshold, reversals, other errors of the model.
+The residual of a joint's torque after model and friction, low-passed by the observer, is fitted with the
+low-passed sign and value of the joint's velocity, and a constant. Outliers have less weight (Huber's
+weights): impacts below the threshold, reversals, other model errors.
 """
 
 import math
@@ -17,7 +17,7 @@ from contactsense.scene import Scene
 from contactsense.sensors.stream_state import INVALID, MISSING, REPEATED, SETTLING, TOUCHED, UNUSABLE
 
 ROW_INTERVAL = 0.02
-"""Time between two rows of the fit: residuals are low-passed, those in between say little more [s]."""
+"""Time between two rows of the fit: residuals are low-passed, those in between add little information [s]."""
 PAUSE = 5.0
 """Time constants of the observer after a contact, or after a gap, until residuals are used again."""
 STEADY = 0.9
@@ -43,7 +43,7 @@ class FrictionChange:
     viscous_std: np.ndarray
     """The same of the viscous part, shape (n,)."""
     bias: np.ndarray
-    """What is left of the torques at any velocity: their bias [Nm], shape (n,)."""
+    """Remaining torque, independent of velocity: the bias [Nm], shape (n,)."""
 
     def __repr__(self) -> str:
         return (
@@ -53,10 +53,10 @@ class FrictionChange:
 
 
 class FrictionResiduals:
-    """Takes in blocks of one recording."""
+    """Collects blocks of one recording."""
 
     def __init__(self, scene: Scene) -> None:
-        """Before the first block."""
+        """Start without any block."""
         joints = len(scene.robot.joints)
         sensor = scene.joint_torque
         self._sign_velocity = 0.01 if sensor is None else sensor.friction.velocity
@@ -67,7 +67,7 @@ class FrictionResiduals:
         self._rows: list[np.ndarray] = []
 
     def add(self, block: SampleBlock, found: BlockEstimates) -> None:
-        """Take in a block and what was found in it."""
+        """Add a block and its estimates."""
         rows = np.empty((len(block), 3, self._state.shape[1]))
         count = _collect(
             block.t, block.qd, found.flags, found.joint_torque, found.joint_bias, self._rate,
@@ -76,7 +76,7 @@ class FrictionResiduals:
         self._rows.append(rows[:count].copy())
 
     def fit(self) -> FrictionChange:
-        """Friction beyond the scene's in what has been taken in so far."""
+        """Difference of friction from the scene's in the blocks so far."""
         rows = np.concatenate(self._rows) if self._rows else np.zeros((0, 3, self._state.shape[1]))
         correlation = math.exp(-self._rate * ROW_INTERVAL)
         inflation = (1.0 + correlation) / (1.0 - correlation)
@@ -89,7 +89,7 @@ def _fit(rows: np.ndarray, inflation: float) -> tuple[float, float, float, float
 
     Args:
         rows: Torque, low-passed sign and velocity, shape (N, 3).
-        inflation: By how much larger the variance of a mean of correlated rows is.
+        inflation: Factor by which correlation of the rows increases the variance of a mean.
     """
     steady = rows[np.abs(rows[:, 1]) > STEADY]
     forward = int(np.sum(steady[:, 1] > 0.0))

@@ -1,17 +1,17 @@
-"""What a recording says of model and sensors."""
+"""Assessment of model and sensors from a recording."""
 
 import numpy as np
 
 from contactsense.service.analysis.analysis import Analysis
 
 TOO_LARGE = 1.3
-"""Residuals larger than this many standard deviations tell that model or noise are wrong."""
+"""Residuals larger than this many standard deviations indicate a wrong model or wrong noise."""
 _COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 _SENSORS = ("base_wrench", "joint_torque", "wrist_wrench")
 
 
 def health(analysis: Analysis) -> list[tuple[bool, str]]:
-    """Findings as (is it well, sentence)."""
+    """Findings as (whether all is well, sentence)."""
     found, scene = analysis.residuals, analysis.scene
     findings = [(False, problem) for problem in analysis.problems]
     count = max(analysis.samples, 1)

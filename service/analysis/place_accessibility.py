@@ -1,5 +1,5 @@
 """How much of the neighbourhood of a place can be touched while a contact lasts: the rule of
-`contactsense.localization.accessibility` for a place that all samples of a contact have told."""
+`contactsense.localization.accessibility` for a place estimated from all samples of a contact."""
 
 import math
 from typing import NamedTuple
@@ -49,7 +49,7 @@ def log_accessible_share(
     rotation: np.ndarray,
     origin: np.ndarray,
 ) -> float:
-    """Logarithm of the part of a place's neighbourhood that can be touched in one posture.
+    """Logarithm of the fraction of a place's neighbourhood that can be touched in one posture.
 
     Args:
         surfaces: Primitives of all links.

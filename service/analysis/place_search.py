@@ -19,24 +19,26 @@ from contactsense.service.analysis.path_elimination import eliminate_forces, pro
 
 ITERATIONS = 25
 FIRST_STEPS = 3
-"""After so many steps a search that is far from the best is given up."""
+"""After this many steps, a search that is far from the best one is abandoned."""
 RESCALED = 8
-"""For so many steps lean and torsion are measured by the force of the step before, then by a fixed one."""
+"""For this many steps, lean and torsion are scaled by the force of the previous step, then by a fixed
+force."""
 CONVERGED = 1e-2
 """Decrease of the energy that ends the search."""
 SLIDING_SPEED = 0.02
 """Scale of the speed at which contacts slide over a link [m/s]."""
 SPEED_DOF = 1.0
-"""Degrees of freedom of the Student t distribution of that speed: some hands are much faster."""
+"""Degrees of freedom of the Student t distribution of that speed: some contacts slide much faster."""
 SURFACE_DOF, SURFACE_SCALE = 2.0, 0.5
-"""Degrees of freedom of the Student t distribution of the surface's offset, and its scale as a part of the
-scene's standard deviation: most of a link is nearer to its primitives than that, its details are farther."""
+"""Degrees of freedom of the Student t distribution of the surface's offset, and its scale as a fraction of
+the scene's standard deviation: most of a link is nearer to its primitives than that, its details are farther
+away."""
 LARGEST_OFFSET = 6.0
-"""No offset is larger than so many of these standard deviations."""
+"""Maximum offset in units of that standard deviation."""
 NORMAL_DEVIATION = 0.1
 """Standard deviation of the real surface's normal from that of the primitive [rad]."""
 LEAST_SHARE = 0.2
-"""Lean and torsion are measured by at least this part of the largest force."""
+"""Lean and torsion are scaled by at least this fraction of the largest force."""
 LOG_PEAK = (
     math.lgamma(0.5 * (SURFACE_DOF + 1.0))
     - math.lgamma(0.5 * SURFACE_DOF)
@@ -46,8 +48,8 @@ LOG_PEAK = (
 
 
 class WindowSums(NamedTuple):
-    """What each window says of the wrench in the link's frame: sums over its measurements, in units of the
-    noise."""
+    """Information of each window about the wrench in the link's frame: sums over its measurements, in units
+    of the noise."""
 
     information: np.ndarray
     """A^T A, shape (W, 6, 6)."""
@@ -59,17 +61,17 @@ class WindowSums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinkMeasurement:
-    """What W windows say of a contact on one link: measurements y = A w + D b + noise of unit variance, with
+    """Measurements of a contact on one link in W windows: y = A w + D b + noise of unit variance, with
     the wrench w in the link's frame, about its origin, and biases b."""
 
     sums: WindowSums
-    """For the wrench."""
+    """Sums for the wrench."""
     bias_information: np.ndarray
     """Sum of D^T D, shape (B, B)."""
     bias_value: np.ndarray
     """Sum of D^T y, shape (B,)."""
     bias_variance: np.ndarray
-    """Variance of the biases before, shape (B,)."""
+    """Prior variance of the biases, shape (B,)."""
     square: float
     """Sum of y^T y."""
     rows: int
@@ -97,9 +99,10 @@ class Place:
     knots: np.ndarray
     """Places on the primitives between which the path runs, one if it is fixed, shape (K, 3) [m]."""
     energy: float
-    """Energy: half the squared residuals in units of the noise, and of what departs from the prior."""
+    """Energy: half the squared residuals in units of the noise, plus half the squared deviations from the
+    prior."""
     freedom: float
-    """Degrees of freedom of the residuals: twice the energy that is expected where the model is right."""
+    """Degrees of freedom of the residuals: twice the expected energy if the model is correct."""
 
     @property
     def sliding(self) -> bool:
@@ -108,7 +111,7 @@ class Place:
 
 
 class PathArrays(NamedTuple):
-    """A path for the kernels."""
+    """A path in the form that the kernels use."""
 
     places: np.ndarray
     """Knots, shape (K, 3) [m]."""
@@ -119,11 +122,12 @@ class PathArrays(NamedTuple):
     knot: np.ndarray
     """Knot before each window, shape (W,), int64."""
     fraction: np.ndarray
-    """Part of the way to the next one, shape (W,)."""
+    """Fraction of the way to the next one, shape (W,)."""
 
 
 class EliminationArrays(NamedTuple):
-    """What `eliminate_forces` fills, W windows, B biases, s = 3 K + B unknowns; then its scratch."""
+    """Output of `eliminate_forces` for W windows, B biases, s = 3 K + B unknowns, followed by its scratch
+    arrays."""
 
     point: np.ndarray
     """Places on the surface, shape (W, 3)."""
@@ -144,9 +148,9 @@ class EliminationArrays(NamedTuple):
     H: np.ndarray
     """Matrix of u in one window, shape (4, 4)."""
     Y: np.ndarray
-    """What couples u with the other unknowns of a window, shape (4, 6 + B)."""
+    """Coupling of u with the other unknowns of a window, shape (4, 6 + B)."""
     E: np.ndarray
-    """Change of the moment by the unknowns of the two knots, shape (6, 3)."""
+    """Derivative of the moment by the unknowns of the two knots, shape (6, 3)."""
     rhs: np.ndarray
     """A^T times the residuals, shape (6,)."""
     r: np.ndarray
@@ -154,7 +158,7 @@ class EliminationArrays(NamedTuple):
     wrench: np.ndarray
     """G u, shape (6,)."""
     unknown: np.ndarray
-    """Number of each unknown of a window, shape (6 + B,), int64."""
+    """Index of each unknown of a window, shape (6 + B,), int64."""
 
 
 class PlaceSearch:
@@ -163,7 +167,7 @@ class PlaceSearch:
     def __init__(
         self, surfaces: Surfaces, link: int, prior: Prior, measured: LinkMeasurement, knots: int
     ) -> None:
-        """`knots`: 1 for a place that is fixed, else the number of places between which it moves."""
+        """`knots`: 1 for a fixed place, otherwise the number of places between which it moves."""
         self._surfaces, self._link, self._prior, self._m = surfaces, link, prior, measured
         t = measured.t
         self._knots, self._share = knots, 1.0 / len(t)
@@ -175,7 +179,7 @@ class PlaceSearch:
 
     def run(self, start: np.ndarray, limit: float = np.inf) -> Place | None:
         """Search from a point, shape (3,), or a path of knots, shape (K, 3), near the surface, link frame
-        [m]; None where no push fits, where the measurements determine none, or where the energy is not below
+        [m]; None if no push fits, if the measurements do not determine one, or if the energy is not below
         `limit` after a few steps."""
         try:
             return self._run(start, limit)
@@ -217,7 +221,7 @@ class PlaceSearch:
         return self._result(self._evaluate(state.places, h, b, self._scale(state), True), h)
 
     def _scale(self, state: "_State") -> np.ndarray:
-        """Size of the normal force and weight of the lean's prior in each window, shape (W, 2)."""
+        """Magnitude of the normal force and weight of the lean's prior in each window, shape (W, 2)."""
         f, n = state.u[:, :3], state.normal
         push = -np.einsum("wi,wi->w", f, n)
         F = np.abs(push)
@@ -278,13 +282,13 @@ class PlaceSearch:
         return _State(energy, places, path.frames, S, g, out.point, out.normal, out.u, out.total, scale)
 
     def _result(self, state: "_State", h: np.ndarray) -> Place | None:
-        """What the search has ended with."""
+        """The result of the search."""
         prior, K, W = self._prior, self._knots, len(self._m.t)
         f, n = state.u[:, :3], state.normal
         if state.push <= 0.0:
             return None
-        # The force hardly changes from window to window: its integral counts once, as for one force of all.
-        # Counted in each window it would favour places whose moment the force's noise moves least.
+        # The force hardly changes from window to window: its integral counts once, as for one common force.
+        # Counted in each window, it would favour places whose moment is least affected by the force's noise.
         log_det_force = 2.0 * float(np.sum(np.log(np.diag(np.linalg.cholesky(state.total)))))
         sign, log_det = np.linalg.slogdet(state.matrix)
         if sign <= 0.0 or not np.isfinite(log_det):
@@ -316,7 +320,7 @@ class PlaceSearch:
         rows[..., 2] = hat[:, :, None] * n[:, None]
         jacobian = np.swapaxes(rows, 1, 2).reshape(W, 3, 3 * K)
         covariance = jacobian @ C @ np.swapaxes(jacobian, 1, 2)
-        # The moment of the torsion turns with the normal, which shifts the place.
+        # The moment of the torsion rotates with the normal, which shifts the place.
         lever = float(np.sum(np.abs(F * state.u[:, 3])) / np.sum(F * F))
         covariance += (NORMAL_DEVIATION * lever) ** 2 * tangential
         return Place(

@@ -1,4 +1,4 @@
-"""The report on a recording: one HTML file that needs no internet, and the same as Markdown."""
+"""The report on a recording: one HTML file that needs no internet connection, and the same as Markdown."""
 
 import json
 from html import escape
@@ -21,7 +21,7 @@ from contactsense.service.drawing.palette import link_colour
 from contactsense.service.drawing.timeline_svg import Curve, panel
 
 DETAILED = 40
-"""Contacts that are shown one by one: those with the largest force. All are in the table."""
+"""Number of contacts shown individually: those with the largest force. The table lists all."""
 
 _templates = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
@@ -44,12 +44,12 @@ def write_report(analysis: Analysis, folder: Path) -> None:
 
 
 def render(template: str, content: dict[str, Any]) -> str:
-    """One of the templates beside this file, filled in."""
+    """Fill in one of the templates in this folder."""
     return _templates.get_template(template).render(content)
 
 
 def _content(analysis: Analysis) -> dict[str, Any]:
-    """What the templates show."""
+    """The content of the templates."""
     scene = analysis.scene
     strongest = sorted(analysis.contacts, key=lambda contact: -contact.peak_force)[:DETAILED]
     chosen = {contact.contact for contact in strongest}
@@ -73,7 +73,7 @@ def _content(analysis: Analysis) -> dict[str, Any]:
 
 
 def _contact(contact: ContactSummary, analysis: Analysis) -> dict[str, Any]:
-    """One contact, its numbers as text."""
+    """One contact, with its numbers as text."""
     names = analysis.scene.link_names
     others = [
         (names[i], float(p))
@@ -142,7 +142,7 @@ def _timeline(analysis: Analysis) -> str:
 
 
 def _residual_panels(analysis: Analysis) -> list[tuple[str, str]]:
-    """Residuals beside their noise: heading and picture."""
+    """Residuals compared with their noise: heading and picture."""
     found, scene = analysis.residuals, analysis.scene
     span = (analysis.start, analysis.start + analysis.duration)
     threshold = _threshold(scene, analysis)
@@ -196,7 +196,7 @@ def _residual_panels(analysis: Analysis) -> list[tuple[str, str]]:
 
 
 def _threshold(scene: Scene, analysis: Analysis) -> float:
-    """Energy at which a contact begins where all sensors of the scene have a value."""
+    """Energy at which a contact begins when all sensors of the scene have a value."""
     joints = len(scene.robot.joints)
     sensors = (scene.base_wrench, scene.joint_torque, scene.wrist_wrench)
     chosen = sum(1 << i for i, sensor in enumerate(sensors) if sensor is not None)

@@ -1,4 +1,4 @@
-"""Residuals over a whole recording in bounded memory: how large they are beside their noise."""
+"""Residuals over a whole recording in bounded memory: their size relative to their noise."""
 
 import math
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from contactsense.robots.jit.kernel import kernel
 from contactsense.sensors.stream_state import DEGRADED, MISSING, TOUCHED
 
 BINS = 1200
-"""Most points of a curve over a whole recording."""
+"""Maximum number of points of a curve over a whole recording."""
 FIRST_WIDTH = 0.01
-"""Width of a bin where the end of the recording is not known yet [s]."""
+"""Width of a bin if the end of the recording is not yet known [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class ResidualSummary:
     touched: int
     """Samples with one."""
     degraded: int
-    """Samples in which a sensor was missing, invalid or inconsistent, or the observers settled."""
+    """Samples in which a sensor was missing, invalid or inconsistent, or the observers were settling."""
     missing: tuple[int, int, int]
     """Samples in which base wrench, joint torques and wrist wrench were missing."""
 
@@ -54,14 +54,14 @@ class ResidualSummary:
 
 
 class ResidualStatistics:
-    """Takes in blocks of one recording."""
+    """Collects blocks of one recording."""
 
     def __init__(self, joints: int, start: float | None = None, end: float | None = None) -> None:
-        """Before the first block.
+        """Start without any block.
 
         Args:
             joints: Number of joints.
-            start, end: When the recording begins and ends [s]; None: to be seen, bins are joined as it goes.
+            start, end: When the recording begins and ends [s]; None: not known, bins are merged as it grows.
         """
         self._start = start
         width = FIRST_WIDTH if start is None or end is None else max(end - start, 1e-9) / BINS
@@ -71,7 +71,7 @@ class ResidualStatistics:
         self._squares, self._counts = np.zeros(6 + joints), np.zeros(6, dtype=np.int64)
 
     def add(self, found: BlockEstimates) -> None:
-        """Count a block in."""
+        """Add a block."""
         if self._start is None:
             self._start = float(found.t[0]) if len(found) else None
         if self._start is None:
@@ -83,7 +83,7 @@ class ResidualStatistics:
         )  # fmt: skip
 
     def summary(self) -> ResidualSummary:
-        """What has been taken in so far."""
+        """Summary of the blocks so far."""
         filled = np.flatnonzero(np.isfinite(self._largest[:, 0]))
         free, touched, degraded, base, torque, wrist = self._counts.tolist()
         ratio = np.sqrt(self._squares / max(free, 1))
@@ -120,7 +120,7 @@ def _add(
     squares: np.ndarray,
     counts: np.ndarray,
 ) -> None:
-    """Count a block in, see `ResidualStatistics`; the first seven as in `contactsense.BlockEstimates`."""
+    """Add a block, see `ResidualStatistics`; the first seven as in `contactsense.BlockEstimates`."""
     n, bins = joint_torque.shape[1], largest.shape[0]
     for i in range(t.shape[0]):
         touched, degraded = flags[i] & TOUCHED != 0, flags[i] & DEGRADED != 0
@@ -153,7 +153,7 @@ def _add(
 
 @kernel
 def _join_bins(kept: np.ndarray) -> None:
-    """Each two neighbours become one."""
+    """Merge each two neighbouring bins."""
     half = kept.shape[0] // 2
     for at in range(kept.shape[0]):
         for k in range(kept.shape[1]):
@@ -166,7 +166,7 @@ def _join_bins(kept: np.ndarray) -> None:
 
 @kernel
 def _add_square(ratio: float, k: int, squares: np.ndarray) -> None:
-    """A sensor without noise, or without value, does not count."""
+    """Add the square of a ratio unless the sensor has no noise or no value."""
     if math.isfinite(ratio):
         squares[k] += ratio * ratio
 

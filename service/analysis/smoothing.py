@@ -1,4 +1,4 @@
-"""A second look at a contact once it is over: link and place from all of its samples together."""
+"""Smoothing of a contact after its end: link and place from all of its samples together."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -18,29 +18,29 @@ from contactsense.service.analysis.place_accessibility import log_accessible_sha
 from contactsense.service.analysis.place_search import LinkMeasurement, Place, PlaceSearch, WindowSums
 
 APART = 0.03
-"""Starts on one link are at least so far apart [m]."""
+"""Minimum distance of starting points on one link [m]."""
 STARTS = 6
-"""Most starts."""
+"""Maximum number of starting points."""
 LOOKS = (0.3, 0.5, 0.7, 0.9)
-"""When a contact is looked at for starts, as parts of its duration."""
+"""Times at which starting points are taken from a contact, as fractions of its duration."""
 KNOTS = (2, 3, 4, 6, 9, 12)
-"""Places between which a contact that slides moves."""
+"""Number of knots of the path of a sliding contact."""
 KNOT_TIME = 0.1
-"""Time between them is at least this, but for the first two [s]."""
+"""Minimum time between knots, except for the first two [s]."""
 TRACK = 4
-"""Places of the live estimates from which a path that moves is searched."""
+"""Number of live estimates from which the search for a moving path starts."""
 LEAST_PROBABILITY = 0.01
-"""Links that the live estimates of the contact's second half find less probable than this are left out."""
+"""Links that are less probable than this in the live estimates of the contact's second half are left out."""
 MISFIT = 6.0
-"""An explanation fits while the squared residuals exceed their expectation by less than so many standard
+"""An explanation fits if the squared residuals exceed their expectation by less than this many standard
 deviations."""
 HOPELESS = 200.0
-"""Explanations whose energy is higher than the best one's by so much are not pursued."""
+"""Explanations whose energy exceeds that of the best one by this much are dropped."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothedContact:
-    """A contact as all of its samples tell it."""
+    """A contact estimated from all of its samples."""
 
     windows: ContactWindows
     """The measurements."""
@@ -57,8 +57,8 @@ class SmoothedContact:
         return self.places[0]
 
     def at(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Place of the best explanation at a time [s], link frame [m], outward normal and covariance
-        [m^2]."""
+        """Place [m], outward normal and covariance [m^2] of the best explanation at a time [s], link
+        frame."""
         best, times = self.best, self.windows.t
         point = np.array([np.interp(t, times, column) for column in best.point.T])
         normal = np.array([np.interp(t, times, column) for column in best.normal.T])
@@ -67,12 +67,13 @@ class SmoothedContact:
 
 
 class ContactSmoother:
-    """For the contacts of one scene. Only with a base wrench and without a wrist sensor there are answers:
-    torques alone determine too little of each window's force."""
+    """Smooths the contacts of one scene. There are results only with a base wrench and without a wrist
+    sensor: torques alone determine too little of each window's force."""
 
     def __init__(self, scene: Scene) -> None:
         """Prepare for `scene`."""
-        # One of its own: `locate` would disturb a stream. Its constants are used, as they take long to build.
+        # A separate localizer: `locate` would disturb a stream. Its constants are used, as they take long to
+        # build.
         self._scene, self._localizer = scene, Localizer(scene)
         constants = self._localizer._buffers.constants
         self._surfaces, self._prior = constants.surfaces, constants.prior
@@ -80,7 +81,7 @@ class ContactSmoother:
         self._model, self._motion = build_model(scene.robot), empty_motion(len(scene.robot.joints))
 
     def smooth(self, history: ContactHistory) -> SmoothedContact | None:
-        """Look again at a contact; None where its samples allow no answer."""
+        """Smooth a contact; None if its samples allow no result."""
         if self._scene.base_wrench is None or self._scene.wrist_wrench is not None:
             return None
         windows = contact_windows(history, self._scene.bandwidth)
@@ -104,7 +105,7 @@ class ContactSmoother:
             lowest = min(lowest, place.energy)
             paths = [place, *self._paths(link, place.knots, measured[link])]
             places += self._explanation(paths, windows)
-        # A contact that slides far fits no fixed place to begin with; the live estimates have followed it.
+        # A contact that slides far fits no fixed place from the start; the live estimates have followed it.
         for link in set(measured) - {place.link for place in places}:
             track = self._track(history, link)
             if track is not None:
@@ -120,13 +121,12 @@ class ContactSmoother:
         return SmoothedContact(windows, tuple(places), probability, link_probability)
 
     def _explanation(self, paths: list[Place], windows: ContactWindows) -> list[Place]:
-        """The paths that fit as one place; none where none fits."""
+        """The paths that fit, combined into one place; None if no path fits."""
         paths = [path for path in paths if _fits(path)]
         return [self._touchable(_mixture(paths), windows)] if paths else []
 
     def _track(self, history: ContactHistory, link: int) -> np.ndarray | None:
-        """Where the live estimates were on a link, body frame, at `TRACK` times; None if they were seldom
-        there."""
+        """Positions of the live estimates on a link, body frame, at `TRACK` times; None if there are few."""
         on = np.flatnonzero(history.rows[:, LINK] == link)
         if len(on) < max(len(history.rows) // 4, TRACK):
             return None
@@ -139,8 +139,8 @@ class ContactSmoother:
         return np.array(points)
 
     def _paths(self, link: int, path: np.ndarray, measured: LinkMeasurement) -> Iterator[Place]:
-        """Paths that move, from few knots to many while more knots tell more; `path`: knots of the first
-        guess, shape (K, 3)."""
+        """Moving paths with increasing numbers of knots, as long as more knots add information; `path`: knots
+        of the first guess, shape (K, 3)."""
         duration = float(measured.t[-1] - measured.t[0])
         best = -np.inf
         for knots in KNOTS:
@@ -161,7 +161,7 @@ class ContactSmoother:
             best, path = found.log_evidence, found.knots
 
     def _touchable(self, place: Place, windows: ContactWindows) -> Place:
-        """The place with the evidence that it can be touched, at begin, middle and end of the contact."""
+        """The place with the evidence that it can be touched at the start, middle and end of the contact."""
         shares = []
         for w in {0, len(windows.t) // 2, len(windows.t) - 1}:
             forward_kinematics(self._model, windows.q[w], self._motion)
@@ -179,7 +179,7 @@ class ContactSmoother:
         return replace(place, log_evidence=place.log_evidence + min(shares))
 
     def measurement(self, history: ContactHistory, windows: ContactWindows, link: int) -> LinkMeasurement:
-        """What the windows say of a contact on one link."""
+        """Measurements of the windows for a contact on one link."""
         scene = self._scene
         found = link_windows(self._model, history, windows, scene.bandwidth, int(self._depth[link]))
         gain = noise_variance_ratio(scene.bandwidth, float(np.median(np.diff(history.t))))
@@ -216,11 +216,11 @@ class ContactSmoother:
         )
 
     def _starts(self, history: ContactHistory, windows: ContactWindows) -> list[tuple[int, np.ndarray]]:
-        """Links and places, link frame, to search from: where the live estimates were, and what explains the
-        mean of some windows."""
+        """Links and starting points of the search, link frame: those of the live estimates, and those that
+        explain the mean of some windows."""
         found: list[tuple[int, np.ndarray]] = []
 
-        # The live estimates weigh what can be reached at all; what they rule out stays out.
+        # The live estimates take into account what can be reached; places that they rule out are not tried.
         late = history.link_probability[len(history.rows) // 2 :].mean(axis=0)
 
         def add(link: int, q: np.ndarray, point_base: np.ndarray) -> None:
@@ -256,14 +256,14 @@ class ContactSmoother:
 
 
 def _fits(place: Place) -> bool:
-    """Whether one contact at that place explains all of the windows: two contacts, one after the other, do
-    not."""
+    """Whether one contact at that place explains all windows; it does not if there were two successive
+    contacts."""
     return bool(2.0 * place.energy < place.freedom + MISFIT * np.sqrt(2.0 * place.freedom))
 
 
 def _mixture(paths: list[Place]) -> Place:
-    """One place from a fixed one and paths that started there: mean and covariance over them, weighted by
-    their evidence. That the place is fixed, and that it moves, have equal probability before."""
+    """One place from a fixed one and the paths that started there: mean and covariance over them, weighted by
+    their evidence. A fixed and a moving place have equal prior probability."""
     moving = max(sum(path.sliding for path in paths), 1)
     evidence = np.array([p.log_evidence - np.log(2.0 * (moving if p.sliding else 1)) for p in paths])
     weight = np.exp(evidence - evidence.max())

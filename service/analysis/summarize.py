@@ -1,4 +1,4 @@
-"""From the samples of a contact to its summary."""
+"""Summary of a contact from its samples."""
 
 from dataclasses import replace
 from typing import Any
@@ -24,13 +24,13 @@ from contactsense.service.analysis.smoothing import SmoothedContact
 from contactsense.tracking.contact_tracker import SLIDE
 
 TRANSIENT_TIME = 0.5
-"""What lasts longer than this is no transient contact but a quasi-static one [s]."""
+"""Contacts longer than this are quasi-static, shorter ones transient [s]."""
 CURVE_POINTS = 400
-"""Most points of a force curve."""
+"""Maximum number of points of a force curve."""
 
 
 class Summarizer:
-    """For the contacts of one scene."""
+    """Summarizes the contacts of one scene."""
 
     def __init__(self, scene: Scene) -> None:
         """Prepare the arm's kinematics."""
@@ -39,8 +39,8 @@ class Summarizer:
         self._motion = empty_motion(len(scene.robot.joints))
 
     def summarize(self, history: ContactHistory, recording: str) -> ContactSummary:
-        """The contact as the live estimates tell it: the link that most force speaks for, and of its places
-        the most precise one."""
+        """Summary from the live estimates: the link with the most force-weighted probability, and the most
+        precise of its places."""
         t, rows = history.t, history.rows
         if len(rows) == 0:
             return self._unexplained(history, recording)
@@ -128,7 +128,7 @@ class Summarizer:
         return float(np.linalg.norm(qd[:below] @ (screw[:, :3] + np.cross(screw[:, 3:], place))))
 
     def _frame(self, history: ContactHistory, recording: str) -> dict[str, Any]:
-        """What is known of any contact."""
+        """Fields that are known for every contact."""
         t = history.t
         return {
             "recording": recording,
@@ -143,7 +143,7 @@ class Summarizer:
         }
 
     def _unexplained(self, history: ContactHistory, recording: str) -> ContactSummary:
-        """Something acts on the arm that is no single push on a touchable link."""
+        """Summary of a contact that is not a single push on a touchable link."""
         force = np.linalg.norm(history.base_wrench[:, :3], axis=1)
         if self._scene.base_wrench is None:
             force = np.zeros(len(force))
@@ -173,7 +173,7 @@ class Summarizer:
 
 
 def _thinned(t: np.ndarray, force: np.ndarray) -> ForceCurve:
-    """The largest force of each of at most `CURVE_POINTS` stretches."""
+    """The largest force in each of at most `CURVE_POINTS` intervals."""
     size = max(1, -(-len(t) // CURVE_POINTS))
     starts = np.arange(0, len(t), size)
     return ForceCurve(t[starts].copy(), np.maximum.reduceat(force, starts))

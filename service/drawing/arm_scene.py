@@ -1,6 +1,6 @@
 """The arm in 3D as plain data for `arm_view.js`, which draws it in a browser without any library.
 
-A copy of a 3D library in every report would weigh 0.8 MB; the arm's geometry weighs a tenth of that.
+A copy of a 3D library would add 0.8 MB to every report; the arm's geometry is a tenth of that.
 """
 
 from collections.abc import Sequence
@@ -14,13 +14,13 @@ from contactsense.service.drawing.link_meshes import link_meshes
 from contactsense.service.drawing.palette import link_colour
 
 REGION_90 = 4.605
-"""Squared Mahalanobis radius that holds 90 % of a Gaussian of two dimensions."""
+"""Squared Mahalanobis radius that contains 90 % of a two-dimensional Gaussian."""
 ARROW_LENGTH = 0.25
 """Length of the longest arrow [m]."""
 
 
 def view_script() -> str:
-    """The JavaScript that draws: `drawArm(canvas, geometry, view)`."""
+    """The JavaScript code for drawing: `drawArm(canvas, geometry, view)`."""
     return (Path(__file__).parent / "arm_view.js").read_text(encoding="utf-8")
 
 
@@ -43,14 +43,14 @@ def arm_view(
     force: np.ndarray | None = None,
     region: np.ndarray | None = None,
 ) -> dict[str, Any]:
-    """One posture, with a contact if there is one.
+    """View of one posture, with a contact if there is one.
 
     Args:
         poses: Origin (3,) [m] and rotation (3, 3) of each link in the base frame.
-        up: Direction that is up in the picture, base axes, shape (3,).
-        point: Place of the contact, base frame, shape (3,) [m].
-        force: Force on the robot, base axes, shape (3,), of which the direction is drawn.
-        region: Outline of where the place may be, base frame, shape (K, 3) [m].
+        up: Upward direction in the picture, base axes, shape (3,).
+        point: Contact point, base frame, shape (3,) [m].
+        force: Force on the robot, base axes, shape (3,); only its direction is drawn.
+        region: Outline of the credible region of the contact point, base frame, shape (K, 3) [m].
     """
     view: dict[str, Any] = {
         "poses": [[*(1e3 * o).round(2), *r.ravel().round(5)] for o, r in poses],
@@ -67,7 +67,7 @@ def arm_view(
 
 
 def region_outline(point: np.ndarray, normal: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Outline of the 90 % region of a place in its tangent plane, base frame, shape (32, 3) [m]."""
+    """Outline of the 90 % region of a contact point in its tangent plane, base frame, shape (32, 3) [m]."""
     a = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.6 else [0.0, 1.0, 0.0])
     a /= np.linalg.norm(a)
     tangents = np.column_stack((a, np.cross(normal, a)))

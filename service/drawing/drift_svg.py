@@ -12,14 +12,14 @@ WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 1000, 170, 62, 110, 10, 24
 
 
 def drift_chart(dates: Sequence[str], values: np.ndarray, names: Sequence[str], unit: str, title: str) -> str:
-    """A chart with one curve for each joint, zero included.
+    """A chart with one curve for each joint; the axis includes zero.
 
     Args:
-        dates: The days, at equal distances, D of them.
-        values: Shape (D, n); NaN is left out.
+        dates: The D days, equally spaced.
+        values: Shape (D, n); NaN values are not drawn.
         names: Names of the joints.
-        unit: Of the values.
-        title: For those who cannot see the chart.
+        unit: Unit of the values.
+        title: Text alternative for screen readers.
     """
     known = values[np.isfinite(values)]
     low, high = float(min(known.min(initial=0.0), 0.0)), float(max(known.max(initial=0.0), 0.0))
@@ -48,7 +48,7 @@ def drift_chart(dates: Sequence[str], values: np.ndarray, names: Sequence[str], 
     for j, name in enumerate(names):
         places = [(x_at(i), y_at(y)) for i, y in enumerate(values[:, j]) if np.isfinite(y)]
         line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
-        # Joint j carries link j + 1 and has its colour.
+        # Joint j moves link j + 1 and has its colour.
         colour = link_colour(j + 1)
         dot = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.5" fill="{colour}"/>' for x, y in places[:1])
         parts.append(

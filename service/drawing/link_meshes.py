@@ -1,4 +1,4 @@
-"""Triangle meshes of an arm's primitives, to draw them."""
+"""Triangle meshes of an arm's primitives for drawing."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from contactsense.robots.surface.convex_primitives import body, bounding_radius,
 from contactsense.scene import Scene
 
 SUBDIVISIONS = 2
-"""How often each face of an icosahedron is cut in four: 162 points for each primitive."""
+"""Number of subdivisions of an icosahedron's faces into four: 162 points for each primitive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,11 +19,11 @@ class Mesh:
     vertices: np.ndarray
     """Shape (V, 3) [m]."""
     faces: np.ndarray
-    """Numbers of the vertices, counterclockwise seen from outside, shape (F, 3), int64."""
+    """Vertex indices, counterclockwise seen from outside, shape (F, 3), int64."""
 
 
 def link_meshes(scene: Scene) -> tuple[Mesh, ...]:
-    """One mesh for each of `scene.link_names`: its primitives, overlapping as they do."""
+    """One mesh for each of `scene.link_names`: its primitives, which may overlap."""
     shapes = [link.primitives for link in scene.robot.links]
     if len(scene.link_names) > len(shapes) and scene.tool is not None:
         shapes.append(scene.tool.primitives)
@@ -52,7 +52,7 @@ def _joined(parts: list[Mesh]) -> Mesh:
 
 
 def _sphere(subdivisions: int) -> Mesh:
-    """The unit sphere as an icosahedron whose faces are cut in four again and again."""
+    """The unit sphere as an icosahedron whose faces are repeatedly divided into four."""
     g = (1.0 + 5.0**0.5) / 2.0
     corners = [
         (-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g), (0, -1, -g), (0, 1, -g),

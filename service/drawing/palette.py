@@ -3,9 +3,9 @@
 LINK_COLOURS = (
     "#5a6473", "#4285f4", "#db4437", "#e0a100", "#0f9d58", "#ab47bc", "#00acc1", "#795548", "#607d8b",
 )  # fmt: skip
-"""One for each link in turn."""
+"""One colour per link, repeated cyclically."""
 UNKNOWN = "#9e9e9e"
-"""For contacts of which the link is not known."""
+"""For contacts whose link is unknown."""
 
 
 def link_colour(index: int) -> str:

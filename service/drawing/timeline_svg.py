@@ -18,19 +18,19 @@ class Curve:
     y: np.ndarray
     """Shape (K,)."""
     colour: str
-    """As CSS has it."""
+    """CSS colour."""
     label: str = ""
     """Shown as a tooltip."""
     filled: bool = False
     """Whether the area below it is filled."""
     dashed: bool = False
-    """Whether its line is dashed."""
+    """Whether the line is dashed."""
 
 
 def panel(
     curves: Sequence[Curve], span: tuple[float, float], unit: str, title: str, height: int = 190
 ) -> str:
-    """A panel of curves with axes: x is time [s] over `span`, y begins at zero; `unit`: that of y."""
+    """A panel of curves with axes: x is time [s] over `span`, y starts at zero in `unit`."""
     values = [float(np.nanmax(curve.y)) for curve in curves if len(curve.y) and np.isfinite(curve.y).any()]
     largest = max([*values, 1e-9])
     step = nice_step(largest / 4.0)
@@ -68,7 +68,7 @@ def panel(
 
 
 def nice_step(value: float) -> float:
-    """The least of 1, 2, 5 times a power of ten that is not below `value`."""
+    """The smallest of 1, 2, 5 times a power of ten that is not below `value`."""
     power = 10.0 ** np.floor(np.log10(max(value, 1e-12)))
     return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= value * (1.0 - 1e-9)))
 

@@ -1,7 +1,7 @@
 """Tables from MCAP files and rosbag2 folders: JointState and WrenchStamped messages become columns.
 
-Rows are those of the JointState topic; wrenches are interpolated to their stamps. These files are read whole.
-Of one that is cut short, or whose folder lacks its `metadata.yaml`, what is there is used.
+Rows are those of the JointState topic; wrenches are interpolated to their stamps. These files are read as a
+whole. From a truncated file, or a folder without `metadata.yaml`, all readable messages are used.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ class BagFile:
         """Read all messages of the mapped topics.
 
         Raises:
-            RecordingError: The file cannot be read, a topic is missing, or an extra package is.
+            RecordingError: The file cannot be read, or a topic or an extra package is missing.
         """
         self._path = path
         self.problems: list[Problem] = []
@@ -94,10 +94,10 @@ class BagFile:
     def _rest(
         self, wanted: tuple[str, ...], store: Any, problem: str
     ) -> tuple[dict[str, list[Any]], dict[str, str]]:
-        """What is left of a bag that is cut short, for the reason `problem`.
+        """The readable part of a truncated bag; `problem` says why it is truncated.
 
         Raises:
-            RecordingError: Nothing is.
+            RecordingError: No message can be read.
         """
         messages: dict[str, list[Any]] = {}
         found: dict[str, str] = {}
@@ -146,7 +146,7 @@ def _stamp(message: Any) -> float:
 
 
 def _wrenches(messages: list[Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps in rising order, shape (N,), and force then moment, shape (N, 6)."""
+    """Time stamps in ascending order, shape (N,), and force then moment, shape (N, 6)."""
     stamps = np.array([_stamp(m) for m in messages])
     forces = [(m.wrench.force.x, m.wrench.force.y, m.wrench.force.z) for m in messages]
     moments = [(m.wrench.torque.x, m.wrench.torque.y, m.wrench.torque.z) for m in messages]

@@ -1,4 +1,5 @@
-"""Order in time: repeated rows are left out; gaps, clock resets and missing numbers are reported by row."""
+"""Checks of the time order: repeated rows are dropped; gaps, clock resets and missing values are reported by
+row."""
 
 import math
 
@@ -7,19 +8,19 @@ import numpy as np
 from contactsense.service.recordings.problems import Kind, Problem
 
 GAP_STEPS = 5.0
-"""A step longer than so many usual ones is a gap."""
+"""A time step longer than this many typical steps is a gap."""
 FIRST_STEPS = 50
-"""The usual step is the median of so many at the beginning."""
+"""The typical step is the median of this many steps at the start."""
 
 
 class RowChecker:
     """Checks the time stamps of a recording, block by block."""
 
     def __init__(self) -> None:
-        """Before the first block."""
+        """Start without any block."""
         self.problems: list[Problem] = []
         self.repeated = 0
-        """Rows left out because they repeat the time of the row before."""
+        """Number of rows dropped because they repeat the time stamp of the previous row."""
         self._last = -math.inf
         self._usual: float | None = None
         self._first: list[tuple[np.ndarray, np.ndarray]] = []
@@ -58,19 +59,19 @@ class RowChecker:
         return keep
 
     def finish(self) -> None:
-        """The last block has been checked."""
+        """Finish the check after the last block."""
         if self._usual is None and any(len(steps) for _, steps in self._first):
             self._learn()
 
     def _learn(self) -> None:
-        """The usual step is known now: the steps so far are judged."""
+        """Determine the typical step and check the steps so far."""
         self._usual = float(np.median(np.concatenate([steps for _, steps in self._first])[:FIRST_STEPS]))
         for rows, steps in self._first:
             self._find_gaps(rows, steps)
         self._first = []
 
     def _find_gaps(self, rows: np.ndarray, step: np.ndarray) -> None:
-        """Report steps that are too long; `rows`: the row in the file that each leads to."""
+        """Report steps that are too long; `rows`: the row in the file at the end of each step."""
         assert self._usual is not None
         for i in np.flatnonzero((step > GAP_STEPS * self._usual) & np.isfinite(step)):
             message = f"a gap of {step[i]:.3f} s before this row (usual step {self._usual:.4f} s)"
@@ -82,10 +83,10 @@ class RowChecker:
         """Report runs of bad rows, one problem per run.
 
         Args:
-            bad: Which rows, shape (N,), bool.
+            bad: Whether each row is bad, shape (N,), bool.
             first_row: Number of the block's first row in the file.
-            kind, message: What is wrong.
-            rows: Where in the block the entries of `bad` are; without it, one after another.
+            kind, message: Kind of the problem, and its description.
+            rows: Positions of the entries of `bad` in the block; by default, consecutive.
         """
         if not bad.any():
             return

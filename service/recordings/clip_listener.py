@@ -1,7 +1,8 @@
-"""Keeps the last minutes in memory and writes clips of them, or everything, while the pipeline runs.
+"""Keeps the last minutes in memory and writes clips of them, or a continuous recording, while the pipeline
+runs.
 
-The listener fills a row per sample and hands finished stretches to a thread that writes: pyarrow works
-without the interpreter's lock, and nothing on the sample path waits for the disk.
+The listener fills one row per sample and passes completed blocks to a writer thread: pyarrow releases the
+interpreter lock, and nothing on the sample path waits for the disk.
 """
 
 import queue
@@ -27,20 +28,20 @@ _CHUNK = 250
 
 
 class RecordingSettings(BaseModel):
-    """How the service records."""
+    """Recording settings of the service."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     folder: Path | None = None
     """Folder for clips and recordings; without it the service writes none."""
     minutes: PositiveFloat = 2.0
-    """How much is kept in memory for clips [min]."""
+    """Duration of the data kept in memory for clips [min]."""
     before: PositiveFloat = 10.0
-    """Length of a clip before the moment asked for [s]."""
+    """Length of a clip before the requested time [s]."""
     after: PositiveFloat = 5.0
-    """Length after it [s]."""
+    """Length of a clip after the requested time [s]."""
     disk_megabytes: PositiveFloat = 2000.0
-    """Most that recordings and clips may take each; the oldest are removed [MB]."""
+    """Maximum disk space of recordings and of clips, each; the oldest files are removed [MB]."""
 
 
 @dataclass(slots=True)
@@ -75,8 +76,7 @@ class ClipListener:
         self._thread.start()
 
     def receive(self, sample: Sample, estimate: Estimate) -> None:
-        """Keep one sample; at the onset of a collision that is reported by a rule, a clip is asked for by
-        command."""
+        """Keep one sample. When a rule reports a collision, a command requests the clip."""
         row = self._ring.next
         self._rows.fill(row, sample, estimate)
         if self._recording:
@@ -87,7 +87,7 @@ class ClipListener:
         self._ring.push()
 
     def tick(self, now: float) -> None:
-        """Write the clips whose time is over."""
+        """Write the clips whose end has been reached."""
         del now
         clock = time.time()
         for wanted in [w for w in self._wanted if clock >= w.end]:
@@ -95,7 +95,7 @@ class ClipListener:
             self._work.put(("clip", (wanted, self._ring.between(_HOST_TIME, wanted.begin, wanted.end))))
 
     def command(self, message: dict[str, Any]) -> None:
-        """Take a command; those of other types are for others."""
+        """Handle a command; types meant for other listeners are ignored."""
         if message.get("type") == "clip":
             now = time.time()
             before = float(message.get("before") or self._settings.before)
@@ -115,7 +115,7 @@ class ClipListener:
         return taken
 
     def close(self) -> None:
-        """Write what is asked for, as far as it has come."""
+        """Write what was requested, as far as it is available."""
         for wanted in self._wanted:
             self._work.put(("clip", (wanted, self._ring.between(_HOST_TIME, wanted.begin, wanted.end))))
         self._hand_over()
@@ -128,7 +128,7 @@ class ClipListener:
             self._filled = 0
 
     def _write(self) -> None:
-        """Body of the writing thread."""
+        """Main loop of the writer thread."""
         writer: SegmentWriter | None = None
         while True:
             kind, value = self._work.get()

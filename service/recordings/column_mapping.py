@@ -1,4 +1,4 @@
-"""Which columns or topics of a recording hold what, and in which units."""
+"""Mapping from columns or topics of a recording to signals, with their units."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +12,8 @@ from contactsense.scene import describe
 
 
 class MappingError(ValueError):
-    """A column mapping that cannot be used: the message names the field, what was expected and what came."""
+    """A column mapping that cannot be used: the message names the field, the expected value and the actual
+    one."""
 
 
 def _as_names(value: Any) -> Any:
@@ -22,7 +23,7 @@ def _as_names(value: Any) -> Any:
 
 
 Names = Annotated[tuple[str, ...], BeforeValidator(_as_names)]
-"""One prefix (`actual_q` stands for `actual_q_0`, `actual_q_1`, ...) or one column name per number."""
+"""One prefix (`actual_q` stands for `actual_q_0`, `actual_q_1`, ...) or one column name per value."""
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ANGLE = {"rad": 1.0, "deg": np.pi / 180.0}
@@ -44,7 +45,7 @@ class ColumnMapping(BaseModel):
     qd: Names = ("actual_qd",)
     """Joint velocities."""
     joint_torque: Names | None = None
-    """Joint torques [Nm], the sign that the actuator applies."""
+    """Joint torques [Nm], positive as applied by the actuator."""
     base_wrench: Names = ("base_wrench",)
     """Reading of the sensor under the base, in the sensor's own frame and sign [N, Nm]."""
     wrist_wrench: Names = ("wrist_wrench",)
@@ -58,7 +59,7 @@ class ColumnMapping(BaseModel):
     wrist_wrench_topic: str = "/wrist_wrench"
     """Topic of geometry_msgs/WrenchStamped of the sensor at the wrist."""
     joint_names: tuple[str, ...] | None = None
-    """Joints of JointState in the order of the arm; without it the order of the message."""
+    """Joint names of JointState in the order of the arm; by default, the order of the message."""
 
     @property
     def seconds(self) -> float:
@@ -72,7 +73,8 @@ class ColumnMapping(BaseModel):
 
     @classmethod
     def parse(cls, text: str | None) -> "ColumnMapping":
-        """From a YAML file's path, or from `q=joint_,qd=speed_,time_unit=ms`; None: the defaults.
+        """Parse the path of a YAML file, or text such as `q=joint_,qd=speed_,time_unit=ms`; None: the
+        defaults.
 
         Raises:
             MappingError: A field is unknown or has a wrong value, or the file cannot be read.
@@ -105,7 +107,7 @@ class ColumnMapping(BaseModel):
 
 
 def expand(names: Sequence[str], count: int, available: Sequence[str]) -> list[str]:
-    """Column names of one group of `count` numbers: a prefix is numbered, a full list is taken as it is."""
+    """Column names of one group of `count` values: a prefix is numbered, a full list is used unchanged."""
     if len(names) == count and (count > 1 or names[0] in available):
         return list(names)
     return [f"{names[0]}_{i}" for i in range(count)]

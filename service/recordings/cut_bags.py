@@ -1,8 +1,8 @@
-"""Messages of MCAP files and rosbag2 databases that are cut short, such as those of a recorder that died: in
-their order, up to where the file ends or is damaged.
+"""Messages of truncated MCAP files and rosbag2 databases, such as those of a recorder that crashed: in file
+order, up to the point where the file ends or is damaged.
 
-Of MCAP, a packed chunk that is cut is lost, usually 1 MB. Of an SQLite database those messages are had that
-SQLite finds without the missing pages.
+In MCAP files, a truncated compressed chunk is lost, usually 1 MB. From an SQLite database, all messages are
+recovered that SQLite finds without the missing pages.
 """
 
 import sqlite3
@@ -11,11 +11,11 @@ from contextlib import closing
 from pathlib import Path
 
 STORAGE = (".mcap", ".db3")
-"""How the names of files with messages end."""
+"""File name extensions of files with messages."""
 
 
 def storage_files(path: Path) -> list[Path]:
-    """The files that hold the messages of a bag, in the order of their names."""
+    """The files that hold the messages of a bag, sorted by name."""
     if not path.is_dir():
         return [path]
     return sorted(file for file in path.iterdir() if file.suffix in STORAGE)
@@ -25,7 +25,8 @@ def raw_messages(path: Path) -> Iterator[tuple[str, str, bytes]]:
     """Topic, type and serialized content of each message of a file.
 
     Raises:
-        OSError, ValueError: here the file ends too early or is damaged; what came before can be used.
+        OSError, ValueError: The file ends too early or is damaged at this point; the messages before it can
+            be used.
     """
     yield from _of_mcap(path) if path.suffix == ".mcap" else _of_database(path)
 
@@ -36,7 +37,7 @@ def _of_mcap(path: Path) -> Iterator[tuple[str, str, bytes]]:
 
     types: dict[int, str] = {}
     channels: dict[int, tuple[str, str]] = {}
-    # A damaged length must not be taken for the size of a record.
+    # A damaged length must not be used as the size of a record.
     limit = path.stat().st_size
     with path.open("rb") as file:
         records = StreamReader(file, record_size_limit=limit).records
@@ -45,7 +46,7 @@ def _of_mcap(path: Path) -> Iterator[tuple[str, str, bytes]]:
                 record = next(records)
             except StopIteration:
                 return
-            # Packed chunks add errors of their own packages to those of the format.
+            # Compressed chunks can raise errors of the compression packages as well as those of the format.
             except Exception as error:
                 raise ValueError(str(error) or "the file ends too early") from None
             if isinstance(record, Schema):
@@ -60,7 +61,7 @@ def _of_mcap(path: Path) -> Iterator[tuple[str, str, bytes]]:
 def _of_database(path: Path) -> Iterator[tuple[str, str, bytes]]:
     try:
         with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
-            # SQLite refuses a file that is shorter than its header says, except to those who repair it.
+            # SQLite refuses a file that is shorter than its header says, unless it is opened for repair.
             database.execute("PRAGMA writable_schema = ON")
             topics = {
                 number: (name, kind)

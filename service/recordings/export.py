@@ -27,7 +27,7 @@ def write_columns(path: str | Path, columns: Mapping[str, np.ndarray]) -> None:
     """Write columns of a recording; the format follows from the file's name: .parquet or .csv.
 
     Args:
-        path: Where to.
+        path: File to write.
         columns: Name -> values, shape (N,); for the names see `Recording.columns`, but wrenches are written
             as the sensor reads them.
 
@@ -56,9 +56,9 @@ def export(recording: Recording, path: Path, contacts: Iterable[tuple[float, lis
     that frame.
 
     Args:
-        recording: What to write.
-        path: Where to.
-        contacts: For MCAP: times [s] and the contacts then, drawn as arrows in Foxglove's 3D panel.
+        recording: Recording to write.
+        path: File to write.
+        contacts: For MCAP: times [s] and the contacts at each, drawn as arrows in Foxglove's 3D panel.
 
     Raises:
         RecordingError: The format is unknown, an extra package is missing, or the file cannot be written.

@@ -1,4 +1,4 @@
-"""Recordings of contact-free motion, as calibration takes them."""
+"""Recordings of contact-free motion, in the form that calibration needs."""
 
 from pathlib import Path
 
@@ -12,32 +12,33 @@ from contactsense.service.recordings.recording import RecordingFile
 from contactsense.service.sensors.signal_mapping import WrenchMap
 
 _SHORTEST = 3
-"""Fewer samples between two resets of the clock are not used."""
+"""Minimum number of samples between two clock resets; shorter sections are not used."""
 
 
 def read_free_motion(
     path: str | Path, scene: Scene, columns: ColumnMapping | str | None = None
 ) -> tuple[list[FreeMotion], tuple[Problem, ...]]:
-    """Read a recording for `contactsense.calibration.calibrate`: one stretch, or one per reset of the clock.
+    """Read a recording for `contactsense.calibration.calibrate`: one section, or several if the clock was
+    reset in between.
 
-    Sensors that the file lacks are left out, and so are samples with a value that is not a finite number.
+    Sensors missing from the file are omitted, and so are samples with non-finite values.
 
     Args:
         path: See `RecordingFile`.
-        scene: What the signals mean; torques are converted with its torque constants.
-        columns: Names and units that differ from the usual ones, see `ColumnMapping.parse`.
+        scene: Defines the meaning of the signals; torques are converted with its torque constants.
+        columns: Names and units that differ from the defaults, see `ColumnMapping.parse`.
 
     Returns:
-        The stretches, and what is wrong with the file.
+        The sections, and the problems found in the file.
 
     Raises:
-        RecordingError: The file cannot be read, or has no stretch of three samples.
+        RecordingError: The file cannot be read, or has no section of three samples.
         MappingError: `columns` cannot be used.
     """
     mapping = columns if isinstance(columns, ColumnMapping) else ColumnMapping.parse(columns)
     sensor = scene.base_wrench
     if sensor is not None:
-        # Calibration estimates the delay, so readings stay in the row in which they came.
+        # Calibration estimates the delay, so readings stay in the row in which they were received.
         scene = scene.model_copy(update={"base_wrench": sensor.model_copy(update={"delay": 0.0})})
     found = RecordingFile(path, scene, mapping).read()
     reading = None

@@ -1,4 +1,4 @@
-"""What a recording says about itself: the scene, versions, clocks. Kept in the schema's metadata."""
+"""Metadata of a recording, stored in the schema: the scene, versions, clocks."""
 
 import hashlib
 import json
@@ -21,7 +21,7 @@ def scene_text(scene: Scene) -> str:
 
 
 def scene_hash(scene: Scene) -> str:
-    """Short hash of all fields of a scene: recordings with the same one mean the same."""
+    """Short hash of all fields of a scene: recordings with the same hash have the same meaning."""
     text = json.dumps(scene.model_dump(mode="json"), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 

@@ -1,4 +1,4 @@
-"""What is wrong with a recording, by row."""
+"""Problems found in a recording, by row."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,8 +9,8 @@ Kind = Literal[
 
 
 class RecordingError(ValueError):
-    """A recording that cannot be used: the message names the file, the column, what was expected, what
-    came."""
+    """A recording that cannot be used: the message names the file, the column, the expected value and the
+    actual one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,9 +18,9 @@ class Problem:
     """Rows of a recording that are missing, unusable or out of order; the other rows are used."""
 
     row_from: int
-    """First row concerned, counted from 0 in the file, without the header."""
+    """First affected row, counted from 0 in the file, without the header."""
     row_to: int
-    """Row after the last one concerned."""
+    """Row after the last affected one."""
     kind: Kind
     message: str
 

@@ -1,8 +1,8 @@
-"""Records live samples: raw as they came and as they were used, in two tables.
+"""Records live samples in two tables, both the raw values and those that were used.
 
 `samples`: one row per robot packet: time stamps, every RTDE field of the recipe, the joint torques as used
 [Nm], and the base sensor's reading at that instant in the sensor's own frame. `wrench`: every reading of a
-networked force/torque sensor, at its own rate, with its own count.
+networked force/torque sensor, at its own rate, with its own sequence number.
 """
 
 import time
@@ -22,13 +22,13 @@ _WRENCH_COLUMNS = ("tick", "arrival", *(f"base_wrench_{i}" for i in range(6)))
 
 
 class Recorder:
-    """A raw-data observer of `LiveSource` that writes what it sees.
+    """A raw-data observer of `LiveSource` that writes everything it receives.
 
     Args:
-        folder: Where the files go.
-        scene: Goes into the metadata.
-        rotation: When segments are closed, and how much stays on the disk.
-        rate: Robot samples a second [Hz].
+        folder: Destination of the files.
+        scene: Stored in the metadata.
+        rotation: When segments are closed, and how much disk space they may use.
+        rate: Sample rate of the robot [Hz].
 
     Raises:
         RecordingError: The folder cannot be written.
@@ -41,7 +41,7 @@ class Recorder:
         self._joints = len(scene.robot.joints)
         self._samples: SegmentWriter | None = None
         self._wrench: SegmentWriter | None = None
-        # Host time of the monotonic clock's zero: arrivals are written as UNIX time.
+        # Host time at zero of the monotonic clock: arrival times are written as UNIX time.
         self._epoch = time.time() - time.monotonic()
         self._blank = np.full(self._joints, np.nan)
 
@@ -57,7 +57,7 @@ class Recorder:
 
     @property
     def repaired(self) -> list[Path]:
-        """Files that an earlier run had left open."""
+        """Unfinished files of an earlier run that were repaired."""
         return [] if self._samples is None else self._samples.repaired
 
     def robot(
@@ -68,13 +68,14 @@ class Recorder:
         age: float,
         sample: Sample | None,
     ) -> None:
-        """One robot packet.
+        """Write one robot packet.
 
         Args:
-            record, slices: Its raw values, and where each field's numbers stand.
-            reading: The base sensor's reading at its instant, sensor axes [N, Nm], shape (6,); None: none.
-            age: How much older than the packet that reading is [s].
-            sample: What the estimator receives; None where the packet cannot be used.
+            record, slices: Its raw values, and the position of each field in them.
+            reading: The base sensor's reading at that instant, sensor axes [N, Nm], shape (6,), if there is
+                one.
+            age: By how much that reading is older than the packet [s].
+            sample: The sample for the estimator; None if the packet cannot be used.
         """
         if self._samples is None:
             self._samples = self._open(slices)
@@ -90,7 +91,7 @@ class Recorder:
         self._samples.add(row)
 
     def wrench(self, readings: Sequence[WrenchRecord]) -> None:
-        """Readings of the networked force/torque sensor, in their order."""
+        """Write readings of the networked force/torque sensor, in order."""
         if self._wrench is None and readings:
             self._wrench = SegmentWriter(
                 self._folder, "wrench", _WRENCH_COLUMNS, metadata(self._scene, table="wrench"),
@@ -102,13 +103,13 @@ class Recorder:
             self._wrench.add((float(reading.tick), arrival, *reading.wrench))
 
     def flush(self) -> None:
-        """Hand everything to the operating system."""
+        """Pass all buffered rows to the operating system."""
         for writer in (self._samples, self._wrench):
             if writer is not None:
                 writer.flush()
 
     def close(self) -> list[Path]:
-        """Complete all files; their paths."""
+        """Complete all files and return their paths."""
         return [p for w in (self._samples, self._wrench) if w is not None for p in w.close()]
 
     def _open(self, slices: Mapping[str, slice]) -> SegmentWriter:

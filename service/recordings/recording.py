@@ -1,4 +1,5 @@
-"""A recording as the estimator needs it: arrays in the frames and signs of `contactsense.Sample`."""
+"""A recording in the form that the estimator needs: arrays in the frames and signs of
+`contactsense.Sample`."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 BLOCK = 1 << 16
-"""Usual number of rows in a block."""
+"""Default number of rows in a block."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,9 @@ class Recording:
     """Samples of one arm, in the order of the file. A value that was not measured is NaN."""
 
     name: str
-    """The file it came from."""
+    """The file that was read."""
     t: np.ndarray
-    """Time on the robot's clock [s], shape (N,). It falls only where the clock was set back."""
+    """Time on the robot's clock [s], shape (N,). Decreases only where the clock was reset."""
     q: np.ndarray
     """Joint positions [rad], shape (N, n)."""
     qd: np.ndarray
@@ -44,15 +45,16 @@ class Recording:
     base_wrench: np.ndarray | None
     """Wrench of the arm on the sensor below it, base axes and origin [N, Nm], shape (N, 6)."""
     wrist_wrench: np.ndarray | None
-    """Wrench of all beyond the wrist sensor on it, base axes and origin [N, Nm], shape (N, 6)."""
+    """Wrench of everything beyond the wrist sensor on that sensor, base axes and origin [N, Nm], shape (N,
+    6)."""
     rows: np.ndarray
     """Row of each sample in the file, from 0, shape (N,), int64."""
     problems: tuple[Problem, ...] = ()
-    """What is wrong with the file, by row."""
+    """Problems found in the file, by row."""
     repeated: int = 0
-    """Rows that were left out because they repeat the time of the row before."""
+    """Number of rows dropped because they repeat the time stamp of the previous row."""
     meta: Mapping[str, str] = field(default_factory=dict)
-    """What the file says about itself, such as the scene that it was recorded with."""
+    """Metadata of the file, such as the scene that it was recorded with."""
 
     def __len__(self) -> int:
         return len(self.t)
@@ -66,7 +68,7 @@ class Recording:
 
     @property
     def seconds(self) -> float:
-        """Time from the first to the last sample, stretches before a reset of the clock included [s]."""
+        """Time from the first to the last sample, including sections before a clock reset [s]."""
         step = np.diff(self.t)
         return float(step[step > 0.0].sum())
 
@@ -76,7 +78,7 @@ class Recording:
         return tuple(problem for problem in self.problems if problem.kind == "gap")
 
     def __getitem__(self, key: slice) -> "Recording":
-        """A part of the samples; problems stay those of the whole file."""
+        """A slice of the samples; `problems` remain those of the whole file."""
         parts: dict[str, Any] = {
             name: None if getattr(self, name) is None else getattr(self, name)[key]
             for name in ("t", "q", "qd", "joint_torque", "base_wrench", "wrist_wrench", "rows")
@@ -94,7 +96,7 @@ class Recording:
         return whole.split(size)
 
     def samples(self) -> Iterator[Sample]:
-        """The recording as a stream for `Localizer.run`; a sensor without finite values is None."""
+        """The recording as a stream for `Localizer.run`; a sensor whose values are not finite is None."""
         for i in range(len(self)):
             yield Sample(
                 float(self.t[i]),
@@ -139,12 +141,12 @@ def _finite(array: np.ndarray | None, i: int) -> np.ndarray | None:
 
 
 class RecordingFile:
-    """One recording on disk, read block by block, so that its length does not matter.
+    """One recording on disk, read block by block, so that memory use does not depend on its length.
 
     Args:
         path: CSV (ur_rtde's or UR's own client's), Parquet, Arrow IPC stream, a folder of Parquet files,
             MCAP, or a rosbag2 folder.
-        scene: What the signals mean: torque signal, frame and sign of the sensors.
+        scene: Defines the meaning of the signals: torque signal, frame and sign of the sensors.
         mapping: Names of columns and topics, and units.
 
     Raises:
@@ -159,25 +161,25 @@ class RecordingFile:
             BagFile(self.path, self._mapping) if is_bag(self.path) else open_table(self.path)
         )
         self.meta: Mapping[str, str] = self._table.meta
-        """What the file says about itself."""
+        """Metadata of the file."""
         self._joints = len(scene.robot.joints)
         self._plan()
 
     @property
     def rows(self) -> int | None:
-        """Number of rows, where that is known before all are read."""
+        """Number of rows, if it is known before the whole file is read."""
         return self._table.rows
 
     def read(self, first: int = 0, last: int | None = None) -> Recording:
-        """The recording, or its rows from `first` up to but without `last`."""
+        """Read the recording, or its rows from `first` up to, but not including, `last`."""
         return concatenate(list(self.blocks(BLOCK, first, last)), self.name, self.meta)
 
     def blocks(self, size: int = BLOCK, first: int = 0, last: int | None = None) -> Iterator[Recording]:
-        """The samples in blocks of at most `size`; each carries the problems found since the block before.
+        """The samples in blocks of at most `size`; each carries the problems found since the previous block.
 
         Args:
-            size: Most samples of a block.
-            first, last: Rows of the file that are wanted: from `first` up to but without `last`.
+            size: Maximum number of samples in a block.
+            first, last: Range of rows to read: from `first` up to, but not including, `last`.
         """
         checker = RowChecker()
         pending = _Pending(self._late)
@@ -220,7 +222,8 @@ class RecordingFile:
         self._wanted = list(dict.fromkeys(wanted))
 
     def _torque_plan(self) -> tuple[list[str], TorqueMap | None]:
-        """Columns that carry the torques; and what they mean, None where they are joint torques [Nm]."""
+        """Columns that contain the torque signals, and their conversion; None if they are joint torques
+        [Nm]."""
         sensor, names, n = self._scene.joint_torque, self._table.names, self._joints
         if sensor is None:
             return [], None
@@ -323,9 +326,10 @@ class RecordingFile:
 
 
 class _Pending:
-    """Shifts the base sensor's readings by its delay: a reading belongs to the instant `late` before it came.
+    """Shifts the base sensor's readings by its delay: a reading belongs to the instant `late` before its
+    arrival.
 
-    Rows wait until the readings of their instant have come.
+    Rows wait until the readings for their instant have arrived.
     """
 
     def __init__(self, late: float) -> None:
@@ -333,9 +337,9 @@ class _Pending:
         self._rest: Recording | None = None
 
     def add(self, block: Recording) -> Recording:
-        """The rows that are complete now."""
+        """The rows that are now complete."""
         if self._late == 0.0:
-            # The last block waits: what is wrong with the end of the file is known only after it.
+            # The last block waits: problems at the end of the file are known only after it.
             before, self._rest = self._rest, block
             return block[:0] if before is None else before
         whole = block if self._rest is None else concatenate([self._rest, block], block.name, {})
@@ -344,7 +348,7 @@ class _Pending:
         return self._shifted(whole)[:ready]
 
     def flush(self) -> Recording | None:
-        """The rows that are left at the end."""
+        """The remaining rows at the end."""
         return None if self._rest is None else self._shifted(self._rest)
 
     def _shifted(self, part: Recording) -> Recording:
@@ -367,7 +371,7 @@ def _with(
 
 
 def concatenate(parts: list[Recording], name: str, meta: Mapping[str, str]) -> Recording:
-    """Parts of one recording, one behind the other."""
+    """Concatenate consecutive parts of one recording."""
 
     def joined(key: str) -> Any:
         arrays = [getattr(part, key) for part in parts]
@@ -402,12 +406,12 @@ def read(
 
     Args:
         path: See `RecordingFile`.
-        scene: What the signals mean; None: the scene that the file carries.
-        columns: Names and units that differ from the usual ones, see `ColumnMapping.parse`.
-        first, last: Rows that are wanted, see `RecordingFile.read`.
+        scene: Defines the meaning of the signals; None: the scene stored in the file.
+        columns: Names and units that differ from the defaults, see `ColumnMapping.parse`.
+        first, last: Range of rows to read, see `RecordingFile.read`.
 
     Raises:
-        RecordingError: The file cannot be read, lacks a column, or carries no scene and none was given.
+        RecordingError: The file cannot be read, lacks a column, or contains no scene and none was given.
         MappingError: `columns` cannot be used.
     """
     mapping = columns if isinstance(columns, ColumnMapping) else ColumnMapping.parse(columns)
@@ -417,10 +421,10 @@ def read(
 
 
 def scene_in(path: Path) -> Scene:
-    """The scene that a recording carries in its metadata.
+    """The scene stored in a recording's metadata.
 
     Raises:
-        RecordingError: It carries none.
+        RecordingError: It contains none.
     """
     from contactsense.service.recordings.metadata import scene_of_meta
 

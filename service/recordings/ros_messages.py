@@ -186,7 +186,8 @@ def wrench_stamped(t: float, wrench: np.ndarray) -> dict[str, Any]:
 
 
 def scene_update(t: float, contacts: Sequence[Contact]) -> dict[str, Any]:
-    """foxglove_msgs/SceneUpdate that draws each contact's force as an arrow that ends at its point."""
+    """foxglove_msgs/SceneUpdate that draws each contact's force as an arrow that ends at the contact
+    point."""
     deletion = {"timestamp": _time(t), "type": 1, "id": ""}
     arrows = [_arrow(contact) for contact in contacts]
     entity = {
@@ -217,7 +218,7 @@ def _arrow(contact: Contact) -> dict[str, Any]:
 
 
 def _quaternion_from_x(direction: np.ndarray) -> tuple[float, float, float, float]:
-    """Rotation that takes the x axis to a unit vector, (x, y, z, w)."""
+    """Quaternion of the rotation that takes the x axis to a unit vector, (x, y, z, w)."""
     dx, dy, dz = direction.tolist()
     if dx < -0.999999:
         return 0.0, 0.0, 1.0, 0.0

@@ -1,4 +1,4 @@
-"""Samples and their estimates as rows of numbers: what a clip or a service's recording holds."""
+"""Samples and their estimates as rows of numbers: the content of clips and of the service's recordings."""
 
 import time
 
@@ -9,11 +9,11 @@ from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.types import Estimate, Sample
 
 STATUS = ("none", "contact", "ambiguous", "multiple", "degraded")
-"""Status of the estimate, by its number in the column `status`."""
+"""Status of the estimate by its number in the column `status`."""
 
 
 class SampleRows:
-    """The columns of one scene's rows, and how they are filled without allocating more than a row's parts."""
+    """The columns of one scene's rows, and a method to fill a row with little allocation."""
 
     def __init__(self, scene: Scene) -> None:
         n = len(scene.robot.joints)
@@ -57,15 +57,15 @@ class SampleRows:
             row[at + 12 : at + 15] = best.point_base
 
     def stored(self, rows: np.ndarray) -> np.ndarray:
-        """Rows as they are stored: the base wrench goes back into the sensor's own frame and sign, so that
-        the scene means the same when the file is read."""
+        """Rows in the form that is stored: the base wrench is converted back to the sensor's own frame and
+        sign, so that the scene still applies when the file is read."""
         if self._map is not None:
             rows[:, self._base] = self._map.reading(rows[:, self._base])
         return rows
 
 
 class Ring:
-    """The last rows of a stream, in memory that is set aside once."""
+    """Ring buffer of the last rows of a stream, allocated once."""
 
     def __init__(self, capacity: int, columns: int) -> None:
         self._rows = np.full((capacity, columns), np.nan)
@@ -73,19 +73,19 @@ class Ring:
 
     @property
     def next(self) -> np.ndarray:
-        """The row to fill next; `push` keeps it."""
+        """The row to fill next; `push` commits it."""
         row: np.ndarray = self._rows[self._written % len(self._rows)]
         return row
 
     def push(self) -> None:
-        """Keep the row that `next` gave."""
+        """Commit the row returned by `next`."""
         self._written += 1
 
     def __len__(self) -> int:
         return min(self._written, len(self._rows))
 
     def between(self, column: int, begin: float, end: float) -> np.ndarray:
-        """Copies of the rows whose number in `column` lies in [begin, end], oldest first."""
+        """Copies of the rows whose value in `column` lies in [begin, end], oldest first."""
         n = len(self)
         order = (np.arange(self._written - n, self._written) % len(self._rows)) if n else np.zeros(0, int)
         values = self._rows[order, column]

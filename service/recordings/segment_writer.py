@@ -1,8 +1,9 @@
-"""Tables on their way to disk: Arrow IPC streams while rows come, Parquet when a segment is complete.
+"""Writing tables to disk: Arrow IPC streams while rows arrive, Parquet when a segment is complete.
 
 An Arrow stream is readable up to its last complete batch, whatever happens to the writer. A segment is closed
-after so many bytes or so much time, and turned into Parquet by a thread: that takes seconds, in which whoever
-reads sensors would lose readings. Leftovers of a killed writer are turned into Parquet at the next start.
+when it reaches a given size or duration, and a thread converts it to Parquet: that takes seconds, during
+which a thread that reads sensors would lose readings. Unfinished files of a killed writer are converted to
+Parquet at the next start.
 """
 
 import os
@@ -28,27 +29,27 @@ ROW_GROUP_SECONDS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """When a segment is closed, and how much stays on the disk."""
+    """When a segment is closed, and how much disk space the segments may use."""
 
     seconds: float = 600.0
-    """Longest segment [s]."""
+    """Maximum duration of a segment [s]."""
     megabytes: float = 256.0
-    """Largest segment before compression [MB]."""
+    """Maximum size of a segment before compression [MB]."""
     disk_megabytes: float | None = None
-    """Most that the complete segments may take [MB]; the oldest are removed. None: no limit."""
+    """Maximum total size of the complete segments [MB]; the oldest are removed. None: no limit."""
 
 
 class SegmentWriter:
     """Writes one table, row by row.
 
     Args:
-        folder: Where the files go; it is created.
-        prefix: First part of the files' names; unique per table in the folder.
+        folder: Destination of the files; it is created.
+        prefix: Prefix of the file names; unique per table in the folder.
         names: Columns, all float64.
         meta: Metadata of the schema.
         rotation: When a segment is closed.
-        flush_seconds: Rows wait in memory for at most so long [s].
-        rate: Expected rows a second [Hz]; sizes the buffer.
+        flush_seconds: Maximum time that rows wait in memory [s].
+        rate: Expected rate of rows [Hz]; determines the buffer size.
 
     Raises:
         RecordingError: The folder cannot be written.
@@ -81,18 +82,18 @@ class SegmentWriter:
         self._completer = ThreadPoolExecutor(1, thread_name_prefix="segments")
         self._completing: deque[Future[None]] = deque()
         self.rows = 0
-        """Rows taken so far."""
+        """Number of rows added so far."""
         self.files: list[Path] = []
-        """Complete files, in their order; grows in a thread."""
+        """Complete files, in order; a thread appends to it."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self.repaired = repair(folder, prefix)
-            """Files that an earlier run had left open."""
+            """Unfinished files of an earlier run that were repaired."""
         except OSError as error:
             raise RecordingError(f"{folder}: cannot write: {reason(error)}") from None
 
     def add(self, row: Sequence[float] | np.ndarray) -> None:
-        """Take one row; numbers in the order of the columns."""
+        """Add one row; values in the order of the columns."""
         if self._filled == len(self._rows):
             self.flush()
         self._rows[self._filled] = row
@@ -104,7 +105,7 @@ class SegmentWriter:
             self._due = now + self._flush_seconds
 
     def flush(self) -> None:
-        """Hand all rows to the operating system; from then on they survive the end of this process.
+        """Pass all rows to the operating system; from then on they survive the end of this process.
 
         Raises:
             RecordingError: The disk is full, or the folder is gone.
@@ -133,7 +134,7 @@ class SegmentWriter:
             raise RecordingError(f"{self._path}: cannot write: {reason(error)}") from None
 
     def close(self) -> list[Path]:
-        """Complete all segments; all files of this run.
+        """Complete all segments and return all files of this run.
 
         Raises:
             RecordingError: The disk is full, or the folder is gone.
@@ -179,7 +180,8 @@ class SegmentWriter:
 
 
 def to_parquet(path: Path, group: int = 30_000) -> Path | None:
-    """Turn one Arrow stream into a Parquet file beside it and remove it; None where it holds no row.
+    """Convert one Arrow stream to a Parquet file in the same folder and remove it; None if it contains no
+    row.
 
     The Parquet file appears under its name only when it is complete.
     """
@@ -218,7 +220,7 @@ def to_parquet(path: Path, group: int = 30_000) -> Path | None:
 
 
 def _next(stream: pa.RecordBatchStreamReader) -> pa.RecordBatch | None:
-    """The next complete batch; None at the end, be it in the middle of a batch."""
+    """The next complete batch; None at the end, even if the stream ends in the middle of a batch."""
     try:
         return stream.read_next_batch()
     except (StopIteration, OSError, pa.ArrowException):
@@ -226,7 +228,7 @@ def _next(stream: pa.RecordBatchStreamReader) -> pa.RecordBatch | None:
 
 
 def repair(folder: Path, prefix: str = "") -> list[Path]:
-    """Complete the segments that a killed writer left open in a folder; their Parquet files."""
+    """Complete the segments that a killed writer left open in a folder, and return their Parquet files."""
     for part in folder.glob(f"{prefix}*{PARTIAL}"):
         part.unlink()
     found = [to_parquet(path) for path in sorted(folder.glob(f"{prefix}*{OPEN}"))]
@@ -234,9 +236,9 @@ def repair(folder: Path, prefix: str = "") -> list[Path]:
 
 
 def remove_oldest(folder: Path, prefix: str, limit: int) -> list[Path]:
-    """Remove the oldest complete segments of a prefix until they take at most `limit` bytes; those removed.
+    """Remove the oldest complete segments of a prefix until they take at most `limit` bytes, and return them.
 
-    The newest stays in any case.
+    The newest segment is always kept.
     """
     files = sorted(folder.glob(f"{prefix}-*{DONE}"))
     sizes = [path.stat().st_size for path in files]

@@ -1,6 +1,6 @@
 """Tables of numbers from files, batch by batch: CSV, Parquet, Arrow IPC streams, folders of Parquet files.
 
-Files that are cut short give what can be read, and say so.
+From a truncated file, everything readable is returned, and the truncation is reported.
 """
 
 import gzip
@@ -19,9 +19,9 @@ import pyarrow.parquet as pa_parquet
 from contactsense.service.recordings.problems import Problem, RecordingError
 
 _HEAD = 65536
-"""Bytes in which the header line of a CSV file must end."""
+"""Maximum length of the header line of a CSV file [bytes]."""
 _BUFFER = 1 << 20
-"""Bytes of a Parquet column that are read at a time: a file that is mapped or read ahead stays in memory."""
+"""Bytes of a Parquet column read at a time: a file that is memory-mapped or read ahead stays in memory."""
 
 Columns = dict[str, np.ndarray]
 """Column name -> values, shape (N,), float64."""
@@ -31,26 +31,26 @@ class TableFile(Protocol):
     """A table on disk."""
 
     names: list[str]
-    """Columns of numbers."""
+    """Names of the numeric columns."""
     meta: dict[str, str]
-    """What the file says about itself."""
+    """Metadata of the file."""
     problems: list[Problem]
-    """What was found to be wrong while reading; grows."""
+    """Problems found so far while reading."""
     rows: int | None
-    """Number of rows, where that is known before all are read."""
+    """Number of rows, if it is known before the whole file is read."""
 
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None
     ) -> Iterator[tuple[int, Columns]]:
-        """Row number of the first row, and the columns asked for, batch by batch; at least the rows from
-        `first` up to but without `last`."""
+        """Row number of the first row, and the requested columns, batch by batch; at least the rows from
+        `first` up to, but not including, `last`."""
 
 
 def open_table(path: Path) -> TableFile:
     """The table in a file or folder.
 
     Raises:
-        RecordingError: It cannot be read, or is no table.
+        RecordingError: It cannot be read, or is not a table.
     """
     try:
         if path.is_dir():
@@ -67,7 +67,7 @@ def open_table(path: Path) -> TableFile:
 def chosen_rows(
     batches: Iterator[tuple[int, Columns]], first: int, last: int | None
 ) -> Iterator[tuple[int, Columns]]:
-    """The rows from `first` up to but without `last` of batches that may hold more."""
+    """Trim batches to the rows from `first` up to, but not including, `last`."""
     for row, columns in batches:
         count = len(next(iter(columns.values())))
         begin, end = max(first - row, 0), count if last is None else min(last - row, count)
@@ -78,7 +78,7 @@ def chosen_rows(
 
 
 def reason(error: Exception) -> str:
-    """One line that says what the operating system or Arrow complains about."""
+    """The error message of the operating system or of Arrow in one line."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return " ".join(text.split())
 
@@ -139,7 +139,7 @@ class _Parquet:
             row += batch.num_rows
 
     def _groups(self, first: int, last: int | None) -> tuple[int, list[int]]:
-        """The row groups that hold the wanted rows, and the number of their first row."""
+        """The row groups that contain the requested rows, and the number of their first row."""
         groups: list[int] = []
         begin = row = 0
         for i in range(self._file.metadata.num_row_groups):
@@ -153,7 +153,7 @@ class _Parquet:
 
 
 class _ParquetFolder:
-    """All Parquet files below a folder, in the order of their names."""
+    """All Parquet files below a folder, sorted by name."""
 
     def __init__(self, path: Path) -> None:
         files = sorted(path.rglob("*.parquet"))
@@ -206,7 +206,7 @@ class _ArrowStream:
 
 
 class _Gzip(io.RawIOBase):
-    """A packed file; one that is cut short ends where it is cut, and `cut_short` says so."""
+    """A compressed file; a truncated one ends at the truncation, and `cut_short` is set."""
 
     def __init__(self, path: Path) -> None:
         self._file = gzip.open(path, "rb")  # noqa: SIM115 (closed by `close`)
@@ -229,7 +229,7 @@ class _Gzip(io.RawIOBase):
 
 
 class _Csv:
-    """As ur_rtde writes it (commas) and as UR's own client does (blanks), packed with gzip or not."""
+    """CSV as written by ur_rtde (commas) or by UR's own client (blanks), optionally compressed with gzip."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -255,7 +255,7 @@ class _Csv:
         except pa.ArrowInvalid as error:
             if "conversion error" not in str(error).lower():
                 raise RecordingError(f"{self._path}: {reason(error)}") from None
-            # A cell that is no number: read text, and mark what cannot be converted.
+            # A cell is not a number: read text, and mark what cannot be converted.
             self.problems.clear()
             yield from chosen_rows(self._typed(names, pa.string()), done, None)
 

@@ -1,4 +1,4 @@
-"""Names of hosts become addresses in a thread, as a resolver that does not answer blocks for many seconds."""
+"""Resolves host names in a thread, because a resolver that does not answer blocks for many seconds."""
 
 import ipaddress
 import socket
@@ -8,16 +8,16 @@ import time
 from contactsense.service.sensors.robot_stream import SensorError
 
 PATIENCE = 2.0
-"""A look-up that takes longer than this is reported [s]."""
+"""A lookup that takes longer than this is reported [s]."""
 RETRY = 1.0
-"""Time between a look-up that failed and the next one [s]."""
+"""Time between a failed lookup and the next one [s]."""
 
 
 class HostName:
-    """The address behind a name, looked up again after each failure; never waits.
+    """The address of a host name, looked up again after each failure; never blocks.
 
     Args:
-        host: A name, or an address, which needs no look-up.
+        host: A host name, or an address, which needs no lookup.
     """
 
     def __init__(self, host: str) -> None:
@@ -32,7 +32,7 @@ class HostName:
         """The address; None while it is being looked up.
 
         Raises:
-            SensorError: There is no such name, or the resolver does not answer.
+            SensorError: The name does not exist, or the resolver does not answer.
         """
         if self._address is not None:
             return self._address

@@ -30,72 +30,76 @@ from contactsense.service.wire.rtde_fields import OUTPUTS, WIDTHS
 from contactsense.types import Sample
 
 OUTAGE = 0.5
-"""A longer gap in the robot's stream is an outage, which the state reports, not a loss of packets [s]."""
+"""A gap in the robot's stream longer than this is an outage, reported by the state, not packet loss [s]."""
 _LOST = 0.5
-"""Readings that come for so long and belong to no sample are on a clock that is not understood [s]."""
+"""If readings arrive for this long without matching any sample, the estimate of the sensor's clock is wrong
+[s]."""
 _TORQUE_SCALE = 1.5
-"""A torque beyond so many times the joint's limit is no torque."""
+"""A torque larger than this multiple of the joint's limit is invalid."""
 _ALIVE = 0.05
-"""A force/torque sensor silent for longer than this is not waited for [s]."""
+"""If the force/torque sensor is silent for longer than this, samples no longer wait for it [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class SourceSettings:
-    """Where the sensors are and how they are read."""
+    """Addresses of the sensors, and how they are read."""
 
     robot_host: str
     robot_port: int = rtde.DEFAULT_PORT
     client: Literal["rtde", "ur_rtde"] = "rtde"
-    """`rtde`: our own reader, loses nothing; `ur_rtde`: in a process of its own, always port 30004."""
+    """`rtde`: our own reader, which loses nothing; `ur_rtde`: runs in a separate process, always on port
+    30004."""
     frequency: float = 500.0
-    """Robot samples a second [Hz]: 500 for e-Series, 125 for CB3."""
+    """Sample rate of the robot [Hz]: 500 for e-Series, 125 for CB3."""
     wrench_host: str | None = None
-    """Address of the Net F/T sensor under the base; None: there is none on the network."""
+    """Address of the Net F/T sensor under the base; None: there is none."""
     wrench_port: int = netft.DEFAULT_PORT
     wrench_http_port: int = netft.DEFAULT_HTTP_PORT
     wrench_counts: tuple[float, float] | None = None
     """Counts per newton and newton metre; None: ask the sensor's web server."""
     wrench_fields: tuple[str, ...] = ()
-    """Six RTDE fields that carry the base sensor's reading [N, Nm], such as output registers, instead of
+    """Six RTDE fields that contain the base sensor's reading [N, Nm], such as output registers, instead of
     `wrench_host`."""
     wrist_fields: tuple[str, ...] = ("ft_raw_wrench",)
-    """RTDE fields that carry the wrist sensor's six numbers [N, Nm], where the scene has one."""
+    """RTDE fields that contain the wrist sensor's six values [N, Nm], if the scene has one."""
     extra_fields: tuple[str, ...] = ()
     """Further RTDE fields to read, for recordings."""
     wrench_rate: float | None = None
-    """Rate at which the sensor numbers its readings [Hz]; None: estimated from their arrivals, which takes
-    longer on a busy host."""
+    """Rate of the sensor's sequence numbers [Hz]; None: estimated from arrival times, which takes longer on a
+    busy host."""
     wrench_delay: float = 0.0
-    """Constant difference of the network delays, force/torque reading less robot packet [s]."""
+    """Constant difference of the network delays, force/torque reading minus robot packet [s]."""
     wrench_max_age: float = 0.005
-    """A force/torque reading older than this, and than 1.5 times the time between two, is no reading [s]. In
-    motion readings of 10 ms ago look like a contact."""
+    """A force/torque reading older than this, and older than 1.5 times the interval between two, is not used
+    [s]. In motion, readings that are 10 ms old look like a contact."""
     constant_readings: bool = False
-    """Whether readings may stay the same for ever, as those of a simulator without noise do; otherwise a
-    signal that never changes counts as frozen."""
+    """Whether readings may stay constant, like those of a simulator without noise; otherwise a signal that
+    never changes counts as frozen."""
     wrench_wait: float = 0.003
-    """How long a robot sample may wait for the force/torque reading of its instant [s]."""
+    """Maximum time that a robot sample waits for the force/torque reading of its instant [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class SourceHealth:
-    """How the sensors are doing."""
+    """State of the sensors."""
 
     robot: StreamHealth
     wrench: WrenchHealth | None
-    """None where the force/torque values come with the robot's packets, or there is no such sensor."""
+    """None if the force/torque values are part of the robot's packets, or if there is no such sensor."""
     unusable: int
     """Robot records without usable joint positions and velocities; not delivered."""
     without_wrench: int
-    """Samples delivered without the base wrench that the scene requires: sensor silent, or no number."""
+    """Samples delivered without the base wrench that the scene requires: sensor silent, or value not
+    finite."""
     wrench_age: float
-    """How much older than the latest sample its force/torque value was [s]; infinite where there was none."""
+    """Age of the force/torque value of the latest sample relative to that sample [s]; infinite if there was
+    none."""
     recent: tuple[str, ...] = ()
-    """What has been wrong with the readings within the last second, each one line for a person."""
+    """Problems with the readings in the last second, one readable line each."""
 
     @property
     def trouble(self) -> str:
-        """What is wrong at this moment, one line for a person; empty if all is well."""
+        """Current problem in one readable line; empty if there is none."""
         found = []
         if self.robot.state != "streaming":
             found.append(self.robot.error or "no data from the robot yet")
@@ -123,14 +127,15 @@ class RawObserver(Protocol):
 
 
 class LiveSource:
-    """Samples for ever. Sensors may come and go: without the robot none come, without the other they lack it.
+    """An endless stream of samples. Sensors may disconnect and reconnect: without the robot there are no
+    samples, without the other sensor they lack its values.
 
     Args:
-        scene: Which signals are used and what they mean.
-        settings: Where they come from.
+        scene: Defines which signals are used, and their meaning.
+        settings: Sources of the signals.
 
     Raises:
-        SensorError: The scene requires a signal that is not available this way.
+        SensorError: The scene requires a signal that these sources do not provide.
     """
 
     def __init__(self, scene: Scene, settings: SourceSettings) -> None:
@@ -179,11 +184,11 @@ class LiveSource:
         self._age = math.inf
         self._closed = False
         self.observer: RawObserver | None = None
-        """Sees the raw data, where there is one."""
+        """Receives the raw data, if set."""
         self._used_reading: np.ndarray | None = None
 
     def poll(self, timeout: float) -> list[Sample]:
-        """Samples that have come, oldest first; waits up to `timeout` seconds for the first.
+        """Samples received, oldest first; waits up to `timeout` seconds for the first.
 
         Raises:
             RtdeFieldError: The robot does not know a field that the scene requires.
@@ -211,14 +216,14 @@ class LiveSource:
 
     @property
     def health(self) -> SourceHealth:
-        """Counters and the latest troubles of all sensors, as they are now."""
+        """Current counters and latest problems of all sensors."""
         wrench = None if self._sensor is None else self._sensor.health
         robot = replace(self._robot.health)
         recent = describe_recent(self._recent.totals(time.monotonic()), self._period)
         return SourceHealth(robot, wrench, self._unusable, self._without_wrench, self._age, recent)
 
     def close(self) -> None:
-        """Let go of all sensors."""
+        """Close the connections to all sensors."""
         self._closed = True
         self._robot.close()
         if self._sensor is not None:
@@ -239,7 +244,7 @@ class LiveSource:
                 self._last_reading_ns = reading.arrival_ns
 
     def _believable(self, t: float, wrench: tuple[Number, ...]) -> bool:
-        """Whether a force/torque reading is one: not exactly zero, not the same as ever."""
+        """Whether a force/torque reading is plausible: not exactly zero, and not constant."""
         repeated = self._wrench_check.update(t, wrench)
         if not self._checked:
             return True
@@ -248,11 +253,11 @@ class LiveSource:
             return False
         if repeated > REPEAT_LIMIT:
             self._recent.add(time.monotonic(), "wrench frozen")
-        # A reading that repeats is as old as its first appearance.
+        # A repeated reading is as old as its first occurrence.
         return repeated <= (0.0 if self._sensor is not None else self._max_age)
 
     def _count_losses(self, records: list[RobotRecord]) -> None:
-        """Note what the robot's stream has lost or refused since the last time."""
+        """Record what the robot's stream has lost or rejected since the last call."""
         now, seen, health = time.monotonic(), self._seen, self._robot.health
         if records:
             self._recent.add(now, "packets", len(records))
@@ -319,12 +324,12 @@ class LiveSource:
         if self._without_since is None:
             self._without_since = now
         elif now - self._without_since > _LOST and now - self._last_reading_ns / NS < _ALIVE:
-            # Readings come, but none belongs to any instant: what is known of the sensor's clock is wrong.
+            # Readings arrive, but match no instant: the estimate of the sensor's clock is wrong.
             self._aligner.forget_sensor()
             self._without_since = now
 
     def _frozen(self, t: float, q: np.ndarray, qd: np.ndarray, torque: tuple[Number, ...]) -> bool:
-        """Whether the robot repeats an old state instead of telling the present one."""
+        """Whether the robot repeats an old state instead of sending the current one."""
         check = self._robot_check
         stale = check.positions_stale(t, q, qd)
         repeated = check.all_repeats(t, (*q.tolist(), *qd.tolist(), *torque)) if torque else 0.0
@@ -369,7 +374,7 @@ def _wrench_fields(settings: SourceSettings) -> tuple[str, ...]:
 
 def _wrist_fields(settings: SourceSettings) -> tuple[str, ...]:
     names = settings.wrist_fields
-    # A name that nobody knows is the robot's to complain about.
+    # An unknown name is left to the robot to report.
     numbers = sum(WIDTHS[OUTPUTS[name]] for name in names if name in OUTPUTS)
     if numbers != 6 and all(name in OUTPUTS for name in names):
         raise SensorError(

@@ -1,7 +1,7 @@
 """ATI Net F/T (and Axia, OnRobot HEX: the same protocol) read through pynetft.
 
-pynetft receives in a thread of its own, stamps every record on arrival and reconnects by itself; here its
-readings become newtons and newton metres, and its troubles one line for a person.
+pynetft receives in its own thread, timestamps every record on arrival and reconnects automatically. This
+module converts its readings to newtons and newton metres, and its errors to one readable line.
 """
 
 import threading
@@ -21,9 +21,9 @@ DEFAULT_HTTP_PORT = 80
 
 _QUEUE = 8192
 _STUCK = 0.25
-"""Records that come for so long and are all refused: the sensor has reset its counter [s]."""
+"""If all records are rejected for this long, the sensor has reset its counter [s]."""
 _STUCK_RECORDS = 20
-"""The same, in records."""
+"""The same, as a number of records."""
 _NEWTON = {
     pynetft.ForceUnit.NEWTON: 1.0,
     pynetft.ForceUnit.KILO_NEWTON: 1e3,
@@ -52,54 +52,54 @@ class WrenchRecord(NamedTuple):
     """One reading of a force/torque sensor, in the sensor's own frame and sign."""
 
     tick: int
-    """Number of the reading on the sensor's own clock, modulo 2^32."""
+    """Sequence number of the reading, which serves as the sensor's clock, modulo 2^32."""
     arrival_ns: int
-    """When the host received it, on the host's monotonic clock [ns]."""
+    """Time of reception on the host's monotonic clock [ns]."""
     wrench: tuple[float, float, float, float, float, float]
     """Force then moment about the sensor's origin, sensor axes [N, Nm]."""
 
 
 @dataclass(frozen=True, slots=True)
 class WrenchHealth:
-    """What the sensor's stream has been through since it was opened."""
+    """Statistics of the sensor's stream since it was opened."""
 
     state: State
     error: str
-    """The latest trouble, one line for a person; stays after recovery."""
+    """The latest problem in one readable line; kept after recovery."""
     received: int
     lost: int
-    """Records missing by their numbers."""
+    """Missing records, by sequence number."""
     duplicates: int
     out_of_order: int
     malformed: int
     device_errors: int
-    """Records that the sensor itself marked as bad (beyond its range, or worse); not delivered."""
+    """Records that the sensor itself marked as bad (out of range, or worse); not delivered."""
     reconnects: int
     overrun: int
     """Readings dropped because they were not fetched."""
     rate: float
-    """Records received in the last second [Hz]."""
+    """Rate of received records over the last second [Hz]."""
     age: float | None
     """Time since the latest record [s]; None before the first."""
     restarts: int = 0
-    """How often the sensor reset its counter of readings, as after a restart."""
+    """How often the sensor reset its sequence number, as after a restart."""
 
 
 class NetFtStream:
-    """Readings of a Net F/T sensor for ever; a silent or absent sensor is retried by pynetft.
+    """An endless stream of readings of a Net F/T sensor; pynetft retries a silent or absent sensor.
 
-    pynetft refuses records whose number is below the highest one seen, for ever where the sensor was
-    restarted; a new client is then created.
+    pynetft rejects records whose sequence number is below the highest one seen. After a restart of the
+    sensor, it would do so forever; a new client is then created.
 
     Args:
         host: Address of the sensor.
         port: UDP port of its Raw Data Transfer.
-        http_port: TCP port of its web server, which gives counts per unit.
-        counts: Counts per newton and per newton metre, instead of asking the web server.
-        timeout: Longest silence before the stream counts as broken and is requested again [s].
+        http_port: TCP port of its web server, which provides the counts per unit.
+        counts: Counts per newton and per newton metre, instead of querying the web server.
+        timeout: Maximum silence before the stream counts as interrupted and is requested again [s].
 
     Raises:
-        SensorError: The arguments make no sense.
+        SensorError: An argument is invalid.
     """
 
     def __init__(
@@ -176,7 +176,7 @@ class NetFtStream:
             self._connect()
 
     def poll(self, timeout: float = 0.0) -> list[WrenchRecord]:
-        """Readings that have come, oldest first; waits up to `timeout` seconds for the first."""
+        """Readings received, oldest first; waits up to `timeout` seconds for the first."""
         records: list[WrenchRecord] = []
         self._connect()
         if self._client is None:
@@ -194,7 +194,7 @@ class NetFtStream:
 
     @staticmethod
     def _read(samples: Iterator[pynetft.Sample], records: list[WrenchRecord], limit: int) -> None:
-        # The iterator ends by an error where the queue is empty.
+        # The iterator raises an error when the queue is empty.
         with suppress(TimeoutError):
             for sample in samples:
                 n, nm = _NEWTON[sample.force_unit], _NEWTON_METRE[sample.torque_unit]
@@ -206,7 +206,7 @@ class NetFtStream:
                     return
 
     def bias(self) -> None:
-        """Set the sensor's zero at its present reading, which removes the arm's weight, too: seldom useful.
+        """Set the sensor's zero to its current reading, which also removes the arm's weight: seldom useful.
 
         Raises:
             SensorError: The sensor sends no data, so it cannot receive the request.
@@ -220,7 +220,7 @@ class NetFtStream:
 
     @property
     def health(self) -> WrenchHealth:
-        """Counters and the latest trouble."""
+        """Counters and the latest problem."""
         past = self._past
         if self._client is None:
             error = self._name_error or past.error
@@ -252,7 +252,7 @@ class NetFtStream:
         return now.last_error
 
     def close(self) -> None:
-        """Tell the sensor to stop sending and let go of it."""
+        """Tell the sensor to stop sending, and close the connection."""
         self._closed = True
         if self._client is not None:
             self._client.stop()

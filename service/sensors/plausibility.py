@@ -1,4 +1,4 @@
-"""Whether readings can be true: values that never change, and counts of what went wrong lately.
+"""Plausibility of readings: values that never change, and counts of recent problems.
 
 Measured values carry noise. In 77,000 packets of a real UR10e (100 Hz, at rest and in motion; shamilmamedov,
 dynamic_calibration) the six motor currents never had the same values twice in a row, while joint positions
@@ -12,27 +12,27 @@ from collections.abc import Hashable
 import numpy as np
 
 REPEAT_LIMIT = 0.04
-"""A noisy signal that has repeated all its values for longer than this is frozen, which is reported [s]."""
+"""A noisy signal that has repeated all its values for longer than this is reported as frozen [s]."""
 TORQUE_AGE = 0.008
-"""Torques that have repeated for longer than this are left out; slower signals repeat a little [s]."""
+"""Torques that have repeated for longer than this are omitted; slower signals repeat briefly [s]."""
 MOTION_LIMIT = 2e-4
-"""Positions that repeat while the velocities add up to more than this are stale [rad]."""
+"""Positions that repeat while the integrated velocities exceed this are stale [rad]."""
 REST_SPEED = 1e-3
 """No joint of an arm at rest is faster than this; its positions may repeat [rad/s]."""
 SPEED_SCALE = 3.0
-"""A velocity beyond so many times the joint's limit is no velocity. Limits in robot descriptions are those of
-the drives; a packet in which bytes are missing gives any number at all."""
+"""A velocity above this multiple of the joint's limit is invalid. Limits in robot descriptions are those of
+the drives; a packet with missing bytes can contain any number."""
 
 
 class RepeatCheck:
-    """Tells for how long a signal has repeated the same values."""
+    """Measures for how long a signal has repeated the same values."""
 
     def __init__(self) -> None:
         self._last: Hashable = None
         self._since = 0.0
 
     def update(self, t: float, values: Hashable) -> float:
-        """For how long the values have been the same [s]; 0 while they change.
+        """Time for which the values have been constant [s]; 0 while they change.
 
         Args:
             t: Time of the reading [s], on any monotonic clock.
@@ -47,12 +47,12 @@ class RepeatCheck:
 class RobotCheck:
     """Detects a robot that repeats old values with new time stamps.
 
-    At rest positions and velocities may repeat, so there the torques decide: they are measured, thus noisy.
-    A stale packet among current ones looks like a contact within a few milliseconds, so the first
+    At rest, positions and velocities may repeat, so the torques decide there: they are measured and therefore
+    noisy. A stale packet among current ones looks like a contact within a few milliseconds, so the first
     repetition counts.
 
     Args:
-        speed_limits: Largest speed of each joint, shape (n,) [rad/s]; infinite where none is known.
+        speed_limits: Largest speed of each joint, shape (n,) [rad/s]; infinite if unknown.
     """
 
     def __init__(self, speed_limits: np.ndarray) -> None:
@@ -64,7 +64,7 @@ class RobotCheck:
         self._torque = RepeatCheck()
 
     def velocities_impossible(self, qd: np.ndarray) -> bool:
-        """Whether a joint would be far faster than it can be.
+        """Whether a velocity is far above what the joint can reach.
 
         Args:
             qd: Joint velocities, shape (n,) [rad/s].
@@ -86,24 +86,24 @@ class RobotCheck:
             self._last_q, self._moved = values, 0.0
             return False
         speed = float(np.abs(qd).max())
-        # A single wrong velocity must not count against an arm that rests from then on.
+        # A single wrong velocity must not accumulate while the arm is at rest afterwards.
         self._moved = self._moved + step * speed if speed > REST_SPEED else 0.0
         return self._moved > MOTION_LIMIT
 
     def torque_repeats(self, t: float, torque: tuple[float, ...]) -> float:
-        """For how long the torques' raw values have repeated [s]."""
+        """Time for which the raw torque values have repeated [s]."""
         return self._torque.update(t, torque)
 
     def all_repeats(self, t: float, values: tuple[float, ...]) -> float:
-        """For how long all that the robot sends, torques included, has repeated [s]."""
+        """Time for which all values that the robot sends, including torques, have repeated [s]."""
         return self._state.update(t, values)
 
 
 class RecentCounts:
-    """How often each thing happened within the last second or so.
+    """Counts of each kind of event within a recent time window.
 
     Args:
-        window: What counts as recent [s].
+        window: Length of the window [s].
     """
 
     def __init__(self, window: float = 1.0) -> None:
@@ -112,7 +112,7 @@ class RecentCounts:
         self._width = window / 10.0
 
     def add(self, now: float, what: str, count: int = 1) -> None:
-        """It happened now, so many times. `now`: time on the host's monotonic clock [s]."""
+        """Add `count` events at `now`, a time on the host's monotonic clock [s]."""
         number = math.floor(now / self._width)
         if not self._buckets or self._buckets[-1][0] != number:
             self._buckets.append((number, Counter()))
@@ -120,7 +120,7 @@ class RecentCounts:
         self._buckets[-1][1][what] += count
 
     def totals(self, now: float) -> Counter[str]:
-        """All that happened within the window before now."""
+        """Counts of all events within the window before `now`."""
         self._expire(now)
         total: Counter[str] = Counter()
         for _, counts in self._buckets:

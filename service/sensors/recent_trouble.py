@@ -1,9 +1,9 @@
-"""What went wrong with the readings of the last second, as messages for the operator."""
+"""Problems with the readings of the last second, as messages for the operator."""
 
 from collections import Counter
 
 SHARE = 0.02
-"""A smaller share of packets lost, repeated or late is not worth a word."""
+"""A smaller fraction of lost, repeated or late packets is not reported."""
 WITHOUT_WRENCH = 0.05
 """The same for samples without a force/torque reading, which a busy computer misses now and then."""
 
@@ -38,10 +38,10 @@ _SHARES = {
 
 
 def describe_recent(counts: Counter[str], period: float) -> tuple[str, ...]:
-    """One line for each thing that was wrong.
+    """One line for each problem.
 
     Args:
-        counts: How often each happened within the last second.
+        counts: Number of occurrences of each problem within the last second.
         period: Time between two packets of the robot [s].
     """
     found = [text for name, text in _ALWAYS.items() if counts[name] > 2]

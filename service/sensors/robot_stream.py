@@ -1,4 +1,4 @@
-"""What every stream of robot samples delivers, whichever client reads it, and how losses are counted."""
+"""Common interface of the streams of robot samples, and the counting of losses."""
 
 import math
 from collections.abc import Mapping
@@ -13,12 +13,13 @@ NS = 1_000_000_000
 """Nanoseconds in a second."""
 
 _LATE = 0.5
-"""A stamp older than the newest by less than this is a late packet, not another clock [s]."""
+"""A packet whose time stamp is older than the newest by less than this is late; otherwise the clock was reset
+[s]."""
 _LATE_IN_A_ROW = 10
-"""So many late packets one after another: the clock was set back after all."""
+"""After this many consecutive late packets, the clock was reset after all."""
 
 _SLACK = 1.0
-"""How far the robot's clock may run ahead of the host's between two packets and be no jump [s]."""
+"""If the robot's clock advances more than this relative to the host's between two packets, it jumped [s]."""
 
 
 class SensorError(Exception):
@@ -31,57 +32,58 @@ class RobotRecord(NamedTuple):
     timestamp: float
     """Time on the robot's clock [s]."""
     arrival_ns: int
-    """When the host saw it, on the host's monotonic clock [ns]."""
+    """Time of reception on the host's monotonic clock [ns]."""
     values: tuple[Number, ...]
-    """Numbers of all fields, laid out by the stream's `slices`."""
+    """Values of all fields; the stream's `slices` gives their positions."""
 
 
 @dataclass(slots=True)
 class StreamHealth:
-    """What a stream has been through since it was opened."""
+    """Statistics of a stream since it was opened."""
 
     state: State = "connecting"
-    """`connecting`: no data yet; `streaming`; `waiting`: down, the next attempt follows; `closed`: by us."""
+    """`connecting`: no data yet; `streaming`; `waiting`: disconnected, waiting for the next attempt;
+    `closed`: by us."""
     error: str = ""
-    """The latest trouble, one line for a person; stays after recovery."""
+    """The latest problem in one readable line; kept after recovery."""
     received: int = 0
     """Records delivered."""
     lost: int = 0
-    """Samples that the robot took and we never saw, by gaps in its time stamps (outages included)."""
+    """Samples that the robot took but we did not receive, by gaps in its time stamps (including outages)."""
     duplicates: int = 0
-    """Records with the time stamp of the one before; not delivered."""
+    """Records with the same time stamp as the previous one; not delivered."""
     out_of_order: int = 0
-    """Records older than the one before, such as swapped packets; not delivered."""
+    """Records older than the previous one, such as swapped packets; not delivered."""
     bad_stamps: int = 0
     """Records whose time stamp is not a number; not delivered."""
     jumps: int = 0
-    """How often the robot's clock jumped, back or far ahead: a restart, or another robot."""
+    """How often the robot's clock jumped backwards or far ahead: a restart, or another robot."""
     failures: int = 0
-    """Attempts and connections that ended in an error, bad packets included."""
+    """Attempts and connections that ended in an error, including bad packets."""
     connections: int = 0
     """Connections that delivered data."""
 
 
 class RobotStream(Protocol):
-    """A stream of robot records that never gives up; both RTDE sources are one."""
+    """A stream of robot records that reconnects forever; both RTDE sources implement it."""
 
     @property
     def slices(self) -> Mapping[str, slice]:
-        """Field name -> where its numbers stand in `RobotRecord.values`."""
+        """Field name -> position of its values in `RobotRecord.values`."""
 
     @property
     def health(self) -> StreamHealth:
-        """Counters and the latest trouble."""
+        """Counters and the latest problem."""
 
     def poll(self, timeout: float) -> list[RobotRecord]:
-        """Records that have come, oldest first; waits up to `timeout` seconds for the first."""
+        """Records received, oldest first; waits up to `timeout` seconds for the first."""
 
     def close(self) -> None:
-        """Let go of the robot."""
+        """Close the connection to the robot."""
 
 
 class LossCounter:
-    """Counts lost, repeated and misdated samples of a stream with a fixed period [s]."""
+    """Counts lost, repeated and wrongly timed samples of a stream with a fixed period [s]."""
 
     def __init__(self, period: float, health: StreamHealth) -> None:
         self._period = period
@@ -90,7 +92,8 @@ class LossCounter:
         self._late = 0
 
     def admit(self, record: RobotRecord) -> bool:
-        """Count the record in; False where it must not be delivered: repeated, late, or without a time."""
+        """Count the record; False if it must not be delivered because it is repeated, late, or without a
+        time."""
         health = self._health
         if not math.isfinite(record.timestamp):
             health.failures += 1
@@ -119,7 +122,7 @@ class LossCounter:
 
 
 class Backoff:
-    """When to try again: soon at first, then at doubled intervals up to a limit [s]."""
+    """Time of the next attempt: soon at first, then at doubled intervals up to a limit [s]."""
 
     def __init__(self, first: float = 0.1, limit: float = 1.0) -> None:
         self._first = first
@@ -128,14 +131,14 @@ class Backoff:
         self._due_ns = 0
 
     def succeeded(self) -> None:
-        """The sensor works: start over with short intervals next time."""
+        """The sensor works: start again with short intervals after the next failure."""
         self._delay = self._first
 
     def failed(self, now_ns: int) -> None:
-        """An attempt failed at this instant."""
+        """Record that an attempt failed at this instant."""
         self._due_ns = now_ns + int(self._delay * NS)
         self._delay = min(2.0 * self._delay, self._limit)
 
     def wait(self, now_ns: int) -> float:
-        """Seconds until the next attempt is due; 0 if it is."""
+        """Seconds until the next attempt is due; 0 if it is due now."""
         return max(0.0, (self._due_ns - now_ns) / NS)

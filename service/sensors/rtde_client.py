@@ -1,4 +1,4 @@
-"""Our own RTDE reader: every packet of the robot, in order, none skipped.
+"""Our own RTDE reader: it receives every packet of the robot, in order.
 
 `RtdeConnection` is one connection and raises on errors; `RtdeStream` keeps one open and reconnects.
 """
@@ -34,16 +34,16 @@ class RtdeConnection:
 
     Args:
         host: Address of the robot.
-        fields: RTDE fields wanted; `timestamp` is added in front where it is missing.
+        fields: Requested RTDE fields; `timestamp` is prepended if it is missing.
         port: TCP port.
-        frequency: Packets a second [Hz]; controllers send at most 500 (e-Series) or 125.
-        timeout: Longest wait for the connection and for each answer while setting up [s].
-        silence: Longest time without a complete packet once data flows [s].
-        address: Address behind `host`, where it is known already.
+        frequency: Packet rate [Hz]; controllers send at most 500 (e-Series) or 125.
+        timeout: Maximum wait for the connection and for each answer during setup [s].
+        silence: Maximum time without a complete packet once data arrives [s].
+        address: Address of `host`, if it is already known.
 
     Raises:
-        SensorError: No robot there, or it does not answer, or it refuses.
-        RtdeFieldError: It does not know a field; the message names it.
+        SensorError: There is no robot, or it does not answer or refuses the request.
+        RtdeFieldError: The robot does not know a field; the message names it.
         RtdeProtocolError: The server does not speak RTDE.
     """
 
@@ -130,16 +130,16 @@ class RtdeConnection:
         return self._socket.fileno()
 
     def read(self, timeout: float) -> list[RobotRecord]:
-        """Packets that have come, oldest first; waits up to `timeout` seconds for the first.
+        """Packets received, oldest first; waits up to `timeout` seconds for the first.
 
         Raises:
             SensorError: The robot closed the connection, or sent no complete packet for too long.
-            RtdeProtocolError: The bytes are no RTDE; packets before the bad one were delivered.
+            RtdeProtocolError: The bytes are not valid RTDE; packets before the bad one were delivered.
         """
         if self._pending is not None:
             raise self._pending
         if self._first:
-            # Packets may have come along with the answer to the start.
+            # Packets may have arrived together with the answer to the start request.
             self._first = False
             records = self._decode(self._last_ns)
             if records:
@@ -226,10 +226,10 @@ class _Attempt(threading.Thread):
 
 
 class RtdeStream:
-    """Robot records without end: connects, reads, and after any error retries with growing intervals.
+    """An endless stream of robot records: connects, reads, and after any error retries at growing intervals.
 
-    Arguments as for `RtdeConnection`. Nothing is connected before the first `poll`, and no `poll` waits for
-    longer than its timeout: names are resolved and connections made in threads.
+    Arguments as for `RtdeConnection`. It connects at the first `poll`, and no `poll` blocks for longer than
+    its timeout: threads resolve names and open connections.
     """
 
     def __init__(
@@ -252,28 +252,28 @@ class RtdeStream:
         self._connection: RtdeConnection | None = None
         self._slices: Mapping[str, slice] = {}
         self.health = StreamHealth()
-        """Counters and the latest trouble."""
+        """Counters and the latest problem."""
         self._counter = LossCounter(1.0 / frequency, self.health)
 
     @property
     def slices(self) -> Mapping[str, slice]:
-        """Field name -> where its numbers stand in a record's values; empty before the first connection."""
+        """Field name -> position of its values in a record; empty before the first connection."""
         return self._slices
 
     @property
     def version(self) -> wire.ControllerVersion | None:
-        """Software of the connected controller; None while there is no connection."""
+        """Software of the connected controller; None if not connected."""
         return None if self._connection is None else self._connection.version
 
     def fileno(self) -> int:
-        """Descriptor to wait on with `selectors`, -1 while there is no connection."""
+        """Descriptor to wait on with `selectors`, -1 if not connected."""
         return -1 if self._connection is None else self._connection.fileno()
 
     def poll(self, timeout: float) -> list[RobotRecord]:
-        """Records that have come, oldest first; waits up to `timeout` seconds for the first.
+        """Records received, oldest first; waits up to `timeout` seconds for the first.
 
         Raises:
-            RtdeFieldError: The robot does not know a field. No later attempt could solve that.
+            RtdeFieldError: The robot does not know a field. Further attempts would not help.
         """
         if self.health.state == "closed":
             return []
@@ -343,7 +343,7 @@ class RtdeStream:
         self._backoff.failed(time.monotonic_ns())
 
     def close(self) -> None:
-        """Hang up; later polls return nothing."""
+        """Close the connection; later polls return nothing."""
         if self._connection is not None:
             with suppress(OSError):
                 self._connection.close()

@@ -1,4 +1,5 @@
-"""From what sensors deliver to what `contactsense.Sample` means. Pure functions of a scene's settings."""
+"""Conversion of sensor readings to the quantities of `contactsense.Sample`, determined by the scene's
+settings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,21 +18,21 @@ _CURRENTS = ("actual_current", "actual_current_minus_target")
 
 @dataclass(frozen=True, slots=True)
 class TorqueMap:
-    """Which RTDE fields carry the joint torques, and what one unit of them is in newton metres."""
+    """Which RTDE fields contain the joint torques, and their conversion to newton metres."""
 
     fields: tuple[str, ...]
-    """One field with a number per joint, or one field per joint."""
+    """One field with one value per joint, or one field per joint."""
     minus: tuple[str, ...]
-    """Fields whose values are subtracted, in the same order; empty: none."""
+    """Fields whose values are subtracted, in the same order; may be empty."""
     scale: np.ndarray
     """Newton metres per unit, in the actuator's sign, shape (n,)."""
 
     @classmethod
     def of(cls, scene: Scene) -> "TorqueMap | None":
-        """The scene's choice; None where it uses no joint torques.
+        """The map for a scene; None if it uses no joint torques.
 
         Raises:
-            SensorError: Motor currents are named, but the torque constants are unknown.
+            SensorError: Motor currents are used, but the torque constants are unknown.
         """
         sensor = scene.joint_torque
         if sensor is None:
@@ -54,7 +55,7 @@ class TorqueMap:
         """Joint torques in the actuator's sign, shape (..., n) [Nm].
 
         Args:
-            values: Numbers of each field of `names`, shape (..., n) or (..., 1).
+            values: Values of each field of `names`, shape (..., n) or (..., 1).
         """
         read = np.concatenate([values[name] for name in self.fields], axis=-1)
         if self.minus:
@@ -63,7 +64,7 @@ class TorqueMap:
 
 
 def torque_constants(scene: Scene) -> np.ndarray:
-    """Joint torque per motor current [Nm/A], shape (n,): the scene's, or else the robot's.
+    """Joint torque per motor current [Nm/A], shape (n,): the scene's if given, otherwise the robot's.
 
     Raises:
         SensorError: Neither has them.
@@ -90,14 +91,14 @@ class WrenchMap:
     to_sensor: np.ndarray
     """Its inverse, shape (6, 6)."""
     bias: np.ndarray
-    """What the sensor reads without load, shape (6,) [N, Nm]."""
+    """The sensor's reading without load, shape (6,) [N, Nm]."""
 
     def wrench(self, reading: np.ndarray) -> np.ndarray:
         """Wrench of the arm on the sensor, base axes and origin, from readings of shape (..., 6) [N, Nm]."""
         return np.asarray((reading - self.bias) @ self.to_base.T)
 
     def reading(self, wrench: np.ndarray) -> np.ndarray:
-        """What the sensor reads under a wrench of shape (..., 6) [N, Nm]; the way back."""
+        """The sensor's reading under a wrench of shape (..., 6) [N, Nm]; the inverse of `wrench`."""
         return np.asarray(wrench @ self.to_sensor.T + self.bias)
 
     @classmethod
@@ -108,13 +109,13 @@ class WrenchMap:
         sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor",
         bias: Sequence[float] = (0.0,) * 6,
     ) -> "WrenchMap":
-        """The map of a sensor in its place.
+        """The map for a sensor with a given mounting.
 
         Args:
             rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
             translation: Origin of the sensor's frame in the base frame [m], shape (3,).
-            sign: Whose push the sensor counts positive.
-            bias: What it reads without load [N, Nm], 6 numbers.
+            sign: Sign convention: which side's push the sensor counts as positive.
+            bias: Its reading without load [N, Nm], 6 values.
         """
         x, y, z = np.asarray(translation, dtype=float)
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -126,16 +127,16 @@ class WrenchMap:
 
     @classmethod
     def of(cls, sensor: WrenchSensor) -> "WrenchMap":
-        """The map of a scene's sensor under the base."""
+        """The map for a scene's sensor under the base."""
         return cls.make(sensor.rotation, np.asarray(sensor.translation), sensor.sign, sensor.bias)
 
 
 class WristMap:
-    """From a wrist sensor's own frame, which travels with the flange, to the wrench of all beyond the sensor
-    on it, base origin and axes."""
+    """From a wrist sensor's own frame, which moves with the flange, to the wrench of everything beyond the
+    sensor on it, base origin and axes."""
 
     def __init__(self, sensor: WrenchSensor, robot: Robot) -> None:
-        """Of a scene's wrist sensor, whose place is given in the flange's frame."""
+        """Create the map for a scene's wrist sensor, whose pose is given in the flange frame."""
         self._model = build_model(robot)
         self._motion = empty_motion(len(robot.joints))
         self._rotation = robot.flange_rotation @ sensor.rotation
@@ -143,7 +144,7 @@ class WristMap:
         self._sign, self._bias = sensor.sign, sensor.bias
 
     def wrench(self, q: np.ndarray, reading: np.ndarray) -> np.ndarray:
-        """From a reading at joint positions q, shape (n,) [rad]; both wrenches of shape (6,) [N, Nm]."""
+        """Convert a reading at joint positions q, shape (n,) [rad]; both wrenches have shape (6,) [N, Nm]."""
         forward_kinematics(self._model, q, self._motion)
         R, o = self._motion.rotation[-1], self._motion.origin[-1]
         there = WrenchMap.make(R @ self._rotation, o + R @ self._origin, self._sign, self._bias)

@@ -1,10 +1,10 @@
-"""Two sensors, two clocks, one instant: the force/torque reading at the moment of a robot sample.
+"""Time alignment of two sensors with separate clocks: the force/torque reading at the time of a robot sample.
 
-Nothing here looks at a clock. Each stream brings readings numbered on its own clock and the host time at
-which each arrived. Arrivals are late, never early, so the line below all (own time, arrival) points is the
-sensor's clock as the host sees it plus the shortest way through the network (S. B. Moon et al., "Estimation
-and removal of clock skew from network delay measurements", INFOCOM 1999). They do not determine a delay
-that never varies; where the two streams differ in it, `Aligner(delay=...)` subtracts it.
+This module reads no clock. Each stream provides readings with the time of its own clock, and the host time of
+their arrival. Arrivals are late, never early, so the line below all (own time, arrival) points is the
+sensor's clock in host time plus the minimum network delay (S. B. Moon et al., "Estimation and removal of
+clock skew from network delay measurements", INFOCOM 1999). A constant delay cannot be determined this way; if
+it differs between the two streams, `Aligner(delay=...)` subtracts the difference.
 """
 
 from collections import deque
@@ -17,24 +17,24 @@ import numpy as np
 _BLOCK = 0.25
 """From each block of this length only the least delayed arrival is kept [s]."""
 _FIRST_BLOCK = 0.02
-"""The same at first, while every arrival teaches something [s]."""
+"""The same at the start, when every arrival adds information [s]."""
 _BLOCKS = 240
-"""So many blocks are looked back upon: a minute."""
+"""Number of past blocks that are used: one minute."""
 _START = 0.2
-"""Arrivals over this time are needed to estimate a period that is not given [s]."""
+"""Arrivals over this time are needed to estimate an unknown period [s]."""
 _TRUST = 2.0
-"""Over at least this time the estimated period is better than the given one [s]."""
+"""From this time on, the estimated period is better than the given one [s]."""
 _AHEAD = 0.5
-"""Readings or stamps that run ahead of their arrivals by more than this are on another clock [s]."""
+"""If readings or time stamps are ahead of their arrivals by more than this, the clock was reset [s]."""
 _SKEW = 5e-4
-"""Quartz clocks agree within this much; a steeper line is jitter [s/s]."""
+"""Quartz clocks agree within this tolerance; a larger slope error is jitter [s/s]."""
 
 
 class ClockMap:
-    """When, on the host's clock, a sensor's clock showed a number: a line below all arrivals.
+    """Maps a sensor's clock to the host's clock: a line below all arrivals.
 
     Args:
-        period: Seconds per unit of the sensor's clock; None where it must be learned.
+        period: Seconds per unit of the sensor's clock; None if it must be estimated.
     """
 
     def __init__(self, period: float | None) -> None:
@@ -47,13 +47,13 @@ class ClockMap:
         self._points: deque[tuple[float, float]] = deque(maxlen=_BLOCKS)
         self._block_end = 0.0
         self.ready = False
-        """Whether enough has arrived to estimate times."""
+        """Whether enough readings have arrived to estimate times."""
         self.period = self._given or 0.0
-        """Seconds per unit of the sensor's clock, as learned so far."""
+        """Current estimate of the seconds per unit of the sensor's clock."""
         self._offset = 0.0
 
     def observe(self, tick: float, arrival_ns: int) -> None:
-        """A reading with this number on the sensor's clock arrived at this host time."""
+        """Add the arrival of a reading: time on the sensor's clock and host time."""
         if self._origin is None:
             self._origin = (tick, arrival_ns)
             self.ready = self._given is not None
@@ -71,12 +71,13 @@ class ClockMap:
                 self._points[-1] = (x, y)
 
     def host(self, tick: float) -> float:
-        """Host time since `origin_ns` when the sensor's clock showed this, plus shortest delay [s]."""
+        """Host time since `origin_ns` at which the sensor's clock showed `tick`, plus the minimum delay
+        [s]."""
         assert self._origin is not None
         return self._offset + self.period * (tick - self._origin[0])
 
     def tick(self, host: float) -> float:
-        """What the sensor's clock showed at that host time since `origin_ns` [s]."""
+        """Time of the sensor's clock at a host time since `origin_ns` [s]."""
         assert self._origin is not None
         return self._origin[0] + (host - self._offset) / self.period
 
@@ -87,8 +88,8 @@ class ClockMap:
         return self._origin[1]
 
     def _fit(self) -> None:
-        # Of all lines below the points the nearest one in the middle of them all lies on that edge of their
-        # lower convex hull which spans the middle.
+        # Of all lines below the points, the one closest to them at the centre contains the edge of their
+        # lower convex hull that spans the centre.
         hull: list[tuple[float, float]] = []
         for p in self._points:
             while len(hull) > 1 and _turn(hull[-2], hull[-1], p) <= 0.0:
@@ -120,9 +121,9 @@ class Aligned:
     """A force/torque value for one instant of the robot."""
 
     wrench: np.ndarray | None
-    """Value at that instant, shape (6,); None where the sensor was silent around it."""
+    """Value at that instant, shape (6,); None if the sensor was silent around it."""
     age: float
-    """How much older than the instant the value is [s]: 0 where readings on both sides were interpolated."""
+    """By how much the value is older than the instant [s]: 0 if readings on both sides were interpolated."""
 
 
 class Aligner:
@@ -130,10 +131,10 @@ class Aligner:
 
     Args:
         period: Seconds per unit of the force/torque sensor's clock; None to estimate it from the arrivals.
-        max_age: A reading older than this, and than 1.5 times the time between two, is no answer, and a gap
-            longer than this is not bridged [s].
-        delay: By how much the way of a reading to the host is always longer than that of a robot packet [s].
-        keep: How many readings are kept.
+        max_age: A reading older than this, and older than 1.5 times the interval between two, is not used,
+            and a longer gap is not interpolated [s].
+        delay: Constant by which the network delay of a reading exceeds that of a robot packet [s].
+        keep: Number of readings that are kept.
     """
 
     def __init__(
@@ -157,7 +158,7 @@ class Aligner:
         self._last_robot_arrival_ns = 0
 
     def add(self, tick: int, arrival_ns: int, wrench: Sequence[float]) -> None:
-        """Take a force/torque reading; `tick` is its number on the sensor's clock, modulo 2^32."""
+        """Add a force/torque reading; `tick` is its time on the sensor's clock, modulo 2^32."""
         if self._last is not None:
             step = (tick - self._last) & 0xFFFFFFFF
             if step == 0:
@@ -184,17 +185,18 @@ class Aligner:
         self._wraps, self._last, self._stride = 0, None, 0
 
     def observe_robot(self, timestamp: float, arrival_ns: int) -> None:
-        """Take the time stamp of a robot sample [s] and its arrival."""
+        """Add the time stamp of a robot sample [s] and its arrival."""
         if self._last_time is not None:
             step = timestamp - self._last_time
-            # A clock set ahead would be taken for one that had been slow for as long as is looked back upon.
+            # A clock that was set ahead would look like one that ran slow over the whole window.
             if step < 0.0 or step - (arrival_ns - self._last_robot_arrival_ns) * 1e-9 > _AHEAD:
                 self._robot.reset()
         self._last_time, self._last_robot_arrival_ns = timestamp, arrival_ns
         self._robot.observe(timestamp, arrival_ns)
 
     def covers(self, timestamp: float) -> bool:
-        """Whether a reading at or after that instant of the robot (or half a period before it) is here."""
+        """Whether a reading at or after that instant of the robot (or half a period before it) has
+        arrived."""
         instant = self._instant(timestamp)
         return instant is not None and instant <= self._readings[-1][0] + 0.5 * self._step()
 
@@ -224,7 +226,7 @@ class Aligner:
         return self._readings[-1][0] - self._readings[-2][0] if len(self._readings) > 1 else 0
 
     def _instant(self, timestamp: float) -> float | None:
-        # On the sensor's clock, which stays put while the host's view of it is refined.
+        # On the sensor's clock, which does not change while its mapping to the host's clock is refined.
         if not (self._readings and self._sensor.ready and self._robot.ready):
             return None
         host = self._robot.host(timestamp) + (self._robot.origin_ns - self._sensor.origin_ns) * 1e-9

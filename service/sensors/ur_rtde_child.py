@@ -1,4 +1,4 @@
-"""The process in which ur_rtde's receive interface runs; it may abort or hang without harm to its parent.
+"""The process in which ur_rtde's receive interface runs; it may abort or hang without affecting its parent.
 
 Started by `contactsense.service.sensors.ur_rtde_client`. Arguments: a socket's descriptor, host, frequency,
 field names. Sends datagrams on the socket: `R` and doubles for a record, `E` and text for a failure.
@@ -35,21 +35,21 @@ GETTERS = {
     "payload": "getPayload",
     "payload_cog": "getPayloadCog",
 }
-"""RTDE field -> the getter of ur_rtde's receive interface; what has no getter cannot be had from it."""
+"""RTDE field -> the getter of ur_rtde's receive interface; fields without a getter cannot be read."""
 
 HEAD = struct.Struct("=cqd")
-"""Head of a record: its letter, arrival on the host's monotonic clock [ns], the robot's time stamp [s]."""
+"""Header of a record: its letter, arrival on the host's monotonic clock [ns], the robot's time stamp [s]."""
 
 _PAUSE = 0.0002
-"""How long to wait between two looks at the time stamp [s]; the robot sends every 2 ms."""
+"""Interval between two checks of the time stamp [s]; the robot sends every 2 ms."""
 
 _PR_SET_PDEATHSIG = 1
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Read until the connection is lost, then report it and end."""
+    """Read until the connection is lost, then report that and exit."""
     if sys.platform == "linux":
-        # A child that hangs inside ur_rtde would not notice that its parent has gone.
+        # A child that hangs inside ur_rtde would not notice that its parent has exited.
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     channel = socket.socket(fileno=int(arguments[0]))
@@ -80,7 +80,7 @@ def _pump(robot: Any, getters: Sequence[Callable[[], Any]], channel: socket.sock
             value = getter()
             values.extend(value if isinstance(value, list) else (value,))
         if robot.getTimestamp() != stamp:
-            continue  # a packet came in between: the values are of two instants
+            continue  # a packet arrived in between: the values belong to two instants
         last = stamp
         channel.send(HEAD.pack(b"R", arrival, stamp) + struct.pack(f"={len(values)}d", *values))
 

@@ -1,7 +1,7 @@
 """Second source of robot samples: the receive interface of ur_rtde.
 
-It may abort the process, hang while it holds the interpreter, or repeat its last values, so it runs in
-a child process under supervision. It also skips samples: the health counts them.
+It may abort the process, hang while it holds the interpreter, or repeat its last values, so it runs in a
+supervised child process. It also skips samples: the health counts them.
 """
 
 import importlib.util
@@ -33,14 +33,14 @@ _BATCH = 64
 
 
 class UrRtdeStream:
-    """Robot records read by ur_rtde in a child process; tries again for ever, as `RtdeStream` does.
+    """Robot records read by ur_rtde in a child process; retries forever, as `RtdeStream` does.
 
     Args:
         host: Address of the robot; ur_rtde always uses port 30004.
-        fields: RTDE fields wanted, of those that ur_rtde has a getter for.
-        frequency: Packets a second [Hz].
-        timeout: Longest wait for the first record of a new child; then it is killed [s].
-        silence: Longest time without a new record; then the child is killed [s].
+        fields: Requested RTDE fields; ur_rtde must have a getter for each.
+        frequency: Packet rate [Hz].
+        timeout: Maximum wait for the first record of a new child; after that it is killed [s].
+        silence: Maximum time without a new record; after that the child is killed [s].
 
     Raises:
         SensorError: ur_rtde is not installed, or has no getter for a field.
@@ -81,21 +81,21 @@ class UrRtdeStream:
         self._deadline_ns = 0
         self._end: str | None = None
         self.health = StreamHealth()
-        """Counters and the latest trouble."""
+        """Counters and the latest problem."""
         self._counter = LossCounter(1.0 / frequency, self.health)
 
     @property
     def slices(self) -> Mapping[str, slice]:
-        """Field name -> where its numbers stand in a record's values."""
+        """Field name -> position of its values in a record."""
         return self._slices
 
     @property
     def pid(self) -> int | None:
-        """Process number of the child, None while there is none."""
+        """Process ID of the child; None if there is none."""
         return None if self._child is None else self._child.pid
 
     def poll(self, timeout: float) -> list[RobotRecord]:
-        """Records that have come, oldest first; waits up to `timeout` seconds for the first."""
+        """Records received, oldest first; waits up to `timeout` seconds for the first."""
         if self.health.state == "closed":
             return []
         if self._child is None:
@@ -190,7 +190,7 @@ class UrRtdeStream:
         return f"the process of ur_rtde ended with status {status} (robot at {self._host}){last}"
 
     def _listen(self) -> None:
-        # Drained even where nobody asks: a full pipe would stall the child.
+        # Drained even if the output is not needed: a full pipe would block the child.
         with suppress(BlockingIOError):
             while chunk := os.read(self._stderr, _LAST_WORDS):
                 self._words = (self._words + chunk)[-_LAST_WORDS:]
@@ -213,6 +213,6 @@ class UrRtdeStream:
             os.close(self._stderr)
 
     def close(self) -> None:
-        """End the child; later polls return nothing."""
+        """Terminate the child; later polls return nothing."""
         self._bury()
         self.health.state = "closed"

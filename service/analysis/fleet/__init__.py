@@ -1,1 +1,1 @@
-"""Many recordings of many robots: in segments, on many processes, resumable."""
+"""Analysis of many recordings of many robots: in segments, on many processes, resumable."""

@@ -1,4 +1,4 @@
-"""How a quantity of each joint changes over the days of a robot."""
+"""Changes of each joint's quantities from day to day."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -12,17 +12,17 @@ from scipy.stats import theilslopes
 
 @dataclass(frozen=True, eq=False)
 class Daily:
-    """Values of a robot by day, D days, K quantities; NaN where a day has none."""
+    """Values of a robot by day, D days, K quantities; NaN on days without a value."""
 
     dates: tuple[str, ...]
-    """The days, in order; empty where the dataset names none."""
+    """The days, in order; empty if the dataset has no dates."""
     values: np.ndarray
     """Shape (D, K)."""
 
     @property
     def drift(self) -> np.ndarray:
         """Change of each quantity from the first day to the last, along the line through the medians of all
-        slopes (Theil and Sen); of less than three days the difference. NaN where it is not known, shape (K,).
+        slopes (Theil and Sen); with fewer than three days, the difference. NaN if unknown, shape (K,).
         """
         t = _days(self.dates)
         return np.array([_drift(t, column) for column in self.values.T])
@@ -31,11 +31,11 @@ class Daily:
 def daily_mean(
     dates: Sequence[str], values: Sequence[Sequence[float | None]], std: Sequence[Sequence[float | None]]
 ) -> Daily:
-    """Mean of each day, weighted by the inverse variance; what is None does not count.
+    """Mean of each day, weighted by the inverse variance; None is ignored.
 
     Args:
         dates: Date of each segment.
-        values: K numbers of each segment.
+        values: K values of each segment.
         std: Their standard deviations.
     """
     weight = 1.0 / np.maximum(_floats(std), 1e-9) ** 2
@@ -71,7 +71,7 @@ def _floats(rows: Sequence[Sequence[Any]]) -> np.ndarray:
 
 
 def _days(dates: Sequence[str]) -> np.ndarray:
-    """Days since the first; places in the order where dates are not of the form YYYY-MM-DD."""
+    """Days since the first; positions in the order if dates are not of the form YYYY-MM-DD."""
     try:
         days = [date.fromisoformat(text).toordinal() for text in dates]
     except ValueError:

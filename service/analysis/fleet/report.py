@@ -1,4 +1,4 @@
-"""The report on a dataset: one HTML file that needs no internet, and the same as Markdown."""
+"""The report on a dataset: one HTML file that needs no internet connection, and the same as Markdown."""
 
 import json
 from collections import Counter
@@ -18,13 +18,13 @@ from contactsense.service.drawing.drift_svg import drift_chart
 from contactsense.service.drawing.palette import link_colour
 
 FORCES = (0.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, float("inf"))
-"""Classes of forces [N]."""
+"""Bounds of the force classes [N]."""
 MOST_DOTS = 3000
-"""Most places that are drawn on an arm; of more, every so manieth."""
+"""Maximum number of contact points drawn on an arm; of more, an evenly spaced subset is drawn."""
 MOST_CHARTS = 30
-"""Most robots whose drift is drawn: those with the largest. All are in the table."""
+"""Maximum number of robots whose drift is drawn: those with the largest. The table lists all."""
 MOST_PROBLEMS = 100
-"""Most problems that are listed."""
+"""Maximum number of problems that are listed."""
 
 
 def write_fleet_report(summary: FleetSummary, folder: Path) -> None:
@@ -83,7 +83,7 @@ def _joint_names(scene: Scene) -> list[str]:
 
 
 def _groups(summary: FleetSummary) -> list[tuple[str, list[RobotSummary]]]:
-    """Robots by what they look like: arm and tool."""
+    """Robots grouped by appearance: arm and tool."""
     found: dict[str, list[RobotSummary]] = {}
     for robot in summary.robots:
         tool = robot.scene.tool
@@ -126,7 +126,7 @@ def _robot(robot: RobotSummary) -> dict[str, Any]:
 
 
 def _largest(values: list[float | None]) -> float | None:
-    """The value of largest size."""
+    """The value of largest magnitude."""
     return max((x for x in values if x is not None), key=abs, default=None)
 
 
@@ -135,7 +135,7 @@ def _text(value: float | None, unit: str, digits: int = 2) -> str:
 
 
 def _charts(summary: FleetSummary) -> list[tuple[str, str, str]]:
-    """Name, chart of friction and chart of joint biases of the robots that drift most."""
+    """Name, friction chart and joint-bias chart of the robots that drift most."""
     charts = []
     for robot in summary.robots:
         coulomb, _ = robot.friction_by_day()
@@ -155,8 +155,8 @@ def _charts(summary: FleetSummary) -> list[tuple[str, str, str]]:
 
 
 def _dots(summary: FleetSummary, robots: list[RobotSummary]) -> dict[str, Any]:
-    """The arm in the posture of the first contact of some robots with the places of all their contacts,
-    coloured by force."""
+    """The arm in the posture of the robots' first contact, with the points of all their contacts, coloured by
+    force."""
     scene = robots[0].scene
     names = {robot.robot for robot in robots}
     rows = np.flatnonzero([name in names for name in summary.contacts["robot"].to_pylist()])

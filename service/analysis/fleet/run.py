@@ -1,4 +1,4 @@
-"""A whole dataset: find recordings, work through their segments, put the results together."""
+"""Analysis of a whole dataset: find recordings, process their segments, combine the results."""
 
 import hashlib
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from contactsense.service.analysis.fleet.summary import FleetSummary, settings_o
 from contactsense.service.analysis.fleet.worker_pool import run_tasks
 
 VERSION = 2
-"""Of what the results of a segment say; those of another version are not used."""
+"""Version of the results of a segment; results of another version are not used."""
 
 
 def analyze_fleet(
@@ -26,7 +26,7 @@ def analyze_fleet(
     progress: Callable[[int, int], None] | None = None,
     length: float = SEGMENT_TIME,
 ) -> FleetSummary:
-    """Analyse all recordings of a dataset; what an earlier run has done is not done again.
+    """Analyse all recordings of a dataset; results of an earlier run are reused.
 
     Args:
         paths: Recordings and folders of recordings, such as `robot=NAME/date=DATE/*.parquet`.
@@ -34,15 +34,15 @@ def analyze_fleet(
             `contactsense.service.analysis.fleet.scenes.scene_files`.
         out: Folder of the results; `out/parts` holds those of the segments.
         workers: Processes on this machine.
-        scheduler: Address of a Dask scheduler to use instead; its workers need to see the same files.
-        progress: Called with the numbers of segments done and of all.
+        scheduler: Address of a Dask scheduler to use instead; its workers need access to the same files.
+        progress: Called with the number of finished segments and the total.
         length: Length of a segment [s].
 
     Raises:
         FileNotFoundError: there is no recording.
         SceneError: a scene file is wrong, or missing.
-        WorkerPoolError: the workers cannot be had.
-        RuntimeError: a segment failed for another reason than its recording.
+        WorkerPoolError: the workers are not available.
+        RuntimeError: a segment failed for a reason other than its recording.
     """
     files = find_recordings(paths)
     paths_of = scene_files(scene, files, out / "scenes")

@@ -18,9 +18,9 @@ def scene_files(scene: Path | None, files: Iterable[DatasetFile], carried: Path)
 
     Args:
         scene: One file for all robots; or a folder with `NAME.yaml` for each; None: each robot's own, see
-            `OWN_SCENE`, or else the one that its first recording carries.
+            `OWN_SCENE`, or otherwise the one stored in its first recording.
         files: The recordings of the dataset.
-        carried: Folder into which scenes are written that recordings carry.
+        carried: Folder to which the scenes stored in recordings are written.
 
     Raises:
         SceneError: there is no scene file for a robot; the message names robot and file.

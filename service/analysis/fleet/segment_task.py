@@ -19,8 +19,8 @@ from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import Recording, RecordingError, read
 
 HANDOVER = 1.0
-"""A contact that begins so shortly after a segment's end is kept by both: which of them saw it first is
-decided when all are put together [s]."""
+"""A contact that begins within this time after a segment's end is kept by both segments: which of them saw it
+first is decided when the results are combined [s]."""
 
 
 FRICTION = ("coulomb", "viscous", "coulomb_std", "viscous_std")
@@ -29,7 +29,7 @@ FRICTION = ("coulomb", "viscous", "coulomb_std", "viscous_std")
 
 @dataclass(frozen=True)
 class SegmentTask:
-    """What a worker needs."""
+    """The input of a worker."""
 
     segment: Segment
     """The segment."""
@@ -40,15 +40,15 @@ class SegmentTask:
 
 
 def part_path(task: SegmentTask) -> Path:
-    """The file that tells that a segment is done."""
+    """The file that marks a segment as done."""
     segment = task.segment
     return Path(task.parts) / f"{segment.key}-{segment.index:05d}.json"
 
 
 def run_segment(task: SegmentTask) -> dict[str, Any]:
-    """Analyse a segment, unless that has been done; returns what its JSON file says.
+    """Analyse a segment unless it is already done; returns the content of its JSON file.
 
-    A recording that cannot be read is a result as well: `problem` says why.
+    A recording that cannot be read also gives a result: `problem` says why.
     """
     path = part_path(task)
     if path.exists():
@@ -67,7 +67,7 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
         "segments": segment.count,
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    # The JSON file comes last: where it is, the table is complete.
+    # The JSON file is written last: if it exists, the table is complete.
     replace_parquet(table, path.with_suffix(".parquet"))
     replace(path, lambda temporary: temporary.write_text(json.dumps(result), encoding="utf-8"))
     return result
@@ -75,7 +75,8 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
 
 @lru_cache(maxsize=4)
 def _run(scene: str, parts: str) -> AnalysisRun:
-    """One localizer for all segments of a scene; `parts` tells what the scene file said when work began."""
+    """One localizer for all segments of a scene; `parts` depends on the content of the scene file when work
+    began."""
     loaded = Scene.load(scene)
     return AnalysisRun(loaded, Localizer(loaded))
 
@@ -121,5 +122,5 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
 
 
 def _plain(values: np.ndarray) -> list[float | None]:
-    """For JSON, which knows no NaN."""
+    """Values for JSON, which has no NaN."""
     return [float(x) if np.isfinite(x) else None for x in values]

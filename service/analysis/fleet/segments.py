@@ -1,9 +1,9 @@
-"""Recordings of a dataset, and the segments in which they are analysed.
+"""Recordings of a dataset, and their division into segments for analysis.
 
-Where a recording is cut depends on the recording alone, never on who works on it: any number of workers, and
-any run that was interrupted and resumed, gives the same contacts. Each segment is read from some time before
-its begin, so that biases and observers have settled, and to some time after its end, so that a contact that
-is on then is seen to its end.
+The division depends only on the recording, never on the workers: any number of workers, and any interrupted
+and resumed run, gives the same contacts. Each segment is read from some time before its start, so that biases
+and observers have settled, to some time after its end, so that a contact that is active then is followed to
+its end.
 """
 
 import hashlib
@@ -17,11 +17,11 @@ import pyarrow.parquet as pa_parquet
 SEGMENT_TIME = 600.0
 """Length of a segment [s]."""
 WARM_UP = 60.0
-"""Time before a segment from which on it is read [s]: six times the memory of the bias filter."""
+"""Time before a segment at which reading starts [s]: six times the memory of the bias filter."""
 TAIL = 60.0
 """Time after a segment up to which a contact is followed [s]."""
 RAW_READINGS = "wrench-"
-"""Names of the tables that `contactsense record` writes beside those of the samples begin so."""
+"""Prefix of the tables that `contactsense record` writes in addition to those of the samples."""
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3")
 
 
@@ -30,17 +30,17 @@ class DatasetFile:
     """One recording of a dataset."""
 
     path: Path
-    """Where it is."""
+    """Its path on disk."""
     name: str
     """Its path within the dataset."""
     robot: str
-    """Which robot, from a folder `robot=NAME`; empty without one."""
+    """Name of the robot, from a folder `robot=NAME`; empty without one."""
     date: str
-    """When, from a folder `date=YYYY-MM-DD`; empty without one."""
+    """Date, from a folder `date=YYYY-MM-DD`; empty without one."""
 
     @property
     def key(self) -> str:
-        """A name for its results: of this path, sizes and times of change."""
+        """A name for its results, derived from its path, sizes and modification times."""
         files = sorted(self.path.iterdir()) if self.path.is_dir() else [self.path]
         stamps = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files]
         text = f"{self.name} {stamps}"
@@ -62,15 +62,15 @@ class Segment:
     first: int
     """Its first row."""
     last: int | None
-    """Row after its last; None: to the end."""
+    """Row after its last one; None: to the end."""
     begin: int
-    """Row from which on it is read."""
+    """Row at which reading starts."""
     end: int | None
-    """Row up to which it is read; None: to the end."""
+    """Row at which reading ends; None: at the end."""
 
 
 def find_recordings(paths: tuple[Path, ...]) -> list[DatasetFile]:
-    """All recordings among files and below folders, in the order of their names.
+    """All recordings among files and below folders, sorted by name.
 
     Raises:
         FileNotFoundError: a path does not exist, or there is no recording; the message names it.
@@ -91,7 +91,7 @@ def find_recordings(paths: tuple[Path, ...]) -> list[DatasetFile]:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Recordings below a folder; a folder of rosbag2 is one, a table of raw force/torque readings is none."""
+    """Recordings below a folder; a rosbag2 folder is one, a table of raw force/torque readings is not."""
     bags = {p.parent for name in ("metadata.yaml", "*.db3") for p in folder.rglob(name)} - {folder}
     files = (p for p in folder.rglob("*") if p.is_file() and p.name.endswith(SUFFIXES))
     single = {p for p in files if not p.name.startswith((".", RAW_READINGS)) and p.parent not in bags}
@@ -126,8 +126,8 @@ def segments(file: DatasetFile, length: float = SEGMENT_TIME) -> Iterator[Segmen
 
 
 def _rows_and_rate(path: Path) -> tuple[int, float]:
-    """Number of rows of a Parquet file, and how many there are in a second; (0, 0) where it cannot be told:
-    reading it will say why."""
+    """Number of rows of a Parquet file, and rows per second; (0, 0) if they cannot be determined: reading the
+    file will report why."""
     try:
         file = pa_parquet.ParquetFile(path)
         rows = file.metadata.num_rows

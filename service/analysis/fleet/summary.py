@@ -1,4 +1,4 @@
-"""All segments put together: contacts by robot and date, and a summary of each robot."""
+"""Results of all segments combined: contacts by robot and date, and a summary of each robot."""
 
 import json
 import shutil
@@ -21,10 +21,10 @@ from contactsense.service.analysis.health import TOO_LARGE
 
 @dataclass
 class RobotSummary:
-    """What the recordings of one robot say."""
+    """Summary of one robot's recordings."""
 
     robot: str
-    """Its name in the dataset; empty where the dataset names none."""
+    """Its name in the dataset; empty if the dataset names no robots."""
     scene: Scene
     """The scene it was analysed with."""
     recordings: int = 0
@@ -38,7 +38,7 @@ class RobotSummary:
     samples: int = 0
     """All samples."""
     degraded: int = 0
-    """Samples in which a sensor was missing, invalid or inconsistent, or the observers settled."""
+    """Samples in which a sensor was missing, invalid or inconsistent, or the observers were settling."""
     dates: list[str] = field(default_factory=list)
     """Date of each segment."""
     base_bias: list[list[float]] = field(default_factory=list)
@@ -46,13 +46,13 @@ class RobotSummary:
     joint_bias: list[list[float]] = field(default_factory=list)
     """Biases of the joint torques at the end of each segment [Nm]."""
     joint_constant: list[list[float | None]] = field(default_factory=list)
-    """The same over the whole segment, told apart from friction; None where it is not known."""
+    """The same over the whole segment, separated from friction; None if unknown."""
     base_ratio: list[list[float]] = field(default_factory=list)
-    """Residuals of the base wrench without contact, in standard deviations, of each segment."""
+    """Residuals of the base wrench without contact in each segment, in standard deviations."""
     joint_ratio: list[list[float]] = field(default_factory=list)
     """The same of the joint torques."""
     coulomb: list[list[float | None]] = field(default_factory=list)
-    """Coulomb friction beyond the scene's in each segment [Nm], None where it is not known."""
+    """Coulomb friction beyond the scene's in each segment [Nm], None if unknown."""
     viscous: list[list[float | None]] = field(default_factory=list)
     """The same of viscous friction [Nms/rad]."""
     coulomb_std: list[list[float | None]] = field(default_factory=list)
@@ -67,7 +67,8 @@ class RobotSummary:
     def bias_by_day(self) -> tuple[Daily, Daily]:
         """Biases of base wrench [N, Nm] and joint torques [Nm], the median of each day."""
         constant, end = (daily_median(self.dates, rows) for rows in (self.joint_constant, self.joint_bias))
-        # At the end of a segment a bias holds some friction. Of a joint that never moves it is all there is.
+        # At the end of a segment, a bias contains some friction. For a joint that never moves, it is the only
+        # value.
         known = np.isfinite(constant.values).any(axis=0)
         joint = Daily(end.dates, np.where(known, constant.values, end.values))
         return daily_median(self.dates, self.base_bias), joint
@@ -81,7 +82,7 @@ class RobotSummary:
 
     @property
     def contacts_per_hour(self) -> float:
-        """Contacts in an hour of recording."""
+        """Contacts per hour of recording."""
         return self.contacts / self.hours if self.hours > 0.0 else 0.0
 
     def worst_ratio(self) -> float:
@@ -100,14 +101,14 @@ class RobotSummary:
 
 @dataclass(frozen=True)
 class FleetSummary:
-    """What a whole dataset says."""
+    """Summary of a whole dataset."""
 
     robots: tuple[RobotSummary, ...]
     """Each robot."""
     contacts: pa.Table
-    """All contacts, with the columns `robot` and `date` in front."""
+    """All contacts, with the additional first columns `robot` and `date`."""
     problems: tuple[str, ...]
-    """Recordings that were skipped or are doubtful, a sentence each."""
+    """Recordings that were skipped or are doubtful, one sentence each."""
     skipped: int
     """Number of recordings that were skipped."""
 
@@ -117,20 +118,19 @@ class FleetSummary:
 
     @property
     def expected_false_alarms(self) -> float:
-        """How many contacts noise alone may have made, by what the scene allows."""
+        """Expected number of contacts caused by noise alone, from the scene's false-alarm rate."""
         return sum(robot.scene.false_alarms_per_hour * robot.hours for robot in self.robots)
 
 
 def summarize(
     scenes: Mapping[str, Scene], tasks: Iterable[SegmentTask], results: Iterable[dict[str, Any]]
 ) -> FleetSummary:
-    """Put the results of all segments together; a contact that two neighbouring segments have seen counts
-    once.
+    """Combine the results of all segments; a contact found in two neighbouring segments counts once.
 
     Args:
         scenes: The scene of each robot.
-        tasks: The segments, those of a recording one after the other.
-        results: What `run_segment` gave for each.
+        tasks: The segments; those of one recording are consecutive.
+        results: The result of `run_segment` for each.
     """
     robots: dict[str, RobotSummary] = {}
     problems: list[str] = []
@@ -199,8 +199,7 @@ def write_summary(summary: FleetSummary, folder: Path) -> None:
 
 
 def robot_row(robot: RobotSummary) -> dict[str, Any]:
-    """One robot as plain numbers; drifts are the trend from its first day to its last, None where it is not
-    known."""
+    """One robot as plain numbers; drifts are the trend from its first day to its last, None if unknown."""
     base, joint = robot.bias_by_day()
     coulomb, viscous = robot.friction_by_day()
     return {
@@ -244,5 +243,5 @@ def _plain(values: np.ndarray) -> list[float | None]:
 
 
 def settings_of(scene: Path) -> str:
-    """What the results depend on beside the recordings: the scene as it is read."""
+    """The scene as it is read: what the results depend on in addition to the recordings."""
     return json.dumps(Scene.load(scene).model_dump(mode="json"), sort_keys=True)

@@ -1,6 +1,6 @@
-"""Tasks on worker processes that may die: a task whose worker died is given to another one.
+"""Tasks on worker processes that may die: the task of a dead worker is assigned to another one.
 
-`run_tasks` is all that the rest sees: one process, several on this machine, or a Dask cluster.
+`run_tasks` is the only interface: it runs one process, several on this machine, or a Dask cluster.
 """
 
 import multiprocessing
@@ -10,25 +10,25 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 MOST_DEATHS = 3
-"""A task during which so many workers have died is given up."""
+"""A task is abandoned after this many workers have died during it."""
 
 
 class WorkerPoolError(RuntimeError):
-    """The work cannot be done; the message says why."""
+    """The tasks cannot be run; the message says why."""
 
 
 def run_tasks(
     function: Callable[[Any], Any], tasks: Sequence[Any], workers: int = 1, scheduler: str | None = None
 ) -> Iterator[tuple[Any, Any]]:
-    """Results of `function(task)` as (task, result), in the order in which they come.
+    """Results of `function(task)` as (task, result), in the order of completion.
 
     Args:
-        function: At the top level of a module, so that other processes can import it.
+        function: Defined at the top level of a module, so that other processes can import it.
         tasks: Picklable arguments.
         workers: Processes on this machine; 1: this one.
         scheduler: Address of a Dask scheduler, which is used instead.
 
-    A task that failed gives an exception as its result.
+    The result of a failed task is an exception.
 
     Raises:
         WorkerPoolError: Dask is not installed or its scheduler does not answer.
@@ -43,7 +43,7 @@ def run_tasks(
 
 
 def _outcome(function: Callable[[Any], Any], task: Any) -> Any:
-    """The result, or the exception that came instead."""
+    """The result, or the exception that was raised."""
     try:
         return function(task)
     except Exception as error:
@@ -51,7 +51,7 @@ def _outcome(function: Callable[[Any], Any], task: Any) -> Any:
 
 
 class _Worker:
-    """One process, and the task it works on."""
+    """One process and its current task."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         context = multiprocessing.get_context("spawn")
@@ -62,7 +62,7 @@ class _Worker:
         self.task: int | None = None
 
     def give(self, number: int, task: Any) -> bool:
-        """Hand a task over; False where the worker is gone."""
+        """Send a task; False if the worker is gone."""
         try:
             self.pipe.send(task)
         except OSError:
@@ -71,14 +71,14 @@ class _Worker:
         return True
 
     def stop(self) -> None:
-        """End the process."""
+        """Terminate the process."""
         self.pipe.close()
         self.process.terminate()
         self.process.join()
 
 
 def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
-    """The life of a worker process."""
+    """Main loop of a worker process."""
     while True:
         try:
             task = pipe.recv()
