@@ -78,6 +78,7 @@ def index() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.index
 @pytest.mark.usefixtures("index")
 @pytest.mark.parametrize("python", PYTHONS)
 @pytest.mark.parametrize("platform", PLATFORMS)

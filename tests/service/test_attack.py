@@ -16,9 +16,9 @@ from tests.service.loopback import until
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(600)]
 
 SECONDS = 8.0
-"""The attack lasts so long at least [s]."""
-PATIENCE = 90.0
-"""For attackers to come up on a busy computer [s]."""
+"""Length of an attack [s]."""
+ROUNDS = 8
+"""On a busy computer the attackers may need several attacks before all of them have had an effect."""
 
 
 def health(client: Client) -> HealthOut:
@@ -34,11 +34,17 @@ def health(client: Client) -> HealthOut:
 
 def is_felt(client: Client) -> bool:
     """Whether bodies too large, and heads that never come or connections that are too many, have arrived."""
-    try:
-        clients = client.health().clients
-    except Exception:
-        return False  # as all others, we may be refused
+    clients = health(client).clients
     return clients.beyond_limits["413"] > 0 and clients.late + clients.refused > 0
+
+
+def attack(client: Client) -> bool:
+    """Attack for a while, reading the stream meanwhile; whether the attack had an effect."""
+    with attacked(client.url):
+        end = time.monotonic() + SECONDS
+        while time.monotonic() < end:
+            client.receive()
+    return is_felt(client)
 
 
 def test_no_attack_costs_a_sample(tmp_path: Path) -> None:
@@ -49,13 +55,7 @@ def test_no_attack_costs_a_sample(tmp_path: Path) -> None:
         for _ in range(500):
             client.receive()
         before = client.health()
-        with attacked(client.url):
-            begin, felt = time.monotonic(), False
-            while not felt or time.monotonic() < begin + SECONDS:
-                for _ in range(round(RATE)):
-                    client.receive()
-                felt = is_felt(client)
-                assert time.monotonic() < begin + PATIENCE
+        assert any(attack(client) for _ in range(ROUNDS))
         arm.end()
         # What the mock has sent, not what it should have sent: attackers starve it, too, on a small computer.
         count = sum(sent.left_ns(k / RATE) > 0 for k in range(DEFAULT_SIZE))
