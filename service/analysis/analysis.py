@@ -24,7 +24,7 @@ from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.recordings import Recording
 from contactsense.service.recordings.problems import Problem
-from contactsense.service.recordings.recording import RecordingFile
+from contactsense.service.recordings.recording_file import RecordingFile
 
 
 @dataclass(frozen=True, eq=False)

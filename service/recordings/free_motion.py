@@ -8,7 +8,7 @@ from contactsense.calibration import FreeMotion
 from contactsense.scene import Scene
 from contactsense.service.recordings.column_mapping import ColumnMapping
 from contactsense.service.recordings.problems import Problem, RecordingError
-from contactsense.service.recordings.recording import RecordingFile
+from contactsense.service.recordings.recording_file import RecordingFile
 from contactsense.service.sensors.signal_mapping import WrenchMap
 
 _SHORTEST = 3

@@ -1,9 +1,9 @@
 """Writing tables to disk: Arrow IPC streams while rows arrive, Parquet when a segment is complete.
 
 An Arrow stream is readable up to its last complete batch, whatever happens to the writer. A segment is closed
-when it reaches a given size or duration, and a thread converts it to Parquet: that takes seconds, during
-which a thread that reads sensors would lose readings. Unfinished files of a killed writer are converted to
-Parquet at the next start.
+when it reaches a given size or duration. One thread writes the streams and another one converts closed
+segments to Parquet: a busy disk holds up a write for seconds, during which a thread that reads sensors would
+lose readings. Unfinished files of a killed writer are converted to Parquet at the next start.
 """
 
 import os
@@ -25,6 +25,8 @@ from contactsense.service.recordings.table_files import reason
 OPEN, DONE, PARTIAL = ".arrows", ".parquet", ".parquet.part"
 ROW_GROUP_SECONDS = 60.0
 """Length of a row group of the Parquet files [s]."""
+_MOST_BATCHES = 100
+"""Number of batches that may wait for the disk before the thread that adds rows waits, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,9 @@ class SegmentWriter:
         self._stream: pa.RecordBatchStreamWriter | None = None
         self._path = folder
         self._opened, self._bytes = 0.0, 0
-        self._completer = ThreadPoolExecutor(1, thread_name_prefix="segments")
+        self._writer = ThreadPoolExecutor(1, thread_name_prefix="segments")
+        self._writing: deque[Future[None]] = deque()
+        self._completer = ThreadPoolExecutor(1, thread_name_prefix="completed-segments")
         self._completing: deque[Future[None]] = deque()
         self.rows = 0
         """Number of rows added so far."""
@@ -93,15 +97,19 @@ class SegmentWriter:
             raise RecordingError(f"{folder}: cannot write: {reason(error)}") from None
 
     def add(self, row: Sequence[float] | np.ndarray) -> None:
-        """Add one row; values in the order of the columns."""
-        if self._filled == len(self._rows):
-            self.flush()
+        """Add one row; values in the order of the columns.
+
+        Does not wait for the disk, unless it has fallen far behind.
+
+        Raises:
+            RecordingError: An earlier row could not be written: the disk is full, or the folder is gone.
+        """
         self._rows[self._filled] = row
         self._filled += 1
         self.rows += 1
         now = time.monotonic()
-        if now >= self._due:
-            self.flush()
+        if self._filled == len(self._rows) or now >= self._due:
+            self._hand_over()
             self._due = now + self._flush_seconds
 
     def flush(self) -> None:
@@ -110,28 +118,8 @@ class SegmentWriter:
         Raises:
             RecordingError: The disk is full, or the folder is gone.
         """
-        if self._filled == 0:
-            return
-        try:
-            if self._stream is None:
-                self._open()
-            assert self._stream is not None
-            assert self._sink is not None
-            filled = self._rows[: self._filled]
-            arrays = [pa.array(np.ascontiguousarray(column)) for column in filled.T]
-            self._stream.write_batch(pa.record_batch(arrays, schema=self._schema))
-            self._sink.flush()
-            self._bytes += filled.nbytes
-            self._filled = 0
-            if (
-                self._bytes >= 1e6 * self._rotation.megabytes
-                or time.monotonic() - self._opened >= self._rotation.seconds
-            ):
-                self._finish()
-            while self._completing and self._completing[0].done():
-                self._completing.popleft().result()
-        except OSError as error:
-            raise RecordingError(f"{self._path}: cannot write: {reason(error)}") from None
+        self._hand_over()
+        self._wait(self._writing)
 
     def close(self) -> list[Path]:
         """Complete all segments and return all files of this run.
@@ -141,15 +129,44 @@ class SegmentWriter:
         """
         try:
             self.flush()
-            if self._stream is not None:
-                self._finish()
-            while self._completing:
-                self._completing.popleft().result()
-        except OSError as error:
-            raise RecordingError(f"{self._path}: cannot write: {reason(error)}") from None
+            self._writing.append(self._writer.submit(self._finish))
+            self._wait(self._writing)
+            self._wait(self._completing)
         finally:
+            self._writer.shutdown()
             self._completer.shutdown()
         return self.files
+
+    def _hand_over(self) -> None:
+        """Give the rows to the thread that writes."""
+        if self._filled:
+            self._writing.append(self._writer.submit(self._write, self._rows[: self._filled].copy()))
+            self._filled = 0
+        self._wait(self._writing, _MOST_BATCHES)
+        self._wait(self._completing, _MOST_BATCHES)
+
+    def _wait(self, tasks: deque[Future[None]], most: int = 0) -> None:
+        """Wait until at most that many tasks are unfinished, and raise the errors of the finished ones."""
+        try:
+            while tasks and (len(tasks) > most or tasks[0].done()):
+                tasks.popleft().result()
+        except OSError as error:
+            raise RecordingError(f"{self._path}: cannot write: {reason(error)}") from None
+
+    def _write(self, rows: np.ndarray) -> None:
+        if self._stream is None:
+            self._open()
+        assert self._stream is not None
+        assert self._sink is not None
+        arrays = [pa.array(np.ascontiguousarray(column)) for column in rows.T]
+        self._stream.write_batch(pa.record_batch(arrays, schema=self._schema))
+        self._sink.flush()
+        self._bytes += rows.nbytes
+        if (
+            self._bytes >= 1e6 * self._rotation.megabytes
+            or time.monotonic() - self._opened >= self._rotation.seconds
+        ):
+            self._finish()
 
     def _open(self) -> None:
         stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
@@ -163,8 +180,8 @@ class SegmentWriter:
         self._opened, self._bytes = time.monotonic(), 0
 
     def _finish(self) -> None:
-        assert self._stream is not None
-        assert self._sink is not None
+        if self._stream is None or self._sink is None:
+            return
         self._stream.close()
         self._sink.close()
         self._stream = self._sink = None

@@ -321,9 +321,13 @@ class LiveSource:
             return
         self._without_wrench += 1
         self._recent.add(now, "without wrench")
-        if self._without_since is None:
+        arriving = now - self._last_reading_ns / NS < _ALIVE
+        if self._sensor is not None and arriving and not self._aligner.ready:
+            self._recent.add(now, "wrench unaligned")
             self._without_since = now
-        elif now - self._without_since > _LOST and now - self._last_reading_ns / NS < _ALIVE:
+        elif self._without_since is None:
+            self._without_since = now
+        elif arriving and now - self._without_since > _LOST:
             # Readings arrive, but match no instant: the estimate of the sensor's clock is wrong.
             self._aligner.forget_sensor()
             self._without_since = now

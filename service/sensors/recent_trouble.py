@@ -21,6 +21,8 @@ _ALWAYS = {
     "simulator without noise needs --constant-readings)",
     "torque too large": "the robot sends joint torques far beyond what its joints can apply; "
     "they are left out",
+    "wrench unaligned": "samples lack the force/torque reading: its clock and the robot's are not aligned "
+    "yet, which takes longer on a busy computer",
     "wrench zero": "the force/torque sensor reads exactly zero in all six components; its readings are left "
     "out: check its cable and power",
     "wrench frozen": "the force/torque sensor repeats the same reading; its readings are left out: restart "

@@ -21,7 +21,10 @@ _FIRST_BLOCK = 0.02
 _BLOCKS = 240
 """Number of past blocks that are used: one minute."""
 _START = 0.2
-"""Arrivals over this time are needed to estimate an unknown period [s]."""
+"""Arrivals over this time are needed before times are estimated [s]."""
+_SUPPORT, _TOLERANCE = 8, 1e-3
+"""So many of the least delayed arrivals must agree within this tolerance [s]: on a busy host, the first ones
+may all be late, each by another delay."""
 _TRUST = 2.0
 """From this time on, the estimated period is better than the given one [s]."""
 _AHEAD = 0.5
@@ -56,7 +59,6 @@ class ClockMap:
         """Add the arrival of a reading: time on the sensor's clock and host time."""
         if self._origin is None:
             self._origin = (tick, arrival_ns)
-            self.ready = self._given is not None
         x = tick - self._origin[0]
         y = (arrival_ns - self._origin[1]) * 1e-9
         residual = y - self.period * x
@@ -100,14 +102,25 @@ class ClockMap:
             middle = 0.5 * (hull[0][0] + hull[-1][0])
             i = next(k for k, (x, _) in enumerate(hull) if x >= middle)
             (x0, y0), (x1, y1) = hull[i - 1], hull[i]
-            self._learn((y1 - y0) / (x1 - x0), self._points[-1][1] - self._points[0][1])
-        self._offset = min((y - self.period * x for x, y in self._points), default=0.0)
+            self._learn((y1 - y0) / (x1 - x0), self._stretch)
+        delays = sorted(y - self.period * x for x, y in self._points)
+        self._offset = delays[0] if delays else 0.0
+        self.ready = self.ready or (
+            self._stretch >= _START
+            and self.period > 0.0
+            and len(delays) >= _SUPPORT
+            and delays[_SUPPORT - 1] - delays[0] <= _TOLERANCE
+        )
+
+    @property
+    def _stretch(self) -> float:
+        """Time between the first and the last of the arrivals that are kept [s]."""
+        return self._points[-1][1] - self._points[0][1] if self._points else 0.0
 
     def _learn(self, slope: float, stretch: float) -> None:
         if self._given is None:
             if slope > 0.0:
                 self.period = slope
-                self.ready = stretch >= _START
         elif stretch >= _TRUST:
             self.period = min(max(slope, self._given * (1.0 - _SKEW)), self._given * (1.0 + _SKEW))
 
@@ -194,6 +207,11 @@ class Aligner:
         self._last_time, self._last_robot_arrival_ns = timestamp, arrival_ns
         self._robot.observe(timestamp, arrival_ns)
 
+    @property
+    def ready(self) -> bool:
+        """Whether both clocks have been heard for long enough."""
+        return self._sensor.ready and self._robot.ready
+
     def covers(self, timestamp: float) -> bool:
         """Whether a reading at or after that instant of the robot (or half a period before it) has
         arrived."""
@@ -227,7 +245,7 @@ class Aligner:
 
     def _instant(self, timestamp: float) -> float | None:
         # On the sensor's clock, which does not change while its mapping to the host's clock is refined.
-        if not (self._readings and self._sensor.ready and self._robot.ready):
+        if not (self._readings and self.ready):
             return None
         host = self._robot.host(timestamp) + (self._robot.origin_ns - self._sensor.origin_ns) * 1e-9
         return self._sensor.tick(host + self._delay)

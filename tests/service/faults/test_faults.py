@@ -147,7 +147,8 @@ class Cell:
 
     def _workers(self) -> frozenset[int]:
         """Numbers of the service's processes that work."""
-        children = Path(f"/proc/{self._service}/task/{self._service}/children").read_text().split()
+        threads = Path(f"/proc/{self._service}/task").glob("*/children")  # each lists those it has started
+        children = [child for thread in threads for child in thread.read_text().split()]
         commands = {int(child): Path(f"/proc/{child}/cmdline").read_bytes() for child in children}
         return frozenset(child for child, command in commands.items() if b"spawn_main" in command)
 

@@ -85,6 +85,7 @@ def test_a_segment_cut_anywhere_is_repaired_or_dropped(tmp_path: Path, size: int
     writer = SegmentWriter(tmp_path, "a", NAMES, {}, flush_seconds=0.0)
     for i in range(20):
         writer.add((float(i), 0.0))
+        writer.flush()
     (path,) = tmp_path.glob("*.arrows")
     (tmp_path / "b-cut.arrows").write_bytes(path.read_bytes()[:size])
     found = repair(tmp_path, "b")
@@ -119,6 +120,38 @@ def test_rows_are_taken_while_a_segment_becomes_parquet(
     assert writer.files == []
     go_on.set()
     np.testing.assert_array_equal(rows_of(writer.close()), np.arange(1000.0))
+
+
+def test_rows_are_taken_while_the_disk_holds_up_a_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go_on = threading.Event()
+    write = SegmentWriter._write
+
+    def slow(writer: SegmentWriter, rows: np.ndarray) -> None:
+        assert go_on.wait(30.0)
+        write(writer, rows)
+
+    monkeypatch.setattr(SegmentWriter, "_write", slow)
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, flush_seconds=0.0)
+    for i in range(50):
+        writer.add((float(i), 0.0))
+    assert not list(tmp_path.glob("*.arrows"))
+    go_on.set()
+    writer.flush()
+    assert list(tmp_path.glob("*.arrows"))
+    np.testing.assert_array_equal(rows_of(writer.close()), np.arange(50.0))
+
+
+def test_a_full_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(writer: SegmentWriter, rows: np.ndarray) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(SegmentWriter, "_write", full)
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, flush_seconds=0.0)
+    writer.add((0.0, 0.0))
+    with pytest.raises(RecordingError, match="No space left on device"):
+        writer.flush()
 
 
 def test_a_segment_that_cannot_become_parquet_is_reported(

@@ -1,0 +1,273 @@
+"""From a file to a recording: its columns are found, checked and converted by the scene, block by block."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.service.recordings.bag_files import BagFile, is_bag
+from contactsense.service.recordings.cleaning import RowChecker
+from contactsense.service.recordings.column_mapping import ColumnMapping, expand
+from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.recording import BLOCK, Recording, concatenate
+from contactsense.service.recordings.table_files import Columns, TableFile, chosen_rows, open_table
+from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap, WristMap
+
+
+class RecordingFile:
+    """One recording on disk, read block by block, so that memory use does not depend on its length.
+
+    Args:
+        path: CSV (ur_rtde's or UR's own client's), Parquet, Arrow IPC stream, a folder of Parquet files,
+            MCAP, or a rosbag2 folder.
+        scene: Defines the meaning of the signals: torque signal, frame and sign of the sensors.
+        mapping: Names of columns and topics, and units.
+
+    Raises:
+        RecordingError: The file cannot be read, or lacks a column that the scene needs.
+    """
+
+    def __init__(self, path: str | Path, scene: Scene, mapping: ColumnMapping | None = None) -> None:
+        self.path = Path(path)
+        self.name = str(path)
+        self._scene, self._mapping = scene, mapping or ColumnMapping()
+        self._table: TableFile = (
+            BagFile(self.path, self._mapping) if is_bag(self.path) else open_table(self.path)
+        )
+        self.meta: Mapping[str, str] = self._table.meta
+        """Metadata of the file."""
+        self._joints = len(scene.robot.joints)
+        self._plan()
+
+    @property
+    def rows(self) -> int | None:
+        """Number of rows, if it is known before the whole file is read."""
+        return self._table.rows
+
+    def read(self, first: int = 0, last: int | None = None) -> Recording:
+        """Read the recording, or its rows from `first` up to, but not including, `last`."""
+        return concatenate(list(self.blocks(BLOCK, first, last)), self.name, self.meta)
+
+    def blocks(self, size: int = BLOCK, first: int = 0, last: int | None = None) -> Iterator[Recording]:
+        """The samples in blocks of at most `size`; each carries the problems found since the previous block.
+
+        Args:
+            size: Maximum number of samples in a block.
+            first, last: Range of rows to read: from `first` up to, but not including, `last`.
+        """
+        checker = RowChecker()
+        pending = _Pending(self._late)
+        reported = 0
+        for row, columns in chosen_rows(self._table.batches(self._wanted, first, last), first, last):
+            block = self._converted(columns, row, checker)
+            for part in pending.add(block).blocks(size):
+                new, reported = tuple(checker.problems[reported:]), len(checker.problems)
+                yield replace(part, problems=new, repeated=checker.repeated, meta=self.meta)
+        checker.finish()
+        rest = pending.flush()
+        new = (*checker.problems[reported:], *self._absent, *self._table.problems)
+        if rest is None:
+            raise RecordingError(f"{self.name}: expected at least two samples, got none")
+        parts = list(rest.blocks(size)) or [rest]
+        for part in parts[:-1]:
+            yield part
+        yield replace(parts[-1], problems=new, repeated=checker.repeated, meta=self.meta)
+
+    def _plan(self) -> None:
+        mapping, names, n = self._mapping, self._table.names, self._joints
+        self._absent: list[Problem] = []
+        if mapping.timestamp not in names:
+            self._missing("timestamp", mapping.timestamp)
+        self._q = self._group("q", mapping.q, n)
+        self._qd = self._group("qd", mapping.qd, n)
+        self._torque_names, self._torque_map = self._torque_plan()
+        base, wrist = self._scene.base_wrench, self._scene.wrist_wrench
+        self._base = self._optional("base_wrench", mapping.base_wrench, base is not None)
+        self._wrist = self._optional("wrist_wrench", mapping.wrist_wrench, wrist is not None)
+        self._base_map = None if base is None else WrenchMap.of(base)
+        self._wrist_map = None if wrist is None else WristMap(wrist, self._scene.robot)
+        self._late = 0.0 if base is None or not self._base else base.delay
+        if not (self._torque_names or self._base):
+            raise RecordingError(
+                f"{self.name}: expected columns of joint torques or of the base sensor, got neither; "
+                f"found {self._found()}"
+            )
+        wanted = [mapping.timestamp, *self._q, *self._qd, *self._torque_names, *self._base, *self._wrist]
+        self._wanted = list(dict.fromkeys(wanted))
+
+    def _torque_plan(self) -> tuple[list[str], TorqueMap | None]:
+        """Columns that contain the torque signals, and their conversion; None if they are joint torques
+        [Nm]."""
+        sensor, names, n = self._scene.joint_torque, self._table.names, self._joints
+        if sensor is None:
+            return [], None
+        if self._mapping.joint_torque is not None:
+            return self._group("joint_torque", self._mapping.joint_torque, n), None
+        own = expand(("joint_torque",), n, names)
+        if sensor.fields is None and all(name in names for name in own):
+            return own, None
+        try:
+            source = TorqueMap.of(self._scene)
+        except SensorError as error:
+            raise RecordingError(f"{self.name}: {error}") from None
+        assert source is not None
+        columns = [column for name in source.names for column in self._columns_of(name, source)]
+        if any(column not in names for column in columns):
+            message = f"no {own[0]} ... nor {columns[0]} ... ({sensor.signal}): joint torques are not used"
+            self._absent.append(Problem(0, 0, "missing_sensor", message))
+            return [], None
+        return columns, source
+
+    def _columns_of(self, field_name: str, source: TorqueMap) -> list[str]:
+        width = self._joints if len(source.fields) == 1 else 1
+        return [field_name] if width == 1 else [f"{field_name}_{i}" for i in range(width)]
+
+    def _group(self, name: str, columns: tuple[str, ...], count: int) -> list[str]:
+        wanted = expand(columns, count, self._table.names)
+        for column in wanted:
+            if column not in self._table.names:
+                self._missing(name, column)
+        return wanted
+
+    def _optional(self, name: str, columns: tuple[str, ...], in_scene: bool) -> list[str]:
+        if not in_scene:
+            return []
+        wanted = expand(columns, 6, self._table.names)
+        if all(column in self._table.names for column in wanted):
+            return wanted
+        if any(column in self._table.names for column in wanted):
+            self._missing(name, next(c for c in wanted if c not in self._table.names))
+        message = f"no column {wanted[0]}: {name} is not used, though the scene has this sensor"
+        self._absent.append(Problem(0, 0, "missing_sensor", message))
+        return []
+
+    def _missing(self, name: str, column: str) -> None:
+        raise RecordingError(
+            f"{self.name}: {name}: expected a column {column}, found {self._found()}; "
+            f"--columns {name}=NAME names another"
+        )
+
+    def _found(self) -> str:
+        names = self._table.names
+        more = f" and {len(names) - 24} more" if len(names) > 24 else ""
+        return ", ".join(names[:24]) + more
+
+    def _converted(self, columns: Columns, first: int, checker: RowChecker) -> Recording:
+        t = columns[self._mapping.timestamp] * self._mapping.seconds
+        keep = checker.keep(t, first)
+        rows = np.flatnonzero(keep)
+
+        whole = len(rows) == len(t)
+
+        def table(names: list[str]) -> np.ndarray:
+            stacked = np.empty((len(rows), len(names)))
+            for i, name in enumerate(names):
+                stacked[:, i] = columns[name] if whole else columns[name][rows]
+            return stacked
+
+        q, qd = table(self._q), table(self._qd)
+        if self._mapping.radians != 1.0:
+            q, qd = q * self._mapping.radians, qd * self._mapping.radians
+        bad = np.asarray(~(np.isfinite(q).all(axis=1) & np.isfinite(qd).all(axis=1)))
+        checker.report(bad, first, "not_finite", "joint positions or velocities are not finite", rows)
+        torque = base = wrist = None
+        if self._torque_names:
+            values = table(self._torque_names)
+            torque = values if self._torque_map is None else self._signal(values, self._torque_map)
+            checker.report(
+                ~np.isfinite(torque).all(axis=1), first, "not_finite", "joint torques are not finite", rows
+            )
+        if self._base:
+            assert self._base_map is not None
+            base = self._base_map.wrench(table(self._base))
+            checker.report(
+                ~np.isfinite(base).all(axis=1), first, "not_finite", "base_wrench is not finite", rows
+            )
+        if self._wrist:
+            assert self._wrist_map is not None
+            reading = table(self._wrist)
+            wrist = np.array([self._wrist_map.wrench(q[i], reading[i]) for i in range(len(rows))])
+            wrist = wrist.reshape(-1, 6)
+            checker.report(
+                ~np.isfinite(wrist).all(axis=1), first, "not_finite", "wrist_wrench is not finite", rows
+            )
+        return Recording(self.name, t[rows], q, qd, torque, base, wrist, first + rows.astype(np.int64))
+
+    def _signal(self, values: np.ndarray, source: TorqueMap) -> np.ndarray:
+        width = self._joints if len(source.fields) == 1 else 1
+        fields = {name: values[:, i * width : (i + 1) * width] for i, name in enumerate(source.names)}
+        return source.torque(fields)
+
+
+class _Pending:
+    """Shifts the base sensor's readings by its delay: a reading belongs to the instant `late` before its
+    arrival.
+
+    Rows wait until the readings for their instant have arrived.
+    """
+
+    def __init__(self, late: float) -> None:
+        self._late = late
+        self._rest: Recording | None = None
+
+    def add(self, block: Recording) -> Recording:
+        """The rows that are now complete."""
+        if self._late == 0.0:
+            # The last block waits: problems at the end of the file are known only after it.
+            before, self._rest = self._rest, block
+            return block[:0] if before is None else before
+        whole = block if self._rest is None else concatenate([self._rest, block], block.name, {})
+        ready = int(np.searchsorted(whole.t, whole.t[-1] - abs(self._late))) if len(whole) else 0
+        self._rest = whole[ready:]
+        return self._shifted(whole)[:ready]
+
+    def flush(self) -> Recording | None:
+        """The remaining rows at the end."""
+        return None if self._rest is None else self._shifted(self._rest)
+
+    def _shifted(self, part: Recording) -> Recording:
+        if self._late == 0.0 or part.base_wrench is None or len(part) == 0:
+            return part
+        shifted = [np.interp(part.t + self._late, part.t, column) for column in part.base_wrench.T]
+        return replace(part, base_wrench=np.column_stack(shifted))
+
+
+def read(
+    path: str | Path,
+    scene: Scene | None = None,
+    columns: ColumnMapping | str | None = None,
+    *,
+    first: int = 0,
+    last: int | None = None,
+) -> Recording:
+    """Read a recording.
+
+    Args:
+        path: See `RecordingFile`.
+        scene: Defines the meaning of the signals; None: the scene stored in the file.
+        columns: Names and units that differ from the defaults, see `ColumnMapping.parse`.
+        first, last: Range of rows to read, see `RecordingFile.read`.
+
+    Raises:
+        RecordingError: The file cannot be read, lacks a column, or contains no scene and none was given.
+        MappingError: `columns` cannot be used.
+    """
+    mapping = columns if isinstance(columns, ColumnMapping) else ColumnMapping.parse(columns)
+    if scene is None:
+        scene = scene_in(Path(path))
+    return RecordingFile(path, scene, mapping).read(first, last)
+
+
+def scene_in(path: Path) -> Scene:
+    """The scene stored in a recording's metadata.
+
+    Raises:
+        RecordingError: It contains none.
+    """
+    from contactsense.service.recordings.metadata import scene_of_meta
+
+    meta = {} if is_bag(path) else open_table(path).meta
+    return scene_of_meta(meta, str(path))
