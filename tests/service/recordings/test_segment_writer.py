@@ -149,9 +149,13 @@ def test_a_full_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(SegmentWriter, "_write", full)
     writer = SegmentWriter(tmp_path, "a", NAMES, {}, flush_seconds=0.0)
-    writer.add((0.0, 0.0))
-    with pytest.raises(RecordingError, match="No space left on device"):
+
+    def record() -> None:
+        writer.add((0.0, 0.0))
         writer.flush()
+
+    with pytest.raises(RecordingError, match="No space left on device"):
+        record()
 
 
 def test_a_segment_that_cannot_become_parquet_is_reported(
