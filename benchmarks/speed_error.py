@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
+from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.peers import PEERS
 from contactsense.benchmarks.peers.cases import MESHES, ROBOTS, Case, answer, errors, static_cases
@@ -61,7 +62,7 @@ def mark(method: Method, case: Case) -> Mark:
     default=GEOMETRIES,
     help="Surface that the dense posterior samples; may be repeated.  [default: both]",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def main(contacts: int, robots: tuple[str, ...], geometries: tuple[Geometry, ...], as_json: bool) -> None:
     """Time against error of all methods, and the picture docs/speed_error.png."""
     marks: list[Mark] = []

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
@@ -13,9 +13,10 @@ from rich.table import Table
 from scipy.stats import binomtest, chi2
 
 from contactsense import Contact, Localizer
+from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.credible_regions import distance, level, mixture, within
 from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
 
 NEAR = 0.02
@@ -46,37 +47,14 @@ class Verdict(NamedTuple):
 
 
 @click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--robot", "robots", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
-@click.option(
-    "--sensors",
-    "kinds",
-    type=click.Choice(list(SENSORS)),
-    multiple=True,
-    default=tuple(SENSORS),
-    help="What is measured; may be repeated.  [default: all of these]",
-)
-@click.option(
-    "--detail",
-    type=click.Choice(get_args(Detail)),
-    default="fine",
-    show_default=True,
-    help="Level of detail of the surface.",
-)
-@click.option(
-    "--meshes",
-    type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="For --detail skin: folder with ROBOT/LINK.ply.",
-)
-@click.option(
-    "--half",
-    type=click.Choice(list(HALVES)),
-    default="both",
-    show_default=True,
-    help="Which of the contacts: tune on one half, judge on the other.",
-)
+@options.truth_folder
+@options.robots
+@options.sensor_sets
+@options.detail
+@options.meshes
+@options.half
 @click.option("--brief", is_flag=True, help="Leave the reliability tables out.")
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def calibration(
     folder: Path,
     robots: tuple[str, ...],

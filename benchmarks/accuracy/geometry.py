@@ -11,6 +11,7 @@ from rich.progress import track
 from rich.table import Table
 
 from contactsense import robots as library
+from contactsense.benchmarks import options
 from contactsense.robots import Robot, RobotError
 from contactsense.robots import yaml_schema as schema
 from contactsense.robots.library import surface_file
@@ -22,7 +23,7 @@ COLUMNS = ("p50", "p95", "max")
 @click.command()
 @click.argument("meshes", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--robot", "names", multiple=True, help="Arm; may be repeated. All of the library without it.")
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def geometry(meshes: Path, names: tuple[str, ...], as_json: bool) -> None:
     """Compare every level of detail with the skin of the meshes in MESHES/<robot>/<link>.ply.
 

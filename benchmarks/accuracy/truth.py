@@ -14,6 +14,7 @@ from rich.progress import track
 from rich.table import Table
 
 from contactsense import Localizer
+from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
 from contactsense.localizer import Method
@@ -23,8 +24,8 @@ LISTED_WITHIN = 0.02
 
 
 @click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--robot", "robots", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
+@options.truth_folder
+@options.robots
 @click.option(
     "--method",
     type=click.Choice(get_args(Method)),
@@ -35,20 +36,10 @@ LISTED_WITHIN = 0.02
 @click.option(
     "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="What is measured."
 )
-@click.option(
-    "--detail",
-    type=click.Choice(get_args(Detail)),
-    default="fine",
-    show_default=True,
-    help="Level of detail of the surface.",
-)
-@click.option(
-    "--meshes",
-    type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="For --detail skin: folder with ROBOT/LINK.ply.",
-)
+@options.detail
+@options.meshes
 @click.option("--brief", is_flag=True, help="Leave the confusion of links out of the table.")
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def truth(
     folder: Path,
     robots: tuple[str, ...],

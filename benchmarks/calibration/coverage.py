@@ -12,6 +12,7 @@ from rich.progress import track
 from rich.table import Table
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
+from contactsense.benchmarks import options
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Settings, calibrate
 from contactsense.calibration.calibration_model import CalibrationModel
@@ -104,7 +105,7 @@ def _draw(rng: np.random.Generator) -> tuple[Scene, np.ndarray, Scene]:
 @click.option("--runs", default=40, show_default=True, help="Simulated recordings.")
 @click.option("--seconds", default=20.0, show_default=True, help="Length of each [s].")
 @click.option("--rate", default=250.0, show_default=True, help="Samples a second [Hz].")
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def coverage(runs: int, seconds: float, rate: float, as_json: bool) -> None:
     """Calibrate simulated recordings and count how many true values lie in the stated 95 % intervals."""
     result = measure(runs, seconds, rate, show=True)

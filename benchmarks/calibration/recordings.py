@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene
+from contactsense.benchmarks import options
 from contactsense.calibration import FreeMotion, Settings, calibrate
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.parameters import Group
@@ -127,7 +128,7 @@ def _touches(t: np.ndarray, energy: np.ndarray, threshold: float) -> list[dict[s
 
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def recordings(folder: Path, as_json: bool) -> None:
     """Calibrate on the identification files in FOLDER, and print residuals of free motion and the touches
     that stand out from them."""

@@ -13,6 +13,7 @@ import pyarrow.parquet as pa_parquet
 from rich.console import Console
 from rich.table import Table
 
+from contactsense.benchmarks import options
 from contactsense.benchmarks.fleet.dataset import make_recording, plan, write_scenes
 from contactsense.benchmarks.fleet.score import score_contacts, score_drift
 from contactsense.service.analysis.fleet.report import write_fleet_report
@@ -33,7 +34,7 @@ MANY = 100_000
     "--out", required=True, type=click.Path(path_type=Path, file_okay=False),
     help="Folder for dataset and results; what is there of an earlier run is replaced.",
 )  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def fleet(recordings: int, robots: int, seconds: float, workers: int, out: Path, as_json: bool) -> None:
     """Simulate a year of a fleet with the mock's physics at 500 Hz, analyse it, and compare the result with
     the ground truth.

@@ -12,6 +12,7 @@ from rich.progress import track
 from rich.table import Table
 
 from contactsense import Localizer
+from contactsense.benchmarks import options
 from contactsense.benchmarks.hold.simulate import CASES, SLIDE, Case, Finger, scene_of, stream
 
 TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
@@ -21,7 +22,7 @@ TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
 @click.command()
 @click.option("--runs", default=20, show_default=True, help="Streams of each kind.")
 @click.option("--picture", type=click.Path(path_type=Path), help="Draw both into this picture (PNG or SVG).")
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def hold(runs: int, picture: Path | None, as_json: bool) -> None:
     """Press a finger with 20 N against a UR5e's forearm for 4 s, and slide it along at 50 mm/s.
 

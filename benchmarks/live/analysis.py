@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from contactsense import Localizer, Scene
+from contactsense.benchmarks import options
 from contactsense.service.analysis import analyze as run
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
@@ -29,7 +30,7 @@ machine can only add to it."""
 @click.option(
     "--minutes", type=click.FloatRange(0.5), default=5.0, show_default=True, help="Length of a file."
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def analyze(minutes: float, as_json: bool) -> None:
     """Time the analysis of simulated recordings at 500 Hz on one core: one without contact, the demo's, with
     contacts for a third of the time, and one with a single contact that lasts nine tenths of the time."""

@@ -12,6 +12,7 @@ from rich.progress import track
 from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense.benchmarks import options
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
 
@@ -20,7 +21,7 @@ ROUNDS = 5
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def speed(as_json: bool) -> None:
     """Time one sample through the localizer on the demonstration's contacts.
 

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
 from contactsense.benchmarks.multi_contact.measure import WITHIN, Arrival, localizer_for, measure
 from contactsense.benchmarks.multi_contact.pairs import measure_pairs
@@ -25,7 +26,7 @@ SCENARIOS: tuple[tuple[Arrival, float | None], ...] = (
 
 
 @click.command()
-@click.option("--robot", "robots", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
+@options.robots
 @click.option(
     "--contacts", type=click.IntRange(1, 3), multiple=True, default=(1, 2, 3), help="May be repeated."
 )
@@ -59,7 +60,7 @@ SCENARIOS: tuple[tuple[Arrival, float | None], ...] = (
     multiple=True,
     help="Two contacts in live streams instead, joints moving with up to this speed, rad/s; may be repeated.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def several(
     robots: tuple[str, ...],
     contacts: tuple[int, ...],

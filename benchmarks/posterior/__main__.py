@@ -8,7 +8,8 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail
+from contactsense.benchmarks import options
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail
 from contactsense.benchmarks.accuracy.static_points import HALVES, read, select
 from contactsense.benchmarks.peers.cases import MESHES, ROBOTS, TRUTH
 from contactsense.benchmarks.posterior.dense import Geometry, Rule
@@ -17,14 +18,7 @@ from contactsense.benchmarks.posterior.table import GEOMETRIES, Row, Skins, rows
 
 @click.command()
 @click.option("--robot", "robots", multiple=True, default=ROBOTS, help="Arm; may be repeated.")
-@click.option(
-    "--sensors",
-    "kinds",
-    type=click.Choice(list(SENSORS)),
-    multiple=True,
-    default=tuple(SENSORS),
-    help="What is measured; may be repeated.  [default: all of these]",
-)
+@options.sensor_sets
 @click.option(
     "--noise",
     "levels",
@@ -41,13 +35,7 @@ from contactsense.benchmarks.posterior.table import GEOMETRIES, Row, Skins, rows
     help="What the dense posterior answers.",
 )
 @click.option("--contacts", default=500, show_default=True, help="Contacts of each arm.")
-@click.option(
-    "--half",
-    type=click.Choice(list(HALVES)),
-    default="both",
-    show_default=True,
-    help="From which half.",
-)
+@options.half
 @click.option(
     "--geometry",
     "geometries",
@@ -56,19 +44,15 @@ from contactsense.benchmarks.posterior.table import GEOMETRIES, Row, Skins, rows
     default=GEOMETRIES,
     help="Surface that the posterior samples; may be repeated.  [default: both]",
 )
-@click.option(
-    "--detail", type=click.Choice(get_args(Detail)), default="fine", show_default=True, help="Ours."
-)
-@click.option(
-    "--truth", type=click.Path(exists=True, file_okay=False, path_type=Path), default=TRUTH, help="Contacts."
-)
+@options.detail
+@click.option("--truth", type=options.FOLDER, default=TRUTH, help="Contacts.")
 @click.option(
     "--meshes",
-    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    type=options.FOLDER,
     default=MESHES,
     help="ROBOT/LINK.ply.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def main(
     robots: tuple[str, ...],
     kinds: tuple[str, ...],

@@ -1,0 +1,40 @@
+"""Command-line options that several benchmarks share."""
+
+from pathlib import Path
+from typing import get_args
+
+import click
+
+from contactsense.benchmarks.accuracy.static_cases import SENSORS, Detail
+from contactsense.benchmarks.accuracy.static_points import HALVES
+
+FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
+
+truth_folder = click.argument("folder", type=FOLDER)
+robots = click.option(
+    "--robot", "robots", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated."
+)
+sensor_sets = click.option(
+    "--sensors",
+    "kinds",
+    type=click.Choice(list(SENSORS)),
+    multiple=True,
+    default=tuple(SENSORS),
+    help="What is measured; may be repeated.  [default: all of these]",
+)
+detail = click.option(
+    "--detail",
+    type=click.Choice(get_args(Detail)),
+    default="fine",
+    show_default=True,
+    help="Level of detail of the surface.",
+)
+meshes = click.option("--meshes", type=FOLDER, help="For --detail skin: folder with ROBOT/LINK.ply.")
+half = click.option(
+    "--half",
+    type=click.Choice(list(HALVES)),
+    default="both",
+    show_default=True,
+    help="Which of the contacts: tune on one half, judge on the other.",
+)
+as_json = click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
