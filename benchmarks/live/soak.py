@@ -23,6 +23,8 @@ from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
 
 _WARM_UP = 5.0
+_QUIET = 2.0
+"""If no event comes for this long, none is in transit [s]."""
 _VISIT = 2.0
 """Duration of the connection of a reader that connects and disconnects [s]."""
 
@@ -68,7 +70,7 @@ def measure(seconds: float, tick: Callable[[float], None]) -> SoakResult:
     """
     with Stage("ur5e") as stage, contextlib.ExitStack() as stack:
         client = stage.start_service()
-        stage.start_arm("--loop")
+        arm = stage.start_arm("--loop")
         over = threading.Event()
         visits = [0]
         threads = [
@@ -81,7 +83,8 @@ def measure(seconds: float, tick: Callable[[float], None]) -> SoakResult:
         stack.callback(over.set)
         stamps, memory = _read(client, seconds, tick)
         health = client.health()
-        time.sleep(1.0)  # events still in transit
+        arm.end()  # or events would begin while the readers compare
+        _settle(watchers)
         over.set()
         for thread in (*threads, *watchers):
             thread.join(10.0)
@@ -212,6 +215,13 @@ class _EventReader(threading.Thread):
             )
             if answer.status_code == 200:
                 self.journal = {event["id"] for event in answer.json()["events"] if event["id"] >= first}
+
+
+def _settle(readers: list[_EventReader]) -> None:
+    """Wait until no event has come for a while."""
+    count = -1
+    while count != (count := sum(len(reader.seen) for reader in readers)):
+        time.sleep(_QUIET)
 
 
 def _compare(readers: list[_EventReader]) -> tuple[int | None, int | None]:
