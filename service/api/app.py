@@ -28,8 +28,8 @@ from contactsense.service.api.access import Access
 from contactsense.service.api.limits import Limits
 from contactsense.service.api.service import Service
 from contactsense.service.api.settings import Settings
+from contactsense.service.live.loading import OnLoading
 from contactsense.service.live.pipeline_process import Source
-from contactsense.service.live.supervisor import OnLoading
 
 DESCRIPTION = """
 Where is a robot arm being touched? Contact location from a force/torque sensor under the base and joint

@@ -26,9 +26,10 @@ from contactsense.service.controllers.robot_program_servers import RobotProgramS
 from contactsense.service.events.journal import Journal, JournalError
 from contactsense.service.events.model import ContactEvent
 from contactsense.service.live.hub import Hub
+from contactsense.service.live.loading import OnLoading
 from contactsense.service.live.locate_process import LocateError, LocateProcess, StaticSample
 from contactsense.service.live.pipeline_process import ListenerFactory, Source, utc_now
-from contactsense.service.live.supervisor import OnLoading, Runner
+from contactsense.service.live.supervisor import Runner
 from contactsense.service.reactions.latch_store import LatchStore
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from contactsense.service.reactions.state import Reactions
@@ -230,8 +231,8 @@ class Service:
         return HealthOut(
             status=runner.status,
             message=runner.message,
-            loading=runner.loading,
-            loading_left=runner.loading_left,
+            loading=runner.loading.share,
+            loading_left=runner.loading.left,
             reasons=list(runner.reasons),
             ready=self.ready,
             since=runner.since.isoformat(timespec="milliseconds"),

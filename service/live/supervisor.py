@@ -19,8 +19,8 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Literal
 
 from contactsense import Scene
-from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.service.api.messages import PipelineHealth, SourceHealth
+from contactsense.service.live.loading import Loading, OnLoading
 from contactsense.service.live.pipeline_process import (
     ESTIMATE,
     HEAD,
@@ -31,6 +31,7 @@ from contactsense.service.live.pipeline_process import (
     Source,
     work,
 )
+from contactsense.service.live.process_exit import end, exit_code
 from contactsense.service.live.silence import TICK, Silence, process_state
 from contactsense.service.live.status import STALE, Facts, Status, assess
 from contactsense.service.live.supervision import Supervised
@@ -38,7 +39,6 @@ from contactsense.service.live.supervision import Supervised
 log = logging.getLogger("contactsense")
 
 OnEstimate = Callable[[float, bytes], None]
-OnLoading = Callable[[CompilationProgress], None]
 OnReport = Callable[[dict[str, Any]], None]
 
 _FIRST_WORD = 300.0
@@ -55,8 +55,6 @@ _LATE = 1.0
 """A delay of the event loop beyond this is reported [s]."""
 _PAUSE = (0.2, 5.0)
 """Time before a restart: after the first failure, and at most after repeated failures [s]."""
-_PATIENCE = 2.0
-"""Time that the process has to end by itself [s]."""
 
 
 class Runner:
@@ -87,8 +85,6 @@ class Runner:
         self._on_report = on_report
         self._listeners = tuple(listeners)
         self._to_pipeline: asyncio.StreamWriter | None = None
-        self._on_loading = on_loading
-        self._advanced: float | None = None
         self._task: Supervised | None = None
         self._ticker: Supervised | None = None
         self._process: Literal["none", "starting", "running", "ended"] = "starting"
@@ -101,10 +97,8 @@ class Runner:
         self.loaded = asyncio.Event()
         """Set when the process has loaded, that is, kernels are compiled and cached; also when it has failed
         or there is none."""
-        self.loading = 1.0 if open_source is None else 0.0
-        """Completed fraction of the compilation of kernels, 0 to 1."""
-        self.loading_left: float | None = None
-        """Estimated remaining time of the compilation [s]; None while nothing is compiled."""
+        self.loading = Loading(on_loading, 1.0 if open_source is None else 0.0)
+        """Progress of the compilation of kernels."""
         self.source = SourceHealth()
         """State of the sensors, as last reported."""
         self.pipeline = PipelineHealth()
@@ -167,7 +161,7 @@ class Runner:
                 reason = await self._run_once(self._open_source)
             except OSError as error:
                 reason = f"could not be started: {error.strerror or error}{_advice(error)}"
-            self._end_loading()
+            self.loading.end()
             self.loaded.set()
             self.pipeline.alive = False
             self.pipeline.restarts += 1
@@ -219,14 +213,14 @@ class Runner:
                     await writer.wait_closed()
         finally:
             ours.close()  # the process ends when its connection is closed
-            await _ended(process, hung)
+            await end(process, at_once=hung)
 
     async def _listen(self, reader: asyncio.StreamReader, process: BaseProcess) -> tuple[str, bool]:
         """Read messages until the process ends, hangs or is to be restarted. Returns the reason, and whether
         to kill it at once."""
         clock = asyncio.get_running_loop().time
         silence = Silence(clock(), os.sysconf("SC_CLK_TCK"))
-        self.loading, self.loading_left, self._advanced = 0.0, None, None
+        self.loading.begin()
         receiving = asyncio.create_task(self._receive(reader, process, silence))
         try:
             while not receiving.done():
@@ -239,7 +233,7 @@ class Runner:
                     return "was ended for a new scene", False
                 if silence.stopped > _STOPPED:
                     return f"was stopped, or dead, for {_STOPPED:g} s", True
-                if self._advanced is not None and clock() - self._advanced > _STUCK:
+                if self.loading.advanced is not None and clock() - self.loading.advanced > _STUCK:
                     return f"made no progress compiling its kernels for {_STUCK:g} s", True
                 if silence.seconds > allowed:
                     return f"was silent for {allowed:g} s", True
@@ -257,9 +251,9 @@ class Runner:
                 silence.reset()
                 self._reported = clock()
                 if kind == LOADING:
-                    self._hear_loading(payload)
+                    self.loading.take(payload, clock())
                     continue
-                self._end_loading()
+                self.loading.end()
                 self.loaded.set()
                 if kind == ESTIMATE:
                     self._estimated, self._latest = self._reported, payload
@@ -273,28 +267,13 @@ class Runner:
                 else:
                     return f"broke down ({payload.decode(errors='replace')})"
         except (asyncio.IncompleteReadError, OSError):
-            code = await _exit_code(process)
+            code = await exit_code(process)
             return f"ended unexpectedly (exit code {code})"
 
     def _allowed_silence(self) -> float:
         if self._process != "starting":
             return _SILENCE
-        return _FIRST_WORD if self._advanced is None else _LOADING_SILENCE
-
-    def _hear_loading(self, payload: bytes) -> None:
-        """Store the reported progress of the compilation."""
-        progress = CompilationProgress(**json.loads(payload))
-        if self._advanced is None or progress.share > self.loading:
-            self._advanced = asyncio.get_running_loop().time()
-        if progress.share > self.loading:
-            self.loading, self.loading_left = progress
-            if self._on_loading is not None:
-                self._on_loading(progress)
-
-    def _end_loading(self) -> None:
-        if 0.0 < self.loading < 1.0 and self._on_loading is not None:
-            self._on_loading(CompilationProgress(1.0, 0.0))
-        self.loading, self.loading_left, self._advanced = 1.0, None, None
+        return _FIRST_WORD if self.loading.advanced is None else _LOADING_SILENCE
 
     def _handle_message(self, payload: bytes, sent: float) -> None:
         self._process, self._end_reason = "running", ""
@@ -350,12 +329,6 @@ class Runner:
         age = self.estimate_age
         return self.status in ("ok", "degraded") and age is not None and age <= STALE
 
-    def _loading_text(self) -> str:
-        """Progress of the compilation in words; empty while nothing is compiled."""
-        if not 0.0 < self.loading < 1.0 or self.loading_left is None:
-            return ""
-        return str(CompilationProgress(self.loading, self.loading_left))
-
     def _age(self, then: float) -> float | None:
         return None if not then or self._loop is None else max(0.0, self._loop.time() - then)
 
@@ -365,7 +338,7 @@ class Runner:
         found = assess(
             Facts(
                 process=self._process,
-                loading=self._loading_text(),
+                loading=str(self.loading),
                 end=self._end_reason,
                 report_age=self.report_age or 0.0,
                 sample_age=self.sample_age,
@@ -403,23 +376,3 @@ def _advice(error: OSError) -> str:
     if error.errno in (errno.EMFILE, errno.ENFILE):
         return "; raise the limit of open files (ulimit -n, LimitNOFILE in the unit file)"
     return ""
-
-
-async def _exit_code(process: BaseProcess) -> int | None:
-    deadline = asyncio.get_running_loop().time() + _PATIENCE
-    while process.exitcode is None and asyncio.get_running_loop().time() < deadline:
-        await asyncio.sleep(0.02)
-    return process.exitcode
-
-
-async def _ended(process: BaseProcess, at_once: bool) -> None:
-    """End the process and wait for it, without threads or files."""
-    if process.pid is None:
-        return
-    if not at_once and await _exit_code(process) is None:
-        process.terminate()
-        await _exit_code(process)
-    while process.exitcode is None:
-        process.kill()
-        await asyncio.sleep(0.02)
-    process.close()

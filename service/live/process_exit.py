@@ -1,0 +1,35 @@
+"""Waiting for the end of a process, and ending it, without threads or files."""
+
+import asyncio
+from multiprocessing.process import BaseProcess
+
+_PATIENCE = 2.0
+"""Time that a process has to end by itself [s]."""
+_INTERVAL = 0.02
+"""Time between two looks at a process [s]."""
+
+
+async def exit_code(process: BaseProcess) -> int | None:
+    """Wait a moment for the exit code of a process; None if it has not ended by then."""
+    deadline = asyncio.get_running_loop().time() + _PATIENCE
+    while process.exitcode is None and asyncio.get_running_loop().time() < deadline:
+        await asyncio.sleep(_INTERVAL)
+    return process.exitcode
+
+
+async def end(process: BaseProcess, *, at_once: bool) -> None:
+    """End a process and wait for it.
+
+    Args:
+        process: The process; nothing happens if it was never started.
+        at_once: Kill it without asking it to end: it hangs.
+    """
+    if process.pid is None:
+        return
+    if not at_once and await exit_code(process) is None:
+        process.terminate()
+        await exit_code(process)
+    while process.exitcode is None:
+        process.kill()
+        await asyncio.sleep(_INTERVAL)
+    process.close()
