@@ -96,7 +96,7 @@ def test_a_start_on_a_host_without_time_uses_no_reading_of_another_instant(seed,
     events = [(at, 0, k) for k, at in enumerate(held_up(rng, arrivals(rng, robot), 0.1))]
     events += [(at, 1, k) for k, at in enumerate(held_up(rng, arrivals(rng, sensor), 0.1))]
     aligner = Aligner(period=period, max_age=0.005)
-    errors = []
+    used, errors = [], []
     for arrival, kind, k in sorted(events):
         if kind:
             aligner.add(k, int(arrival), [sensor[k]] * 6)
@@ -104,7 +104,9 @@ def test_a_start_on_a_host_without_time_uses_no_reading_of_another_instant(seed,
         aligner.observe_robot(robot[k] - 500.0, int(arrival))
         value = aligner.at(robot[k] - 500.0)
         if value.wrench is not None:
+            used.append(robot[k] - 500.0)
             errors.append(value.wrench[0] + value.age - robot[k])
+    assert used[0] < 1.0
     assert len(errors) > 300
     assert np.abs(errors).max() < 5e-3
 
@@ -153,6 +155,12 @@ def test_values_are_of_the_robots_instant(seed, rate):
     assert min(ages) >= 0.0
     assert max(ages) <= 0.01
     assert np.median(ages) < 1.0 / rate + 2e-4
+
+
+@pytest.mark.parametrize("period", [None, 1e-3])
+def test_an_idle_host_aligns_within_a_quarter_of_a_second(period):
+    stamps = (stamp for aligner, stamp, _ in run(seconds=1.0, period=period) if aligner.ready)
+    assert 0.2 <= next(stamps) <= 0.25
 
 
 def test_later_readings_replace_held_ones():
