@@ -114,6 +114,10 @@ class Localizer:
             progress: Whether a bar on stderr shows the progress of the compilation; None: on a terminal and
                 in a notebook. A function is called with the progress instead.
         """
+        if not isinstance(scene, Scene):
+            raise TypeError(
+                f"scene: expected a Scene, as in Localizer(Scene(robot='ur5e')), got {scene!r:.60}"
+            )
         self.scene = scene
         self._gate = method == "torques_first"
         constants = build_constants(scene)

@@ -11,6 +11,7 @@ COMMANDS = {
     "serve": "contactsense.service.cli.serve:serve",
     "mock": "contactsense.service.cli.mock:mock",
     "reactions": "contactsense.service.cli.reactions:reactions",
+    "scene": "contactsense.service.cli.scene:scene",
     "robots": "contactsense.service.cli.robots:robots",
     "bench": "contactsense.service.cli.bench:bench",
     "analyze": "contactsense.service.cli.analyze:analyze",
