@@ -84,7 +84,7 @@ class WrenchSensor(Part):
 
     range: Annotated[tuple[PositiveFloat, ...] | None, AfterValidator(_two_or_six)] = None
     """Largest force and moment that the sensor measures, in its own frame [N, Nm]: two numbers, or six, one
-    per component. A reading at or beyond it is not used. None: unknown."""
+    per component. While a component is at or beyond it, the sensor is not used. None: unknown."""
 
     @property
     def limits(self) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from contactsense import Scene
-from contactsense.service.cli import scene_new
+from contactsense.service.cli import scene_new, serve
 from contactsense.service.cli.main import cli
 
 
@@ -20,7 +20,8 @@ def test_options_become_fields(tmp_path: Path) -> None:
     result = _run(
         "new", path, "--robot", "ur10e", "--mounting", "0,0.5236,0", "--tool-mass", 1.2,
         "--tool-com", "0,0,0.06", "--base-sign", "sensor_on_arm", "--base-noise", "0.3,0.05",
-        "--base-range", "2000,400", "--torque-signal", "actual_current", "--torque-noise", "2", "--touchable", "forearm, wrist_3",
+        "--base-range", "2000,400", "--torque-signal", "actual_current", "--torque-noise", "2",
+        "--touchable", "forearm, wrist_3",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     scene = Scene.load(path)
@@ -122,3 +123,17 @@ def test_what_cannot_be_shown_is_one_line(
     result = _run("show", *words)
     assert result.exit_code in (1, 2)
     assert message in result.output
+
+
+def test_serve_warns_of_a_range_that_is_too_small(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def in_use(host: str, port: int) -> None:
+        raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr(serve.logs, "configure", lambda *_: None)
+    monkeypatch.setattr(serve, "listen", in_use)
+    (tmp_path / "a.yaml").write_text("robot: ur10e\nbase_wrench: {range: [500, 20]}\n")
+    result = CliRunner().invoke(cli, ["serve", "--scene", str(tmp_path / "a.yaml")])
+    assert result.exit_code == 1
+    assert "scene: base_wrench.range: expected more than" in caplog.text
