@@ -180,6 +180,12 @@ class Localizer:
             self._payload.reset()
 
     @property
+    def refusals(self) -> tuple[str, ...]:
+        """What was implausible in the stream so far, for each field the first time: expected and given
+        value."""
+        return tuple(self._screening.first.values())
+
+    @property
     def biases(self) -> tuple[np.ndarray, np.ndarray]:
         """Estimated biases: of the base wrench, base axes, shape (6,) [N, Nm], and of the joint torques,
         shape (n,) [Nm]."""
@@ -215,9 +221,9 @@ class Localizer:
         """The estimate for the sample that `detect` has processed, unless it is simply `none`."""
         if flags & UNUSABLE:
             why = self._screening.refused.get(
-                "q", "time, positions or velocities are not finite or implausibly large"
+                "q", "time, positions or velocities are not finite or implausibly large: sample not used"
             )
-            return self._estimate_builder.without_contacts(t, "degraded", f"{why}: sample not used")
+            return self._estimate_builder.without_contacts(t, "degraded", why)
         if flags & REPEATED:
             return self._estimate_builder.without_contacts(
                 t, "degraded", "same time as the previous sample: sample not used"

@@ -1,11 +1,12 @@
 """Screening of a stream's samples: values that cannot be are taken out, with the reason."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import dist
 
 import numpy as np
 
-from contactsense.runtime.plausibility import PlausibleLimits, in_words
+from contactsense.runtime.plausibility import Implausible, PlausibleLimits, in_words
 from contactsense.runtime.sample_blocks import SampleBlock
 from contactsense.scene import Scene
 from contactsense.types import Sample
@@ -37,11 +38,13 @@ class StreamScreening:
         self._lowest, self._highest, self._largest_torque = limits.of_all_joints
         self.refused: dict[str, str] = {}
         """Field -> why it was taken out of the newest sample."""
+        self.first: dict[str, str] = {}
+        """Field -> why it was taken out of a sample of this stream for the first time."""
         self.reset()
 
     def reset(self) -> None:
         """A new stream begins."""
-        self.refused = {}
+        self.refused, self.first = {}, {}
         self._right, self._contradiction = 0, ""
 
     def screened(self, sample: Sample) -> Sample:
@@ -57,17 +60,17 @@ class StreamScreening:
         self.refused = {}
         found = self._limits.position(sample.q)
         if found is not None:
-            self.refused["q"] = f"q: {found.reason}"
+            self.refused["q"] = self._note("q", found.reason)
             return replace(sample, q=_without(sample.q))
         if self._has_torque and sample.joint_torque is not None:
             found = self._limits.torque(sample.joint_torque)
             if found is not None:
-                self.refused["joint_torque"] = f"joint_torque: {found.reason}: it is not used"
+                self.refused["joint_torque"] = self._note("joint_torque", found.reason)
                 sample = replace(sample, joint_torque=_without(sample.joint_torque))
         if self._has_base and sample.base_wrench is not None:
             why = self._base(sample.base_wrench, sample.qd)
             if why:
-                self.refused["base_wrench"] = f"base_wrench: {why}: it is not used"
+                self.refused["base_wrench"] = self._note("base_wrench", why)
                 sample = replace(sample, base_wrench=_without(sample.base_wrench))
         return sample
 
@@ -87,21 +90,42 @@ class StreamScreening:
         return self._limits.saturation(sample.base_wrench) is None
 
     def screened_block(self, block: SampleBlock) -> SampleBlock:
-        """The same for a part of a recording, without reasons."""
+        """The same for a part of a recording; `first` says why."""
         self.refused = {}
         limits = self._limits
         q, torque, base = block.q, block.joint_torque, block.base_wrench
         wrong = limits.positions_beyond(q)
         if wrong.any():
+            self._note_first("q", wrong, q, limits.position)
             q = _without_rows(q, wrong)
         if torque is not None and self._has_torque and (beyond := limits.torques_beyond(torque)).any():
+            self._note_first("joint_torque", beyond, torque, limits.torque)
             torque = _without_rows(torque, beyond)
         if base is not None and self._has_base:
             beyond = limits.saturated(base)
-            beyond |= self._weight_contradicts(base, block.qd, wrong | beyond)
+            contradicts = self._weight_contradicts(base, block.qd, wrong | beyond)
             if beyond.any():
-                base = _without_rows(base, beyond)
+                self._note_first("base_wrench", beyond, base, limits.saturation)
+            if (beyond | contradicts).any():
+                base = _without_rows(base, beyond | contradicts)
         return replace(block, q=q, joint_torque=torque, base_wrench=base)
+
+    def _note_first(
+        self,
+        field: str,
+        wrong: np.ndarray,
+        values: np.ndarray,
+        explain: Callable[[np.ndarray], Implausible | None],
+    ) -> None:
+        found = explain(values[int(wrong.argmax())])
+        assert found is not None
+        self._note(field, found.reason)
+
+    def _note(self, field: str, reason: str) -> str:
+        """Keep the first reason of each field; returns it with its field."""
+        text = f"{field}: {reason}: " + ("sample not used" if field == "q" else "it is not used")
+        self.first.setdefault(field, text)
+        return text
 
     def _base(self, wrench: np.ndarray, qd: np.ndarray) -> str:
         """Why the base sensor's value cannot be used; empty if it can."""
@@ -141,8 +165,9 @@ class StreamScreening:
                 break
             if skip or off[i] != off[i]:
                 continue
-            if self._note_weight(off[i], speed[i]):
+            if self._note_weight(off[i], speed[i]) and not self._contradiction:
                 self._contradiction = self._explain(base[i, :3])
+                self._note("base_wrench", self._contradiction)
             found[i] = self._contradiction != ""
         return found
 
@@ -154,7 +179,7 @@ class StreamScreening:
         if size < WEIGHT_TOLERANCE * expected:
             advice = "is the sensor tared? See base_wrench.bias"
         elif tilt > 180.0 - 15.0:
-            advice = "is its sign the opposite? See base_wrench.sign"
+            advice = "it points the opposite way; see base_wrench.sign and mounting"
         elif abs(size - expected) < 0.5 * WEIGHT_TOLERANCE * expected:
             advice = f"it is tilted by {tilt:.0f} deg; see mounting and base_wrench.rpy"
         else:

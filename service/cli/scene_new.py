@@ -96,7 +96,7 @@ def new(path: Path, force: bool, **given: Any) -> None:
         path.write_text(commented_yaml(content), encoding="utf-8")
     except OSError as error:
         raise click.ClickException(f"{path}: cannot write: {error.strerror}") from None
-    click.echo(f"{path}: written; contactsense scene show {path}")
+    click.echo(f"{path}: written; `contactsense scene show {path}` says what it means")
     for warning in scene_warnings(scene):
         click.echo(f"warning: {warning}")
 

@@ -99,7 +99,7 @@ def test_a_saturated_channel_is_told_and_not_used() -> None:
 
 
 WRONG = {
-    "sign": (Scene(robot=ARM), -1.0, "is its sign the opposite? See base_wrench.sign"),
+    "sign": (Scene(robot=ARM), -1.0, "it points the opposite way; see base_wrench.sign and mounting"),
     "tared": (Scene(robot=ARM), 0.0, "is the sensor tared? See base_wrench.bias"),
     "tilt": (Scene(robot=ARM, mounting=(0.0, np.pi / 6, 0.0)), 1.0, "it is tilted by 30 deg; see mounting"),
     "mass": (Scene(robot=ARM, tool=Tool(mass=15.0)), 1.0, "it carries 0.59 times the mass of the scene"),
@@ -172,6 +172,8 @@ def test_a_recording_is_screened_as_the_stream_is(factor: float) -> None:
     samples[100] = replace(samples[100], base_wrench=np.full(6, 300.0))
     localizer = Localizer(scene)
     one_by_one = [_marks(estimate) for estimate in localizer.run(samples)]
+    reasons = localizer.refusals
+    assert len(reasons) == 3
     rows = [
         np.array([getattr(x, name) for x in samples])
         for name in SampleBlock.__dataclass_fields__
@@ -183,6 +185,7 @@ def test_a_recording_is_screened_as_the_stream_is(factor: float) -> None:
         (bool(f & UNUSABLE), bool(f & (INVALID | MISSING)), bool(f & (INVALID | MISSING) << 1)) for f in flags
     ]
     assert together == one_by_one
+    assert set(localizer.refusals) == set(reasons)
     assert any(any(marks) for marks in together)
 
 
