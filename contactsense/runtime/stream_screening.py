@@ -135,7 +135,8 @@ class StreamScreening:
         if self._checks_weight and self._right < _SAMPLES:
             force = wrench[:3].tolist()
             off = dist(force, self._weight)
-            if self._note_weight(off, max(map(abs, qd.tolist()))):
+            # The words stay the same while it lasts: a change of them would be news.
+            if self._note_weight(off, max(map(abs, qd.tolist()))) and not self._contradiction:
                 self._contradiction = self._explain(wrench[:3])
             return self._contradiction
         return ""

@@ -83,7 +83,7 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
             if load >= limit:
                 found.append(
                     f"base_wrench.range: expected more than {load:.0f} {unit} in {name}, which the arm's own "
-                    f"weight reaches, got {limit:g} {unit}: readings beyond it are not used"
+                    f"weight reaches, got {limit:g} {unit}; beyond it, the sensor is not used"
                 )
     if scene.tool is not None and scene.tool.mass > 0.0 and not scene.tool.primitives:
         found.append("tool.primitives: the tool has no surface; contacts on it cannot be found")
