@@ -5,16 +5,27 @@ here in NumPy, from the same formulas.
 """
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
 from contactsense import Scene
 from contactsense.calibration import FreeMotion
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.robots import Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
 from contactsense.service.mock.newton_euler import inverse_dynamics
 from contactsense.service.sensors.signal_mapping import WrenchMap
+
+
+class Motion(Protocol):
+    """A motion from rest to rest, such as a `FourierTrajectory`."""
+
+    @property
+    def period(self) -> float:
+        """Duration [s]."""
+
+    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions [rad], velocities [rad/s] and accelerations [rad/s^2] at times t, shape (N, n) each."""
 
 
 def arm_of(scene: Scene) -> Robot:
@@ -35,7 +46,7 @@ def arm_of(scene: Scene) -> Robot:
 
 def simulate(
     scene: Scene,
-    motion: FourierTrajectory,
+    motion: Motion,
     seed: int,
     rate: float = 500.0,
     gain: np.ndarray | None = None,

@@ -186,17 +186,37 @@ def _link_columns(
     keep: slice,
 ) -> list[tuple[int, np.ndarray, int | None]]:
     """Columns of all links' inertial parameters, in one pass."""
+    columns = inertial_columns(arm, recording, arm.gravity, bandwidth, keep)
+    return [(number, columns[:, :, entry.index[0], entry.index[1]], None) for number, entry in links]
+
+
+def inertial_columns(
+    arm: CalibrationModel, recording: FreeMotion, gravity: np.ndarray, bandwidth: float, keep: slice
+) -> np.ndarray:
+    """Derivatives of the residuals with respect to the inertial parameters of all links.
+
+    Args:
+        arm: Kinematics, and the contents of the torque signal.
+        recording: Its motion is used, its readings are not.
+        gravity: In base axes, shape (3,) [m/s^2]; the derivatives are affine in it.
+        bandwidth: Cut-off frequency of the observer [Hz].
+        keep: Samples to return, M of them.
+
+    Returns:
+        Shape (M, n + 6, n + 1, 10): n joints and the base wrench, links, and the parameters of
+        `contactsense.kinematics.regressor`.
+    """
     joints = recording.q.shape[1]
     shape = (joints + 6, joints + 1, PARAMETERS)
+    start, _, stride = keep.indices(len(recording.t))
     rows = len(range(*keep.indices(len(recording.t))))
     out = np.empty((rows, int(np.prod(shape))))
     _observe_links(
-        arm.model, arm.torque_model, empty_motion(joints), arm.gravity, recording.t, recording.q,
+        arm.model, arm.torque_model, empty_motion(joints), gravity, recording.t, recording.q,
         recording.qd, bandwidth, GAP, empty_observer(out.shape[1]), np.empty(shape), np.empty(shape),
-        np.empty(3), keep.start, keep.step, out,
+        np.empty(3), start, stride, out,
     )  # fmt: skip
-    columns = out.reshape(rows, *shape)
-    return [(number, columns[:, :, entry.index[0], entry.index[1]], None) for number, entry in links]
+    return out.reshape(rows, *shape)
 
 
 def _moving(recording: FreeMotion) -> np.ndarray:

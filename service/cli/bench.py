@@ -17,6 +17,7 @@ BENCHES = {
     "soak": "contactsense.benchmarks.live.soak:soak",
     "solvers": "contactsense.benchmarks.solvers.command:solvers",
     "coverage": "contactsense.benchmarks.calibration.coverage:coverage",
+    "setup": "contactsense.benchmarks.calibration.setup:setup",
     "recordings": "contactsense.benchmarks.calibration.recordings:recordings",
     "geometry": "contactsense.benchmarks.accuracy.geometry:geometry",
 }

@@ -14,6 +14,7 @@ COMMANDS = {
     "robots": "contactsense.service.cli.robots:robots",
     "bench": "contactsense.service.cli.bench:bench",
     "analyze": "contactsense.service.cli.analyze:analyze",
+    "check": "contactsense.service.cli.check:check",
     "calibrate": "contactsense.service.cli.calibrate:calibrate",
     "record": "contactsense.service.cli.record:record",
     "excite": "contactsense.service.cli.excite:excite",
