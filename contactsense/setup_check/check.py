@@ -13,10 +13,11 @@ import numpy as np
 
 from contactsense import robots
 from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.recording_residuals import GAP
 from contactsense.scene import Scene
 from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.hypotheses import Hypotheses, Hypothesis, Line
-from contactsense.setup_check.motion_basis import MotionBases, Readings, rows_of
+from contactsense.setup_check.motion_basis import MotionBases, Readings, instants, without_gaps
 from contactsense.setup_check.proposals import written
 from contactsense.setup_check.result import Finding, Residuals, SetupCheck, Verdict
 from contactsense.setup_check.setup import SIZES, Free, Setup
@@ -24,8 +25,10 @@ from contactsense.setup_check.setup import SIZES, Free, Setup
 _EVIDENCE = 30.0
 """A line is accused if twice the log likelihood rises by more than this beyond the penalty: for one free
 parameter a chance of 1e-7."""
-_EXCLUDED = 10.0
+_EXCLUDED = 20.0
 """Another value is excluded if twice the log likelihood falls by more than this."""
+_MIN_DROP = 0.1
+"""The residual of a sensor must fall by this fraction: what leaves it as it is does not explain it."""
 _MOST = 3
 """Most lines that are accused."""
 _REFINED = 2
@@ -40,6 +43,7 @@ _TOLERANCE: dict[Free, float] = {
 }
 """Changes below this do not matter [rad, m, s, kg]; larger standard deviations tell nothing."""
 _MIN_ROWS = 8
+"""Fewer tell nothing."""
 _NOISE_FACTOR, _SHARE, _SCALE = 5.0, 0.3, 0.03
 """A signal is unexplained if its residual exceeds its noise by this factor, and this share of its own
 variation, and of the joints' limits or the arm's weight."""
@@ -70,13 +74,17 @@ def check(
     Raises:
         CheckError: The recordings are too short, or lack all sensors of the scene.
     """
-    _usable(scene, recordings)
+    parts = without_gaps(recordings)
+    _usable(scene, recordings, parts)
     progress("motion")
-    readings = Readings.of(scene, recordings)
+    readings = Readings.of(scene, parts)
     others = _other_arms(scene)
-    bases = MotionBases({scene.robot.name: scene, **others}, recordings)
+    bases = MotionBases({scene.robot.name: scene, **others}, parts)
     fitter = Fitter(scene, bases, readings)
-    hypotheses = Hypotheses(scene, others, bool(readings.wrench), readings.torque is not None)
+    largest = max(float(np.abs(part.q).max()) for part in parts)
+    hypotheses = Hypotheses(
+        scene, others, largest, base=readings.wrench is not None, torque=readings.torque is not None
+    )
     setup = Setup.of(scene)
     wrong: list[Finding] = []
     while True:
@@ -86,7 +94,7 @@ def check(
         candidates = [_fitted(fitter, hypothesis) for hypothesis in hypotheses.of(setup)]
         fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
         ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
-        best = next((c for c in ranked if _matters(now.setup, c.fit)), None)
+        best = next((c for c in ranked if _matters(now.setup, c.fit) and _explains(now, c.fit)), None)
         if best is None or len(wrong) == _MOST or _gain(fitter, now, best.fit) < _EVIDENCE:
             break
         rivals = tuple(
@@ -106,13 +114,13 @@ def check(
     ]
     return SetupCheck(
         (*wrong, *rest),
-        _residuals(now, len(scene.robot.joints)),
+        _residuals(now),
         _unexplained(scene, fitter, readings, now),
-        sum(part.seconds for part in recordings),
+        sum(part.seconds for part in parts),
     )
 
 
-def _usable(scene: Scene, recordings: list[FreeMotion]) -> None:
+def _usable(scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion]) -> None:
     if not recordings:
         raise CheckError("expected at least one recording of contact-free motion, got none")
     joints = len(scene.robot.joints)
@@ -127,10 +135,11 @@ def _usable(scene: Scene, recordings: list[FreeMotion]) -> None:
         raise CheckError(
             f"{recordings[0].name}: expected joint torques or base wrenches as in the scene, got neither"
         )
-    rows = sum(len(range(*k.indices(len(p.t)))) for k, p in zip(rows_of(recordings), recordings, strict=True))
-    if rows < _MIN_ROWS:
+    if sum(len(at.samples) for at in instants(parts)) < _MIN_ROWS:
         seconds = sum(part.seconds for part in recordings)
-        raise CheckError(f"{recordings[0].name}: expected at least 3 s of motion, got {seconds:.2g} s")
+        raise CheckError(
+            f"{recordings[0].name}: expected at least 4 s without gaps above {GAP} s, got {seconds:.2g} s"
+        )
 
 
 def _other_arms(scene: Scene) -> dict[str, Scene]:
@@ -162,6 +171,18 @@ def _matters(before: Setup, fit: Fit) -> bool:
     )
 
 
+def _explains(before: Fit, after: Fit) -> bool:
+    """Whether the residual of a sensor falls markedly."""
+    n = before.residual.shape[1] - 6
+    groups = (slice(0, n), slice(n, n + 3), slice(n + 3, n + 6))
+    pairs = [[_rms(fit.residual[:, group]) for fit in (before, after)] for group in groups]
+    return any(b < (1.0 - _MIN_DROP) * a for a, b in pairs if a is not None and b is not None)
+
+
+def _rms(values: np.ndarray) -> float | None:
+    return float(np.sqrt(np.mean(values**2))) if np.isfinite(values).all() else None
+
+
 def _tolerance(name: Free, setup: Setup) -> float:
     # The centre of mass of a light tool matters less.
     return _TOLERANCE[name] / min(1.0, max(setup.mass, 0.01)) if name == "com" else _TOLERANCE[name]
@@ -179,7 +200,7 @@ def _change(name: Free, a: Setup, b: Setup) -> float:
 def _accusation(
     fitter: Fitter, scene: Scene, now: Fit, best: _Candidate, rivals: tuple[Line, ...]
 ) -> Finding:
-    line, joints = best.hypothesis.line, len(scene.robot.joints)
+    line = best.hypothesis.line
     proposed, remark = written(line, best.fit.setup, scene)
     for text, start in best.hypothesis.starts:
         if start is best.fit.setup and text:
@@ -191,8 +212,8 @@ def _accusation(
         proposed,
         remark,
         tuple(best.fit.std.tolist()),
-        _residuals(now, joints),
-        _residuals(best.fit, joints),
+        _residuals(now),
+        _residuals(best.fit),
         _gain(fitter, now, best.fit),
         rivals,
     )
@@ -216,7 +237,9 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
     verdict: Verdict = "fits"
     remark, std = "", ()
     if candidate.hypothesis.free:
-        here = fitter.fit(now.setup, candidate.hypothesis.free, steps=0)
+        # Where there is no tool, it has no centre of mass.
+        free = candidate.hypothesis.free if now.setup.mass > 0.0 or line != "tool" else ("mass",)
+        here = fitter.fit(now.setup, free, steps=0)
         std = tuple(here.std.tolist())
         limits = [_tolerance(name, now.setup) for name in here.free for _ in range(SIZES[name])]
         if np.any(here.std > limits):
@@ -227,12 +250,9 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
     return Finding(line, verdict, written(line, now.setup, scene)[0], None, remark, std, evidence=other)
 
 
-def _residuals(fit: Fit, joints: int) -> Residuals:
-    def rms(values: np.ndarray) -> float | None:
-        return float(np.sqrt(np.mean(values**2))) if np.isfinite(values).all() else None
-
-    r = fit.residual
-    return Residuals(rms(r[:, joints : joints + 3]), rms(r[:, joints + 3 : joints + 6]), rms(r[:, :joints]))
+def _residuals(fit: Fit) -> Residuals:
+    r, n = fit.residual, fit.residual.shape[1] - 6
+    return Residuals(_rms(r[:, n : n + 3]), _rms(r[:, n + 3 :]), _rms(r[:, :n]))
 
 
 def _unexplained(scene: Scene, fitter: Fitter, readings: Readings, now: Fit) -> tuple[str, ...]:
@@ -244,8 +264,8 @@ def _unexplained(scene: Scene, fitter: Fitter, readings: Readings, now: Fit) -> 
     variation = np.full(n + 6, np.inf)
     if readings.torque is not None:
         variation[:n] = readings.torque.std(axis=0)
-    if readings.wrench:
-        variation[n:] = readings.wrench_at(now.setup.delay).std(axis=0)
+    if readings.wrench is not None:
+        variation[n:] = readings.wrench.std(axis=0)
     large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation) & (rms > _SCALE * scale)
     names = [f"torque of {joint.name}" for joint in scene.robot.joints]
     names += [f"base sensor's {what} {axis}" for what in ("force", "moment") for axis in "xyz"]

@@ -1,10 +1,10 @@
 """How well a setup explains the readings, and the best values of some of its parameters.
 
-Biases, joint friction, rotors and the links' inertia are nuisances: linear, with Gaussian priors about what
-is known of them, and solved for in every fit. The standard deviation sigma_c of each of the C channels is
+Biases, joint friction, rotors and the links' inertia are nuisances: linear, with priors about what is known
+of them, and solved for in every fit. The standard deviation sigma_c of each of the C channels is
 unknown and estimated. With N_c effective rows, twice the negative log posterior at its maximum is
 
-    cost = sum_c N_c ln(sigma_c^2)  +  |nuisances / prior|^2  +  k ln(sum_c N_c),
+    cost = sum_c N_c ln(sigma_c^2)  +  penalty of the nuisances  +  k ln(sum_c N_c),
 
 with the penalty of the Bayesian information criterion for k free parameters (G. Schwarz, "Estimating the
 dimension of a model", Annals of Statistics 1978). Differences of costs compare setups.
@@ -20,7 +20,9 @@ from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.setup import SIZES, Free, Setup
 
 _BIAS_FORCE, _BIAS_MOMENT = 50.0, 20.0
-"""Prior standard deviation of the base sensor's bias [N, Nm]."""
+"""Scale of the prior of the base sensor's bias [N, Nm]. It is a Cauchy prior, with penalty 2 ln(1 + x^2): a
+sensor that was set to zero under the arm's weight has a bias far beyond the scale, and no other line is
+wrong."""
 _TORQUE_PART = 0.1
 """Prior standard deviation of bias, friction and rotors, per torque limit of the joint."""
 _INERTIA_ERROR = 0.05
@@ -45,7 +47,7 @@ class Fit:
     variance: np.ndarray
     """Of each measured channel's residual, shape (C',) [Nm^2, or N^2 and Nm^2]."""
     penalty: float
-    """Of the nuisances: the sum of their squares in units of their priors."""
+    """Of the nuisances, by their priors."""
     std: np.ndarray
     """Standard deviations of the free parameters, with all nuisances unknown, shape (k,)."""
     residual: np.ndarray
@@ -67,7 +69,7 @@ class Fitter:
             (per_joint(torque.noise, n), np.repeat([base.force_noise, base.moment_noise], 3))
         )
         self._floor = (_SMALLEST_SIGMA * stated) ** 2 * readings.variance_ratio
-        measured = np.repeat([readings.torque is not None, bool(readings.wrench)], [n, 6])
+        measured = np.repeat([readings.torque is not None, readings.wrench is not None], [n, 6])
         self._channels = np.flatnonzero(measured)
         self._last: tuple[object, np.ndarray] | None = None
         self.effective = np.ones(len(measured))
@@ -134,24 +136,21 @@ class Fitter:
         error = np.full(predicted.shape, np.nan)
         if self._readings.torque is not None:
             error[:, :n] = self._readings.torque - setup.gain * predicted[:, :n]
-        if self._readings.wrench:
+        if self._readings.wrench is not None:
             wrench = predicted[:, n:] @ setup.reading_per_wrench.T
-            error[:, n:] = self._readings.wrench_at(setup.delay) - wrench - setup.bias
+            error[:, n:] = self._readings.wrench - wrench - setup.bias
         return error
 
     def _per_body(self, setup: Setup) -> np.ndarray:
         """Torques and wrench per inertial parameter, shape (M, n + 6, L, 10)."""
         # Most changes of a setup leave these terms as they are.
-        key = (setup.robot, setup.angle_unit, setup.meaning, setup.gravity.tobytes())
-        if self._last is not None and self._last[0] == key:
-            return self._last[1]
-        basis, n = self._bases.of(setup.robot, setup.angle_unit), self._joints
-        terms = np.tensordot(setup.gravity, basis.gravity, 1)
-        gravity, inertia = {"motor": (1, 1), "gravity_free": (0, 1), "external": (0, 0)}[setup.meaning]
-        terms[:, :n] = gravity * terms[:, :n] + inertia * basis.dynamics[:, :n]
-        terms[:, n:] += basis.dynamics[:, n:]
-        self._last = (key, terms)
-        return terms
+        key = (setup.robot, setup.angle_unit, setup.meaning, setup.delay, setup.gravity.tobytes())
+        if self._last is None or self._last[0] != key:
+            basis = self._bases.of(setup.robot, setup.angle_unit)
+            contains = setup.meaning == "motor", setup.meaning != "external"
+            joints, base = basis.joints(setup.gravity, *contains), basis.base(setup.gravity, setup.delay)
+            self._last = key, np.concatenate((joints, base), axis=1)
+        return self._last[1]
 
     def _nuisances(self, setup: Setup) -> np.ndarray:
         """Derivatives of the prediction by the nuisances in units of their priors, shape (M, C, P)."""
@@ -185,17 +184,18 @@ class Fitter:
         weight = self.effective[self._channels]
         G, b = A.transpose(0, 2, 1) @ A, np.einsum("cmp,cm->cp", A, y)
         variance = np.maximum(y.var(axis=1), floor)
-        values, H = np.zeros(A.shape[2]), np.eye(A.shape[2])
-        residual = y
+        values, precision = np.zeros(A.shape[2]), np.ones(A.shape[2])
+        H, residual = np.diag(precision), y
         for _ in range(_WEIGHTINGS):
-            H = np.tensordot(weight / variance, G, 1) + np.eye(A.shape[2])
+            precision[-6:] = 2.0 / (1.0 + values[-6:] ** 2)
+            H = np.tensordot(weight / variance, G, 1) + np.diag(precision)
             values = np.linalg.solve(H, (weight / variance) @ b)
             residual = y - A @ values
             variance = np.maximum(np.mean(residual**2, axis=1), floor)
         full = np.full(error.shape, np.nan)
         full[:, self._channels] = residual.T
         std = np.sqrt(np.diag(np.linalg.inv(H))[:k]) * prior if k else np.zeros(0)
-        penalty = float(values[k:] @ values[k:])
+        penalty = float(values[k:-6] @ values[k:-6] + 2.0 * np.log1p(values[-6:] ** 2).sum())
         cost = rows * float(weight @ np.log(variance)) + penalty
         return _Solved(cost, penalty, variance, values[:k] * prior if k else np.zeros(0), std, full)
 

@@ -35,6 +35,8 @@ LINES: tuple[Line, ...] = get_args(Line)
 TORQUE_CONSTANT = 10.0
 """Torque per current where neither scene nor arm states it [Nm/A]: that of the UR10e's joints is 8.5 to 10.7.
 """
+_LARGEST_ANGLE = 7.0
+"""No joint turns further [rad]: those of UR arms make one turn to each side."""
 _DELAYS = (-0.05, -0.02, 0.0, 0.02, 0.05)
 
 
@@ -55,9 +57,12 @@ Builder = Callable[[Setup], Hypothesis | None]
 class Hypotheses:
     """All hypotheses that apply to a scene and its sensors."""
 
-    def __init__(self, scene: Scene, others: Mapping[str, Scene], base: bool, torque: bool) -> None:
-        """`others`: the scene with each other arm; `base`, `torque`: which sensors were recorded."""
-        self._scene, self._others = scene, others
+    def __init__(
+        self, scene: Scene, others: Mapping[str, Scene], largest: float, *, base: bool, torque: bool
+    ) -> None:
+        """`others`: the scene with each other arm; `largest`: joint position as read; `base`, `torque`: which
+        sensors were recorded."""
+        self._scene, self._others, self._largest = scene, others, largest
         arm: list[Builder] = [self._robot, self._angle_unit, self._mounting]
         arm += [self._tool] if scene.tool is None else [self._tool_mass, self._tool_com, self._tool]
         wrench: list[Builder] = [
@@ -84,9 +89,12 @@ class Hypotheses:
         if setup.angle_unit != 1.0:
             return None
         units = (("they are in degrees", np.pi / 180.0), ("they were converted twice", 180.0 / np.pi))
-        return Hypothesis(
-            "joint positions: unit", tuple((text, replace(setup, angle_unit=unit)) for text, unit in units)
+        starts = tuple(
+            (text, replace(setup, angle_unit=unit))
+            for text, unit in units
+            if unit * self._largest < _LARGEST_ANGLE
         )
+        return Hypothesis("joint positions: unit", starts) if starts else None
 
     def _mounting(self, setup: Setup) -> Hypothesis:
         size = float(np.linalg.norm(setup.gravity))

@@ -13,8 +13,8 @@ import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.recording_residuals import residuals
-from contactsense.calibration.residual_jacobian import inertial_columns, settled_samples
+from contactsense.calibration.recording_residuals import GAP, residuals
+from contactsense.calibration.residual_jacobian import inertial_columns
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 
@@ -23,19 +23,35 @@ BANDWIDTH = 2.0
 _INTERVAL = 0.25
 """Time between rows [s], three time constants of the filter: white noise is nearly independent between them.
 """
+_SETTLING = 12.0
+"""Time constants until the filter has forgotten its start: even a bias of a thousand newtons."""
+SETTLING_TIME = _SETTLING / (2.0 * np.pi * BANDWIDTH)
+"""The same [s]."""
+_NODE_INTERVAL = 0.05
+"""Time between the nodes about an instant [s]."""
 _MAX_ROWS = 400
 """Longer recordings have rows at larger intervals."""
 
 
 @dataclass(frozen=True)
 class MotionBasis:
-    """Filtered terms at M instants of one or more recordings, for one arm with n joints and L links."""
+    """Filtered terms at M instants of one or more recordings, for one arm with n joints and L links.
 
-    gravity: np.ndarray
-    """Wrench on the base sensor and joint torques per gravity component and inertial parameter, shape (3, M,
-    n + 6, L, 10): n joints, then the base wrench in base axes."""
-    dynamics: np.ndarray
-    """The same for the motion alone, shape (M, n + 6, L, 10)."""
+    Terms of the base sensor are known at three nodes about each instant, so that its delay can be changed:
+    the prediction is interpolated rather than the readings, whose noise would change with the delay.
+    """
+
+    joint_gravity: np.ndarray
+    """Joint torques per gravity component and inertial parameter, shape (3, M, n, L, 10)."""
+    joint_dynamics: np.ndarray
+    """The same for the motion alone, shape (M, n, L, 10)."""
+    base_gravity: np.ndarray
+    """Wrench of the arm on the base sensor per gravity component and inertial parameter, base axes, at the
+    nodes before, at and after each instant, shape (3, M, 3, 6, L, 10)."""
+    base_dynamics: np.ndarray
+    """The same for the motion alone, shape (M, 3, 6, L, 10)."""
+    nodes: np.ndarray
+    """Times of the nodes after the instant [s], shape (M, 3)."""
     rotor: np.ndarray
     """Joint accelerations [rad/s^2], shape (M, n)."""
     coulomb: np.ndarray
@@ -46,17 +62,41 @@ class MotionBasis:
     @classmethod
     def of(cls, scene: Scene, recordings: list[FreeMotion]) -> Self:
         """Terms of the scene's arm for a motion; the readings are not used."""
-        parts = [
-            _terms(scene, part, keep) for part, keep in zip(recordings, rows_of(recordings), strict=True)
-        ]
-        gravity, dynamics, rotor, coulomb, viscous = ([part[i] for part in parts] for i in range(5))
+        parts = [_terms(scene, part, at) for part, at in zip(recordings, instants(recordings), strict=True)]
+        joint_gravity, joint_dynamics, base_gravity, base_dynamics, *others = zip(*parts, strict=True)
         return cls(
-            np.concatenate(gravity, axis=1),
-            np.concatenate(dynamics),
-            np.concatenate(rotor),
-            np.concatenate(coulomb),
-            np.concatenate(viscous),
+            np.concatenate(joint_gravity, axis=1),
+            np.concatenate(joint_dynamics),
+            np.concatenate(base_gravity, axis=1),
+            np.concatenate(base_dynamics),
+            *(np.concatenate(terms) for terms in others),
         )
+
+    def joints(self, gravity: np.ndarray, with_gravity: bool, with_inertia: bool) -> np.ndarray:
+        """Torques per inertial parameter, shape (M, n, L, 10), under `gravity` (3,) in base axes [m/s^2]."""
+        terms = np.zeros_like(self.joint_dynamics)
+        if with_gravity:
+            terms += np.tensordot(gravity, self.joint_gravity, 1)
+        return terms + self.joint_dynamics if with_inertia else terms
+
+    def base(self, gravity: np.ndarray, delay: float) -> np.ndarray:
+        """Wrench per inertial parameter `delay` [s] before each instant, shape (M, 6, L, 10)."""
+        if delay == 0.0:
+            return np.asarray(np.tensordot(gravity, self.base_gravity[:, :, 1], 1) + self.base_dynamics[:, 1])
+        terms = np.tensordot(gravity, self.base_gravity, 1) + self.base_dynamics
+        return np.asarray(np.einsum("mk,mkclp->mclp", _lagrange(self.nodes, -delay), terms))
+
+
+def _lagrange(nodes: np.ndarray, at: float) -> np.ndarray:
+    """Weights of the parabola through the values at three nodes, shape (M, 3), for its value at `at`."""
+    a, b, c = nodes.T
+    return np.column_stack(
+        (
+            (at - b) * (at - c) / ((a - b) * (a - c)),
+            (at - a) * (at - c) / ((b - a) * (b - c)),
+            (at - a) * (at - b) / ((c - a) * (c - b)),
+        )
+    )
 
 
 class MotionBases:
@@ -77,58 +117,77 @@ class MotionBases:
 
 @dataclass(frozen=True)
 class Readings:
-    """Filtered readings at the rows of a `MotionBasis`, as they were read under the scene."""
+    """Filtered readings at the instants of a `MotionBasis`, as they were read under the scene."""
 
     torque: np.ndarray | None
-    """Joint torques, shape (M, n) [Nm]."""
-    wrench: tuple["_Track", ...]
-    """Base sensor, one track per recording; empty without one."""
+    """Joint torques, shape (M, n) [Nm]; None unless every recording has them."""
+    wrench: np.ndarray | None
+    """Of the base sensor, shape (M, 6) [N, Nm]; None unless every recording has them."""
     variance_ratio: float
     """Variance of filtered over that of single samples, for white noise."""
 
     @classmethod
     def of(cls, scene: Scene, recordings: list[FreeMotion]) -> Self:
-        """Filtered readings of all recordings; a sensor counts only if every recording has it."""
-        keep = rows_of(recordings)
-        filtered = [residuals(_massless(scene), part, BANDWIDTH) for part in recordings]
-        torque, tracks = None, []
+        """Filtered readings of all recordings."""
         n = recordings[0].q.shape[1]
-        if all(part.torque is not None for part in recordings):
-            torque = np.concatenate([-f[k, :n] for f, k in zip(filtered, keep, strict=True)])
-        if all(part.reading is not None for part in recordings):
-            tracks = [
-                _Track(part.t, f[:, n:], part.t[k])
-                for part, f, k in zip(recordings, filtered, keep, strict=True)
+        filtered = np.concatenate(
+            [
+                residuals(_massless(scene), part, BANDWIDTH)[at.samples]
+                for part, at in zip(recordings, instants(recordings), strict=True)
             ]
+        )
         dt = float(np.median(np.concatenate([np.diff(part.t) for part in recordings])))
-        return cls(torque, tuple(tracks), noise_variance_ratio(BANDWIDTH, dt))
-
-    def wrench_at(self, delay: float) -> np.ndarray:
-        """Readings of the base sensor that arrived `delay` [s] after each row, shape (M, 6) [N, Nm]."""
-        return np.concatenate([track.at(delay) for track in self.wrench])
+        return cls(
+            -filtered[:, :n] if all(part.torque is not None for part in recordings) else None,
+            filtered[:, n:] if all(part.reading is not None for part in recordings) else None,
+            noise_variance_ratio(BANDWIDTH, dt),
+        )
 
 
 @dataclass(frozen=True)
-class _Track:
-    t: np.ndarray
-    values: np.ndarray
-    rows: np.ndarray
+class Instants:
+    """Which samples of one recording are used."""
 
-    def at(self, delay: float) -> np.ndarray:
-        return np.column_stack([np.interp(self.rows + delay, self.t, column) for column in self.values.T])
+    keep: slice
+    """All nodes."""
+    nodes: np.ndarray
+    """Indices of the nodes of each instant within `keep`, shape (M, 3)."""
+    samples: np.ndarray
+    """Index of each instant's sample in the recording, shape (M,)."""
 
 
-def rows_of(recordings: list[FreeMotion]) -> list[slice]:
-    """Samples of each recording that are used."""
+def instants(recordings: list[FreeMotion]) -> list[Instants]:
+    """The instants of each recording."""
     interval = max(_INTERVAL, sum(part.seconds for part in recordings) / _MAX_ROWS)
-    return [
-        slice(
-            settled_samples(part, BANDWIDTH),
-            None,
-            max(1, round(interval / float(np.median(np.diff(part.t))))),
+    found = []
+    for part in recordings:
+        start = int(np.searchsorted(part.t, part.t[0] + SETTLING_TIME))
+        stride = max(1, round(_NODE_INTERVAL / float(np.median(np.diff(part.t)))))
+        count = len(range(start, len(part.t), stride))
+        middle = np.arange(1, count - 1, max(1, round(interval / _NODE_INTERVAL)))
+        found.append(
+            Instants(
+                slice(start, None, stride), middle[:, None] + np.array([-1, 0, 1]), start + stride * middle
+            )
         )
-        for part in recordings
-    ]
+    return found
+
+
+def without_gaps(recordings: list[FreeMotion]) -> list[FreeMotion]:
+    """The recordings cut where samples are missing for so long that the filter starts anew; parts in which it
+    does not settle are left out."""
+    found = []
+    for whole in recordings:
+        cuts = np.flatnonzero(np.diff(whole.t) > GAP) + 1
+        for rows in np.split(np.arange(len(whole.t)), cuts):
+            if len(rows) > 2 and whole.t[rows[-1]] - whole.t[rows[0]] > SETTLING_TIME:
+                part = {
+                    name: None if value is None else value[rows]
+                    for name in ("t", "q", "qd", "torque", "reading")
+                    for value in (getattr(whole, name),)
+                }
+                found.append(FreeMotion(**part, name=whole.name))  # type: ignore[arg-type]
+    return found
 
 
 def _massless(scene: Scene) -> CalibrationModel:
@@ -140,19 +199,30 @@ def _massless(scene: Scene) -> CalibrationModel:
     return arm.with_values(links=np.zeros_like(arm.links), rotor=np.zeros_like(arm.rotor))
 
 
-def _terms(scene: Scene, part: FreeMotion, keep: slice) -> tuple[np.ndarray, ...]:
+def _terms(scene: Scene, part: FreeMotion, at: Instants) -> tuple[np.ndarray, ...]:
     n = part.q.shape[1]
     arm = _massless(scene)
-    # The observer's residual is model minus measurement for joints, the reverse for the base.
-    sign = np.concatenate((np.ones(n), -np.ones(6)))[:, None, None]
-    dynamics = sign * inertial_columns(arm, part, np.zeros(3), BANDWIDTH, keep)
-    gravity = np.array(
-        [sign * inertial_columns(arm, part, axis, BANDWIDTH, keep) - dynamics for axis in np.eye(3)]
-    )
+    middle = at.nodes[:, 1]
+
+    def columns(gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found = inertial_columns(arm, part, gravity, BANDWIDTH, at.keep)
+        # The observer's residual is model minus measurement for joints, the reverse for the base.
+        return found[middle, :n], -found[at.nodes, n:]
+
+    joints, base = columns(np.zeros(3))
+    by_axis = [columns(axis) for axis in np.eye(3)]
     still = replace(part, torque=np.zeros_like(part.q), reading=None)
     ones = np.ones(n)
     friction = (
-        residuals(arm.with_values(**{name: ones}), still, BANDWIDTH)[keep, :n]
+        residuals(arm.with_values(**{name: ones}), still, BANDWIDTH)[at.samples, :n]
         for name in ("rotor", "coulomb", "viscous")
     )
-    return gravity, dynamics, *friction
+    times = part.t[at.keep]
+    return (
+        np.array([axis[0] - joints for axis in by_axis]),
+        joints,
+        np.array([axis[1] - base for axis in by_axis]),
+        base,
+        times[at.nodes] - times[middle][:, None],
+        *friction,
+    )
