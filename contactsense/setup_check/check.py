@@ -7,7 +7,7 @@ it.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -107,15 +107,16 @@ def check(
         wrong.append(_accusation(fitter, scene, now, best, rivals))
         setup = best.fit.setup
     accused = {found.line for found in wrong}
+    unexplained = _unexplained(scene, fitter, readings, now)
     rest = [
         _judged(fitter, scene, now, candidate)
         for candidate in candidates
         if not _covered(candidate.hypothesis.line, accused)
     ]
     return SetupCheck(
-        (*wrong, *rest),
+        (*wrong, *(rest if not unexplained else map(_untold, rest))),
         _residuals(now),
-        _unexplained(scene, fitter, readings, now),
+        unexplained,
         sum(part.seconds for part in parts),
     )
 
@@ -138,7 +139,7 @@ def _usable(scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion])
     if sum(len(at.samples) for at in instants(parts)) < _MIN_ROWS:
         seconds = sum(part.seconds for part in recordings)
         raise CheckError(
-            f"{recordings[0].name}: expected at least 4 s without gaps above {GAP} s, got {seconds:.2g} s"
+            f"{recordings[0].name}: expected at least 3 s without gaps above {GAP} s, got {seconds:.2g} s"
         )
 
 
@@ -169,6 +170,11 @@ def _matters(before: Setup, fit: Fit) -> bool:
     return not fit.free or any(
         _change(name, before, fit.setup) > _tolerance(name, fit.setup) for name in fit.free
     )
+
+
+def _untold(found: Finding) -> Finding:
+    """The finding where readings remain that nothing explains: no line can be said to fit."""
+    return replace(found, verdict="cannot_tell", remark="the readings are not explained")
 
 
 def _explains(before: Fit, after: Fit) -> bool:

@@ -27,6 +27,8 @@ _SETTLING = 12.0
 """Time constants until the filter has forgotten its start: even a bias of a thousand newtons."""
 SETTLING_TIME = _SETTLING / (2.0 * np.pi * BANDWIDTH)
 """The same [s]."""
+_MOTION_INTERVAL = 0.02
+"""The motion is followed at steps of at most this length, and of at least one sample [s]."""
 _NODE_INTERVAL = 0.05
 """Time between the nodes about an instant [s]."""
 _MAX_ROWS = 400
@@ -148,8 +150,10 @@ class Readings:
 class Instants:
     """Which samples of one recording are used."""
 
+    every: int
+    """The motion is followed at every so many samples: it is smooth, unlike the readings."""
     keep: slice
-    """All nodes."""
+    """All nodes, among those samples."""
     nodes: np.ndarray
     """Indices of the nodes of each instant within `keep`, shape (M, 3)."""
     samples: np.ndarray
@@ -161,15 +165,15 @@ def instants(recordings: list[FreeMotion]) -> list[Instants]:
     interval = max(_INTERVAL, sum(part.seconds for part in recordings) / _MAX_ROWS)
     found = []
     for part in recordings:
-        start = int(np.searchsorted(part.t, part.t[0] + SETTLING_TIME))
-        stride = max(1, round(_NODE_INTERVAL / float(np.median(np.diff(part.t)))))
-        count = len(range(start, len(part.t), stride))
+        dt = float(np.median(np.diff(part.t)))
+        every = max(1, int(_MOTION_INTERVAL / dt + 1e-6))
+        t = part.t[::every]
+        start = int(np.searchsorted(t, t[0] + SETTLING_TIME))
+        stride = max(1, round(_NODE_INTERVAL / (every * dt)))
+        count = len(range(start, len(t), stride))
         middle = np.arange(1, count - 1, max(1, round(interval / _NODE_INTERVAL)))
-        found.append(
-            Instants(
-                slice(start, None, stride), middle[:, None] + np.array([-1, 0, 1]), start + stride * middle
-            )
-        )
+        nodes = middle[:, None] + np.array([-1, 0, 1])
+        found.append(Instants(every, slice(start, None, stride), nodes, every * (start + stride * middle)))
     return found
 
 
@@ -203,6 +207,7 @@ def _terms(scene: Scene, part: FreeMotion, at: Instants) -> tuple[np.ndarray, ..
     n = part.q.shape[1]
     arm = _massless(scene)
     middle = at.nodes[:, 1]
+    part = FreeMotion(part.t[:: at.every], part.q[:: at.every], part.qd[:: at.every])
 
     def columns(gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = inertial_columns(arm, part, gravity, BANDWIDTH, at.keep)
@@ -211,10 +216,10 @@ def _terms(scene: Scene, part: FreeMotion, at: Instants) -> tuple[np.ndarray, ..
 
     joints, base = columns(np.zeros(3))
     by_axis = [columns(axis) for axis in np.eye(3)]
-    still = replace(part, torque=np.zeros_like(part.q), reading=None)
+    still = replace(part, torque=np.zeros_like(part.q))
     ones = np.ones(n)
     friction = (
-        residuals(arm.with_values(**{name: ones}), still, BANDWIDTH)[at.samples, :n]
+        residuals(arm.with_values(**{name: ones}), still, BANDWIDTH)[at.keep][middle, :n]
         for name in ("rotor", "coulomb", "viscous")
     )
     times = part.t[at.keep]

@@ -18,7 +18,7 @@ from contactsense.service.recordings import ColumnMapping, MappingError, Recordi
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.sensors.live_free_motion import read_live_motion
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck
+from contactsense.setup_check import CheckError, Finding, SetupCheck
 from contactsense.setup_check import check as run
 
 _VERDICTS = {
@@ -26,6 +26,8 @@ _VERDICTS = {
     "does_not_fit": "[bold red]does not fit[/]",
     "cannot_tell": "[yellow]cannot be told[/]",
 }
+_UNITS = {"force": "N", "moment": "Nm", "torque": "Nm"}
+"""Of the residuals."""
 
 
 @click.command()
@@ -133,9 +135,10 @@ def _print(found: SetupCheck, console: Console) -> None:
             console.print(f"  {text}", highlight=False)
     untold = [item for item in found.findings if item.verdict == "cannot_tell"]
     if untold:
-        console.print("Cannot be told: move more joints further, or faster.", highlight=False)
-    left = ", ".join(_numbers(found.residuals))
-    console.print(f"{found.seconds:.1f} s; residual (RMS below 2 Hz): {left}", highlight=False)
+        console.print("What cannot be told needs more joints moved, further or faster.", highlight=False)
+    left = [(name, getattr(found.residuals, name), unit) for name, unit in _UNITS.items()]
+    text = ", ".join(f"{name} {value:.2g} {unit}" for name, value, unit in left if value is not None)
+    console.print(f"{found.seconds:.1f} s; RMS residual below 2 Hz: {text}", highlight=False)
     if found.fits:
         console.print("Nothing contradicts the scene.")
 
@@ -146,8 +149,10 @@ def _explained(item: Finding) -> str:
     remark = f" ({item.remark})" if item.remark else ""
     lines = [f"[bold]{item.line}[/] does not fit: {_plain(item.stated)}"]
     lines.append(f"  this would: [bold]{_plain(item.proposed or '')}[/]{remark}")
-    pairs = zip(_numbers(item.before), _numbers(item.after), strict=True)
-    lines.append("  residual before and after: " + ", ".join(f"{a} -> {b}" for a, b in pairs))
+    for name, unit in _UNITS.items():
+        before, after = getattr(item.before, name), getattr(item.after, name)
+        if before is not None:
+            lines.append(f"  residual of {name}: {before:.2g} {unit}, then {after:.2g} {unit}")
     if item.instead:
         lines.append(f"  or else: {', '.join(item.instead)}")
     return "\n".join(lines)
@@ -155,9 +160,3 @@ def _explained(item: Finding) -> str:
 
 def _plain(text: str) -> str:
     return text.replace("[", r"\[")
-
-
-def _numbers(residuals: Residuals) -> list[str]:
-    parts = (("force", residuals.force, "N"), ("moment", residuals.moment, "Nm"))
-    parts += (("torque", residuals.torque, "Nm"),)  # type: ignore[assignment]
-    return [f"{name} {value:.2g} {unit}" for name, value, unit in parts if value is not None]
