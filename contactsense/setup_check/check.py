@@ -16,7 +16,7 @@ from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.recording_residuals import GAP
 from contactsense.scene import Scene
 from contactsense.setup_check.fit import Fit, Fitter
-from contactsense.setup_check.hypotheses import Hypotheses, Hypothesis, Line
+from contactsense.setup_check.hypotheses import LINES, Hypotheses, Hypothesis, Line
 from contactsense.setup_check.motion_basis import MotionBases, Readings, instants, without_gaps
 from contactsense.setup_check.proposals import written
 from contactsense.setup_check.result import Finding, Residuals, SetupCheck, Verdict
@@ -87,15 +87,15 @@ def check(
     )
     setup = Setup.of(scene)
     wrong: list[Finding] = []
-    while True:
-        progress(f"round {len(wrong) + 1}")
+    for number in range(_MOST + 1):
+        progress(f"round {number + 1}")
         fitter.effective[:] = 1.0
         now = fitter.fit(setup)
         candidates = [_fitted(fitter, hypothesis) for hypothesis in hypotheses.of(setup)]
         fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
         ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
         best = next((c for c in ranked if _matters(now.setup, c.fit) and _explains(now, c.fit)), None)
-        if best is None or len(wrong) == _MOST or _gain(fitter, now, best.fit) < _EVIDENCE:
+        if best is None or number == _MOST or _gain(fitter, now, best.fit) < _EVIDENCE:
             break
         rivals = tuple(
             c.hypothesis.line
@@ -104,7 +104,7 @@ def check(
             and fitter.cost(c.fit) - fitter.cost(best.fit) < _EXCLUDED
             and _matters(now.setup, c.fit)
         )
-        wrong.append(_accusation(fitter, scene, now, best, rivals))
+        _accuse(wrong, _accusation(fitter, scene, now, best, rivals))
         setup = best.fit.setup
     accused = {found.line for found in wrong}
     unexplained = _unexplained(scene, fitter, readings, now)
@@ -113,6 +113,7 @@ def check(
         for candidate in candidates
         if not _covered(candidate.hypothesis.line, accused)
     ]
+    rest += _not_recorded(scene, setup, readings)
     return SetupCheck(
         (*wrong, *(rest if not unexplained else map(_untold, rest))),
         _residuals(now),
@@ -223,6 +224,27 @@ def _accusation(
         _gain(fitter, now, best.fit),
         rivals,
     )
+
+
+def _accuse(wrong: list[Finding], new: Finding) -> None:
+    """Add a finding, or correct the earlier one of the same line."""
+    for i, earlier in enumerate(wrong):
+        if earlier.line == new.line:
+            wrong[i] = replace(new, stated=earlier.stated, before=earlier.before)
+            return
+    wrong.append(new)
+
+
+def _not_recorded(scene: Scene, setup: Setup, readings: Readings) -> list[Finding]:
+    """Lines of sensors that the scene has and a recording lacks."""
+    lines: list[Line] = []
+    if scene.base_wrench is not None and readings.wrench is None:
+        lines += [line for line in LINES if line.startswith("base")]
+    if scene.joint_torque is not None and readings.torque is None:
+        lines += [line for line in LINES if line.startswith("joint_torque")]
+    return [
+        Finding(line, "cannot_tell", written(line, setup, scene)[0], remark="not recorded") for line in lines
+    ]
 
 
 def _covered(line: Line, accused: set[Line]) -> bool:

@@ -122,9 +122,9 @@ class Readings:
     """Filtered readings at the instants of a `MotionBasis`, as they were read under the scene."""
 
     torque: np.ndarray | None
-    """Joint torques, shape (M, n) [Nm]; None unless every recording has them."""
+    """Joint torques, shape (M, n) [Nm]; None unless scene and every recording have them."""
     wrench: np.ndarray | None
-    """Of the base sensor, shape (M, 6) [N, Nm]; None unless every recording has them."""
+    """Of the base sensor, shape (M, 6) [N, Nm]; None unless scene and every recording have them."""
     variance_ratio: float
     """Variance of filtered over that of single samples, for white noise."""
 
@@ -138,10 +138,12 @@ class Readings:
                 for part, at in zip(recordings, instants(recordings), strict=True)
             ]
         )
+        torque = scene.joint_torque is not None and all(part.torque is not None for part in recordings)
+        wrench = scene.base_wrench is not None and all(part.reading is not None for part in recordings)
         dt = float(np.median(np.concatenate([np.diff(part.t) for part in recordings])))
         return cls(
-            -filtered[:, :n] if all(part.torque is not None for part in recordings) else None,
-            filtered[:, n:] if all(part.reading is not None for part in recordings) else None,
+            -filtered[:, :n] if torque else None,
+            filtered[:, n:] if wrench else None,
             noise_variance_ratio(BANDWIDTH, dt),
         )
 
