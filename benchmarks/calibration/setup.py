@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import click
@@ -10,6 +11,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from contactsense import JointTorqueSensor, Scene
+from contactsense.benchmarks.calibration.recordings import FREE, IDENTIFICATION, TOUCHED, read
 from contactsense.benchmarks.calibration.setup_draws import (
     MISTAKES,
     Case,
@@ -19,6 +22,8 @@ from contactsense.benchmarks.calibration.setup_draws import (
 )
 from contactsense.setup_check import check
 
+LOADED = "ur-20_01_31-load"
+"""A recording with a load at the flange that the scene does not know."""
 _WRONG_SEEDS = 10_000
 """Cells with a mistake are others than those without."""
 
@@ -70,6 +75,33 @@ def _tracked(jobs: list[Any], title: str, show: bool) -> Iterator[Any]:
     yield from track(jobs, title, console=Console(stderr=True), disable=not show, transient=True)
 
 
+def real(folder: Path) -> dict[str, Any]:
+    """What the check says of real recordings, by motor currents alone, see
+    `contactsense.benchmarks.calibration.recordings`."""
+    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+    result = {}
+    for name in (*IDENTIFICATION, *FREE, LOADED, *TOUCHED):
+        found = check(scene, [read(folder / f"{name}.csv.gz", scene)[0]])
+        proposals = [f"{item.line}: {item.proposed}" for item in found.wrong]
+        untold = [item.line for item in found.findings if item.verdict == "cannot_tell"]
+        result[name] = {
+            "does not fit": proposals,
+            "unexplained": list(found.unexplained),
+            "cannot be told": len(untold),
+            "lines": len(found.findings),
+        }
+    return result
+
+
+def _print_real(result: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps(result, indent=1))
+        return
+    for name, said in result.items():
+        told = "; ".join(said["does not fit"] + said["unexplained"]) or "nothing contradicts the scene"
+        click.echo(f"{name}: {told}; {said['cannot be told']} of {said['lines']} lines cannot be told")
+
+
 @click.command()
 @click.option("--arm", "arms", multiple=True, default=("ur5e", "ur10e"), show_default=True, help="Arms.")
 @click.option("--draws", default=20, show_default=True, help="Cells per mistake and arm.")
@@ -79,6 +111,11 @@ def _tracked(jobs: list[Any], title: str, show: bool) -> Iterator[Any]:
 @click.option(
     "--postures", default=0, show_default=True, help="Rest in so many postures instead of steady motion."
 )
+@click.option(
+    "--recordings",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Check these recordings of a real UR10e instead.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def setup(
     arms: tuple[str, ...],
@@ -87,10 +124,14 @@ def setup(
     seconds: float,
     speed: float,
     postures: int,
+    recordings: Path | None,
     as_json: bool,
 ) -> None:
     """Draw simulated cells with one mistake in the scene, and with none, and count the lines that
     `contactsense check` accuses."""
+    if recordings is not None:
+        _print_real(real(recordings), as_json)
+        return
     settings = Settings(seconds=seconds, speed=speed, postures=postures)
     result = measure(arms, draws, right, settings, show=True)
     if as_json:
