@@ -47,7 +47,7 @@ _UNITS = {"force": "N", "moment": "Nm", "torque": "Nm"}
 @click.option("--ft-fields", help="Six RTDE fields that carry its reading, separated by commas.")
 @click.option(
     "--seconds",
-    type=click.FloatRange(3.0),
+    type=click.FloatRange(4.0),
     default=20.0,
     show_default=True,
     help="How long to read the robot.",
