@@ -59,7 +59,7 @@ def test_a_wrong_line_is_named_with_the_value_that_fits(
     assert result.exit_code == 1
     assert max(len(line) for line in result.stdout.splitlines()) <= 80
     scene = Scene.load(folder / "right.yaml")
-    right = "[" + ", ".join(f"{x:.4g}" for x in scene.mounting) + "]"
+    right = "[" + ", ".join(f"{round(x, 4):g}" for x in scene.mounting) + "]"
     assert f"this would: {right} (opposite sign)" in result.stdout
 
     said = json.loads(CliRunner().invoke(check, [*arguments, "--json"]).stdout)

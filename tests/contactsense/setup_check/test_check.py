@@ -43,7 +43,7 @@ def test_a_right_setup_fits_and_the_proposed_value_is_the_true_one() -> None:
     roll, pitch, yaw = right.scene.mounting
     wrong = right.scene.model_copy(update={"mounting": (roll, -pitch, yaw)})
     (item,) = check(wrong, [right.recording]).wrong
-    assert item.proposed == f"[{roll:.4g}, {pitch:.4g}, {yaw:.4g}]"
+    assert item.proposed == f"[{round(roll, 4):g}, {round(pitch, 4):g}, {round(yaw, 4):g}]"
     assert item.remark == "opposite sign"
 
 
