@@ -18,6 +18,7 @@ COMMANDS = {
     "record": "contactsense.service.cli.record:record",
     "excite": "contactsense.service.cli.excite:excite",
     "decompose": "contactsense.service.cli.decompose:decompose",
+    "map": "contactsense.service.cli.map:surface_map",
     "paper": "contactsense.benchmarks.solvers.paper_command:paper",
 }
 """Command name -> import path of its click command."""
