@@ -45,11 +45,12 @@ class Agreement(NamedTuple):
     link_difference: np.ndarray
     """Simulated minus predicted probability of naming the link, shape (N,)."""
 
-    def within(self, ratio: np.ndarray) -> float:
-        """Share of the surface, where the map has a prediction, with a ratio within `TOLERANCE` of 1."""
+    def within(self, ratio: np.ndarray) -> float | None:
+        """Share of the surface, where the map has a prediction, with a ratio within `TOLERANCE` of 1; None
+        where it has none."""
         told = np.isfinite(ratio)
         right = np.abs(ratio[told] - 1.0) <= TOLERANCE
-        return float(self.share[told][right].sum() / self.share[told].sum()) if told.any() else np.nan
+        return float(self.share[told][right].sum() / self.share[told].sum()) if told.any() else None
 
 
 @click.command(name="map")
@@ -227,14 +228,12 @@ def summary(parts: list[Agreement]) -> dict[str, Any]:
     joined = Agreement(*(np.concatenate(values) for values in zip(*parts, strict=True)))
     told = np.isfinite(joined.error_ratio)
     weight = joined.share / joined.share.sum()
-    low, middle, high = (
-        np.quantile(joined.error_ratio[told], (0.05, 0.5, 0.95)) if told.any() else [np.nan] * 3
-    )
+    quantiles = np.quantile(joined.error_ratio[told], (0.05, 0.5, 0.95)).tolist() if told.any() else None
     return {
         "force_within": joined.within(joined.force_ratio),
         "error_told": float(weight[told].sum()),
         "error_within": joined.within(joined.error_ratio),
-        "error_ratio": [float(low), float(middle), float(high)],
+        "error_ratio": quantiles,
         "link_difference": float(weight @ np.abs(joined.link_difference)),
     }
 
@@ -250,8 +249,10 @@ def _print(rows: list[dict[str, Any]]) -> None:
             row["robot"],
             row["noise"],
             row["sensors"],
-            f"{100 * row['force_within']:.0f}",
-            f"{100 * row['error_within']:.0f}",
+            *(
+                "-" if row[key] is None else f"{100 * row[key]:.0f}"
+                for key in ("force_within", "error_within")
+            ),
             f"{100 * row['error_told']:.0f}",
             f"{row['link_difference']:.3f}",
         )
