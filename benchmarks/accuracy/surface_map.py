@@ -241,8 +241,8 @@ def summary(parts: list[Agreement]) -> dict[str, Any]:
 def _print(rows: list[dict[str, Any]]) -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("arm", "noise", "sensors"):
-        table.add_column(heading)
-    for heading in ("force [%]", "error [%]", "of told [%]", "link"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("force %", "error %", "told %", "link"):
         table.add_column(heading, justify="right")
     for row in rows:
         table.add_row(
@@ -257,7 +257,8 @@ def _print(rows: list[dict[str, Any]]) -> None:
             f"{row['link_difference']:.3f}",
         )
     Console().print(table)
-    Console().print(
-        "force, error: surface on which simulation and map differ by at most 20 %; told: surface\n"
-        "on which the map predicts an error; link: mean difference of the probability of the link."
+    click.echo(
+        "force, error: surface on which simulation and map differ by at most 20 %\n"
+        "told: surface on which the map predicts an error\n"
+        "link: mean difference of the probability of naming the link"
     )

@@ -50,7 +50,8 @@ class Detectability(NamedTuple):
     smallest_force: np.ndarray
     """Smallest force along the inward normal that is detected, shape (N,) [N]."""
     error: np.ndarray
-    """Radius around the place that holds half of the localizer's answers on this link, shape (N,) [m]."""
+    """Radius around the place that holds half of the localizer's answers on this link, shape (N,) [m];
+    infinite where the sensors do not determine the wrench, or the radius exceeds the link."""
     error_95: np.ndarray
     """Radius that holds 95 % of them, shape (N,) [m]."""
     link_probability: np.ndarray
@@ -132,7 +133,10 @@ def detectability(
     at_place = response[places.link]
     found, stated = place_covariance(at_place, places, constants.prior, force, friction)
     extent = _extents(cells.link, cells.point, len(response))[places.link]
-    unknown = radius_of_share(stated, 0.5) > extent
+    # Fewer than six independent readings leave the wrench open: the answers then lie on several distant
+    # places, which no covariance describes.
+    determined = np.linalg.matrix_rank(response) == 6
+    unknown = ~determined[places.link] | (radius_of_share(stated, 0.5) > extent)
     mean = np.einsum("nij,nj->ni", at_place, wrench(-force * places.normal, places.point))
     probability = link_probabilities(mean, response[cells.link], cells, constants.prior, force, len(response))
     return Detectability(

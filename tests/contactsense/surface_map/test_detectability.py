@@ -62,8 +62,16 @@ def test_a_base_sensor_makes_nothing_worse(both: Detectability, torques: Detecta
         for base in (BASE, None)
     ]
     assert (both.smallest_force <= torques.smallest_force * sizes[0] / sizes[1]).all()
-    assert (both.error <= torques.error).all()
     assert (both.smallest_force < 5.0).all()
+
+
+def test_joint_torques_make_no_error_larger(both: Detectability, torques: Detectability) -> None:
+    alone = inclined(scene(base_wrench=BASE, joint_torque=None))
+    assert (both.error <= alone.error * (1.0 + 1e-9)).all()
+    assert (both.error < 0.99 * alone.error).any()
+    # Five torques leave a wrench of six components open.
+    assert np.isinf(torques.error[torques.link < 6]).all()
+    assert np.isfinite(both.error).all()
 
 
 def test_joints_measure_nothing_of_a_push_on_the_base(torques: Detectability) -> None:
