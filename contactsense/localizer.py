@@ -14,6 +14,7 @@ from contactsense.multi_contact.tracker import MultiContactTracker
 from contactsense.output.degraded_reason import degraded_reason
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.residuals.bias_filter import restart as restart_bias_filter
+from contactsense.residuals.noise_scale import restart as restart_noise_scale
 from contactsense.residuals.sensor_consistency import restart as restart_consistency
 from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.robots.jit.kernel import disable_compilation
@@ -165,6 +166,7 @@ class Localizer:
             constants.gravity, np.cross(constants.model.com[0], constants.gravity)
         )
         restart_bias_filter(state.bias_filter, self.scene.inertia_error, weight)
+        restart_noise_scale(state.noise_scale, constants.sensors.base_covariance)
         self._phase, self._number = NONE, 0
         if self._payload is not None:
             self._payload.reset()

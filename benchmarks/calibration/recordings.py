@@ -22,6 +22,7 @@ from contactsense.calibration.parameters import Group
 from contactsense.calibration.recording_residuals import residuals
 from contactsense.calibration.residual_jacobian import settled_samples
 from contactsense.residuals.sensor_consistency import NO_CONTACT
+from contactsense.robots.tool import Tool
 from contactsense.service.sensors.signal_mapping import torque_constants
 
 IDENTIFICATION = (
@@ -30,9 +31,22 @@ IDENTIFICATION = (
     "ur-20_02_10-30sec_12harm",
     "ur-20_02_19_15harm50sec",
 )
+JOINTWISE = tuple(f"jointwise-joint_{j}" for j in range(1, 7))
+"""One joint at a time, up to hard stops; calibration has not seen them."""
+LOADED = ("ur-20_01_31-load", "ur-20_02_19_15harm50secLoad")
+"""With a payload at the flange, which is estimated from each file: it was mounted differently."""
 FREE = ("validation-p1", "validation-p2", "validation-p9", "validation-ptp_10_points", "collision_free")
 TOUCHED = ("collision_forearm", "push_pose_1")
 _GROUPS: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "links")
+_PAYLOAD = 3.0, 0.05
+"""Where the estimate of a payload starts: mass [kg], height of its centre of mass above the flange [m]."""
+_LARGEST = 1e6
+"""Larger values are damaged [s, rad, rad/s, A]."""
+_GROUP_TITLES = {
+    "identification": "which calibration has seen",
+    "jointwise": "one joint at a time, hard stops",
+    "loaded": "payload estimated from the same file",
+}
 _PAUSE = 0.3
 """Alarms separated by less than this belong to one contact [s]."""
 
@@ -40,11 +54,13 @@ _PAUSE = 0.3
 def read(path: Path, scene: Scene) -> tuple[FreeMotion, np.ndarray]:
     """One file: motion and torques, and its last group of columns, shape (N, n).
 
-    Truncated lines are skipped (two files end in one).
+    Truncated and damaged lines are skipped: two files end in a truncated one, one begins with nine damaged.
     """
     with gzip.open(path, "rt") as lines:
         rows = [line.strip().split(",") for line in lines]
     table = np.array([row for row in rows if len(row) == len(rows[0])], dtype=float)
+    table = table[np.abs(table).max(axis=1) < _LARGEST]
+    table = table[np.diff(np.maximum.accumulate(table[:, 0]), prepend=-np.inf) > 0.0]
     torque = table[:, 13:19] * torque_constants(scene)
     return FreeMotion(table[:, 0], table[:, 1:7], table[:, 7:13], torque, None, path.name), table[:, 19:25]
 
@@ -74,17 +90,32 @@ def measure(folder: Path) -> dict[str, Any]:
         energy, onsets = _stream_energies(found.scene, recording)
         t = recording.t - recording.t[0]
         touched[name] = {"touches": _touches(t, energy, threshold), "onsets": _since(recording, onsets)}
-    onsets_by_name = {}
-    for name in IDENTIFICATION:
-        recording, _ = file(name)
-        onsets_by_name[name] = _since(recording, _stream_energies(found.scene, recording)[1])
+    by_group: dict[str, dict[str, list[float]]] = {"identification": {}, "jointwise": {}, "loaded": {}}
+    seconds = sum(_duration(file(name)[0]) for name in FREE)
+    for group, names in (("identification", IDENTIFICATION), ("jointwise", JOINTWISE), ("loaded", LOADED)):
+        for name in names:
+            recording, _ = file(name)
+            own = _with_payload(found.scene, recording) if group == "loaded" else found.scene
+            by_group[group][name] = _since(recording, _stream_energies(own, recording)[1])
+            seconds += _duration(recording)
     return {
         "free": free,
         "threshold": threshold,
         "touched": touched,
-        "identification": onsets_by_name,
+        **by_group,
+        "free_seconds": seconds,
         "warnings": list(found.warnings),
     }
+
+
+def _duration(recording: FreeMotion) -> float:
+    return float(recording.t[-1] - recording.t[0])
+
+
+def _with_payload(scene: Scene, recording: FreeMotion) -> Scene:
+    """The scene with the payload at the flange that this recording shows."""
+    unknown = Tool(name="payload", mass=_PAYLOAD[0], com=(0.0, 0.0, _PAYLOAD[1]))
+    return calibrate(scene.model_copy(update={"tool": unknown}), [recording], Settings(("payload",))).scene
 
 
 def _since(recording: FreeMotion, times: list[float]) -> list[float]:
@@ -155,6 +186,8 @@ def recordings(folder: Path, as_json: bool) -> None:
         console.print(f"  {len(onsets)} onsets in the stream: {', '.join(f'{t:.2f}' for t in onsets)} s")
         for touch in touches:
             console.print(f"  {touch['start']:6.2f} to {touch['stop']:6.2f} s, energy {touch['energy']:.0f}")
-    for name, onsets in result["identification"].items():
-        times = ", ".join(f"{t:.2f} s" for t in onsets) or "none"
-        console.print(f"{name}, which calibration has seen: onsets: {times}")
+    for group, what in _GROUP_TITLES.items():
+        for name, onsets in result[group].items():
+            times = ", ".join(f"{t:.2f} s" for t in onsets) or "none"
+            console.print(f"{name}, {what}: onsets: {times}")
+    console.print(f"free motion in all: {result['free_seconds']:.0f} s")
