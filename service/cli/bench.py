@@ -19,6 +19,7 @@ BENCHES = {
     "coverage": "contactsense.benchmarks.calibration.coverage:coverage",
     "recordings": "contactsense.benchmarks.calibration.recordings:recordings",
     "geometry": "contactsense.benchmarks.accuracy.geometry:geometry",
+    "cells": "contactsense.benchmarks.accuracy.cells:cells",
     "franka": "contactsense.benchmarks.franka.command:franka",
 }
 """Name -> import path of its click command."""
