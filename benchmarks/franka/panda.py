@@ -8,8 +8,9 @@ from contactsense.robots import Robot
 from contactsense.robots.yaml_schema import with_surface
 
 DRIFT = (0.2, 0.2, 0.1, 0.05, 0.02, 0.01, 0.01)
-"""Standard deviation of the change of each joint's external torque over seconds without contact [Nm], from
-the baselines of all published recordings. The controller's signal is low-passed; its white noise is far below that."""
+"""Standard deviation of the change of each joint's external torque over seconds without contact [Nm]: that of
+the baselines of all published recordings. The controller's signal is low-passed; its white noise is far
+below that."""
 SURFACE = Path(__file__).parent / "panda.surface.yaml"
 _PACKAGE = "example-robot-data"
 
