@@ -19,8 +19,7 @@ from contactsense import JointTorqueSensor, Localizer, Sample, Scene
 from contactsense.calibration import FreeMotion, Settings, calibrate
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.parameters import Group
-from contactsense.calibration.recording_residuals import residuals
-from contactsense.calibration.residual_jacobian import settled_samples
+from contactsense.calibration.recording_residuals import residuals, settled_samples
 from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.service.sensors.signal_mapping import torque_constants
 

@@ -12,7 +12,7 @@ import numpy as np
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import PER_JOINT, Entry, Group, apply_step
-from contactsense.calibration.recording_residuals import GAP, residuals
+from contactsense.calibration.recording_residuals import GAP, recently_moved, residuals, settled_samples
 from contactsense.kinematics.model import Model, Motion, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, arm_regressor
@@ -23,9 +23,6 @@ from contactsense.robots.jit.kernel import kernel
 
 _DIFFERENCE_STEPS: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "payload": 1e-3}
 """Steps for parameters that enter nonlinearly, in units of their prior standard deviation."""
-_STANDSTILL = 0.5
-_STANDSTILL_PATH = 2e-3
-"""A joint that has moved less than this [rad] within `_STANDSTILL` seconds is at rest."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +38,8 @@ class Rows:
     slope: np.ndarray
     """Derivatives of the residual, shape (N, k)."""
     moving: np.ndarray
-    """Whether the joint has moved recently, so that its friction is known, shape (N,), bool."""
+    """Whether the row counts: nothing touched the arm, and the joint has moved recently, so that its friction
+    is known, shape (N,), bool."""
     dt: float
     """Time between rows [s]."""
 
@@ -83,7 +81,8 @@ def linearize(
     links = [(number, entry) for number, entry in enumerate(selected) if entry.group == "links"]
     if links:
         slopes += _link_columns(arm, recording, links, bandwidth, keep)
-    moving = _moving(recording)[keep]
+    moving = recently_moved(recording)[keep]
+    usable = recording.usable[keep]
     dt = stride * float(np.median(np.diff(recording.t)))
     rows = []
     for channel in range(joints + 6):
@@ -99,16 +98,11 @@ def linearize(
                 residual[keep, channel],
                 np.array([number for number, _ in own], dtype=np.int64),
                 np.array([column for _, column in own]).reshape(len(own), len(residual[keep])).T.copy(),
-                moving[:, channel] if channel < joints else np.ones(len(moving), dtype=bool),
+                usable & moving[:, channel] if channel < joints else usable,
                 dt,
             )
         )
     return rows
-
-
-def settled_samples(recording: FreeMotion, bandwidth: float) -> int:
-    """First sample at which the observer has settled after its start."""
-    return int(np.searchsorted(recording.t, recording.t[0] + 5.0 / (2.0 * np.pi * bandwidth)))
 
 
 def _joint_columns(
@@ -197,15 +191,3 @@ def _link_columns(
     )  # fmt: skip
     columns = out.reshape(rows, *shape)
     return [(number, columns[:, :, entry.index[0], entry.index[1]], None) for number, entry in links]
-
-
-def _moving(recording: FreeMotion) -> np.ndarray:
-    """Whether each joint has moved within the last half second, shape (N, n), bool.
-
-    A joint at rest holds any torque up to Coulomb friction: its samples carry no information on friction.
-    """
-    ago = np.searchsorted(recording.t, recording.t - _STANDSTILL)
-    path = np.vstack(
-        (np.zeros(recording.q.shape[1]), np.cumsum(np.abs(np.diff(recording.q, axis=0)), axis=0))
-    )
-    return np.asarray(path - path[ago] > _STANDSTILL_PATH)

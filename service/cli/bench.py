@@ -17,6 +17,7 @@ BENCHES = {
     "soak": "contactsense.benchmarks.live.soak:soak",
     "solvers": "contactsense.benchmarks.solvers.command:solvers",
     "coverage": "contactsense.benchmarks.calibration.coverage:coverage",
+    "pushes": "contactsense.benchmarks.calibration.pushes:bench_pushes",
     "recordings": "contactsense.benchmarks.calibration.recordings:recordings",
     "geometry": "contactsense.benchmarks.accuracy.geometry:geometry",
 }
