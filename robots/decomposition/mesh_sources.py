@@ -8,9 +8,10 @@ import trimesh
 from contactsense import robots
 from contactsense.robots import Robot, RobotError
 from contactsense.robots.decomposition.grid_builder import cached
+from contactsense.robots.library import in_library
 from contactsense.robots.meshes import from_folder
 from contactsense.robots.surface.signed_distance_grid import Grids
-from contactsense.robots.urdf import read_chain, visuals
+from contactsense.robots.urdf import Chain, read_chain, visuals
 
 _AIRO_LINKS = {"base": "base_link_inertia"}
 """Links of PyPI's airo-models whose names differ from ours by more than a suffix."""
@@ -30,18 +31,41 @@ def read_arm(
     Raises:
         RobotError: robot or meshes are missing or unusable.
     """
-    if Path(arm).suffix in (".urdf", ".xml"):
+    if Path(arm).suffix in (".urdf", ".xml", ".xacro", ".sdf"):
         chain = read_chain(arm, tip)
-        meshes = chain.meshes() if folder is None else from_folder(folder, chain.robot.link_names)
-        if not meshes:
-            raise RobotError(f"{arm}: no link has a visual shape")
-        return chain.robot, meshes
+        return chain.robot, _of_chain(chain, folder)
     robot = robots.load(arm)
+    return robot, meshes_of(robot, folder)
+
+
+def meshes_of(robot: Robot, folder: Path | None = None) -> dict[str, trimesh.Trimesh]:
+    """The visual mesh of each link, in the link's frame [m].
+
+    They are found by the file that the robot was read from, never by its name: another robot of the same name
+    has other links.
+
+    Args:
+        robot: The arm.
+        folder: Folder of the meshes; by default those of its URDF, or of PyPI's airo-models (MIT), which
+            contains UR3e and UR5e.
+
+    Raises:
+        RobotError: meshes are missing or unusable.
+    """
     if folder is not None:
-        return robot, from_folder(folder, robot.link_names)
-    if robot.name not in airo_models.AIRO_MODEL_NAMES:
+        return from_folder(folder, robot.link_names)
+    if robot.file is not None and robot.file.suffix != ".yaml":
+        return _of_chain(read_chain(robot.file, robot.tip), None)
+    if not in_library(robot) or robot.name not in airo_models.AIRO_MODEL_NAMES:
         raise RobotError(f"{robot.name}: no meshes known; name a folder of them with --meshes")
-    return robot, _from_airo(robot)
+    return _from_airo(robot)
+
+
+def _of_chain(chain: Chain, folder: Path | None) -> dict[str, trimesh.Trimesh]:
+    meshes = chain.meshes() if folder is None else from_folder(folder, chain.robot.link_names)
+    if not meshes:
+        raise RobotError(f"{chain.path}: no link has a visual shape")
+    return meshes
 
 
 def _from_airo(robot: Robot) -> dict[str, trimesh.Trimesh]:
@@ -57,16 +81,15 @@ def _from_airo(robot: Robot) -> dict[str, trimesh.Trimesh]:
     return meshes
 
 
-def skin_grids(arm: str, folder: Path | None = None, cache: Path | None = None) -> Grids:
+def skin_grids(robot: Robot, folder: Path | None = None, cache: Path | None = None) -> Grids:
     """Signed-distance grids of an arm's skin, from the cache or built now (about a minute per arm).
 
     Args:
-        arm: As in `read_arm`.
-        folder: Folder of the meshes, as in `read_arm`.
+        robot: The arm.
+        folder: Folder of the meshes, as in `meshes_of`.
         cache: Folder for the grids; by default `contactsense` in `XDG_CACHE_HOME` or `~/.cache`.
 
     Raises:
-        RobotError: robot or meshes are missing or unusable, or the cache cannot be written.
+        RobotError: meshes are missing or unusable, or the cache cannot be written.
     """
-    robot, meshes = read_arm(arm, folder)
-    return cached(robot, meshes, cache)
+    return cached(robot, meshes_of(robot, folder), cache)
