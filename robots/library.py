@@ -9,6 +9,8 @@ from contactsense.robots.yaml_schema import RobotError
 
 MESH_SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
 """Endings of the files of meshes."""
+URDF_SUFFIXES = (".urdf", ".xml", ".xacro", ".sdf")
+"""Endings of files that are read as URDF; those that are another format are refused with a hint."""
 
 
 class UnknownRobotError(RobotError):
@@ -34,7 +36,7 @@ def load(name: str | Path) -> Robot:
         RobotError: the file is missing or wrong; the message names the field.
     """
     path = Path(name)
-    if path.suffix in (".urdf", ".xml", ".xacro", ".sdf"):
+    if path.suffix in URDF_SUFFIXES:
         return from_urdf(path)
     if path.suffix in MESH_SUFFIXES:
         raise RobotError(f"{path}: a mesh, not an arm; is it a tool? contactsense decompose {path} --as-tool")

@@ -36,7 +36,7 @@ def read_mesh(path: Path, scale: float | np.ndarray = 1.0) -> trimesh.Trimesh:
     return loaded
 
 
-def check_unit(mesh: trimesh.Trimesh, where: str) -> None:
+def check_unit(mesh: trimesh.Trimesh, where: str, remedy: str = "set the mesh's scale") -> None:
     """Reject meshes that are obviously not in metres.
 
     Raises:
@@ -44,7 +44,7 @@ def check_unit(mesh: trimesh.Trimesh, where: str) -> None:
     """
     extent = float(np.linalg.norm(mesh.extents))
     if not 0.005 < extent < 5.0:
-        raise RobotError(f"{where}: {extent:.3g} m across: not in metres? Set the mesh's scale")
+        raise RobotError(f"{where}: {extent:.3g} m across: not in metres? Then {remedy}")
 
 
 def from_folder(folder: Path, names: tuple[str, ...]) -> dict[str, trimesh.Trimesh]:

@@ -85,9 +85,7 @@ def read_chain(path: str | Path, tip: str | None = None, name: str | None = None
     joints = {joint.name: joint for joint in model.joints}
     links = {link.name: link for link in model.links}
     parent = {joint.child: joint for joint in joints.values()}
-    roots = [link for link in links if link not in parent]
-    if len(roots) != 1:
-        raise RobotError(f"{path}: expected one root link, got {', '.join(roots) or 'a ring'}")
+    root = _root(path, links, parent)
     if tip is not None and tip not in links:
         raise RobotError(f"{path}: there is no link {tip}; links are {', '.join(links)}")
     way = way_to(tip, parent) if tip else longest_way(list(links), parent)
@@ -105,7 +103,7 @@ def read_chain(path: str | Path, tip: str | None = None, name: str | None = None
             f"{path}: no revolute joint; is it a tool? Then contactsense decompose {path} --as-tool"
         )
     held = tuple(joint.name for joint in joints.values() if joint.type in MOVING and joint not in turning)
-    names = [roots[0], *(joint.child for joint in turning)]
+    names = [root, *(joint.child for joint in turning)]
     parts = {link: _rigid(link, joints.values(), {joint.name for joint in turning}) for link in names}
     arm_links = [_link(path, link, parts[link], links) for link in names]
     arm_joints = [_joint(path, joint, parts[names[i]]) for i, joint in enumerate(turning)]
@@ -122,6 +120,34 @@ def read_chain(path: str | Path, tip: str | None = None, name: str | None = None
     )
     model.link_map = links
     return Chain(path, robot, parts, model)
+
+
+def read_rigid(path: Path) -> tuple[trimesh.Trimesh, Inertia, tuple[str, ...]]:
+    """A URDF as one rigid body: its visual surface and its inertia, in the frame of its root link, and its
+    movable joints, which are held at zero.
+
+    Raises:
+        RobotError: the file or an element in it cannot be used.
+    """
+    model = read_document(path)
+    links = {link.name: link for link in model.links}
+    parent = {joint.child: joint for joint in model.joints}
+    root = _root(path, links, parent)
+    model.link_map = links
+    parts = {root: _rigid(root, model.joints, set())}
+    body = _link(path, root, parts[root], links).inertia
+    held = tuple(joint.name for joint in model.joints if joint.type in MOVING)
+    meshes = Chain(path, Robot(root, (Link(root, body),), ()), parts, model).meshes()
+    if not meshes:
+        raise RobotError(f"{path}: no link has a visual shape")
+    return meshes[root], body, held
+
+
+def _root(path: Path, links: dict[str, Any], parent: dict[str, Any]) -> str:
+    roots = [link for link in links if link not in parent]
+    if len(roots) != 1:
+        raise RobotError(f"{path}: expected one root link, got {', '.join(roots) or 'a ring'}")
+    return roots[0]
 
 
 def visuals(path: Path, link: Any) -> list[trimesh.Trimesh]:

@@ -49,8 +49,10 @@ def _check_kind(path: Path) -> None:
     """Refuse xacro and SDF with a hint."""
     try:
         root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
-        raise RobotError(f"{path}: no valid URDF: {error}") from error
+    except OSError as error:
+        raise RobotError(f"{path}: {error.strerror}") from error
+    except ElementTree.ParseError:
+        return  # the reader of URDFs is more tolerant, for example of prefixes without a namespace
     if root.tag == "sdf":
         raise RobotError(f"{path}: expected URDF, got SDF; convert it first, for example with sdf2urdf")
     if _is_xacro(root):

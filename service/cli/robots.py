@@ -23,7 +23,11 @@ from contactsense.robots import Robot, RobotError
 @click.option("--pose", help="Joint angles for the picture in degrees, separated by commas.")
 @click.option("--coarse", is_flag=True, help="Draw the coarse level of detail instead of the fine one.")
 def robots(name: str | None, as_json: bool, picture: Path | None, pose: str | None, coarse: bool) -> None:
-    """List the arms, or show NAME: its links, joints and primitives. NAME may be a path to a .yaml file."""
+    """List the arms, or show NAME: its links, joints and primitives. NAME may be a path to a
+    URDF or a .yaml file.
+
+    Of a URDF, the arm is the longest chain of revolute joints, without a gripper's fingers.
+    """
     if name is None:
         if picture is not None:
             raise click.UsageError("--picture needs the NAME of a robot")
@@ -69,6 +73,8 @@ def _show(robot: Robot) -> None:
             ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none",
         )
     console.print(links)
+    if robot.held:
+        console.print(f"held at zero: {', '.join(robot.held)}\n", highlight=False)
     joints = Table(title=f"{robot.name}: joints", box=box.SIMPLE_HEAD, title_justify="left")
     for heading in ("joint", "range [deg]", "speed [deg/s]", "torque [Nm]", "Nm/A"):
         joints.add_column(heading, justify="left" if heading == "joint" else "right")
@@ -143,6 +149,7 @@ def _details(robot: Robot) -> dict[str, Any]:
             }
             for joint in robot.joints
         ],
+        "held": list(robot.held),
         "flange": {
             "rotation": robot.flange_rotation.tolist(),
             "translation": robot.flange_translation.tolist(),

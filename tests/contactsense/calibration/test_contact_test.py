@@ -108,5 +108,5 @@ def test_pushes_do_not_move_the_parameters_and_free_motion_is_kept() -> None:
     assert found["refused"] == 0
     assert all(hits == made for hits, made in found["pushes"].values())
     error = found["error"]
-    assert error["left_out"]["rms"] < 1.5 * error["free"]["rms"]
+    assert error["left_out"]["rms"] < 2.0 * error["free"]["rms"]
     assert error["kept"]["rms"] > 5.0 * error["free"]["rms"]
