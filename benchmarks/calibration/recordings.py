@@ -6,6 +6,8 @@ motor current, and a last group that in collision_* is the authors' own estimate
 
 import gzip
 import json
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene
-from contactsense.calibration import FreeMotion, Settings, calibrate
+from contactsense.calibration import FreeMotion, Settings, SuspectedContact, calibrate
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.parameters import Group
 from contactsense.calibration.recording_residuals import residuals, settled_samples
@@ -29,6 +31,7 @@ IDENTIFICATION = (
     "ur-20_02_10-30sec_12harm",
     "ur-20_02_19_15harm50sec",
 )
+JOINTWISE = tuple(f"jointwise-joint_{j}" for j in (2, 3, 4, 5, 6))
 FREE = ("validation-p1", "validation-p2", "validation-p9", "validation-ptp_10_points", "collision_free")
 TOUCHED = ("collision_forearm", "push_pose_1")
 _GROUPS: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "links")
@@ -86,6 +89,14 @@ def measure(folder: Path) -> dict[str, Any]:
     }
 
 
+def left_out(folder: Path, names: Sequence[str]) -> dict[str, list[SuspectedContact]]:
+    """Calibrate on each file alone: the stretches in which something seems to push on the arm."""
+    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+    return {
+        name: list(calibrate(scene, [read(folder / f"{name}.csv.gz", scene)[0]]).contacts) for name in names
+    }
+
+
 def _since(recording: FreeMotion, times: list[float]) -> list[float]:
     """Times relative to the start of a recording [s]."""
     return [float(t - recording.t[0]) for t in times]
@@ -124,12 +135,31 @@ def _touches(t: np.ndarray, energy: np.ndarray, threshold: float) -> list[dict[s
     ]
 
 
+def _print_left_out(folder: Path, as_json: bool) -> None:
+    try:
+        found = left_out(folder, IDENTIFICATION + JOINTWISE + FREE + TOUCHED)
+    except FileNotFoundError as error:
+        raise click.ClickException(f"{error.filename}: no such recording") from None
+    if as_json:
+        click.echo(json.dumps({name: [asdict(c) for c in stretches] for name, stretches in found.items()}))
+        return
+    for name, stretches in found.items():
+        times = ", ".join(f"{contact.start:.2f} to {contact.stop:.2f} s" for contact in stretches)
+        click.echo(f"{name}: {times or 'nothing left out'}")
+
+
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option(
+    "--left-out", "alone", is_flag=True, help="Only calibrate on each file alone, and list what is left out."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
-def recordings(folder: Path, as_json: bool) -> None:
+def recordings(folder: Path, alone: bool, as_json: bool) -> None:
     """Calibrate on the identification files in FOLDER, and print residuals of free motion and the touches
     that stand out from them."""
+    if alone:
+        _print_left_out(folder, as_json)
+        return
     with Console(stderr=True).status("calibrating and measuring: a minute or two"):
         try:
             result = measure(folder)

@@ -4,7 +4,7 @@ less than what happened."""
 import numpy as np
 import pytest
 
-from contactsense.benchmarks.calibration.recordings import FREE, measure
+from contactsense.benchmarks.calibration.recordings import FREE, left_out, measure
 from tests.shared import shared
 
 
@@ -25,3 +25,11 @@ def test_free_motion_has_no_alarms_and_every_touch_is_found() -> None:
     # Two of these files end in a stop that is harder than their rows can tell.
     seen = result["identification"].values()
     assert sum(len(onsets) for onsets in seen) <= 2
+
+
+@pytest.mark.slow
+def test_touches_are_left_out_of_a_calibration_and_free_motion_is_not() -> None:
+    found = left_out(shared("ur10e_recordings"), ("collision_free", "collision_forearm"))
+    assert found["collision_free"] == []
+    # A stream that was calibrated on free motion reports eleven; this fit has seen only the touched file.
+    assert 9 <= len(found["collision_forearm"]) <= 11
