@@ -15,6 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "readings": ["Readings", "forward_model"],
         "runtime.sample_blocks": ["BlockEstimates", "SampleBlock"],
         "scene": ["JointTorqueSensor", "Scene", "SceneError", "WrenchSensor"],
+        "surface_map.detectability": ["Detectability", "detectability"],
         "types": ["Contact", "Estimate", "Event", "Explanation", "Sample"],
     },
 )
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from contactsense.scene import Scene as Scene
     from contactsense.scene import SceneError as SceneError
     from contactsense.scene import WrenchSensor as WrenchSensor
+    from contactsense.surface_map.detectability import Detectability as Detectability
+    from contactsense.surface_map.detectability import detectability as detectability
     from contactsense.types import Contact as Contact
     from contactsense.types import Estimate as Estimate
     from contactsense.types import Event as Event

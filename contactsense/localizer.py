@@ -14,6 +14,7 @@ from contactsense.multi_contact.tracker import MultiContactTracker
 from contactsense.output.degraded_reason import degraded_reason
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.residuals.bias_filter import restart as restart_bias_filter
+from contactsense.residuals.noise_scale import restart as restart_noise_scale
 from contactsense.residuals.sensor_consistency import restart as restart_consistency
 from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.robots.jit.kernel import disable_compilation
@@ -23,6 +24,7 @@ from contactsense.runtime.buffers import KernelBuffers
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.kernels import batch, detect, localize, locate_once
 from contactsense.runtime.picked_up_payload import PickedUpPayload
+from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.runtime.result_rows import (
     COVARIANCE,
     FORCE,
@@ -37,6 +39,7 @@ from contactsense.runtime.result_rows import (
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.runtime.skin_grids import skin_of
 from contactsense.runtime.state import empty_state
+from contactsense.runtime.stream_screening import StreamScreening
 from contactsense.scene import Scene
 from contactsense.sensors.sample_fields import SENSORS, SampleFields
 from contactsense.sensors.stream_state import (
@@ -44,6 +47,7 @@ from contactsense.sensors.stream_state import (
     REPEATED,
     RESTARTED,
     SCALE,
+    STEP,
     TOUCHED,
     UNUSABLE,
     WRONG_SIZE,
@@ -114,6 +118,10 @@ class Localizer:
             progress: Whether a bar on stderr shows the progress of the compilation; None: on a terminal and
                 in a notebook. A function is called with the progress instead.
         """
+        if not isinstance(scene, Scene):
+            raise TypeError(
+                f"scene: expected a Scene, as in Localizer(Scene(robot='ur5e')), got {scene!r:.60}"
+            )
         self.scene = scene
         self._gate = method == "torques_first"
         constants = build_constants(scene)
@@ -121,6 +129,8 @@ class Localizer:
         self._buffer_args = (self._buffers.floats, self._buffers.integers, self._buffers.sizes)
         skin = skin_of(scene)
         self._batch_args, self._sample_args = (*self._buffer_args, skin), (*self._buffer_args, *skin)
+        self._plausible = PlausibleLimits(scene)
+        self._screening = StreamScreening(scene, self._plausible)
         self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
         self._joints, self._links, primitives, _, _ = self._buffers.sizes
         self._rows = np.zeros((max(primitives, MAX_CANDIDATES), WIDTH))
@@ -158,6 +168,7 @@ class Localizer:
         state.track.scalars[NUMBER] = 0.0
         if self._multi_tracker is not None:
             self._multi_tracker.forget()
+        self._screening.reset()
         for array, initial in zip(state.model, constants.model, strict=True):
             array[:] = initial
         state.torque_model.bias[:] = constants.torque_model.bias
@@ -165,9 +176,16 @@ class Localizer:
             constants.gravity, np.cross(constants.model.com[0], constants.gravity)
         )
         restart_bias_filter(state.bias_filter, self.scene.inertia_error, weight)
+        restart_noise_scale(state.noise_scale, constants.sensors.base_covariance)
         self._phase, self._number = NONE, 0
         if self._payload is not None:
             self._payload.reset()
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """What was implausible in the stream so far, for each field the first time: expected and given
+        value."""
+        return tuple(self._screening.first.values())
 
     @property
     def biases(self) -> tuple[np.ndarray, np.ndarray]:
@@ -179,19 +197,23 @@ class Localizer:
     def step(self, sample: Sample) -> Estimate:
         """Process the next sample of a live stream and estimate the present contacts; the arm may move.
 
-        A sensor whose value is None or not finite has no value in this sample. A sample whose positions or
-        velocities are not finite is not used. Neither raises: the estimate is `degraded` with a reason.
+        A sensor whose value is None, not finite or beyond its limits has no value in this sample. A sample
+        whose positions or velocities are not finite, or whose positions are beyond the joints' limits and one
+        turn, is not used. A base sensor that at the start of the stream, at rest, does not carry the weight
+        of arm and tool is not used until it does. None of this raises: the estimate is `degraded` with a
+        reason.
 
         Raises:
             ValueError: a field has the wrong shape; the message names it.
         """
+        screen, fields = self._screening.screened, self._sample_fields.fields
         try:
-            flags = detect(*self._buffer_args, self._bandwidth, *self._sample_fields.fields(sample))
-        except TypeError:
+            flags = detect(*self._buffer_args, self._bandwidth, *fields(screen(sample)))
+        except (TypeError, ValueError, AttributeError):
             flags = WRONG_SIZE
         if flags == WRONG_SIZE:
             sample = self._sample_fields.shaped(sample)
-            flags = detect(*self._buffer_args, self._bandwidth, *self._sample_fields.fields(sample))
+            flags = detect(*self._buffer_args, self._bandwidth, *fields(screen(sample)))
         flags &= self._sample_fields.relevant_flags
         if flags == 0 and self._phase == NONE:
             return self._estimate_builder.no_contact(sample.t)
@@ -200,11 +222,10 @@ class Localizer:
     def _estimate(self, t: float, flags: int) -> Estimate:
         """The estimate for the sample that `detect` has processed, unless it is simply `none`."""
         if flags & UNUSABLE:
-            return self._estimate_builder.without_contacts(
-                t,
-                "degraded",
-                "time, positions or velocities are not finite or implausibly large: sample not used",
+            why = self._screening.refused.get(
+                "q", "time, positions or velocities are not finite or implausibly large: sample not used"
             )
+            return self._estimate_builder.without_contacts(t, "degraded", why)
         if flags & REPEATED:
             return self._estimate_builder.without_contacts(
                 t, "degraded", "same time as the previous sample: sample not used"
@@ -219,7 +240,11 @@ class Localizer:
             mass = self._payload.step()
             if mass is not None:
                 return self._picked_up(t, mass)
-        reason = degraded_reason(flags, self._buffers.state.consistency) if flags & DEGRADED else ""
+        reason = ""
+        if flags & DEGRADED:
+            step = float(self._stream.scalars[STEP])
+            consistency = self._buffers.state.consistency
+            reason = degraded_reason(flags, consistency, self._screening.refused, step)
         if self._multi_tracker is not None:
             if count < 0:
                 release += self._multi_tracker.end(t, self._number)
@@ -289,7 +314,7 @@ class Localizer:
                 wrench w leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is subtracted
                 here.
             detect: Return `none` if noise alone explains the measurement; False: a contact is known to be
-                present.
+                present, and whether the measurement can be is not checked.
             contacts: Largest number of simultaneous contacts, 1 to 3. With more than one, the status is
                 `multiple` if several explain the measurement better than one.
             known: Contacts that are already present, from an estimate in the same posture: their positions
@@ -298,7 +323,9 @@ class Localizer:
                 their forces are free. The smaller, the better a new contact is distinguished from them.
 
         Raises:
-            ValueError: an argument has the wrong shape or is not finite, or the scene has no such sensor.
+            ValueError: an argument has the wrong shape, is not finite or cannot be (units mistaken, values
+                beyond the joints' or the sensor's limits, `external` mistaken), or the scene has no such
+                sensor.
         """
         usable = self._given_sensors((base_wrench, joint_torque, wrist_wrench))
         look_for_sets = contacts != 1 or len(known) > 0
@@ -314,6 +341,8 @@ class Localizer:
             usable,
             threshold,
         )
+        if detect:
+            self._refuse_implausible("", q, (base_wrench, joint_torque, wrist_wrench), external)
         if no_contact_energy <= threshold:
             return self._estimate_builder.without_contacts(0.0, "none")
         estimate = self._estimate_builder.contacts(0.0, self._buffers.state, self._rows, count)
@@ -322,6 +351,15 @@ class Localizer:
             if known or len(multiple.contacts) > 1:
                 return multiple
         return estimate
+
+    def _refuse_implausible(
+        self, row: str, q: np.ndarray, sensors: Sequence[np.ndarray | None], external: bool
+    ) -> None:
+        """Raise a ValueError if a measurement cannot be; `row` is added to the name of its field."""
+        base, torque, wrist = (None if value is None else np.asarray(value) for value in sensors)
+        found = self._plausible.request(np.asarray(q), base, torque, wrist, external)
+        if found is not None:
+            raise ValueError(f"{found.field}{row}: {found.reason}")
 
     def _locate_once(
         self,
@@ -370,6 +408,11 @@ class Localizer:
             else checked_rows(SENSORS[i], value, n, self._sensor_sizes[i], "N, Nm")
             for i, value in enumerate(given)
         ]
+        rows = [None if value is None else values[k] for k, value in enumerate(given)]
+        base, torque, wrist = rows
+        for i in self._plausible.suspects(q, base, torque, wrist, external):
+            row = [None if value is None else value[i] for value in rows]
+            self._refuse_implausible(f"[{i}]", q[i], row, external)
         no_contact_energy, link_probability, best = (
             np.empty(n),
             np.empty((n, self._links)),
@@ -418,7 +461,7 @@ class Localizer:
         compiled_only = self._multi_tracker is None and self._payload is None
         settings = (self._bandwidth, self._gate, self._sample_fields.relevant_flags)
         for block in recording:
-            whole = SampleBlock.checked(block, self._joints)
+            whole = self._screening.screened_block(SampleBlock.checked(block, self._joints))
             for part in whole.split(MAX_BLOCK):
                 found = self._block_runner.run(
                     self._sample_args, settings, part, self._rows, None if compiled_only else self._estimate
@@ -441,7 +484,10 @@ class Localizer:
             zeros if in_scene else None
             for zeros, in_scene in zip(self._zeros, self._scene_sensors, strict=True)
         )
-        self.step(self._sample_fields.compile_sample())
+        detect(
+            *self._buffer_args, self._bandwidth,
+            *self._sample_fields.fields(self._sample_fields.compile_sample()),
+        )  # fmt: skip
         disable_compilation(detect)
         self._stream.usable[:] = (*self._scene_sensors, False, False)
         self._stream.scalars[SCALE] = 1.0

@@ -14,7 +14,9 @@ from pydantic import (
     NonNegativeFloat,
     PlainSerializer,
     PositiveFloat,
+    TypeAdapter,
     ValidationError,
+    field_validator,
     model_validator,
 )
 from scipy.spatial.transform import Rotation
@@ -23,6 +25,7 @@ from contactsense import robots
 from contactsense.robots import Robot
 from contactsense.robots.primitives import Vector
 from contactsense.robots.tool import Tool
+from contactsense.sensors.field_checks import describe, within_one_turn
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, WrenchSensor
 
 __all__ = ["JointTorqueSensor", "Scene", "SceneError", "WrenchSensor", "describe"]
@@ -50,17 +53,21 @@ class Scene(BaseModel):
     """One arm and its surroundings. Immutable; a `Localizer` is created from it.
 
     From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`, with the
-    same fields.
+    same fields. docs/scene.md lists them.
+
+    Raises:
+        SceneError: a field is invalid; the message names it, what was expected and what came.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
     robot: Annotated[
         InstanceOf[Robot],
         BeforeValidator(_as_robot),
         PlainSerializer(lambda robot: robot.name, return_type=str),
     ]
-    """The arm: a name listed by `robots.names()`, or a `robots.Robot`."""
+    """The arm: a name listed by `contactsense robots`, or the path of a URDF or YAML file; in Python also a
+    `robots.Robot`."""
     kinematics: Path | None = None
     """Kinematic calibration of the real arm, the YAML file exported by UR's driver; None: the model's nominal
     values."""
@@ -70,25 +77,26 @@ class Scene(BaseModel):
     gravity: PositiveFloat = 9.81
     """Acceleration of gravity [m/s^2]."""
     inertia: dict[str, LinkInertia] | None = None
-    """Inertia of links by name, if calibration has changed it from the robot's data."""
+    """Inertia of links by name, where calibration has changed it. None: the robot's data."""
     inertia_error: NonNegativeFloat = 0.0
     """Relative standard deviation of the mass of each link. A stream estimates the masses in free motion;
     their remaining uncertainty is not mistaken for a contact."""
     tool: Tool | None = None
-    """The tool or payload mounted on the tool flange."""
+    """The tool or payload mounted on the tool flange; None: there is none."""
     base_wrench: WrenchSensor | None = WrenchSensor()
-    """Force/torque sensor under the base, or none."""
+    """Force/torque sensor under the base; None: there is none."""
     joint_torque: JointTorqueSensor | None = JointTorqueSensor()
-    """Joint torques, or none."""
+    """Signal of the joint torques; None: there is none."""
     wrist_wrench: WrenchSensor | None = None
-    """Force/torque sensor between tool flange and tool, or none. Its frame is given in the flange's frame."""
+    """Force/torque sensor between tool flange and tool; None: there is none. Its frame is given in the
+    flange's frame."""
     touchable: tuple[str, ...] | None = None
     """Names of the links that can be touched; None: all. The others take no computing time."""
     detail: Literal["coarse", "fine", "skin"] = "fine"
     """Level of detail of the surface. `coarse`: one or two bodies per link; `fine`: the fitted union of
     primitives; `skin`: the same, then the contact is moved onto the links' meshes."""
     meshes: Path | None = None
-    """For `detail: skin`: folder of visual meshes, LINK.ply in each link's frame [m]. Those of UR3e and UR5e
+    """Folder of visual meshes for `detail: skin`, LINK.ply in each link's frame [m]. Those of UR3e and UR5e
     are part of the package airo-models and need no folder."""
     friction: PositiveFloat = 0.5
     """Coefficient of friction between the arm and what touches it: contact forces are rarely inclined further
@@ -107,7 +115,7 @@ class Scene(BaseModel):
     of a joint cannot be touched."""
     surface_error: PositiveFloat | None = None
     """Standard deviation of the primitives' distance from the real surface [m]. None: that of the library's
-    arms at this level of detail, `SURFACE_ERROR`."""
+    arms at this level of detail: 0.0005, with `coarse` 0.004."""
     bandwidth: PositiveFloat = 10.0
     """Cut-off frequency of the momentum observer [Hz]: lower is less noisy, higher is faster."""
     bias_time: PositiveFloat | None = 10.0
@@ -120,6 +128,24 @@ class Scene(BaseModel):
     """False-alarm rate of a stream: how often noise alone may appear as a contact [1/h]."""
     clear: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
     """A candidate less probable than this is reported as `ambiguous`."""
+
+    def __init__(self, **fields: Any) -> None:
+        try:
+            super().__init__(**fields)
+        except ValidationError as error:
+            raise SceneError(describe(error)) from None
+
+    @field_validator("mounting", mode="before")
+    @classmethod
+    def _is_mounting(cls, mounting: Any) -> Any:
+        if isinstance(mounting, str) and mounting in _MOUNTINGS:
+            return mounting
+        try:
+            return within_one_turn(TypeAdapter(Vector).validate_python(mounting))
+        except ValidationError:
+            raise ValueError(
+                f"expected {', '.join(_MOUNTINGS)} or roll, pitch, yaw in rad, got {mounting!r}"
+            ) from None
 
     @model_validator(mode="before")
     @classmethod
@@ -150,6 +176,7 @@ class Scene(BaseModel):
         for name in self.touchable or ():
             if name not in self.link_names:
                 raise ValueError(f"touchable: expected links of {', '.join(self.link_names)}, got {name!r}")
+        self._has_surface()
         for name in self.inertia or ():
             if name not in self.robot.link_names:
                 raise ValueError(
@@ -185,8 +212,18 @@ class Scene(BaseModel):
             raise SceneError(f"{path}: expected fields such as `robot: ur5e`, got {type(content).__name__}")
         try:
             return cls(**content)
-        except ValidationError as error:
-            raise SceneError(f"{path}: {describe(error)}") from None
+        except SceneError as error:
+            raise SceneError(f"{path}: {error}") from None
+
+    def _has_surface(self) -> None:
+        """Raise a ValueError if no link can be touched: no contact could ever be explained."""
+        bare = {link.name for link in self.robot.links if not link.primitives}
+        if bare.issuperset(self.link_names if self.touchable is None else self.touchable):
+            field = "robot" if self.touchable is None else "touchable"
+            raise ValueError(
+                f"{field}: expected at least one link with a surface, got none on {self.robot.name}; "
+                "`contactsense decompose` makes surfaces from meshes"
+            )
 
     @property
     def surface_deviation(self) -> float:
@@ -216,14 +253,3 @@ def _has_one_per_joint(place: str, part: BaseModel, joints: int) -> None:
         if isinstance(value, tuple) and len(value) != joints:
             what = "names" if field == "fields" else "numbers"
             raise ValueError(f"{place}.{field}: expected {joints} {what}, got {len(value)}")
-
-
-def describe(error: ValidationError) -> str:
-    """All errors in one line: field, expected value, given value."""
-    parts = []
-    for item in error.errors(include_url=False):
-        field = ".".join(str(key) for key in item["loc"])
-        message = item["msg"].removeprefix("Value error, ")
-        got = "" if item["type"] in {"missing", "value_error"} else f", got {item['input']!r}"
-        parts.append(f"{field}: {message}{got}" if field else f"{message}{got}")
-    return "; ".join(parts)

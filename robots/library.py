@@ -7,6 +7,11 @@ from contactsense.robots import yaml_schema as schema
 from contactsense.robots.robot import Robot
 from contactsense.robots.yaml_schema import RobotError
 
+MESH_SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
+"""Endings of the files of meshes."""
+URDF_SUFFIXES = (".urdf", ".xml", ".xacro", ".sdf")
+"""Endings of files that are read as URDF; those that are another format are refused with a hint."""
+
 
 class UnknownRobotError(RobotError):
     """A name that is not in the library; the message lists the available names."""
@@ -31,8 +36,10 @@ def load(name: str | Path) -> Robot:
         RobotError: the file is missing or wrong; the message names the field.
     """
     path = Path(name)
-    if path.suffix == ".urdf":
+    if path.suffix in URDF_SUFFIXES:
         return from_urdf(path)
+    if path.suffix in MESH_SUFFIXES:
+        raise RobotError(f"{path}: a mesh, not an arm; is it a tool? contactsense decompose {path} --as-tool")
     if path.suffix != ".yaml":
         if str(name) not in names():
             known = ", ".join(names())
@@ -51,7 +58,8 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
 
     Args:
         path: The URDF.
-        tip: Last link of the arm; by default, that of the longest chain of revolute joints.
+        tip: Last link of the arm; by default, the one that `<name>.surface.yaml` names, else the end of the
+            longest chain of revolute joints, without a gripper's fingers.
         name: Name of the robot; by default, the one in the URDF.
 
     Raises:
@@ -60,9 +68,21 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
     """
     from contactsense.robots import urdf
 
-    robot = urdf.from_urdf(path, tip, name)
     surface = Path(path).with_suffix(".surface.yaml")
-    return schema.with_surface(robot, surface) if surface.exists() else robot
+    if not surface.exists():
+        return urdf.from_urdf(path, tip, name)
+    fitted = schema.read_surface(surface).tip
+    if tip is not None and tip != fitted:
+        raise RobotError(
+            f"{surface}: tip: expected {tip}, but it was made for {fitted or 'the longest chain'}"
+        )
+    return schema.with_surface(urdf.from_urdf(path, fitted, name), surface)
+
+
+def in_library(robot: Robot) -> bool:
+    """Whether the robot was read from the library's file of its name, and has that file's links."""
+    path = _folder() / f"{robot.name}.yaml"
+    return robot.file == path and robot.link_names == schema.robot(path).link_names
 
 
 def surface_file(name: str) -> Path:

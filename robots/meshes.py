@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from contactsense.robots.library import MESH_SUFFIXES
 from contactsense.robots.link_poses import joint_pose
 from contactsense.robots.robot import Joint, Robot
 from contactsense.robots.yaml_schema import RobotError
-
-SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
 
 _PLATE = 3.0
 """Edge length of the plate that represents the mounting surface of a base [m]."""
@@ -26,8 +25,9 @@ def read_mesh(path: Path, scale: float | np.ndarray = 1.0) -> trimesh.Trimesh:
         raise RobotError(f"{path}: no such mesh")
     try:
         loaded = trimesh.load(path, force="mesh", process=False)
-    except (ValueError, NotImplementedError, KeyError, IndexError) as error:
-        raise RobotError(f"{path}: not readable as a mesh: {error}") from error
+    except Exception as error:  # the parsers of five formats raise whatever they stumble over
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RobotError(f"{path}: not readable as a mesh: {reason}") from error
     if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
         raise RobotError(f"{path}: holds no surface")
     loaded.apply_transform(np.diag([*np.broadcast_to(scale, 3), 1.0]))
@@ -36,7 +36,7 @@ def read_mesh(path: Path, scale: float | np.ndarray = 1.0) -> trimesh.Trimesh:
     return loaded
 
 
-def check_unit(mesh: trimesh.Trimesh, where: str) -> None:
+def check_unit(mesh: trimesh.Trimesh, where: str, remedy: str = "set the mesh's scale") -> None:
     """Reject meshes that are obviously not in metres.
 
     Raises:
@@ -44,14 +44,14 @@ def check_unit(mesh: trimesh.Trimesh, where: str) -> None:
     """
     extent = float(np.linalg.norm(mesh.extents))
     if not 0.005 < extent < 5.0:
-        raise RobotError(f"{where}: {extent:.3g} m across: not in metres? Set the mesh's scale")
+        raise RobotError(f"{where}: {extent:.3g} m across: not in metres? Then {remedy}")
 
 
 def from_folder(folder: Path, names: tuple[str, ...]) -> dict[str, trimesh.Trimesh]:
     """Meshes named after the links, each in its link's frame, in metres.
 
     Args:
-        folder: Contains `<link>.ply`, or a file with another of `SUFFIXES`.
+        folder: Contains `<link>.ply`, or a file with another of `MESH_SUFFIXES`.
         names: The links, all of which are needed.
 
     Raises:
@@ -61,10 +61,12 @@ def from_folder(folder: Path, names: tuple[str, ...]) -> dict[str, trimesh.Trime
         raise RobotError(f"{folder}: no such folder of meshes")
     meshes = {}
     for name in names:
-        found = [folder / f"{name}{suffix}" for suffix in SUFFIXES if (folder / f"{name}{suffix}").exists()]
+        found = [
+            folder / f"{name}{suffix}" for suffix in MESH_SUFFIXES if (folder / f"{name}{suffix}").exists()
+        ]
         if not found:
             raise RobotError(
-                f"{folder}: no mesh for link {name} ({name}.ply, or one of {', '.join(SUFFIXES[1:])})"
+                f"{folder}: no mesh for link {name} ({name}.ply, or one of {', '.join(MESH_SUFFIXES[1:])})"
             )
         meshes[name] = read_mesh(found[0])
         check_unit(meshes[name], str(found[0]))

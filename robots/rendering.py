@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import sqrt
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -179,6 +180,18 @@ def side_by_side(images: Sequence[np.ndarray]) -> np.ndarray:
             np.pad(image, ((missing // 2, missing - missing // 2), (4, 4), (0, 0)), constant_values=255)
         )
     return np.concatenate(padded, axis=1)
+
+
+def caption(text: str, width: int, height: int = 24) -> np.ndarray:
+    """A line of text, black on white, shape (height, width, 3)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0)
+    figure.text(8.0 / width, 0.5, text, va="center", fontsize=10)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.array(canvas.buffer_rgba())[:height, :width, :3]
 
 
 def save(image: np.ndarray, path: str | Path) -> None:

@@ -1,6 +1,7 @@
 """Description of an arm: a serial chain of links and joints, with their inertia and surface. Frozen data."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -93,6 +94,12 @@ class Robot:
     """Orientation of the tool flange in the last link's frame, shape (3, 3)."""
     flange_translation: np.ndarray = field(default_factory=lambda: np.zeros(3))
     """Origin of the tool flange in the last link's frame [m], shape (3,)."""
+    file: Path | None = None
+    """File that the arm was read from; None if it was built otherwise."""
+    tip: str | None = None
+    """Last link of the arm in that URDF, if it was named."""
+    held: tuple[str, ...] = ()
+    """Movable joints of that URDF that are not the arm's, such as a gripper's; they are held at zero."""
 
     def __post_init__(self) -> None:
         if len(self.links) != len(self.joints) + 1:

@@ -13,9 +13,10 @@ class Tool(BaseModel):
     """Something rigidly mounted on the tool flange; without primitives it only has weight and cannot be
     touched."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
     name: str = "tool"
+    """Name of the link in estimates."""
     mass: NonNegativeFloat = 0.0
     """Mass [kg]."""
     com: Vector = (0.0, 0.0, 0.0)
@@ -23,7 +24,7 @@ class Tool(BaseModel):
     tensor: _Tensor = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     """Inertia about the centre of mass, flange axes, as ixx, ixy, ixz, iyy, iyz, izz [kg m^2]."""
     primitives: tuple[Primitive, ...] = Field(default=())
-    """Surface, flange frame."""
+    """Surface, flange frame [m]; without, the tool cannot be touched. docs/geometry.md lists the kinds."""
 
     @property
     def inertia(self) -> Inertia:

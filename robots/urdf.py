@@ -1,27 +1,29 @@
 """Read a URDF as a `Robot`, and the visual meshes of its links.
 
 The arm is the chain of revolute joints from the root to the tip. Links attached by fixed joints become part
-of the link that carries them, and so do links behind other movable joints that branch off (a gripper's
-fingers), which are fixed at zero.
+of the link that carries them, and so do links behind other movable joints, such as a gripper's, which are
+held at zero and named in `Robot.held`.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import ParseError
 
 import numpy as np
 import trimesh
-import yourdfpy
 
+from contactsense.robots.arm_chain import MOVING, longest_way, way_to
 from contactsense.robots.meshes import check_unit, read_mesh
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
+from contactsense.robots.urdf_document import TURNING, read_document
 from contactsense.robots.yaml_schema import RobotError
 
-_TURNING = ("revolute", "continuous")
-_KNOWN = (*_TURNING, "fixed", "prismatic")
+_INERTIA_TOLERANCE = 0.01
+"""Relative error of rounded inertia tensors."""
+_LIGHT = 1e-3
+"""The inertia of a lighter link is a placeholder [kg]."""
 
 MeshReader = Callable[[Path, np.ndarray], trimesh.Trimesh]
 
@@ -66,7 +68,8 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
 
     Args:
         path: The URDF.
-        tip: Last link of the arm; by default, that of the longest chain of revolute joints.
+        tip: Last link of the arm; by default, the end of the longest chain of revolute joints, without a
+            gripper's fingers.
         name: Name of the robot; by default, the one in the URDF.
 
     Raises:
@@ -78,47 +81,73 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
 def read_chain(path: str | Path, tip: str | None = None, name: str | None = None) -> Chain:
     """Read a URDF for its arm and its meshes; see `from_urdf`."""
     path = Path(path)
-    if not path.exists():
-        raise RobotError(f"{path}: no such file")
-    try:
-        loaded = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=False)
-    except (ParseError, SyntaxError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise RobotError(f"{path}: no valid URDF: {' '.join(str(error).split())}") from error
-    model = loaded.robot
+    model = read_document(path)
     joints = {joint.name: joint for joint in model.joints}
     links = {link.name: link for link in model.links}
-    for joint in joints.values():
-        if joint.type not in _KNOWN:
-            raise RobotError(f"{path}: joint {joint.name}: {joint.type} joints are not supported")
-        for end in (joint.parent, joint.child):
-            if end not in links:
-                raise RobotError(f"{path}: joint {joint.name}: there is no link {end}")
     parent = {joint.child: joint for joint in joints.values()}
-    roots = [link for link in links if link not in parent]
-    if len(roots) != 1:
-        raise RobotError(f"{path}: expected one root link, got {', '.join(roots) or 'a ring'}")
+    root = _root(path, links, parent)
     if tip is not None and tip not in links:
         raise RobotError(f"{path}: there is no link {tip}; links are {', '.join(links)}")
-    # Path from each link to the root; the arm is the one with the largest number of revolute joints.
-    ways = {link: _way(link, parent) for link in ([tip] if tip else links)}
-    best = max(ways, key=lambda link: (sum(joint.type in _TURNING for joint in ways[link]), -len(ways[link])))
-    way = ways[best]
+    way = way_to(tip, parent) if tip else longest_way(list(links), parent)
     for joint in way:
         if joint.type == "prismatic":
             raise RobotError(f"{path}: joint {joint.name}: prismatic joints are supported off the arm only")
-    turning = [joint for joint in way if joint.type in _TURNING]
+        if joint.mimic is not None:
+            raise RobotError(
+                f"{path}: joint {joint.name} follows {joint.mimic.joint}: expected an arm whose joints move "
+                "by themselves; name its last link as tip"
+            )
+    turning = [joint for joint in way if joint.type in TURNING]
     if not turning:
-        raise RobotError(f"{path}: no revolute joint")
-    names = [roots[0], *(joint.child for joint in turning)]
+        raise RobotError(
+            f"{path}: no revolute joint; is it a tool? Then contactsense decompose {path} --as-tool"
+        )
+    held = tuple(joint.name for joint in joints.values() if joint.type in MOVING and joint not in turning)
+    names = [root, *(joint.child for joint in turning)]
     parts = {link: _rigid(link, joints.values(), {joint.name for joint in turning}) for link in names}
     arm_links = [_link(path, link, parts[link], links) for link in names]
     arm_joints = [_joint(path, joint, parts[names[i]]) for i, joint in enumerate(turning)]
-    robot = Robot(name=name or model.name or path.stem, links=tuple(arm_links), joints=tuple(arm_joints))
-    if tip is not None:
-        pose = dict(parts[names[-1]])[tip]
-        robot = Robot(robot.name, robot.links, robot.joints, pose[:3, :3], pose[:3, 3])
+    flange = np.eye(4) if tip is None else dict(parts[names[-1]])[tip]
+    robot = Robot(
+        name=name or model.name or path.stem,
+        links=tuple(arm_links),
+        joints=tuple(arm_joints),
+        flange_rotation=flange[:3, :3],
+        flange_translation=flange[:3, 3],
+        file=path,
+        tip=tip,
+        held=held,
+    )
     model.link_map = links
     return Chain(path, robot, parts, model)
+
+
+def read_rigid(path: Path) -> tuple[trimesh.Trimesh, Inertia, tuple[str, ...]]:
+    """A URDF as one rigid body: its visual surface and its inertia, in the frame of its root link, and its
+    movable joints, which are held at zero.
+
+    Raises:
+        RobotError: the file or an element in it cannot be used.
+    """
+    model = read_document(path)
+    links = {link.name: link for link in model.links}
+    parent = {joint.child: joint for joint in model.joints}
+    root = _root(path, links, parent)
+    model.link_map = links
+    parts = {root: _rigid(root, model.joints, set())}
+    body = _link(path, root, parts[root], links).inertia
+    held = tuple(joint.name for joint in model.joints if joint.type in MOVING)
+    meshes = Chain(path, Robot(root, (Link(root, body),), ()), parts, model).meshes()
+    if not meshes:
+        raise RobotError(f"{path}: no link has a visual shape")
+    return meshes[root], body, held
+
+
+def _root(path: Path, links: dict[str, Any], parent: dict[str, Any]) -> str:
+    roots = [link for link in links if link not in parent]
+    if len(roots) != 1:
+        raise RobotError(f"{path}: expected one root link, got {', '.join(roots) or 'a ring'}")
+    return roots[0]
 
 
 def visuals(path: Path, link: Any) -> list[trimesh.Trimesh]:
@@ -161,18 +190,6 @@ def find_mesh(path: Path, name: str) -> Path:
     raise RobotError(f"{path}: mesh {name} is missing")
 
 
-def _way(link: str, parent: dict[str, Any]) -> list[Any]:
-    """Joints from the root to a link."""
-    way: list[Any] = []
-    while link in parent:
-        joint = parent[link]
-        if joint in way:
-            break
-        way.append(joint)
-        link = joint.parent
-    return way[::-1]
-
-
 def _rigid(link: str, joints: Any, moving: set[str]) -> list[tuple[str, np.ndarray]]:
     """A link and all links attached to it without a joint of the arm in between, with their poses in it."""
     found = [(link, np.eye(4))]
@@ -198,7 +215,20 @@ def _link(path: Path, name: str, parts: list[tuple[str, np.ndarray]], links: dic
         except ValueError as error:
             raise RobotError(f"{path}: link {part}: {error}") from error
         total = join_inertia(total, move_inertia(own, placed[:3, :3], placed[:3, 3]))
+    _check_tensor(path, name, total)
     return Link(name, total)
+
+
+def _check_tensor(path: Path, link: str, body: Inertia) -> None:
+    """Refuse an inertia that no body has: principal moments are positive, and none exceeds the sum of the
+    others; a point mass has none."""
+    low, middle, high = np.linalg.eigvalsh(body.tensor)
+    limit = _INERTIA_TOLERANCE * abs(high)
+    if body.mass > _LIGHT and (low < -limit or high > low + middle + limit):
+        raise RobotError(
+            f"{path}: link {link}: inertia: no body has principal moments of {low:.3g}, {middle:.3g}, "
+            f"{high:.3g} kg m^2; the largest may not exceed the sum of the others"
+        )
 
 
 def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint:
@@ -209,6 +239,11 @@ def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint
     limit = joint.limit
     if joint.type == "revolute" and (limit is None or limit.lower is None or limit.upper is None):
         raise RobotError(f"{path}: joint {joint.name}: a revolute joint needs lower and upper limits")
+    if joint.type == "revolute" and limit.lower > limit.upper:
+        raise RobotError(
+            f"{path}: joint {joint.name}: limits: expected lower <= upper, got {limit.lower:g} and "
+            f"{limit.upper:g} rad"
+        )
     bounds = (float(limit.lower), float(limit.upper)) if joint.type == "revolute" else (-np.inf, np.inf)
     return Joint(
         name=joint.name,

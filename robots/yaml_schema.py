@@ -130,6 +130,8 @@ class SurfaceEntry(_Entry):
     """`<name>.surface.yaml`: primitives by link."""
 
     robot: str
+    tip: str | None = None
+    """Last link of the arm in its URDF, if it was named."""
     fit_seconds: float = 0.0
     """Duration of the fit on the machine that ran it [s]."""
     links: dict[str, LinkSurface]
@@ -184,6 +186,7 @@ def robot(path: Path) -> Robot:
         joints=tuple(joint.joint() for joint in entry.joints),
         flange_rotation=rotation_from_rpy(entry.flange.rpy),
         flange_translation=np.array(entry.flange.xyz),
+        file=path,
     )
     beside = path.with_suffix(".surface.yaml")
     return with_surface(bare, beside) if beside.exists() else bare

@@ -11,14 +11,15 @@ from pydantic import BaseModel
 
 from contactsense.robots.tool import Tool
 from contactsense.scene import Scene
-from contactsense.sensors.settings import Friction, JointTorqueSensor, WrenchSensor
+from contactsense.sensors.settings import Friction, JointTorqueSensor, LinkInertia, WrenchSensor
 from contactsense.service.cli.main import cli
+from contactsense.service.scene.page import scene_page
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(
     [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")], key=lambda page: page.name
 )
-CELL = (ROOT / "docs" / "cell.md").read_text(encoding="utf-8")
+SCENE = (ROOT / "docs" / "scene.md").read_text(encoding="utf-8")
 pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 
@@ -111,7 +112,7 @@ def test_the_first_touch_in_python_runs(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_the_scene_of_a_cell_loads(tmp_path: Path) -> None:
-    example = re.search(r"```yaml\n(.*?)```", CELL, re.DOTALL)
+    example = re.search(r"```yaml\n(.*?)```", SCENE, re.DOTALL)
     assert example is not None
     path = tmp_path / "scene.yaml"
     path.write_text(example[1], encoding="utf-8")
@@ -120,11 +121,13 @@ def test_the_scene_of_a_cell_loads(tmp_path: Path) -> None:
     assert scene.orientation.magnitude() == pytest.approx(yaml.safe_load(example[1])["mounting"][1])
 
 
-@pytest.mark.parametrize("model", [Scene, WrenchSensor, JointTorqueSensor, Friction, Tool])
-def test_the_cell_page_names_every_field(model: type[BaseModel]) -> None:
-    rows = re.findall(r"^(?:- |`tool`:)(.*)$", CELL, re.MULTILINE)
-    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
-    assert set(model.model_fields) <= named
+@pytest.mark.parametrize("model", [Scene, WrenchSensor, JointTorqueSensor, Friction, Tool, LinkInertia])
+def test_the_scene_page_names_every_field(model: type[BaseModel]) -> None:
+    assert set(model.model_fields) <= set(re.findall(r"^\| `(\w+)` \|", SCENE, re.MULTILINE))
+
+
+def test_the_scene_page_is_what_the_code_says() -> None:
+    assert scene_page() == SCENE, "python -m contactsense.service.scene.page > docs/scene.md"
 
 
 def test_figures_of_the_readme_are_those_of_the_results() -> None:

@@ -23,7 +23,7 @@ from contactsense.sensors.settings import Friction
 
 GROUPS: tuple[Group, ...] = ("payload", "bias", "coulomb", "viscous", "rotor", "gain", "wrench_bias", "delay")
 _NORMAL_95 = 1.96
-_CENTER = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
+CENTER = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
 _VELOCITY = 0.05
 
 
@@ -56,10 +56,8 @@ def measure(runs: int, seconds: float, rate: float, show: bool = False) -> dict[
 def scores_of(seed: int, seconds: float, rate: float) -> list[tuple[Group, float]]:
     """One recording: group of each estimated parameter, and its error in units of the stated standard
     deviation."""
-    truth, gain, start = _draw(np.random.default_rng(seed))
-    motion = FourierTrajectory.draw(
-        np.random.default_rng(seed + 10_000), _CENTER, np.full(6, 0.7), 8, seconds
-    )
+    truth, gain, start = draw(np.random.default_rng(seed))
+    motion = FourierTrajectory.draw(np.random.default_rng(seed + 10_000), CENTER, np.full(6, 0.7), 8, seconds)
     recording = simulate(truth, motion, seed, rate, gain)
     found = calibrate(start, [recording], Settings(GROUPS, widths=False))
     true = CalibrationModel.of(truth).with_values(gain=gain)
@@ -70,7 +68,7 @@ def scores_of(seed: int, seconds: float, rate: float) -> list[tuple[Group, float
     ]
 
 
-def _draw(rng: np.random.Generator) -> tuple[Scene, np.ndarray, Scene]:
+def draw(rng: np.random.Generator) -> tuple[Scene, np.ndarray, Scene]:
     """The truth, its torque constants relative to the stated ones, and the scene given to calibration."""
     scale = np.array([8.0, 7.0, 4.0, 1.5, 1.2, 1.0])
 

@@ -6,6 +6,8 @@ motor current, and a last group that in collision_* is the authors' own estimate
 
 import gzip
 import json
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +19,12 @@ from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene
 from contactsense.benchmarks import options
-from contactsense.calibration import FreeMotion, Settings, calibrate
+from contactsense.calibration import FreeMotion, Settings, SuspectedContact, calibrate
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.parameters import Group
-from contactsense.calibration.recording_residuals import residuals
-from contactsense.calibration.residual_jacobian import settled_samples
+from contactsense.calibration.recording_residuals import residuals, settled_samples
 from contactsense.residuals.sensor_consistency import NO_CONTACT
+from contactsense.robots.tool import Tool
 from contactsense.service.sensors.signal_mapping import torque_constants
 
 IDENTIFICATION = (
@@ -31,9 +33,22 @@ IDENTIFICATION = (
     "ur-20_02_10-30sec_12harm",
     "ur-20_02_19_15harm50sec",
 )
+JOINTWISE = tuple(f"jointwise-joint_{j}" for j in range(1, 7))
+"""One joint at a time, up to hard stops; calibration has not seen them."""
+LOADED = ("ur-20_01_31-load", "ur-20_02_19_15harm50secLoad")
+"""With a payload at the flange, which is estimated from each file: it was mounted differently."""
 FREE = ("validation-p1", "validation-p2", "validation-p9", "validation-ptp_10_points", "collision_free")
 TOUCHED = ("collision_forearm", "push_pose_1")
 _GROUPS: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "links")
+_PAYLOAD = 3.0, 0.05
+"""Where the estimate of a payload starts: mass [kg], height of its centre of mass above the flange [m]."""
+_LARGEST = 1e6
+"""Larger values are damaged [s, rad, rad/s, A]."""
+_GROUP_TITLES = {
+    "identification": "which calibration has seen",
+    "jointwise": "one joint at a time, hard stops",
+    "loaded": "payload estimated from the same file",
+}
 _PAUSE = 0.3
 """Alarms separated by less than this belong to one contact [s]."""
 
@@ -41,11 +56,13 @@ _PAUSE = 0.3
 def read(path: Path, scene: Scene) -> tuple[FreeMotion, np.ndarray]:
     """One file: motion and torques, and its last group of columns, shape (N, n).
 
-    Truncated lines are skipped (two files end in one).
+    Truncated and damaged lines are skipped: two files end in a truncated one, one begins with nine damaged.
     """
     with gzip.open(path, "rt") as lines:
         rows = [line.strip().split(",") for line in lines]
     table = np.array([row for row in rows if len(row) == len(rows[0])], dtype=float)
+    table = table[np.abs(table).max(axis=1) < _LARGEST]
+    table = table[np.diff(np.maximum.accumulate(table[:, 0]), prepend=-np.inf) > 0.0]
     torque = table[:, 13:19] * torque_constants(scene)
     return FreeMotion(table[:, 0], table[:, 1:7], table[:, 7:13], torque, None, path.name), table[:, 19:25]
 
@@ -75,16 +92,39 @@ def measure(folder: Path) -> dict[str, Any]:
         energy, onsets = _stream_energies(found.scene, recording)
         t = recording.t - recording.t[0]
         touched[name] = {"touches": _touches(t, energy, threshold), "onsets": _since(recording, onsets)}
-    onsets_by_name = {}
-    for name in IDENTIFICATION:
-        recording, _ = file(name)
-        onsets_by_name[name] = _since(recording, _stream_energies(found.scene, recording)[1])
+    by_group: dict[str, dict[str, list[float]]] = {"identification": {}, "jointwise": {}, "loaded": {}}
+    seconds = sum(_duration(file(name)[0]) for name in FREE)
+    for group, names in (("identification", IDENTIFICATION), ("jointwise", JOINTWISE), ("loaded", LOADED)):
+        for name in names:
+            recording, _ = file(name)
+            own = _with_payload(found.scene, recording) if group == "loaded" else found.scene
+            by_group[group][name] = _since(recording, _stream_energies(own, recording)[1])
+            seconds += _duration(recording)
     return {
         "free": free,
         "threshold": threshold,
         "touched": touched,
-        "identification": onsets_by_name,
+        **by_group,
+        "free_seconds": seconds,
         "warnings": list(found.warnings),
+    }
+
+
+def _duration(recording: FreeMotion) -> float:
+    return float(recording.t[-1] - recording.t[0])
+
+
+def _with_payload(scene: Scene, recording: FreeMotion) -> Scene:
+    """The scene with the payload at the flange that this recording shows."""
+    unknown = Tool(name="payload", mass=_PAYLOAD[0], com=(0.0, 0.0, _PAYLOAD[1]))
+    return calibrate(scene.model_copy(update={"tool": unknown}), [recording], Settings(("payload",))).scene
+
+
+def left_out(folder: Path, names: Sequence[str]) -> dict[str, list[SuspectedContact]]:
+    """Calibrate on each file alone: the stretches in which something seems to push on the arm."""
+    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+    return {
+        name: list(calibrate(scene, [read(folder / f"{name}.csv.gz", scene)[0]]).contacts) for name in names
     }
 
 
@@ -126,12 +166,32 @@ def _touches(t: np.ndarray, energy: np.ndarray, threshold: float) -> list[dict[s
     ]
 
 
+def _print_left_out(folder: Path, as_json: bool) -> None:
+    try:
+        # The motion of the first joint alone, about the vertical, determines too few parameters.
+        found = left_out(folder, IDENTIFICATION + JOINTWISE[1:] + FREE + TOUCHED)
+    except FileNotFoundError as error:
+        raise click.ClickException(f"{error.filename}: no such recording") from None
+    if as_json:
+        click.echo(json.dumps({name: [asdict(c) for c in stretches] for name, stretches in found.items()}))
+        return
+    for name, stretches in found.items():
+        times = ", ".join(f"{contact.start:.2f} to {contact.stop:.2f} s" for contact in stretches)
+        click.echo(f"{name}: {times or 'nothing left out'}")
+
+
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option(
+    "--left-out", "alone", is_flag=True, help="Only calibrate on each file alone, and list what is left out."
+)
 @options.as_json
-def recordings(folder: Path, as_json: bool) -> None:
+def recordings(folder: Path, alone: bool, as_json: bool) -> None:
     """Calibrate on the identification files in FOLDER, and print residuals of free motion and the touches
     that stand out from them."""
+    if alone:
+        _print_left_out(folder, as_json)
+        return
     with Console(stderr=True).status("calibrating and measuring: a minute or two"):
         try:
             result = measure(folder)
@@ -156,6 +216,8 @@ def recordings(folder: Path, as_json: bool) -> None:
         console.print(f"  {len(onsets)} onsets in the stream: {', '.join(f'{t:.2f}' for t in onsets)} s")
         for touch in touches:
             console.print(f"  {touch['start']:6.2f} to {touch['stop']:6.2f} s, energy {touch['energy']:.0f}")
-    for name, onsets in result["identification"].items():
-        times = ", ".join(f"{t:.2f} s" for t in onsets) or "none"
-        console.print(f"{name}, which calibration has seen: onsets: {times}")
+    for group, what in _GROUP_TITLES.items():
+        for name, onsets in result[group].items():
+            times = ", ".join(f"{t:.2f} s" for t in onsets) or "none"
+            console.print(f"{name}, {what}: onsets: {times}")
+    console.print(f"free motion in all: {result['free_seconds']:.0f} s")

@@ -4,17 +4,54 @@ The dynamics are the mock's, which share no code with the estimator's; friction 
 here in NumPy, from the same formulas.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from contactsense import Scene
 from contactsense.calibration import FreeMotion
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.robots import Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
-from contactsense.service.mock.newton_euler import inverse_dynamics
+from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics, link_poses
 from contactsense.service.sensors.signal_mapping import WrenchMap
+
+
+class Motion(Protocol):
+    """A motion from rest to rest, such as a `FourierTrajectory`."""
+
+    @property
+    def period(self) -> float:
+        """Duration [s]."""
+
+    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions [rad], velocities [rad/s] and accelerations [rad/s^2] at times t, shape (N, n) each."""
+
+
+@dataclass(frozen=True)
+class Push:
+    """A force that rises, holds and falls, constant in base axes."""
+
+    link: int
+    """Number of the link (base: 0)."""
+    point: tuple[float, float, float]
+    """In the link's frame [m]."""
+    force: tuple[float, float, float]
+    """On the arm, base axes [N]."""
+    start: float
+    stop: float
+    """[s]"""
+    rise: float = 0.15
+    """Time to rise and to fall, at most half of the push [s]."""
+
+    def load(self, arm: Robot, t: np.ndarray, q: np.ndarray) -> LinkLoad:
+        """The push at times t [s], shape (N,), and postures q [rad], shape (N, n)."""
+        rise = min(self.rise, 0.5 * (self.stop - self.start))
+        level = np.clip(np.minimum(t - self.start, self.stop - t) / rise, 0.0, 1.0)
+        orientation = link_poses(arm, q)[0][self.link]
+        force = level[:, None] * (np.swapaxes(orientation, 1, 2) @ np.array(self.force))
+        return LinkLoad(self.link, force, np.cross(np.array(self.point), force))
 
 
 def arm_of(scene: Scene) -> Robot:
@@ -35,10 +72,11 @@ def arm_of(scene: Scene) -> Robot:
 
 def simulate(
     scene: Scene,
-    motion: FourierTrajectory,
+    motion: Motion,
     seed: int,
     rate: float = 500.0,
     gain: np.ndarray | None = None,
+    pushes: Sequence[Push] = (),
 ) -> FreeMotion:
     """Readings of the sensors of `scene` during a motion.
 
@@ -48,12 +86,14 @@ def simulate(
         seed: Seed of the noise.
         rate: Sample rate [Hz].
         gain: True over stated torque constants, shape (n,); None: they are correct.
+        pushes: What touches the arm, and when.
     """
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, motion.period, 1.0 / rate)
     q, qd, qdd = motion.at(t)
     arm, gravity = arm_of(scene), tuple(float(x) for x in scene.gravity_base)
-    torque, wrench = inverse_dynamics(arm, q, qd, qdd, (), gravity)  # type: ignore[arg-type]
+    loads = [push.load(arm, t, q) for push in pushes]
+    torque, wrench = inverse_dynamics(arm, q, qd, qdd, loads, gravity)  # type: ignore[arg-type]
     reading = signal = None
     if scene.joint_torque is not None:
         static_torque, _ = inverse_dynamics(arm, q, 0.0 * q, 0.0 * q, (), gravity)  # type: ignore[arg-type]
@@ -72,7 +112,9 @@ def simulate(
     if scene.base_wrench is not None:
         base = scene.base_wrench
         if base.delay != 0.0:
-            wrench = inverse_dynamics(arm, *motion.at(t - base.delay), (), gravity)[1]  # type: ignore[arg-type]
+            earlier = motion.at(t - base.delay)
+            loads = [push.load(arm, t - base.delay, earlier[0]) for push in pushes]
+            wrench = inverse_dynamics(arm, *earlier, loads, gravity)[1]  # type: ignore[arg-type]
         reading = WrenchMap.of(base).reading(wrench)
         reading += rng.standard_normal(reading.shape) * np.repeat([base.force_noise, base.moment_noise], 3)
     return FreeMotion(t, q, qd, signal, reading, f"simulated recording {seed}")

@@ -1,5 +1,5 @@
 """`contactsense bench smoothing FOLDER`: contacts on moving arms: the live answer at their end compared with
-the answer from all of their samples and with the limit given by the readings."""
+the answer from all of their samples and with the limits given by the readings."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,7 @@ from contactsense import Localizer, SampleBlock
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
 from contactsense.benchmarks.motion.command import MODELS, samples, scene_for
 from contactsense.benchmarks.motion.score import FORCE
-from contactsense.benchmarks.motion.smoothing_limit import smoothing_limit
+from contactsense.benchmarks.motion.smoothing_limit import smoothing_limit, true_path
 from contactsense.benchmarks.motion.streams import SUITES, Stream, read, redrawn
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.result_rows import LINK, POINT_BASE
@@ -50,9 +50,12 @@ class Comparison:
     """Error of the live answer [m]."""
     whole: float
     """Error of the answer from the whole contact; that of the live one if there is none [m]."""
+    surface_limit: float
+    """Error of the oracle of `contactsense.benchmarks.motion.smoothing_limit` that knows the surface as the
+    scene does; infinite if two contacts act, if the contact is too short for windows or without a base
+    sensor [m]."""
     limit: float
-    """Error of the oracle of `contactsense.benchmarks.motion.smoothing_limit`; infinite if two contacts act
-    or if the contact is too short for windows [m]."""
+    """Error of the one that is told the real surface [m]."""
     live_all: list[float]
     """Errors of all live answers [m]."""
     whole_all: list[float]
@@ -77,7 +80,10 @@ class Comparer:
     def __init__(self, scene: Scene) -> None:
         """Prepare for `scene`."""
         self._smoother, self._frames = ContactSmoother(scene), Summarizer(scene)
-        self._prior, self._bandwidth = build_constants(scene).prior, scene.bandwidth
+        constants = build_constants(scene)
+        self._surfaces, self._prior, self._bandwidth = constants.surfaces, constants.prior, scene.bandwidth
+        # Torques alone do not determine each window's force, which the oracle takes as free.
+        self._has_limit = scene.base_wrench is not None
 
     def compare(self, history: ContactHistory, stream: Stream) -> Comparison | None:
         """Compare one contact; None if nothing touched at a single place or the touch was too light."""
@@ -105,19 +111,15 @@ class Comparer:
             predicted = float(np.sqrt(np.trace(covariance)))
             covered = bool(error @ np.linalg.solve(covariance, error) <= CHI_SQUARE_90)
         windows = contact_windows(history, self._bandwidth)
-        limit = np.inf
-        if windows is not None and kind != "two at a time":
-            limit = smoothing_limit(
-                stream,
-                history,
-                self._smoother.measurement(history, windows, link),
-                self._prior,
-                self._frames,
-                int(at[last]),
-                kind in ("slide", "press"),
-            ).error
+        limit = surface_limit = np.inf
+        if windows is not None and kind != "two at a time" and self._has_limit:
+            measured = self._smoother.measurement(history, windows, link)
+            slides = kind in ("slide", "press")
+            path = true_path(stream, history, measured, self._frames, int(at[last]), slides)
+            limit = smoothing_limit(path, measured, self._prior).error
+            surface_limit = smoothing_limit(path, measured, self._prior, self._surfaces, link).error
         return Comparison(
-            (stream.run, event), kind, float(live[last]), float(whole[last]), limit,
+            (stream.run, event), kind, float(live[last]), float(whole[last]), surface_limit, limit,
             live[strong].tolist(), whole[strong].tolist(), right, whole_right,
             float(history.link_probability[last, int(history.rows[last, LINK])]),
             probability, predicted, covered,
@@ -143,7 +145,8 @@ def summary(contacts: Sequence[Comparison]) -> dict[str, Any]:
             "whole_right": float(np.mean([c.whole_right for c in answered])) if answered else None,
         },
         "end": {
-            name: _quantiles([getattr(c, name) for c in contacts]) for name in ("live", "whole", "limit")
+            name: _quantiles([getattr(c, name) for c in contacts])
+            for name in ("live", "whole", "surface_limit", "limit")
         },
         "ratio": _ratio(contacts),
         "all_samples": {
@@ -204,15 +207,21 @@ def _event(stream: Stream, row: int) -> tuple[int, str]:
 @click.option(
     "--draws", type=click.IntRange(1), default=3, show_default=True, help="Each contact with so much noise."
 )
+@click.option("--torques-alone", is_flag=True, help="Without the base sensor.")
+@click.option(
+    "--meshes", type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Folder with a folder of visual meshes for each arm, LINK.ply: scenes with `detail: skin`.",
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def smoothing(
     folder: Path, names: tuple[str, ...], suites: tuple[str, ...], levels: tuple[int, ...], model: str,
-    draws: int, as_json: bool,
+    draws: int, torques_alone: bool, meshes: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Compare the last live answer of each contact in FOLDER's ground truth with the whole contact's.
 
-    The arms' contacts are counted together. The limit is the error of an oracle that has the same readings
-    and knows everything but the place: the link, the surface and when the place moves.
+    The arms' contacts are counted together. The limits are errors of oracles that have the same readings and
+    know everything but the place: the link, when the place moves, and the surface, as the scene knows it or
+    as it is.
     """
     streams = {(name, suite): read(folder, name, suite) for name in names for suite in suites}
     rounds = [
@@ -226,7 +235,9 @@ def smoothing(
         for number, name in enumerate(names):
             found += [
                 replace(c, event=(100 * number + c.event[0], c.event[1]))
-                for c in measure(streams[name, suite], noise, wrong, draws)
+                for c in measure(
+                    streams[name, suite], noise, wrong, draws, torques_alone, meshes and meshes / name
+                )
             ]
         for kind in KINDS:
             chosen = [c for c in found if c.kind == kind or (kind == "all" and c.kind != "two at a time")]
@@ -248,7 +259,8 @@ def smoothing(
 
 def _print_table(results: Sequence[dict[str, Any]], names: Sequence[str]) -> None:
     table = Table(
-        title=f"{', '.join(names)}; errors in mm: live / whole contact / limit",
+        title=f"{', '.join(names)}; errors in mm: live / whole contact / limit with the scene's surface / "
+        "limit with the real one",
         caption=(
             "answers: contacts x draws of noise, in brackets those that keep the live answer; P: mean "
             "probability of the link named; end: last live answer of each contact; ratio: of the medians, "
@@ -282,16 +294,30 @@ def _print_table(results: Sequence[dict[str, Any]], names: Sequence[str]) -> Non
             "." if covered is None else
             f"{100 * covered:.0f} ({100 * within[0]:.0f}-{100 * within[1]:.0f})",
         )  # fmt: skip
-    Console(width=170).print(table)
+    Console(width=210).print(table)
 
 
 def _number(value: float | None, digits: int = 2) -> str:
     return "." if value is None else f"{value:.{digits}f}"
 
 
-def measure(streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int = 1) -> Iterator[Comparison]:
-    """Compare all contacts of one arm's streams, each with `draws` draws of noise (one without noise)."""
-    scene = scene_for(streams[0], noise, wrong)
+def measure(
+    streams: Sequence[Stream],
+    noise: Noise,
+    wrong: bool,
+    draws: int = 1,
+    torques_alone: bool = False,
+    meshes: Path | None = None,
+) -> Iterator[Comparison]:
+    """Compare all contacts of one arm's streams, each with `draws` draws of noise (one without noise).
+
+    `torques_alone`: without the base sensor; `meshes`: folder of the arm's meshes for a scene with
+    `detail: skin`.
+    """
+    changes: dict[str, Any] = {"base_wrench": None} if torques_alone else {}
+    if meshes is not None:
+        changes |= {"detail": "skin", "meshes": meshes}
+    scene = scene_for(streams[0], noise, wrong).model_copy(update=changes)
     localizer, comparer = Localizer(scene), Comparer(scene)
     for draw in range(draws if any(noise) else 1):
         for stream in streams:
@@ -309,7 +335,7 @@ def _contacts(stream: Stream, localizer: Localizer, noise: Noise, wrong: bool) -
         stream.q,
         stream.qd,
         np.array([sample.joint_torque for sample in each]),
-        np.array([sample.base_wrench for sample in each]),
+        None if localizer.scene.base_wrench is None else np.array([sample.base_wrench for sample in each]),
     )
     collector, at = ContactCollector(), 0
     for found in localizer.run_blocks([block]):

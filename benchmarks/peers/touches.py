@@ -155,7 +155,8 @@ class Toucher:
         return False
 
     def _distance(self, link: int, point: np.ndarray) -> np.ndarray:
-        local = (point - self._motion.origin[link]) @ self._motion.rotation[link]
+        body = min(link, len(self._motion.origin) - 1)  # a tool's surface is given in the last link's frame
+        local = (point - self._motion.origin[body]) @ self._motion.rotation[body]
         return np.asarray(distances(self._surfaces, local, link)[0])
 
     def _room(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
@@ -193,6 +194,7 @@ class Toucher:
 
 def in_base(motion: Motion, table: Table) -> tuple[np.ndarray, np.ndarray]:
     """Places and normals of a table in the base frame, shapes (M, 3)."""
-    rotation = motion.rotation[table.link]
-    point = np.einsum("nij,nj->ni", rotation, table.point) + motion.origin[table.link]
+    body = np.minimum(table.link, len(motion.origin) - 1)  # a tool's places are in the last link's frame
+    rotation = motion.rotation[body]
+    point = np.einsum("nij,nj->ni", rotation, table.point) + motion.origin[body]
     return point, np.einsum("nij,nj->ni", rotation, table.normal)

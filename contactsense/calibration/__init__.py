@@ -6,6 +6,7 @@ from contactsense.calibration.calibrate import (
     calibrate,
     default_groups,
 )
+from contactsense.calibration.contact_test import SuspectedContact
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.result import Calibration, ResidualStatistics, Value
 
@@ -15,6 +16,7 @@ __all__ = [
     "FreeMotion",
     "ResidualStatistics",
     "Settings",
+    "SuspectedContact",
     "Value",
     "calibrate",
     "default_groups",

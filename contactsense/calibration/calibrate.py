@@ -1,55 +1,36 @@
 """Calibration from contact-free motion: estimate the identifiable parameters of arm and sensors.
 
-Gauss-Newton on the residuals of the momentum observer. Each iteration linearizes all equations, determines
-which parameters the motion excites, and solves for those. The velocities of the smooth sign functions of
-friction enter nonlinearly and are chosen from a grid. Friction coefficients that come out negative and
-optional parameters without significance are left out.
+A fit (`contactsense.calibration.gauss_newton`) and a search for contacts in its residuals
+(`contactsense.calibration.contact_test`) take turns until nothing more is left out.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.contact_test import SuspectedContact, suspected_contacts
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.identifiability import excited_directions
+from contactsense.calibration.gauss_newton import FittedModel, fit_model, row_stride
 from contactsense.calibration.noise_estimation import NoiseLevels, estimate_noise
-from contactsense.calibration.parameters import (
-    GROUPS,
-    NOT_NEGATIVE,
-    OPTIONAL,
-    Entry,
-    Group,
-    apply_step,
-    entries,
-    value,
-)
-from contactsense.calibration.recording_residuals import friction, residuals
-from contactsense.calibration.residual_jacobian import linearize, settled_samples
+from contactsense.calibration.parameters import GROUPS, Entry, Group, entries, value
+from contactsense.calibration.recording_residuals import friction, residuals, settled_samples
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
-from contactsense.calibration.robust_least_squares import RobustFit, fit_robust
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
+from contactsense.calibration.trimmed_fit import trimmed_fit
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.runtime.constants import wrench_transform
 from contactsense.scene import Scene
 
-_MIN_ITERATIONS, _MAX_ITERATIONS = 3, 12
-_CONVERGED = 0.1
-"""Iterations continue until no parameter changes by more than this fraction of its standard deviation. Torque
-constants multiply the measurement, so they may need several."""
-_ROWS_PER_PERIOD = 10.0
-"""Rows kept per second and hertz of bandwidth; more are redundant."""
-_MIN_SIGNIFICANCE = 2.5
-"""Load-dependent and lubricant friction are used if they differ from zero by this many standard deviations.
-"""
-_VELOCITIES = (0.002, 0.005, 0.01, 0.02, 0.05)
-_LUBRICANT_VELOCITIES = (0.1, 0.2, 0.4)
+_MAX_REFITS = 6
+_UNCHANGED = 0.1
+"""The contacts are final when the next fit moves their ends by less than this in all [s]."""
+_MIN_SECONDS = 2.0
+"""Shortest recording, and least contact-free motion in all of them [s]."""
+_MIN_FREE = 0.5
+"""Least fraction of contact-free motion: the median residual must be one without contact."""
 _CURRENTS = ("actual_current", "actual_current_minus_target")
-
-
-_NOT_EXCITED = "not excited by this motion: kept"
 
 
 class CalibrationError(ValueError):
@@ -66,6 +47,8 @@ class Settings:
     """Relative standard deviation of the links' masses about the robot's data."""
     widths: bool = True
     """Whether the velocities of the smooth sign functions of friction are estimated too."""
+    leave_out_contacts: bool = True
+    """Whether stretches in which something seems to push on the arm are left out."""
 
 
 def default_groups(scene: Scene, recordings: list[FreeMotion]) -> tuple[Group, ...]:
@@ -101,33 +84,22 @@ def calibrate(
     """
     _check(scene, recordings)
     settings = settings or Settings(default_groups(scene, recordings))
-    start = arm = CalibrationModel.of(scene)
-    selected = entries(arm, settings.groups, settings.inertia_error)
-    solver = _GaussNewton(recordings, scene.bandwidth, selected, start)
-    free = np.ones(len(selected), dtype=bool)
-    kept: dict[int, str] = {}
-    step, condition = None, 1.0
-    for number in range(_MAX_ITERATIONS):
-        progress(f"round {number + 1}")
-        if number == 1 and settings.widths and "coulomb" in settings.groups:
-            progress("velocities of the smooth sign functions")
-            arm = _best_velocities(arm, recordings, scene.bandwidth)
-        arm, step, condition = solver.solve(arm, free, kept, drop_optional=number > 0)
-        std = np.sqrt(np.diag(step.covariance))
-        if number >= _MIN_ITERATIONS - 1 and np.all(np.abs(step.step[free]) <= _CONVERGED * std[free]):
-            break
-    assert step is not None
+    start = CalibrationModel.of(scene)
+    selected = entries(start, settings.groups, settings.inertia_error)
+    fitted, recordings, contacts = _fit_without_contacts(start, recordings, selected, settings, progress)
+    arm, kept = fitted.arm, fitted.kept
     progress("noise and model error")
-    before = [residuals(start, s, scene.bandwidth)[settled_samples(s, scene.bandwidth) :] for s in recordings]
-    after = [residuals(arm, s, scene.bandwidth)[settled_samples(s, scene.bandwidth) :] for s in recordings]
+    usable = [_settled_and_usable(recording, scene.bandwidth) for recording in recordings]
+    before = [residuals(start, s, scene.bandwidth)[rows] for s, rows in zip(recordings, usable, strict=True)]
+    after = [residuals(arm, s, scene.bandwidth)[rows] for s, rows in zip(recordings, usable, strict=True)]
     measured = _measured_channels(scene, recordings)
-    noise_levels, wrench = _noise(arm, recordings, after, scene.bandwidth)
+    noise_levels, wrench = _noise(arm, recordings, usable, after, scene.bandwidth)
     values = tuple(
         Value(
             entry,
             value(start, entry),
             value(arm, entry),
-            float(np.sqrt(step.covariance[i, i])),
+            float(np.sqrt(fitted.covariance[i, i])),
             kept.get(i, ""),
         )
         for i, entry in enumerate(selected)
@@ -135,7 +107,7 @@ def calibrate(
     warnings = [f"{selected[i].name}: {why}" for i, why in kept.items() if selected[i].group != "links"]
     if scene.joint_torque is not None and noise_levels is not None:
         progress("meaning of the torque signal")
-        stride = solver.stride
+        stride = row_stride(recordings, scene.bandwidth)
         warnings = (
             setting_warnings(scene, compare_meanings(scene, recordings, scene.bandwidth, stride)) + warnings
         )
@@ -144,7 +116,7 @@ def calibrate(
             for joint, rest in zip(scene.robot.joints, noise_levels.rest_error, strict=True)
             if np.isnan(rest)
         ]
-    changed = {entry.group for i, entry in enumerate(selected) if free[i]}
+    changed = {entry.group for i, entry in enumerate(selected) if fitted.free[i]}
     return Calibration(
         scene=scene_of(arm, {str(group) for group in changed}, noise_levels, wrench),
         values=tuple(v for v in values if v.entry.group != "links"),
@@ -152,81 +124,65 @@ def calibrate(
         warnings=tuple(warnings),
         before=residual_statistics(before, measured),
         after=residual_statistics(after, measured),
-        condition=condition,
-        covariance=step.covariance,
+        condition=fitted.condition,
+        covariance=fitted.covariance,
+        contacts=contacts,
+        seconds=sum(_usable_seconds(recording) for recording in recordings),
     )
 
 
-class _GaussNewton:
-    """The Gauss-Newton iterations of one calibration."""
-
-    def __init__(
-        self,
-        recordings: list[FreeMotion],
-        bandwidth: float,
-        selected: tuple[Entry, ...],
-        start: CalibrationModel,
-    ) -> None:
-        self._stretches = recordings
-        self._bandwidth = bandwidth
-        self._chosen = selected
-        self._start = np.array([value(start, entry) for entry in selected])
-        self._prior = np.array([entry.prior_std for entry in selected])
-        self._channels = len(start.gain) + 6
-        self.stride = row_stride(recordings, bandwidth)
-
-    def solve(
-        self, arm: CalibrationModel, free: np.ndarray, kept: dict[int, str], drop_optional: bool
-    ) -> tuple[CalibrationModel, RobustFit, float]:
-        """One iteration: the arm at the minimum of the linearized equations.
-
-        Changes `free` and `kept`: parameters that cannot be estimated return to the scene's value.
-        """
-        rows = [
-            row
-            for recording in self._stretches
-            for row in linearize(arm, recording, self._chosen, self._bandwidth, self.stride)
-        ]
-        while True:
-            offset = np.array([value(arm, entry) for entry in self._chosen]) - self._start
-            unexcited = np.array([kept.get(i) == _NOT_EXCITED for i in range(len(free))])
-            found = fit_robust(rows, self._prior, offset, free, self._channels, unexcited)
-            excited, condition = excited_directions(found.information, self._chosen, free)
-            dropped = {int(i): _NOT_EXCITED for i in np.flatnonzero(free & ~excited)}
-            if not dropped:
-                dropped = self._rejected(arm, found, free, drop_optional)
-            if not dropped:
-                return apply_step(arm, self._chosen, found.step), found, condition
-            kept.update(dropped)
-            reset = np.zeros(len(free))
-            for i in dropped:
-                free[i] = False
-                reset[i] = -offset[i]
-            if reset.any():
-                arm = apply_step(arm, self._chosen, reset)
-                for row in rows:
-                    row.residual[:] = row.residual + row.slope @ reset[row.columns]
-
-    def _rejected(
-        self, arm: CalibrationModel, found: RobustFit, free: np.ndarray, drop_optional: bool
-    ) -> dict[int, str]:
-        """Parameters that came out invalid or insignificant."""
-        rejected: dict[int, str] = {}
-        for i in np.flatnonzero(free):
-            entry = self._chosen[i]
-            estimate = value(arm, entry) + found.step[i]
-            std = float(np.sqrt(found.covariance[i, i]))
-            if entry.group in NOT_NEGATIVE and estimate < 0.0:
-                rejected[int(i)] = f"came out negative ({estimate:.3g} +- {std:.2g} {entry.unit}): kept"
-            elif drop_optional and entry.group in OPTIONAL and abs(estimate) < _MIN_SIGNIFICANCE * std:
-                rejected[int(i)] = "not significant in the data: kept"
-        return rejected
+def _fit_without_contacts(
+    start: CalibrationModel,
+    recordings: list[FreeMotion],
+    selected: tuple[Entry, ...],
+    settings: Settings,
+    progress: Callable[[str], None],
+) -> tuple[FittedModel, list[FreeMotion], tuple[SuspectedContact, ...]]:
+    """Fit, leave out what looks like a contact, and fit again until nothing changes."""
+    bandwidth = start.scene.bandwidth
+    contacts: tuple[SuspectedContact, ...] = ()
+    stride = row_stride(recordings, bandwidth)
+    for _ in range(_MAX_REFITS):
+        fitted = fit_model(start, recordings, selected, settings.widths, progress)
+        if not settings.leave_out_contacts:
+            return fitted, recordings, ()
+        progress("contacts")
+        quiet = trimmed_fit(fitted.arm, start, recordings, selected, fitted.free, stride)
+        found = [suspected_contacts(quiet, recording, bandwidth) for recording in recordings]
+        contacts = tuple(contact for _, stretches in found for contact in stretches)
+        refined = [replace(r, free=free) for r, (free, _) in zip(recordings, found, strict=True)]
+        changed = sum(
+            r.seconds * float(np.mean(r.usable != new.usable))
+            for r, new in zip(recordings, refined, strict=True)
+        )
+        if changed < _UNCHANGED:
+            return fitted, recordings, contacts
+        _check_rest(refined, contacts)
+        recordings = refined
+    return fit_model(start, recordings, selected, settings.widths, progress), recordings, contacts
 
 
-def row_stride(recordings: list[FreeMotion], bandwidth: float) -> int:
-    """Number of samples per row kept."""
-    rate = max(1.0 / float(np.median(np.diff(recording.t))) for recording in recordings)
-    return max(1, round(rate / (_ROWS_PER_PERIOD * bandwidth)))
+def _check_rest(recordings: list[FreeMotion], contacts: tuple[SuspectedContact, ...]) -> None:
+    """Refuse recordings with too little motion without contact."""
+    total = sum(recording.seconds for recording in recordings)
+    rest = sum(_usable_seconds(recording) for recording in recordings)
+    if rest < max(_MIN_SECONDS, _MIN_FREE * total):
+        first = contacts[0]
+        raise CalibrationError(
+            f"{first.recording}: expected motion without contact, but something seems to push on the arm in "
+            f"{total - rest:.1f} of {total:.1f} s, first at {first.start:.1f} s (row {first.first_row}); "
+            "record again with nothing touching it"
+        )
+
+
+def _usable_seconds(recording: FreeMotion) -> float:
+    return recording.seconds * float(np.mean(recording.usable))
+
+
+def _settled_and_usable(recording: FreeMotion, bandwidth: float) -> np.ndarray:
+    rows = recording.usable.copy()
+    rows[: settled_samples(recording, bandwidth)] = False
+    return rows
 
 
 def _check(scene: Scene, recordings: list[FreeMotion]) -> None:
@@ -239,8 +195,10 @@ def _check(scene: Scene, recordings: list[FreeMotion]) -> None:
                 f"{recording.name}: expected {joints} joints, as {scene.robot.name} has, "
                 f"got {recording.q.shape[1]}"
             )
-        if recording.seconds < 2.0:
-            raise CalibrationError(f"{recording.name}: expected at least 2 s, got {recording.seconds:.2g} s")
+        if recording.seconds < _MIN_SECONDS:
+            raise CalibrationError(
+                f"{recording.name}: expected at least {_MIN_SECONDS:g} s, got {recording.seconds:.2g} s"
+            )
         if recording.torque is None and recording.reading is None:
             raise CalibrationError(
                 f"{recording.name}: expected joint torques or base wrenches as in the scene, got neither"
@@ -253,54 +211,29 @@ def _measured_channels(scene: Scene, recordings: list[FreeMotion]) -> np.ndarray
     return np.array([torque] * len(scene.robot.joints) + [wrench] * 6)
 
 
-def _best_velocities(
-    arm: CalibrationModel, recordings: list[FreeMotion], bandwidth: float
-) -> CalibrationModel:
-    """The arm with the velocities of the smooth sign functions for which friction explains most."""
-    selected = entries(arm, ("bias", "coulomb", "viscous", "rotor", "load", "lubricant"), 0.1)
-    prior = np.array([entry.prior_std for entry in selected])
-    stride = row_stride(recordings, bandwidth)
-    torque_only = [
-        FreeMotion(recording.t, recording.q, recording.qd, recording.torque, None, recording.name)
-        for recording in recordings
-        if recording.torque is not None
-    ]
-    best: tuple[float, CalibrationModel] | None = None
-    for velocity, lubricant in product(_VELOCITIES, _LUBRICANT_VELOCITIES):
-        candidate = arm.with_values(velocity=velocity, lubricant_velocity=lubricant)
-        rows = [
-            row
-            for recording in torque_only
-            for row in linearize(candidate, recording, selected, bandwidth, stride)
-        ]
-        free = np.ones(len(selected), dtype=bool)
-        cost = fit_robust(rows, prior, np.zeros(len(selected)), free, len(arm.gain)).cost
-        if best is None or cost < best[0]:
-            best = (cost, candidate)
-    assert best is not None
-    return best[1]
-
-
 def _noise(
-    arm: CalibrationModel, recordings: list[FreeMotion], residual: list[np.ndarray], bandwidth: float
+    arm: CalibrationModel,
+    recordings: list[FreeMotion],
+    usable: list[np.ndarray],
+    residual: list[np.ndarray],
+    bandwidth: float,
 ) -> tuple[NoiseLevels | None, tuple[float, float]]:
     """Noise and model error of the joints, and noise of the base sensor that includes its model error."""
     joints = len(arm.gain)
     dt = float(np.median(np.concatenate([np.diff(recording.t) for recording in recordings])))
     variance_ratio = noise_variance_ratio(bandwidth, dt)
     noise_levels, wrench = None, (np.nan, np.nan)
-    pairs = list(zip(recordings, residual, strict=True))
-    with_torque = [(s, r[:, :joints]) for s, r in pairs if s.torque is not None]
+    parts = list(zip(recordings, usable, residual, strict=True))
+    with_torque = [(s, rows, r[:, :joints]) for s, rows, r in parts if s.torque is not None]
     if with_torque:
-        friction_torques = [friction(arm, s)[-len(r) :] for s, r in with_torque]
         noise_levels = estimate_noise(
-            [r for _, r in with_torque],
-            [s.qd[-len(r) :] for s, r in with_torque],
-            friction_torques,
+            [r for _, _, r in with_torque],
+            [s.qd[rows] for s, rows, _ in with_torque],
+            [friction(arm, s)[rows] for s, rows, _ in with_torque],
             dt,
             variance_ratio,
         )
-    base = [r[:, joints:] for s, r in pairs if s.reading is not None]
+    base = [r[:, joints:] for s, _, r in parts if s.reading is not None]
     if base:
         sensor = arm.scene.base_wrench
         assert sensor is not None

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.calibration.calibrate import row_stride
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.gauss_newton import row_stride
 from contactsense.calibration.identifiability import excited_directions
 from contactsense.calibration.parameters import Entry, Group, entries
 from contactsense.calibration.recording_residuals import friction

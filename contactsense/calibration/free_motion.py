@@ -23,6 +23,10 @@ class FreeMotion:
     """Readings of the sensor under the base, in its own frame and sign, shape (N, 6) [N, Nm]."""
     name: str = "recording"
     """Name for messages."""
+    rows: np.ndarray | None = None
+    """Row of each sample in its file, shape (N,), int; None: its number."""
+    free: np.ndarray | None = None
+    """Which samples are used, because nothing touches the arm, shape (N,), bool; None: all."""
 
     def __post_init__(self) -> None:
         """Check shapes and values.
@@ -46,6 +50,15 @@ class FreeMotion:
         if t.shape != (n,) or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0.0):
             raise ValueError(f"{self.name}: t: expected {n} increasing times [s]")
         object.__setattr__(self, "t", t)
+
+    @property
+    def usable(self) -> np.ndarray:
+        """Which samples are used, shape (N,), bool."""
+        return np.ones(len(self.t), dtype=bool) if self.free is None else self.free
+
+    def row_of(self, sample: int) -> int:
+        """Row of a sample in the file, from 0; negative samples count from the end."""
+        return range(len(self.t))[sample] if self.rows is None else int(self.rows[sample])
 
     @property
     def seconds(self) -> float:

@@ -15,6 +15,9 @@ from contactsense.robots.jit.kernel import kernel
 
 GAP = 0.05
 """After a longer gap between two samples the observer restarts [s]."""
+_STANDSTILL = 0.5
+_STANDSTILL_PATH = 2e-3
+"""A joint that has moved less than this [rad] within `_STANDSTILL` seconds is at rest."""
 
 
 @kernel
@@ -101,3 +104,20 @@ def friction(arm: CalibrationModel, recording: FreeMotion) -> np.ndarray:
         arm.model, arm.torque_model, empty_motion(n), arm.gravity, recording.q, recording.qd, out
     )
     return out
+
+
+def settled_samples(recording: FreeMotion, bandwidth: float) -> int:
+    """First sample at which the observer has settled after its start."""
+    return int(np.searchsorted(recording.t, recording.t[0] + 5.0 / (2.0 * np.pi * bandwidth)))
+
+
+def recently_moved(recording: FreeMotion) -> np.ndarray:
+    """Whether each joint has moved within the last half second, shape (N, n), bool.
+
+    A joint at rest holds any torque up to Coulomb friction: its samples carry no information on friction.
+    """
+    ago = np.searchsorted(recording.t, recording.t - _STANDSTILL)
+    path = np.vstack(
+        (np.zeros(recording.q.shape[1]), np.cumsum(np.abs(np.diff(recording.q, axis=0)), axis=0))
+    )
+    return np.asarray(path - path[ago] > _STANDSTILL_PATH)

@@ -12,7 +12,7 @@ import numpy as np
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import PER_JOINT, Entry, Group, apply_step
-from contactsense.calibration.recording_residuals import GAP, residuals
+from contactsense.calibration.recording_residuals import GAP, recently_moved, residuals, settled_samples
 from contactsense.kinematics.model import Model, Motion, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, arm_regressor
@@ -23,9 +23,6 @@ from contactsense.robots.jit.kernel import kernel
 
 _DIFFERENCE_STEPS: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "payload": 1e-3}
 """Steps for parameters that enter nonlinearly, in units of their prior standard deviation."""
-_STANDSTILL = 0.5
-_STANDSTILL_PATH = 2e-3
-"""A joint that has moved less than this [rad] within `_STANDSTILL` seconds is at rest."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +38,8 @@ class Rows:
     slope: np.ndarray
     """Derivatives of the residual, shape (N, k)."""
     moving: np.ndarray
-    """Whether the joint has moved recently, so that its friction is known, shape (N,), bool."""
+    """Whether the row counts: nothing touched the arm, and the joint has moved recently, so that its friction
+    is known, shape (N,), bool."""
     dt: float
     """Time between rows [s]."""
 
@@ -83,7 +81,8 @@ def linearize(
     links = [(number, entry) for number, entry in enumerate(selected) if entry.group == "links"]
     if links:
         slopes += _link_columns(arm, recording, links, bandwidth, keep)
-    moving = _moving(recording)[keep]
+    moving = recently_moved(recording)[keep]
+    usable = recording.usable[keep]
     dt = stride * float(np.median(np.diff(recording.t)))
     rows = []
     for channel in range(joints + 6):
@@ -99,16 +98,11 @@ def linearize(
                 residual[keep, channel],
                 np.array([number for number, _ in own], dtype=np.int64),
                 np.array([column for _, column in own]).reshape(len(own), len(residual[keep])).T.copy(),
-                moving[:, channel] if channel < joints else np.ones(len(moving), dtype=bool),
+                usable & moving[:, channel] if channel < joints else usable,
                 dt,
             )
         )
     return rows
-
-
-def settled_samples(recording: FreeMotion, bandwidth: float) -> int:
-    """First sample at which the observer has settled after its start."""
-    return int(np.searchsorted(recording.t, recording.t[0] + 5.0 / (2.0 * np.pi * bandwidth)))
 
 
 def _joint_columns(
@@ -186,26 +180,34 @@ def _link_columns(
     keep: slice,
 ) -> list[tuple[int, np.ndarray, int | None]]:
     """Columns of all links' inertial parameters, in one pass."""
-    joints = recording.q.shape[1]
-    shape = (joints + 6, joints + 1, PARAMETERS)
-    rows = len(range(*keep.indices(len(recording.t))))
-    out = np.empty((rows, int(np.prod(shape))))
-    _observe_links(
-        arm.model, arm.torque_model, empty_motion(joints), arm.gravity, recording.t, recording.q,
-        recording.qd, bandwidth, GAP, empty_observer(out.shape[1]), np.empty(shape), np.empty(shape),
-        np.empty(3), keep.start, keep.step, out,
-    )  # fmt: skip
-    columns = out.reshape(rows, *shape)
+    columns = inertial_columns(arm, recording, arm.gravity, bandwidth, keep)
     return [(number, columns[:, :, entry.index[0], entry.index[1]], None) for number, entry in links]
 
 
-def _moving(recording: FreeMotion) -> np.ndarray:
-    """Whether each joint has moved within the last half second, shape (N, n), bool.
+def inertial_columns(
+    arm: CalibrationModel, recording: FreeMotion, gravity: np.ndarray, bandwidth: float, keep: slice
+) -> np.ndarray:
+    """Derivatives of the residuals with respect to the inertial parameters of all links.
 
-    A joint at rest holds any torque up to Coulomb friction: its samples carry no information on friction.
+    Args:
+        arm: Kinematics, and the contents of the torque signal.
+        recording: Its motion is used, its readings are not.
+        gravity: In base axes, shape (3,) [m/s^2]; the derivatives are affine in it.
+        bandwidth: Cut-off frequency of the observer [Hz].
+        keep: Samples to return, M of them.
+
+    Returns:
+        Shape (M, n + 6, n + 1, 10): n joints and the base wrench, links, and the parameters of
+        `contactsense.kinematics.regressor`.
     """
-    ago = np.searchsorted(recording.t, recording.t - _STANDSTILL)
-    path = np.vstack(
-        (np.zeros(recording.q.shape[1]), np.cumsum(np.abs(np.diff(recording.q, axis=0)), axis=0))
-    )
-    return np.asarray(path - path[ago] > _STANDSTILL_PATH)
+    joints = recording.q.shape[1]
+    shape = (joints + 6, joints + 1, PARAMETERS)
+    start, _, stride = keep.indices(len(recording.t))
+    rows = len(range(*keep.indices(len(recording.t))))
+    out = np.empty((rows, int(np.prod(shape))))
+    _observe_links(
+        arm.model, arm.torque_model, empty_motion(joints), gravity, recording.t, recording.q,
+        recording.qd, bandwidth, GAP, empty_observer(out.shape[1]), np.empty(shape), np.empty(shape),
+        np.empty(3), start, stride, out,
+    )  # fmt: skip
+    return out.reshape(rows, *shape)

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.contact_test import SuspectedContact
 from contactsense.calibration.noise_estimation import NoiseLevels
 from contactsense.calibration.parameters import Entry
 from contactsense.kinematics.regressor import bodies_of
@@ -66,6 +67,10 @@ class Calibration:
     """Condition number of the scaled regressor of the estimated parameters."""
     covariance: np.ndarray
     """Covariance of `values` and `inertia`, in their order."""
+    contacts: tuple[SuspectedContact, ...]
+    """Stretches that were left out because something seems to push on the arm."""
+    seconds: float
+    """Motion that was used [s]."""
 
 
 def residual_statistics(residual: list[np.ndarray], measured: np.ndarray) -> ResidualStatistics:

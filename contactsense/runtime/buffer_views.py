@@ -15,7 +15,9 @@ from contactsense.residuals.bias_filter import BiasFilter
 from contactsense.residuals.friction_at_rest import SLICE_COUNT, FrictionAtRest
 from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import MomentumObserver
+from contactsense.residuals.noise_scale import NoiseScale
 from contactsense.residuals.sensor_consistency import SensorConsistency
+from contactsense.residuals.timing_error import TimingError
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -291,6 +293,27 @@ def _consistency(f, a):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
+def _noise_scale(f, a, n):  # type: ignore[no-untyped-def]
+    base_readings, a = _take2(f, a, 3, 6)
+    torque_readings, a = _take2(f, a, 3, n)
+    mean_square, a = _take1(f, a, 2)
+    counts, a = _take2(f, a, 2, 4)
+    scale, a = _take1(f, a, 2)
+    base_variance, a = _take1(f, a, 6)
+    return NoiseScale(base_readings, torque_readings, mean_square, counts, scale, base_variance), a
+
+
+@inlined_kernel
+def _timing_error(f, a, n):  # type: ignore[no-untyped-def]
+    momentum, a = _take1(f, a, n)
+    rate, a = _take1(f, a, n)
+    stream_variance, a = _take1(f, a, n)
+    variance, a = _take1(f, a, n)
+    scalars, a = _take1(f, a, 1)
+    return TimingError(momentum, rate, stream_variance, variance, scalars), a
+
+
+@inlined_kernel
 def _bias_filter(f, a, n):  # type: ignore[no-untyped-def]
     size = 6 + 2 * n
     covariance, a = _take2(f, a, size, size)
@@ -356,6 +379,8 @@ def buffer_views(f, i, sizes):  # type: ignore[no-untyped-def]
     track, a = _track(f, a, n)
     stream, a = _stream(f, a, n)
     consistency, a = _consistency(f, a)
+    noise_scale, a = _noise_scale(f, a, n)
+    timing_error, a = _timing_error(f, a, n)
     tool_momentum, a = _take2(f, a, 2, 6)
     wrist_origin, a = _take1(f, a, 3)
     unbiased_wrench, a = _take1(f, a, 6)
@@ -376,9 +401,9 @@ def buffer_views(f, i, sizes):  # type: ignore[no-untyped-def]
     state = State(
         model, torque_model, bias_filter, friction_at_rest, motion, hypotheses, candidates, search_buffers,
         surface_cells, link_probability, joint_observer, base_observer, torque_difference, wrist_observer,
-        wrist_difference, track, stream, consistency, tool_momentum, wrist_origin, unbiased_wrench,
-        base_covariance, base_information, base_wrench, body_wrench, torque, proximal_torque, wrist_wrench,
-        proximal_wrist_wrench, wrench_change, unmodelled_std, torque_variance, statistics, zero_velocity,
-        candidate_links,
+        wrist_difference, track, stream, consistency, noise_scale, timing_error, tool_momentum, wrist_origin,
+        unbiased_wrench, base_covariance, base_information, base_wrench, body_wrench, torque, proximal_torque,
+        wrist_wrench, proximal_wrist_wrench, wrench_change, unmodelled_std, torque_variance, statistics,
+        zero_velocity, candidate_links,
     )  # fmt: skip
     return constants, state

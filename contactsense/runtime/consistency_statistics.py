@@ -24,12 +24,17 @@ def consistency_statistics(constants: Constants, state: State, variance_ratio: f
         variance_ratio: Variance of the residuals over that of one sample's noise.
     """
     w, n = state.base_wrench, state.torque.shape[0]
+    # Each sensor against its stated noise, also where larger noise is followed.
+    followed = state.noise_scale.scale
     state.statistics[BASE] = half_squared_norm(state.base_covariance, w) / variance_ratio / 3.0
+    state.statistics[BASE] *= followed[BASE]
     state.statistics[FORCE] = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-    distal = 0.0
+    distal, stated = 0.0, 0.0
     for j in range(n):
         distal += state.torque[j] ** 2 / state.torque_variance[j]
-    state.statistics[TORQUE] = distal / n
+        excess = (followed[TORQUE] - 1.0) * constants.sensors.torque_variance[j] * variance_ratio
+        stated += state.torque[j] ** 2 / (state.torque_variance[j] - excess)
+    state.statistics[TORQUE] = stated / n
     best, proximal = distal, 0.0
     for j in range(n):
         s = state.motion.screw[j]

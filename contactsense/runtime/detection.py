@@ -10,6 +10,7 @@ from contactsense.runtime.constants import Constants
 from contactsense.runtime.sample_pipeline import (
     energy_at_rest,
     energy_without_contact,
+    follow_noise_and_timing,
     residual_variance_ratio,
     update_bias_filter,
 )
@@ -44,6 +45,7 @@ def decide(
         not; and the variance of the residuals over that of one sample's noise.
     """
     track, stream = state.track, state.stream
+    follow_noise_and_timing(constants, state, bandwidth)
     base_settled, torque_settled = stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0
     exclude_inconsistent(state.consistency, stream.usable)
     has_base, has_torque, has_wrist = usable_sensors(stream)

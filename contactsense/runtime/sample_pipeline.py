@@ -28,6 +28,8 @@ from contactsense.residuals.equations_of_motion import (
 from contactsense.residuals.friction_at_rest import energy_beyond_static_friction
 from contactsense.residuals.joint_friction import unmodelled_torque_std
 from contactsense.residuals.momentum_observer import VARIANCE_RATIO
+from contactsense.residuals.noise_scale import follow_noise
+from contactsense.residuals.timing_error import advance_timing_error
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
@@ -143,6 +145,34 @@ def update_residuals(
 
 
 @inlined_kernel
+def follow_noise_and_timing(constants: Constants, state: State, bandwidth: float) -> None:
+    """Update what the newest sample tells of the sensors' noise, and the error due to its instant.
+
+    Args:
+        constants, state: After the observers were advanced by this sample.
+        bandwidth: Cut-off frequency of the observers [Hz].
+    """
+    noise_scale, stream = state.noise_scale, state.stream
+    follow_noise(
+        noise_scale,
+        BASE,
+        noise_scale.base_readings,
+        stream.base_wrench,
+        noise_scale.base_variance,
+        stream.steps[BASE],
+    )
+    follow_noise(
+        noise_scale,
+        TORQUE,
+        noise_scale.torque_readings,
+        stream.torque,
+        constants.sensors.torque_variance,
+        stream.steps[TORQUE],
+    )
+    advance_timing_error(state.timing_error, state.joint_observer.momentum, stream.steps[TORQUE], bandwidth)
+
+
+@inlined_kernel
 def set_external(
     state: State,
     base_residual: np.ndarray,
@@ -237,8 +267,8 @@ def update_covariances(constants: Constants, state: State, variance_ratio: float
     bias_filter_trace = 0.0
     for i in range(6):
         bias_filter_trace += state.bias_filter.base_covariance[i, i]
-    # Zero trace: no model uncertainty, so the precomputed inverse holds.
-    if bias_filter_trace > 0.0:
+    # Zero trace and noise as stated: the precomputed inverse holds.
+    if bias_filter_trace > 0.0 or state.noise_scale.scale[BASE] > 1.0:
         invert_spd(state.base_covariance, state.base_information)
     else:
         for i in range(6):
@@ -249,14 +279,23 @@ def update_covariances(constants: Constants, state: State, variance_ratio: float
 def _fill_covariances(constants: Constants, state: State, variance_ratio: float) -> None:
     sensors, bias_filter = constants.sensors, state.bias_filter
     for j in range(state.torque.shape[0]):
-        noise = sensors.torque_variance[j] * variance_ratio + state.unmodelled_std[j] ** 2
-        state.torque_variance[j] = noise + bias_filter.torque_variance[j]
-    inverse_ratio = 1.0 / variance_ratio
+        state.torque_variance[j] = (
+            _torque_noise(constants, state, j, variance_ratio) + bias_filter.torque_variance[j]
+        )
+    inverse_ratio, noise_scale = 1.0 / variance_ratio, state.noise_scale.scale[BASE]
     for i in range(6):
         for k in range(6):
             state.base_covariance[i, k] = (
-                sensors.base_covariance[i, k] + bias_filter.base_covariance[i, k] * inverse_ratio
+                noise_scale * sensors.base_covariance[i, k]
+                + bias_filter.base_covariance[i, k] * inverse_ratio
             )
+
+
+@inlined_kernel
+def _torque_noise(constants: Constants, state: State, j: int, variance_ratio: float) -> float:
+    """Variance of the residual of joint j from noise, model error and the instants of the samples [Nm^2]."""
+    noise = constants.sensors.torque_variance[j] * state.noise_scale.scale[TORQUE]
+    return float(noise * variance_ratio + state.unmodelled_std[j] ** 2 + state.timing_error.variance[j])
 
 
 @inlined_kernel
@@ -280,7 +319,7 @@ def energy_at_rest(
         state.stream.q,
         state.torque,
         constants.sensors.torque_variance,
-        variance_ratio,
+        variance_ratio * state.noise_scale.scale[TORQUE],
         state.bias_filter.torque_variance,
         state.stream.steps[TORQUE],
         state.track.scalars[PHASE] != NONE,
@@ -319,11 +358,13 @@ def update_bias_filter(
     bias_filter.scalars[TIME_SINCE_UPDATE] = 0.0
     if has_torque:
         for j in range(n):
-            variance = constants.sensors.torque_variance[j] * variance_ratio + state.unmodelled_std[j] ** 2
+            variance = _torque_noise(constants, state, j, variance_ratio)
             update(bias_filter, j, n, state.joint_observer.residual[j], variance * variance_inflation)
     if has_base:
         for i in range(6):
-            variance = constants.sensors.base_covariance[i, i] * variance_ratio
+            variance = (
+                constants.sensors.base_covariance[i, i] * state.noise_scale.scale[BASE] * variance_ratio
+            )
             update(bias_filter, n + i, n, state.base_wrench[i], variance * variance_inflation)
     apply_correction(
         bias_filter,
@@ -370,6 +411,8 @@ def take_static_sample(
         state.wrist_wrench[i] = wrist_wrench[i] - (0.0 if external else state.tool_momentum[1, i])
     state.bias_filter.base_covariance[:] = 0.0
     state.bias_filter.torque_variance[:] = 0.0
+    state.timing_error.variance[:] = 0.0
+    state.noise_scale.scale[:] = 1.0
     for body in range(state.body_wrench.shape[0]):
         copy(state.base_wrench, state.body_wrench[body])
     copy(state.torque, state.proximal_torque)

@@ -22,7 +22,7 @@ def skin_of(scene: Scene) -> Grids:
     except ImportError as error:
         raise SceneError(f"detail: skin needs the extra packages: contactsense[geometry] ({error})") from None
     try:
-        grids = skin_grids(scene.robot.name, scene.meshes)
+        grids = skin_grids(scene.robot, scene.meshes)
     except RobotError as error:
         raise SceneError(f"meshes: {error}") from None
     # A plain read-only array has the same type for the kernels as the empty one of a scene without skin.

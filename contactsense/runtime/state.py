@@ -14,7 +14,9 @@ from contactsense.residuals.bias_filter import BiasFilter, empty_bias_filter
 from contactsense.residuals.friction_at_rest import FrictionAtRest, empty_friction_at_rest
 from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer
+from contactsense.residuals.noise_scale import NoiseScale, empty_noise_scale
 from contactsense.residuals.sensor_consistency import SensorConsistency, empty_consistency
+from contactsense.residuals.timing_error import TimingError, empty_timing_error
 from contactsense.runtime.constants import Constants
 from contactsense.sensors.stream_state import StreamState, empty_stream_state
 from contactsense.tracking.contact_tracker import ContactTrack, empty_contact_track
@@ -54,6 +56,10 @@ class State(NamedTuple):
     """The newest sample and the state of its sensors."""
     consistency: SensorConsistency
     """Consistency of the sensors with the model and with each other."""
+    noise_scale: NoiseScale
+    """Noise of the sensors in units of the stated one."""
+    timing_error: TimingError
+    """Error of the torques' residuals due to the instants of the samples."""
     tool_momentum: np.ndarray
     """Momentum and gravity wrench of the load on the wrist sensor, shape (2, 6)."""
     wrist_origin: np.ndarray
@@ -119,6 +125,8 @@ def empty_state(constants: Constants) -> State:
         track=empty_contact_track(joints),
         stream=empty_stream_state(joints),
         consistency=empty_consistency(),
+        noise_scale=empty_noise_scale(joints),
+        timing_error=empty_timing_error(joints),
         tool_momentum=np.zeros((2, 6)),
         wrist_origin=np.zeros(3),
         unbiased_wrench=np.zeros(6),

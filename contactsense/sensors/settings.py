@@ -1,13 +1,14 @@
 """Settings of the sensors: poses, meaning of the signals, noise, and results of calibration."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
+from pydantic import AfterValidator, BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
 from scipy.spatial.transform import Rotation
 
 from contactsense.robots import Inertia
 from contactsense.robots.primitives import Vector
+from contactsense.sensors.field_checks import within_one_turn
 
 JointTorqueSignal = Literal[
     "actual_current_as_torque",
@@ -50,10 +51,16 @@ Number = NonNegativeFloat | tuple[NonNegativeFloat, ...]
 Six = tuple[float, float, float, float, float, float]
 
 
+def _two_or_six(numbers: tuple[float, ...] | None) -> tuple[float, ...] | None:
+    if numbers is not None and len(numbers) not in (2, 6):
+        raise ValueError(f"expected 2 or 6 numbers [N, Nm], got {len(numbers)}")
+    return numbers
+
+
 class Part(BaseModel):
     """A part of a scene: immutable, no unknown fields, finite numbers."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 
 class WrenchSensor(Part):
@@ -63,7 +70,7 @@ class WrenchSensor(Part):
     """Standard deviation of each force component of one sample [N]."""
     moment_noise: PositiveFloat = 0.05
     """Standard deviation of each moment component of one sample, about the sensor's origin [Nm]."""
-    rpy: Vector = (0.0, 0.0, 0.0)
+    rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
     """Orientation of the sensor's frame in the base frame: roll, pitch, yaw about fixed x, y, z [rad]."""
     translation: Vector = (0.0, 0.0, 0.0)
     """Origin of the sensor's frame in the base frame [m]."""
@@ -74,6 +81,17 @@ class WrenchSensor(Part):
     """Reading of the sensor without load, in its own frame and sign: force, then moment [N, Nm]."""
     delay: float = 0.0
     """Delay of the readings relative to the joint positions of the same instant [s]."""
+
+    range: Annotated[tuple[PositiveFloat, ...] | None, AfterValidator(_two_or_six)] = None
+    """Largest force and moment that the sensor measures, in its own frame [N, Nm]: two numbers, or six, one
+    per component. While a component is at or beyond it, the sensor is not used. None: unknown."""
+
+    @property
+    def limits(self) -> np.ndarray:
+        """`range` of each component of a reading, shape (6,) [N, Nm]; infinite where it is unknown."""
+        if self.range is None:
+            return np.full(6, np.inf)
+        return np.repeat(self.range, 6 // len(self.range))
 
     @property
     def rotation(self) -> np.ndarray:
@@ -95,7 +113,7 @@ class Friction(Part):
     load: Number = 0.0
     """Coulomb friction per gravity torque that the joint carries."""
     viscous: Number = 0.0
-    """Viscous friction [Nms/rad]."""
+    """Viscous friction [Nm s/rad]."""
     lubricant: Number = 0.0
     """Friction of the lubricant, which increases with the velocity and saturates [Nm]."""
     velocity: PositiveFloat = 0.01

@@ -1,6 +1,6 @@
 """Pictures of a fit: for each link its mesh, its primitives, and the error on both."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import matplotlib as mpl
@@ -14,7 +14,7 @@ from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.decomposition.outer_skin import outer_skin
 from contactsense.robots.decomposition.surface_error import packed
 from contactsense.robots.meshes import neighbour_poses
-from contactsense.robots.rendering import COLOURS, View, save, side_by_side
+from contactsense.robots.rendering import COLOURS, View, caption, save, side_by_side
 from contactsense.robots.robot import Robot
 from contactsense.robots.surface.union import distances
 
@@ -29,8 +29,10 @@ def draw_fits(
     bodies: Mapping[str, Bodies],
     path: str | Path,
     pixels: int = 360,
+    drawn: Callable[[], None] = lambda: None,
 ) -> None:
-    """Write a PNG: a row for each link with mesh, primitives, error on the mesh and error on the primitives.
+    """Write a PNG: a row for each link with its name, mesh, primitives, error on the mesh and error on the
+    primitives.
 
     Args:
         robot: The arm.
@@ -38,14 +40,19 @@ def draw_fits(
         bodies: Primitives of each link.
         path: Path of the PNG.
         pixels: Width and height of each picture.
+        drawn: Called after each link.
     """
     rows = []
     for name, own in bodies.items():
         number = robot.link_names.index(name)
         skin = outer_skin(meshes[name], neighbour_poses(robot, meshes, number))
         rows.append(side_by_side(_link(meshes[name], own, Shape(skin), pixels)))
+        drawn()
     width = max(row.shape[1] for row in rows)
-    padded = [np.pad(row, ((4, 4), (0, width - row.shape[1]), (0, 0)), constant_values=255) for row in rows]
+    padded = []
+    for name, row in zip(bodies, rows, strict=True):
+        padded.append(caption(f"{name}: mesh, primitives, error on the mesh, error on the primitives", width))
+        padded.append(np.pad(row, ((4, 4), (0, width - row.shape[1]), (0, 0)), constant_values=255))
     save(np.concatenate(padded), path)
 
 

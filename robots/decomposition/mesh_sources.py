@@ -3,17 +3,20 @@
 from pathlib import Path
 
 import airo_models
+import numpy as np
 import trimesh
 
 from contactsense import robots
-from contactsense.robots import Robot, RobotError
+from contactsense.robots import Inertia, Joint, Link, Robot, RobotError
 from contactsense.robots.decomposition.grid_builder import cached
-from contactsense.robots.meshes import from_folder
+from contactsense.robots.library import MESH_SUFFIXES, URDF_SUFFIXES, in_library
+from contactsense.robots.meshes import check_unit, from_folder, read_mesh
 from contactsense.robots.surface.signed_distance_grid import Grids
-from contactsense.robots.urdf import read_chain, visuals
+from contactsense.robots.urdf import Chain, read_chain, read_rigid, visuals
 
 _AIRO_LINKS = {"base": "base_link_inertia"}
 """Links of PyPI's airo-models whose names differ from ours by more than a suffix."""
+_NO_MASS = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def read_arm(
@@ -30,18 +33,68 @@ def read_arm(
     Raises:
         RobotError: robot or meshes are missing or unusable.
     """
-    if Path(arm).suffix in (".urdf", ".xml"):
+    if Path(arm).suffix in URDF_SUFFIXES:
         chain = read_chain(arm, tip)
-        meshes = chain.meshes() if folder is None else from_folder(folder, chain.robot.link_names)
-        if not meshes:
-            raise RobotError(f"{arm}: no link has a visual shape")
-        return chain.robot, meshes
+        return chain.robot, _of_chain(chain, folder)
     robot = robots.load(arm)
+    return robot, meshes_of(robot, folder)
+
+
+def read_tool(path: Path, scale: float = 1.0) -> tuple[Robot, dict[str, trimesh.Trimesh]]:
+    """A tool and its mesh, as the last link of a robot whose other link, the flange, has none.
+
+    Args:
+        path: A mesh, or a URDF, whose root link is at the flange; its movable joints are held at zero.
+        scale: Of a mesh: metres per unit.
+
+    Raises:
+        RobotError: the file is missing or unusable.
+    """
+    held: tuple[str, ...] = ()
+    if path.suffix.lower() in MESH_SUFFIXES:
+        mesh, body = read_mesh(path, scale), _NO_MASS
+        check_unit(mesh, str(path), "use --scale 0.001 for millimetres")
+    elif path.suffix in URDF_SUFFIXES:
+        if scale != 1.0:
+            raise RobotError(f"{path}: a URDF has its own scale; expected no other, got {scale:g}")
+        mesh, body, held = read_rigid(path)
+    else:
+        raise RobotError(
+            f"{path}: expected a mesh ({', '.join(MESH_SUFFIXES)}) or a URDF for a tool, got {path.suffix!r}"
+        )
+    joint = Joint("flange", np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]), (0.0, 0.0), np.inf, np.inf)
+    links = (Link("flange", _NO_MASS), Link("tool", body))
+    return Robot(path.stem, links, (joint,), file=path, held=held), {"tool": mesh}
+
+
+def meshes_of(robot: Robot, folder: Path | None = None) -> dict[str, trimesh.Trimesh]:
+    """The visual mesh of each link, in the link's frame [m].
+
+    They are found by the file that the robot was read from, never by its name: another robot of the same name
+    has other links.
+
+    Args:
+        robot: The arm.
+        folder: Folder of the meshes; by default those of its URDF, or of PyPI's airo-models (MIT), which
+            contains UR3e and UR5e.
+
+    Raises:
+        RobotError: meshes are missing or unusable.
+    """
     if folder is not None:
-        return robot, from_folder(folder, robot.link_names)
-    if robot.name not in airo_models.AIRO_MODEL_NAMES:
+        return from_folder(folder, robot.link_names)
+    if robot.file is not None and robot.file.suffix != ".yaml":
+        return _of_chain(read_chain(robot.file, robot.tip), None)
+    if not in_library(robot) or robot.name not in airo_models.AIRO_MODEL_NAMES:
         raise RobotError(f"{robot.name}: no meshes known; name a folder of them with --meshes")
-    return robot, _from_airo(robot)
+    return _from_airo(robot)
+
+
+def _of_chain(chain: Chain, folder: Path | None) -> dict[str, trimesh.Trimesh]:
+    meshes = chain.meshes() if folder is None else from_folder(folder, chain.robot.link_names)
+    if not meshes:
+        raise RobotError(f"{chain.path}: no link has a visual shape")
+    return meshes
 
 
 def _from_airo(robot: Robot) -> dict[str, trimesh.Trimesh]:
@@ -57,16 +110,15 @@ def _from_airo(robot: Robot) -> dict[str, trimesh.Trimesh]:
     return meshes
 
 
-def skin_grids(arm: str, folder: Path | None = None, cache: Path | None = None) -> Grids:
+def skin_grids(robot: Robot, folder: Path | None = None, cache: Path | None = None) -> Grids:
     """Signed-distance grids of an arm's skin, from the cache or built now (about a minute per arm).
 
     Args:
-        arm: As in `read_arm`.
-        folder: Folder of the meshes, as in `read_arm`.
+        robot: The arm.
+        folder: Folder of the meshes, as in `meshes_of`.
         cache: Folder for the grids; by default `contactsense` in `XDG_CACHE_HOME` or `~/.cache`.
 
     Raises:
-        RobotError: robot or meshes are missing or unusable, or the cache cannot be written.
+        RobotError: meshes are missing or unusable, or the cache cannot be written.
     """
-    robot, meshes = read_arm(arm, folder)
-    return cached(robot, meshes, cache)
+    return cached(robot, meshes_of(robot, folder), cache)

@@ -158,9 +158,9 @@ def surface_points(
 
 
 HEADINGS = (
-    "skin to primitives p50 / p95 / max [mm]",
-    "primitives to skin p50 / p95 / max [mm]",
-    "normals p50 / p95 [deg]",
+    "skin to primitives p50/p95/max, mm",
+    "primitives to skin p50/p95/max, mm",
+    "normals p50/p95, deg",
 )
 """Columns of `row`."""
 
@@ -169,11 +169,9 @@ def row(found: Errors) -> tuple[str, str, str]:
     """Errors as text, in the columns of `HEADINGS`."""
 
     def lengths(values: np.ndarray) -> str:
-        return " / ".join(
-            f"{value * 1e3:.2f}" for value in np.percentile(np.abs(values), (50.0, 95.0, 100.0))
-        )
+        return "/".join(f"{value * 1e3:.2f}" for value in np.percentile(np.abs(values), (50.0, 95.0, 100.0)))
 
-    angles = " / ".join(f"{value:.1f}" for value in np.degrees(np.percentile(found.angle, (50.0, 95.0))))
+    angles = "/".join(f"{value:.1f}" for value in np.degrees(np.percentile(found.angle, (50.0, 95.0))))
     return lengths(found.skin), lengths(found.primitive), angles
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere, Vector
+from contactsense.robots.robot import Inertia
 from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED
 
 _TINY = 2e-5
@@ -72,6 +73,7 @@ def text(
     links: Mapping[str, Mapping[str, Iterable[Primitive]]],
     comments: Iterable[str],
     seconds: float,
+    tip: str | None = None,
 ) -> str:
     """Content of the YAML file: comments, then one primitive per line under link and level.
 
@@ -80,17 +82,36 @@ def text(
         links: Link name -> level (`coarse`, `fine`) -> primitives.
         comments: Lines at the start of the file.
         seconds: Duration of the fit [s].
+        tip: Last link of the arm in its URDF, if it was named.
     """
     lines = [f"# {comment}".rstrip() for comment in comments]
-    lines += [f"robot: {robot}", f"fit_seconds: {seconds:.0f}", "links:"]
+    lines += [f"robot: {robot}", *([f"tip: {tip}"] if tip else []), f"fit_seconds: {seconds:.0f}", "links:"]
     for link, levels in links.items():
         lines.append(f"  {link}:")
         for level, shapes in levels.items():
             lines.append(f"    {level}:")
             for shape in shapes:
-                fields = ", ".join(f"{name}: {_plain(value)}" for name, value in shape.model_dump().items())
-                lines.append(f"      - {{{fields}}}")
+                lines.append(f"      - {_fields(shape)}")
     return "\n".join(lines) + "\n"
+
+
+def tool_text(name: str, body: Inertia, shapes: Iterable[Primitive], comments: Iterable[str]) -> str:
+    """The field `tool` of a scene; mass, centre of mass and tensor only if the mass is known."""
+    lines = [f"# {comment}".rstrip() for comment in comments]
+    lines += ["tool:", f"  name: {name}"]
+    if body.mass > 0.0:
+        tensor = body.tensor[np.triu_indices(3)]
+        lines += [
+            f"  mass: {body.mass:.6g}",
+            f"  com: [{', '.join(f'{value:.6g}' for value in body.com)}]",
+            f"  tensor: [{', '.join(f'{value:.6g}' for value in tensor)}]",
+        ]
+    lines += ["  primitives:", *(f"    - {_fields(shape)}" for shape in shapes)]
+    return "\n".join(lines) + "\n"
+
+
+def _fields(shape: Primitive) -> str:
+    return "{" + ", ".join(f"{name}: {_plain(value)}" for name, value in shape.model_dump().items()) + "}"
 
 
 def _plain(value: object) -> str:

@@ -117,7 +117,7 @@ def analyze(
         start=run.extent.start,
         duration=run.extent.seconds,
         gaps=sum(problem.kind == "gap" for problem in run.extent.problems),
-        problems=tuple(str(problem) for problem in run.extent.problems),
+        problems=(*(str(problem) for problem in run.extent.problems), *run.localizer.refusals),
         contacts=contacts,
         residuals=run.residuals.summary(),
         limits=limits,

@@ -1,7 +1,7 @@
 """Smoothing of a contact after its end: link and place from all of its samples together."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,12 +10,17 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.runtime.result_rows import LINK, POINT_BASE
+from contactsense.runtime.skin_grids import skin_of
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_windows import ContactWindows, contact_windows
+from contactsense.service.analysis.curved_regions import curvature_covariance
 from contactsense.service.analysis.link_windows import link_windows
 from contactsense.service.analysis.place_accessibility import log_accessible_share
 from contactsense.service.analysis.place_search import LinkMeasurement, Place, PlaceSearch, WindowSums
+from contactsense.service.analysis.skin_constraint import place_on_skin
+from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
+from contactsense.service.analysis.torque_smoothing import TorqueSmoother
 
 APART = 0.03
 """Minimum distance of starting points on one link [m]."""
@@ -38,37 +43,8 @@ HOPELESS = 200.0
 """Explanations whose energy exceeds that of the best one by this much are dropped."""
 
 
-@dataclass(frozen=True, eq=False)
-class SmoothedContact:
-    """A contact estimated from all of its samples."""
-
-    windows: ContactWindows
-    """The measurements."""
-    places: tuple[Place, ...]
-    """Explanations, the most probable first."""
-    probability: np.ndarray
-    """Probability of each, shape (places,)."""
-    link_probability: np.ndarray
-    """Probability of each link, shape (links,)."""
-
-    @property
-    def best(self) -> Place:
-        """The most probable explanation."""
-        return self.places[0]
-
-    def at(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Place [m], outward normal and covariance [m^2] of the best explanation at a time [s], link
-        frame."""
-        best, times = self.best, self.windows.t
-        point = np.array([np.interp(t, times, column) for column in best.point.T])
-        normal = np.array([np.interp(t, times, column) for column in best.normal.T])
-        w = int(np.argmin(np.abs(times - t)))
-        return point, normal / np.linalg.norm(normal), best.covariance[w]
-
-
 class ContactSmoother:
-    """Smooths the contacts of one scene. There are results only with a base wrench and without a wrist
-    sensor: torques alone determine too little of each window's force."""
+    """Smooths the contacts of one scene, except those beyond a wrist sensor."""
 
     def __init__(self, scene: Scene) -> None:
         """Prepare for `scene`."""
@@ -78,17 +54,19 @@ class ContactSmoother:
         constants = self._localizer._buffers.constants
         self._surfaces, self._prior = constants.surfaces, constants.prior
         self._depth, self._sensors = constants.sensors.depth, constants.sensors
+        self._skin = skin_of(scene)
         self._model, self._motion = build_model(scene.robot), empty_motion(len(scene.robot.joints))
+        self._torques = TorqueSmoother(self._localizer, self._model)
 
     def smooth(self, history: ContactHistory) -> SmoothedContact | None:
         """Smooth a contact; None if its samples allow no result."""
-        if self._scene.base_wrench is None or self._scene.wrist_wrench is not None:
-            return None
         windows = contact_windows(history, self._scene.bandwidth)
-        if windows is None or len(history.rows) == 0:
+        if windows is None or len(history.rows) == 0 or self._is_beyond_wrist(history):
             return None
         if not (np.isfinite(windows.base_wrench).all() and np.isfinite(windows.joint_torque).all()):
             return None
+        if self._scene.base_wrench is None:
+            return self._torques.smooth(history, windows)
         measured: dict[int, LinkMeasurement] = {}
         found: list[Place] = []
         places: list[Place] = []
@@ -110,20 +88,30 @@ class ContactSmoother:
             track = self._track(history, link)
             if track is not None:
                 places += self._explanation([*self._paths(link, track, measured[link])], windows)
-        places = [place for place in places if np.isfinite(place.log_evidence)]
-        if not places:
-            return None
-        places.sort(key=lambda place: -place.log_evidence)
-        weight = np.exp([place.log_evidence - places[0].log_evidence for place in places])
-        probability = weight / weight.sum()
-        link_probability = np.zeros(len(self._scene.link_names))
-        np.add.at(link_probability, [place.link for place in places], probability)
-        return SmoothedContact(windows, tuple(places), probability, link_probability)
+        return ranked(windows, places, len(self._scene.link_names))
+
+    def _is_beyond_wrist(self, history: ContactHistory) -> bool:
+        """Whether the live estimates leave it open that something beyond the wrist sensor was touched. If
+        not, that sensor measures nothing of the contact."""
+        if self._scene.wrist_wrench is None:
+            return False
+        beyond = np.asarray(self._sensors.beyond_wrist, dtype=bool)
+        late = history.link_probability[len(history.rows) // 2 :].mean(axis=0)
+        return bool(late[beyond].sum() >= LEAST_PROBABILITY)
 
     def _explanation(self, paths: list[Place], windows: ContactWindows) -> list[Place]:
-        """The paths that fit, combined into one place; None if no path fits."""
+        """The paths that fit, combined into one place; empty if no path fits."""
         paths = [path for path in paths if _fits(path)]
-        return [self._touchable(_mixture(paths), windows)] if paths else []
+        return [self._curved(self._touchable(_mixture(paths), windows))] if paths else []
+
+    def _curved(self, place: Place) -> Place:
+        """The place on the skin, if the scene has one, with the covariance that the surface's curvature
+        adds."""
+        found = place_on_skin(self._skin, place)
+        more = curvature_covariance(
+            self._surfaces, self._skin, place.link, found.point, place.normal, found.covariance
+        )
+        return replace(found, covariance=found.covariance + more)
 
     def _track(self, history: ContactHistory, link: int) -> np.ndarray | None:
         """Positions of the live estimates on a link, body frame, at `TRACK` times; None if there are few."""

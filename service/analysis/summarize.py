@@ -20,7 +20,7 @@ from contactsense.runtime.result_rows import (
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_summary import ContactSummary, ForceCurve
-from contactsense.service.analysis.smoothing import SmoothedContact
+from contactsense.service.analysis.smoothed_contact import SmoothedContact
 from contactsense.tracking.contact_tracker import SLIDE
 
 TRANSIENT_TIME = 0.5

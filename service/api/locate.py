@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from fastapi import APIRouter, Response
 from starlette.exceptions import HTTPException
 
@@ -34,7 +35,15 @@ async def locate(service: Shared, request: LocateIn) -> Response:
         request.samples if isinstance(request, messages.LocateManyIn) else [request]
     )
     for index, sample in enumerate(samples):
-        _check(sample, service.scene, f"samples[{index}]." if many else "")
+        prefix = f"samples[{index}]." if many else ""
+        _check(sample, service.scene, prefix)
+        base, torque, wrist = (
+            None if value is None else np.array(value)
+            for value in (sample.base_wrench, sample.joint_torque, sample.wrist_wrench)
+        )
+        found = service.plausible.request(np.array(sample.q), base, torque, wrist, request.external)
+        if found is not None:
+            raise FieldRefusedError(prefix + found.field, found.reason)
     try:
         encoded = await service.locate(samples, request.external)
     except LocateError as error:

@@ -15,6 +15,7 @@ from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from contactsense import Scene
+from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.service.api import clips, messages, track
 from contactsense.service.api.connections import ConnectionLimits
 from contactsense.service.api.limits import RequestLimits
@@ -48,6 +49,8 @@ class Service:
         on_loading: OnLoading | None = None,
     ) -> None:
         self.scene = settings.load_scene()
+        self.plausible = PlausibleLimits(self.scene)
+        """Limits of the measurements in requests."""
         self.hub = Hub(settings.queue)
         self._settings = settings
         if settings.events.path is not None:
@@ -194,7 +197,7 @@ class Service:
             log.error("reload: nothing has changed: %s", error)
             self.reloaded = messages.ReloadHealth(time=at, ok=False, message=str(error))
             return
-        self.scene = scene
+        self.scene, self.plausible = scene, PlausibleLimits(scene)
         await self.webhooks.replace(self.reactions.webhooks)
         self.runner.restart(scene, source, self._listeners())
         self._locate.restart(scene)

@@ -17,8 +17,13 @@ BENCHES = {
     "soak": "contactsense.benchmarks.live.soak:soak",
     "solvers": "contactsense.benchmarks.solvers.command:solvers",
     "coverage": "contactsense.benchmarks.calibration.coverage:coverage",
+    "setup": "contactsense.benchmarks.calibration.setup:setup",
+    "pushes": "contactsense.benchmarks.calibration.pushes:bench_pushes",
     "recordings": "contactsense.benchmarks.calibration.recordings:recordings",
     "geometry": "contactsense.benchmarks.accuracy.geometry:geometry",
+    "cells": "contactsense.benchmarks.accuracy.cells:cells",
+    "franka": "contactsense.benchmarks.franka.command:franka",
+    "map": "contactsense.benchmarks.accuracy.surface_map:surface_map",
 }
 """Name -> import path of its click command."""
 

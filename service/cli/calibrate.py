@@ -2,6 +2,7 @@
 contact-free motion."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,12 @@ from rich.table import Table
 from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, default_groups
 from contactsense.calibration import calibrate as run
 from contactsense.scene import Scene, SceneError
+from contactsense.service.cli.calibration_page import Section, channels, page
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 
 _PARTS = ("joint_torque", "base_wrench", "mounting", "tool", "inertia")
 """Fields of a scene that calibration may change."""
-_BASE = tuple(
-    f"base {name}" for name in ("force x", "force y", "force z", "moment x", "moment y", "moment z")
-)
 
 
 @click.command()
@@ -39,6 +38,10 @@ _BASE = tuple(
 @click.option(
     "--columns", help="Names and units of columns or topics, as q=joint_,time_unit=ms or a YAML file."
 )
+@click.option(
+    "--keep-contacts", is_flag=True, help="Use stretches, too, in which something seems to push on the arm."
+)
+@click.option("--verbose", is_flag=True, help="Print every parameter, kept ones too, and every warning.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
 def calibrate(
     recordings: tuple[Path, ...],
@@ -48,12 +51,14 @@ def calibrate(
     links: bool,
     report: Path | None,
     columns: str | None,
+    keep_contacts: bool,
+    verbose: bool,
     as_json: bool,
 ) -> None:
     """Calibrate the scene from RECORDINGS of contact-free motion.
 
-    Prints parameters with their standard deviations, parameters that the motion does not determine, and
-    residuals before and after. Nothing is written without --out or --write.
+    Prints what was left out because something seems to push on the arm, what changed, what it means, and what
+    to do next. Nothing is written without --out or --write.
     """
     if out is not None and in_place:
         raise click.UsageError("--out and --write: expected one of them, got both")
@@ -71,17 +76,17 @@ def calibrate(
         if links:
             groups = (*(group for group in groups if group not in ("gain", "payload")), "links")
         with errors.status("calibrating") as status:
-            found = run(
-                scene, stretches, Settings(groups), lambda text: status.update(f"calibrating: {text}")
-            )
+            settings = Settings(groups, leave_out_contacts=not keep_contacts)
+            found = run(scene, stretches, settings, lambda text: status.update(f"calibrating: {text}"))
     except (SceneError, RecordingError, MappingError, CalibrationError, ValueError) as error:
         raise click.ClickException(str(error)) from None
+    target = path if in_place else out
+    sections = page(found, scene, target)
     try:
         if report is not None:
             from contactsense.service.cli.calibration_report import write_report
 
-            write_report(report, found, stretches, scene)
-        target = path if in_place else out
+            write_report(report, found, sections, stretches, scene)
         if target is not None:
             target.write_text(scene_text(path, found.scene), encoding="utf-8")
     except ImportError as error:
@@ -93,7 +98,9 @@ def calibrate(
     if as_json:
         click.echo(json.dumps(as_plain(found), indent=1))
     else:
-        _print(found, scene)
+        _print_page(found, sections)
+        if verbose:
+            _print_everything(found, scene)
 
 
 def scene_text(path: Path, scene: Scene) -> str:
@@ -125,6 +132,8 @@ def as_plain(found: Calibration) -> dict[str, Any]:
         ],
         "warnings": list(found.warnings),
         "condition": found.condition,
+        "seconds": found.seconds,
+        "contacts": [asdict(contact) for contact in found.contacts],
         "residuals": {
             moment: {"rms": _numbers(level.rms), "q999": _numbers(level.tail)}
             for moment, level in (("before", found.before), ("after", found.after))
@@ -136,12 +145,16 @@ def _numbers(array: np.ndarray) -> list[float | None]:
     return [float(x) if np.isfinite(x) else None for x in array]
 
 
-def channels(scene: Scene) -> tuple[str, ...]:
-    """Names of all equations, joints first."""
-    return tuple(joint.name for joint in scene.robot.joints) + _BASE
+def _print_page(found: Calibration, sections: tuple[Section, ...]) -> None:
+    console = Console(soft_wrap=True, highlight=False)
+    console.print(f"Calibrated from {found.seconds:.1f} s of motion without contact.")
+    for section in sections:
+        console.print(f"\n[bold]{section.title}[/bold]")
+        for line in section.lines:
+            console.print(f"- {line}", markup=False)
 
 
-def _print(found: Calibration, scene: Scene) -> None:
+def _print_everything(found: Calibration, scene: Scene) -> None:
     console = Console(soft_wrap=True)
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("parameter", "before", "after", "std", "unit"):

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from contactsense.robots.decomposition.decompose import Fit, Options
 
+_COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+
 
 @click.command()
 @click.argument("arm")
@@ -29,6 +31,10 @@ if TYPE_CHECKING:
 )
 @click.option("--source", default="", help="Source of the meshes, for the head of the file.")
 @click.option("--tip", help="Last link of the arm in a URDF; else the longest chain of revolute joints.")
+@click.option("--as-tool", is_flag=True, help="ARM is a tool: a mesh, or a URDF, in the flange's frame.")
+@click.option(
+    "--scale", default=1.0, show_default=True, help="Metres per unit of a tool's mesh, as 0.001 for mm."
+)
 @click.option("--tolerance", default="2mm", show_default=True, help="Wanted 95th percentile of the distance.")
 @click.option("--max", "most", type=click.IntRange(min=1), help="Largest number of primitives in total.")
 @click.option(
@@ -61,6 +67,8 @@ def decompose(
     meshes: Path | None,
     source: str,
     tip: str | None,
+    as_tool: bool,
+    scale: float,
     tolerance: str,
     most: int | None,
     link_max: int,
@@ -71,22 +79,30 @@ def decompose(
     picture: Path | None,
 ) -> None:
     """Fit convex primitives to the outer skin of each link of ARM, a URDF or a name that `contactsense
-    robots` lists.
+    robots` lists; or of a tool, a mesh or a URDF, with --as-tool.
 
-    Without --out the YAML goes to standard output, and the table of errors to standard error.
+    Writes the surface of an arm, or the field `tool` of a scene. Movable joints that are not the arm's, such
+    as a gripper's, are held at zero. Without --out the YAML goes to standard output, and the table of errors
+    to standard error.
     """
     try:
         from contactsense.robots.decomposition.decompose import Options, choose
-        from contactsense.robots.decomposition.mesh_sources import read_arm
+        from contactsense.robots.decomposition.mesh_sources import read_arm, read_tool
     except ImportError as error:
         raise click.ClickException(
             f"needs the extra packages: pip install contactsense[geometry] ({error})"
         ) from error
+    if as_tool and (meshes is not None or tip is not None):
+        raise click.UsageError("--as-tool: expected no --meshes and no --tip: a tool is one body")
+    if not as_tool and scale != 1.0:
+        raise click.UsageError("--scale: expected --as-tool: the meshes of an arm are in metres")
     options = Options(tolerance=_length(tolerance), most=link_max, seed=seed, boxes=not no_boxes)
     try:
-        robot, surfaces = read_arm(arm, meshes, tip)
+        robot, surfaces = read_tool(Path(arm), scale) if as_tool else read_arm(arm, meshes, tip)
     except RobotError as error:
         raise click.ClickException(str(error)) from error
+    if robot.held:
+        click.echo(f"{arm}: held at zero: {', '.join(robot.held)}", err=True)
     start = time.perf_counter()
     fits = _fit_all(robot, surfaces, options, jobs)
     seconds = time.perf_counter() - start
@@ -94,16 +110,18 @@ def decompose(
     chosen = dict(zip(names, choose([fits[name] for name in names], options.tolerance, most), strict=True))
     best = {name: fits[name][chosen[name]] for name in names}
     _report(best)
-    text = _yaml(robot, fits, chosen, options, seconds, arm, source)
+    command = _command(arm, options, tip, as_tool, scale)
+    if as_tool:
+        text = _tool_yaml(robot, best["tool"], command, source or Path(arm).name)
+    else:
+        text = _yaml(robot, fits, chosen, command, seconds, source)
     try:
         if out is None:
             click.echo(text, nl=False)
         else:
             out.write_text(text, encoding="utf-8")
         if picture is not None:
-            from contactsense.robots.decomposition.error_picture import draw_fits
-
-            draw_fits(robot, surfaces, {name: fit.bodies for name, fit in best.items()}, picture)
+            _draw(robot, surfaces, best, picture)
     except OSError as error:
         raise click.ClickException(str(error)) from error
 
@@ -114,9 +132,8 @@ def _fit_all(
     from contactsense.robots.decomposition.decompose import fit_link
 
     links = [number for number, name in enumerate(robot.link_names) if name in meshes]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     found: dict[int, tuple[Fit, ...]] = {}
-    with Progress(*columns, console=Console(stderr=True)) as progress, ProcessPoolExecutor(jobs) as pool:
+    with Progress(*_COLUMNS, console=Console(stderr=True)) as progress, ProcessPoolExecutor(jobs) as pool:
         task = progress.add_task(f"{robot.name}: links", total=len(links))
         waiting: dict[Future[tuple[Fit, ...]], int] = {
             pool.submit(fit_link, robot, meshes, number, options): number for number in links
@@ -137,7 +154,8 @@ def _report(best: "dict[str, Fit]") -> None:
 
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("link", "primitives", *HEADINGS):
-        table.add_column(heading, justify="left" if heading == "link" else "right")
+        left = heading == "link"
+        table.add_column(heading, justify="left" if left else "right", no_wrap=left, overflow="fold")
     for name, fit in best.items():
         table.add_row(name, str(len(fit.bodies.kind)), *row(fit.errors))
     count = sum(len(fit.bodies.kind) for fit in best.values())
@@ -145,13 +163,45 @@ def _report(best: "dict[str, Fit]") -> None:
     Console(stderr=True).print(table)
 
 
+def _draw(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", best: "dict[str, Fit]", path: Path) -> None:
+    from contactsense.robots.decomposition.error_picture import draw_fits
+
+    with Progress(*_COLUMNS, console=Console(stderr=True)) as progress:
+        task = progress.add_task("picture: links", total=len(best))
+        bodies = {name: fit.bodies for name, fit in best.items()}
+        draw_fits(robot, meshes, bodies, path, drawn=lambda: progress.advance(task))
+
+
+def _command(arm: str, options: "Options", tip: str | None, as_tool: bool, scale: float) -> str:
+    """The command that makes the file again."""
+    asked = f"--tolerance {options.tolerance * 1e3:g}mm --link-max {options.most} --seed {options.seed}"
+    if tip:
+        asked += f" --tip {tip}"
+    if as_tool:
+        asked += " --as-tool" + (f" --scale {scale:g}" if scale != 1.0 else "")
+    return f"contactsense decompose {Path(arm).name} {asked}"
+
+
+def _tool_yaml(robot: Robot, fit: "Fit", command: str, source: str) -> str:
+    from contactsense.robots.decomposition.yaml_export import primitives, tool_text
+
+    body = robot.links[-1].inertia
+    comments = [
+        "Tool for a scene: convex primitives in the flange's frame, in metres.",
+        f"Made by: {command}",
+        f"Meshes: {source}",
+    ]
+    if not body.mass > 0.0:
+        comments.append("Add mass [kg] and com [m], or let contactsense calibrate estimate them.")
+    return tool_text(robot.name, body, primitives(fit.bodies), comments)
+
+
 def _yaml(
     robot: Robot,
     fits: "dict[str, tuple[Fit, ...]]",
     chosen: dict[str, int],
-    options: "Options",
+    command: str,
     seconds: float,
-    arm: str,
     source: str,
 ) -> str:
     from contactsense.robots.decomposition.yaml_export import primitives, text
@@ -163,13 +213,12 @@ def _yaml(
         }
         for name in fits
     }
-    asked = f"--tolerance {options.tolerance * 1e3:g}mm --link-max {options.most} --seed {options.seed}"
     comments = (
         f"Surface of the {robot.name}: convex primitives in the link frames, in metres.",
-        f"Made by: contactsense decompose {Path(arm).name} {asked}",
+        f"Made by: {command}",
         f"Meshes: {source or 'visual shapes of the URDF'}",
     )
-    return text(robot.name, links, comments, seconds)
+    return text(robot.name, links, comments, seconds, robot.tip)
 
 
 def _coarse(fits: "tuple[Fit, ...]", chosen: int) -> int:

@@ -11,13 +11,16 @@ COMMANDS = {
     "serve": "contactsense.service.cli.serve:serve",
     "mock": "contactsense.service.cli.mock:mock",
     "reactions": "contactsense.service.cli.reactions:reactions",
+    "scene": "contactsense.service.cli.scene:scene",
     "robots": "contactsense.service.cli.robots:robots",
     "bench": "contactsense.service.cli.bench:bench",
     "analyze": "contactsense.service.cli.analyze:analyze",
+    "check": "contactsense.service.cli.check:check",
     "calibrate": "contactsense.service.cli.calibrate:calibrate",
     "record": "contactsense.service.cli.record:record",
     "excite": "contactsense.service.cli.excite:excite",
     "decompose": "contactsense.service.cli.decompose:decompose",
+    "map": "contactsense.service.cli.map:surface_map",
     "paper": "contactsense.benchmarks.solvers.paper_command:paper",
 }
 """Command name -> import path of its click command."""

@@ -10,6 +10,7 @@ import click
 import numpy as np
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from contactsense import robots as library
@@ -23,7 +24,11 @@ from contactsense.robots import Robot, RobotError
 @click.option("--pose", help="Joint angles for the picture in degrees, separated by commas.")
 @click.option("--coarse", is_flag=True, help="Draw the coarse level of detail instead of the fine one.")
 def robots(name: str | None, as_json: bool, picture: Path | None, pose: str | None, coarse: bool) -> None:
-    """List the arms, or show NAME: its links, joints and primitives. NAME may be a path to a .yaml file."""
+    """List the arms, or show NAME: its links, joints and primitives. NAME may be a path to a
+    URDF or a .yaml file.
+
+    Of a URDF, the arm is the longest chain of revolute joints, without a gripper's fingers.
+    """
     if name is None:
         if picture is not None:
             raise click.UsageError("--picture needs the NAME of a robot")
@@ -48,7 +53,7 @@ def robots(name: str | None, as_json: bool, picture: Path | None, pose: str | No
 def _list(arms: list[Robot]) -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("arm", "joints", "mass [kg]", "primitives", "of them coarse"):
-        table.add_column(heading, justify="left" if heading == "arm" else "right")
+        table.add_column(escape(heading), justify="left" if heading == "arm" else "right")
     for arm in arms:
         entry = _summary(arm)
         table.add_row(*(str(entry[key]) for key in ("name", "joints", "mass", "primitives", "coarse")))
@@ -59,7 +64,7 @@ def _show(robot: Robot) -> None:
     console = Console()
     links = Table(title=f"{robot.name}: links", box=box.SIMPLE_HEAD, title_justify="left")
     for heading in ("link", "mass [kg]", "centre of mass [m]", "primitives"):
-        links.add_column(heading, justify="right" if "kg" in heading else "left")
+        links.add_column(escape(heading), justify="right" if "kg" in heading else "left")
     for link in robot.links:
         kinds = Counter(shape.kind for shape in link.primitives)
         links.add_row(
@@ -69,9 +74,11 @@ def _show(robot: Robot) -> None:
             ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none",
         )
     console.print(links)
+    if robot.held:
+        console.print(f"held at zero: {', '.join(robot.held)}\n", highlight=False)
     joints = Table(title=f"{robot.name}: joints", box=box.SIMPLE_HEAD, title_justify="left")
     for heading in ("joint", "range [deg]", "speed [deg/s]", "torque [Nm]", "Nm/A"):
-        joints.add_column(heading, justify="left" if heading == "joint" else "right")
+        joints.add_column(escape(heading), justify="left" if heading == "joint" else "right")
     for joint in robot.joints:
         low, high = (degrees(limit) for limit in joint.position_limits)
         joints.add_row(
@@ -143,6 +150,7 @@ def _details(robot: Robot) -> dict[str, Any]:
             }
             for joint in robot.joints
         ],
+        "held": list(robot.held),
         "flange": {
             "rotation": robot.flange_rotation.tolist(),
             "translation": robot.flange_translation.tolist(),

@@ -19,6 +19,7 @@ from contactsense.service.api.connections import http_protocol, websocket_protoc
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.controllers.robot_program_servers import PortError
 from contactsense.service.live.scheduling import favour_latency, hurry
+from contactsense.service.scene.summary import scene_warnings
 
 READY = "serving at "
 """Beginning of the line on stdout that names the address."""
@@ -118,6 +119,8 @@ def serve(**options: Any) -> int:
         logs.configure(settings.log_level, settings.log_format, settings.log_file)
         app = create_app(settings, on_loading=bar.update)
         app.state.service.ports.check()
+        for warning in scene_warnings(app.state.service.scene):
+            logging.getLogger("contactsense").warning("scene: %s", warning)
     except (SettingsError, PortError) as error:
         raise click.ClickException(str(error)) from None
     except OSError as error:

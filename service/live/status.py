@@ -66,10 +66,13 @@ def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
             f"samples arrive but no estimate has {age}; is this computer overloaded?",
             *facts.others,
         )
+    estimate = (f"the latest estimate is degraded: {facts.estimate}",) if facts.estimate else ()
     if facts.trouble or facts.others:
-        return "degraded", (*_retried(facts.trouble), *facts.others)
-    if facts.estimate:
-        return "degraded", (f"the latest estimate is degraded: {facts.estimate}",)
+        # Most degraded estimates follow from the trouble; a value that cannot be has a cause of its own.
+        own = estimate if ": expected " in facts.estimate else ()
+        return "degraded", (*_retried(facts.trouble), *facts.others, *own)
+    if estimate:
+        return "degraded", estimate
     return "ok", ("samples arrive and are estimated",)
 
 

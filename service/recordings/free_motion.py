@@ -54,7 +54,15 @@ def read_free_motion(
             torque = None if found.joint_torque is None else found.joint_torque[kept]
             wrench = None if reading is None else reading[kept]
             stretches.append(
-                FreeMotion(found.t[kept], found.q[kept], found.qd[kept], torque, wrench, str(path))
+                FreeMotion(
+                    found.t[kept],
+                    found.q[kept],
+                    found.qd[kept],
+                    torque,
+                    wrench,
+                    str(path),
+                    found.rows[kept],
+                )
             )
     if not stretches:
         raise RecordingError(

@@ -152,6 +152,7 @@ class LiveSource:
         self._wrist_fields = settings.wrist_fields
         if scene.wrist_wrench is not None:
             self._wrist = WristMap(scene.wrist_wrench, scene.robot)
+            self._wrist_range = scene.wrist_wrench.limits
             fields += _wrist_fields(settings)
         fields += [name for name in settings.extra_fields if name not in fields]
         self._robot: RobotStream = _robot_stream(settings, fields)
@@ -264,7 +265,7 @@ class LiveSource:
         lost = health.lost - seen.lost
         if 0 < lost * self._period < OUTAGE:
             self._recent.add(now, "lost", lost)
-        for name in ("duplicates", "out_of_order", "bad_stamps"):
+        for name in ("duplicates", "out_of_order", "bad_stamps", "jumps"):
             count = getattr(health, name) - getattr(seen, name)
             if count:
                 self._recent.add(now, name, count)
@@ -311,7 +312,10 @@ class LiveSource:
         wrist = None
         if self._wrist is not None:
             read = np.concatenate([values[slices[name]] for name in self._wrist_fields])
-            wrist = _finite(self._wrist.wrench(q, read))
+            if (np.abs(read) >= self._wrist_range).any():
+                self._recent.add(time.monotonic(), "wrist saturated")
+            else:
+                wrist = _finite(self._wrist.wrench(q, read))
         return Sample(record.timestamp, q, qd, torque, wrench, wrist)
 
     def _note_wrench(self, there: bool) -> None:

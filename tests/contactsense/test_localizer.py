@@ -1,5 +1,7 @@
 """The whole sample path on constructed truth: static, batch, live stream, bad input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -124,9 +126,11 @@ def test_rotation_about_the_base_axis_rotates_the_estimate(ordinary: Localizer) 
 def test_more_force_and_more_noise_in_proportion_change_nothing() -> None:
     scene = Scene(robot=ARM, surface_error=1e-4)
     assert scene.base_wrench is not None
+    joints = tuple(replace(joint, torque_limit=1e3 * joint.torque_limit) for joint in ARM.joints)
     louder = scene.model_copy(
         update={
-            "base_wrench": WrenchSensor(force_noise=250.0, moment_noise=50.0),
+            "robot": replace(ARM, joints=joints),
+            "base_wrench": WrenchSensor(force_noise=250.0, moment_noise=50.0, range=(1e6, 1e6)),
             "joint_torque": JointTorqueSensor(noise=1000.0),
             "force": 1e3 * scene.force,
         }

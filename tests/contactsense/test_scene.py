@@ -1,12 +1,15 @@
 """Scenes: from Python, from YAML, and what is said of wrong ones."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from contactsense import JointTorqueSensor, Scene, SceneError, WrenchSensor
+from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor, robots
+from contactsense.robots.primitives import Sphere
+from contactsense.robots.tool import Tool
 from contactsense.runtime.constants import base_wrench_from_reading, build_constants
 
 
@@ -38,6 +41,63 @@ def test_a_scene_file_gives_the_same_scene(tmp_path: Path) -> None:
     arm = build_constants(scene)
     np.testing.assert_array_equal(arm.touchable, [False, False, False, True, False, False, False, True])
     assert arm.model.mass[-1] == pytest.approx(scene.robot.links[-1].inertia.mass + 1.2)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({}, "^robot: Field required$"),
+        ({"robot": "ur5e", "friction": -1}, "^friction: Input should be greater than 0, got -1$"),
+        ({"robot": "ur5e", "frictoin": 0.5}, "^frictoin: Extra inputs are not permitted, got 0.5$"),
+        (
+            {"robot": "ur5e", "mounting": "floor"},
+            "^mounting: expected table, ceiling, wall or roll, pitch, yaw in rad, got 'floor'$",
+        ),
+        (
+            {"robot": "ur5e", "joint_torque": {"noise": [1, -2, 1, 1, 1, 1]}},
+            r"^joint_torque\.noise\.1: .*got -2$",
+        ),
+        (
+            {"robot": "ur5e", "base_wrench": {"range": [1, 2, 3]}},
+            r"^base_wrench\.range: expected 2 or 6 numbers",
+        ),
+    ],
+)
+def test_wrong_arguments_are_explained_as_in_a_file(fields: dict[str, object], message: str) -> None:
+    with pytest.raises(SceneError, match=message) as caught:
+        Scene(**fields)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("field", ["mounting", "base_wrench.rpy", "wrist_wrench.rpy"])
+def test_angles_in_degrees_are_refused_with_their_radians(field: str) -> None:
+    part, _, below = field.partition(".")
+    value = [0, 30, 0]
+    fields = {"tool": {"mass": 1.0}, part: {below: value} if below else value}
+    with pytest.raises(SceneError, match=rf"^{field}: .*got \[0.0, 30.0, 0.0\]; if .* \[0, 0.5236, 0\]$"):
+        Scene(robot="ur5e", **fields)
+    value[1] = 6
+    Scene(robot="ur5e", **fields)
+
+
+def test_an_arm_without_a_surface_is_refused() -> None:
+    arm = robots.load("ur5e")
+    bare = replace(arm, links=tuple(replace(link, primitives=()) for link in arm.links))
+    with pytest.raises(
+        SceneError, match=r"^robot: expected at least one link with a surface, got none on ur5e"
+    ):
+        Scene(robot=bare)
+    ball = Tool(primitives=(Sphere(center=(0, 0, 0.1), radius=0.05),))
+    assert Scene(robot=bare, tool=ball).link_names[-1] == "tool"
+    with pytest.raises(SceneError, match=r"^touchable: expected at least one link with a surface"):
+        Scene(robot=bare, tool=ball, touchable=("forearm",))
+
+
+def test_a_name_is_no_scene() -> None:
+    with pytest.raises(
+        TypeError, match=r"expected a Scene, as in Localizer\(Scene\(robot='ur5e'\)\), got 'ur5e'"
+    ):
+        Localizer("ur5e")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -133,6 +133,16 @@ def test_meshes_are_scaled_placed_and_joined(tmp_path: Path) -> None:
          r"expected one root link"),
         ({'axis xyz="0.6 0 0.8"': 'axis xyz="0 0 0"'}, r"joint joint3: the axis has no direction"),
         ({'mass value="2.0"': 'mass value="-2.0"'}, r"link link1: mass"),
+        ({'lower="-2" upper="2.5"': 'lower="2.5" upper="-2"'},
+         r"joint joint1: limits: expected lower <= upper, got 2\.5 and -2 rad"),
+        ({'ixx="0.02"': 'ixx="0.2"'}, r"link link0: inertia: no body has principal moments of .*, 0\.2"),
+        ({'ixx="0.02"': 'ixx="-0.02"'}, r"link link0: inertia: no body has principal moments of -0\.02"),
+        ({'<link name="link4">': '<link name="link3">'}, r"link link3: the name is given 2 times"),
+        ({'<joint name="joint4"': '<joint name="joint3"'}, r"joint joint3: the name is given 2 times"),
+        ({'<child link="plate"/>': '<child link="link2"/>'},
+         r"link link2: expected one joint that carries it, got joint2, mount"),
+        ({'xyz="0.02 0.1 0.3"': 'xyz="0.02 ${y} 0.3"'}, r"expected URDF, got xacro; expand it first: xacro"),
+        ({'<link name="link0">': "<link>"}, r"no valid URDF: an element lacks the attribute 'name'"),
     ],
 )  # fmt: skip
 def test_unusable_urdfs_are_refused_with_the_element(
@@ -147,6 +157,13 @@ def test_unusable_files_and_tips_are_refused(tmp_path: Path) -> None:
         robots.from_urdf(tmp_path / "none.urdf")
     with pytest.raises(robots.RobotError, match=r"arm.urdf: no valid URDF"):
         robots.from_urdf(write(tmp_path, "<robot"))
+    with pytest.raises(robots.RobotError, match=r"expected URDF, got SDF"):
+        robots.from_urdf(write(tmp_path, "<sdf><model name='arm'/></sdf>"))
+    with pytest.raises(robots.RobotError, match=r"root element robot, got mujoco"):
+        robots.from_urdf(write(tmp_path, "<mujoco/>"))
+    macro = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>'
+    with pytest.raises(robots.RobotError, match=r"got xacro"):
+        robots.from_urdf(write(tmp_path, macro))
     with pytest.raises(robots.RobotError, match=r"there is no link hand; links are link0, "):
         robots.from_urdf(write(tmp_path, arm()), tip="hand")
 
@@ -162,6 +179,9 @@ def test_unusable_meshes_are_refused(tmp_path: Path) -> None:
     (tmp_path / "box.stl").write_text("solid nothing\nendsolid nothing\n")
     with pytest.raises(robots.RobotError, match=r"box.stl: "):
         read_chain(write(tmp_path, text)).meshes()
+    (tmp_path / "box.dae").write_text("<COLLADA><library_geometries>")
+    with pytest.raises(robots.RobotError, match=r"box.dae: not readable as a mesh: "):
+        read_chain(write(tmp_path, text.replace("box.stl", "box.dae"))).meshes()
     with pytest.raises(robots.RobotError, match=r"no such folder"):
         from_folder(tmp_path / "none", ("link0",))
     with pytest.raises(robots.RobotError, match=r"no mesh for link link0"):

@@ -1,6 +1,7 @@
 """`contactsense calibrate` as its users run it."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, array in groups:
         columns |= {f"{name}_{i}": array[:, i] for i in range(6)}
     write_columns(made / "free.csv", columns)
+    columns["joint_torque_2"] = stretch.torque[:, 2] + 15.0 * ((stretch.t > 3.5) & (stretch.t < 4.5))
+    write_columns(made / "pushed.csv", columns)
     (made / "scene.yaml").write_text("robot: ur5e\nbase_wrench: null\ndetail: coarse\n")
     return made
 
@@ -56,8 +59,29 @@ def test_a_scene_is_calibrated_and_written(folder: Path) -> None:
     assert scene.joint_torque is not None
     np.testing.assert_allclose(scene.joint_torque.friction.coulomb, 5.0, atol=0.6)
     assert (folder / "scene.yaml").read_text().endswith("detail: coarse\n")
-    assert "residuals_0.png" in (folder / "report" / "report.md").read_text()
+    report = (folder / "report" / "report.md").read_text()
+    assert "residuals_0.png" in report
+    assert "| coulomb of elbow_joint |" in report
     assert (folder / "report" / "residuals_0.png").stat().st_size > 10_000
+
+
+def test_the_page_names_contacts_changes_and_next_steps(folder: Path) -> None:
+    files = [str(folder / "pushed.csv"), "--scene", str(folder / "scene.yaml")]
+    result = CliRunner().invoke(calibrate, [*files, "--verbose"])
+    assert result.exit_code == 0, result.output
+    _, left_out, changed, means, following = result.stdout.split("\n\n")
+    assert left_out.startswith("Left out: something seems to push on the arm")
+    assert re.search(
+        r"pushed\.csv: 3\.\d+ to [45]\.\d+ s \(rows 3\d\d to [56]\d\d\), felt by elbow_joint", left_out
+    )
+    assert "Coulomb friction: " in changed
+    assert "(was 0)" in changed
+    assert "elbow_joint: " in means
+    assert "--keep-contacts uses them" in following
+    assert "nothing was written" in following
+    assert "condition number" in following
+    assert "warning: load of wrist_3_joint: not " in following
+    assert ": kept" not in left_out + changed + means
 
 
 @pytest.mark.parametrize(

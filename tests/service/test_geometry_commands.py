@@ -7,7 +7,7 @@ import pytest
 import yaml
 from click.testing import CliRunner, Result
 
-from contactsense import robots
+from contactsense import Scene, robots
 from contactsense.service.cli.main import cli
 from tests.robots.shapes import two_meshes
 
@@ -36,6 +36,9 @@ def test_robots_shows_one() -> None:
     assert shown["joints"][5]["position_limits"] == [None, None]
     table = call("robots", "ur10e").stdout
     assert "wrist_3_joint" in table
+    assert "mass [kg]" in table
+    assert all(len(line) <= 80 for line in table.splitlines())
+    assert "URDF" in call("robots", "--help").stdout
     assert "10.7" in table
 
 
@@ -59,6 +62,10 @@ def test_robots_draws_one(tmp_path: Path) -> None:
         (["decompose", "ur20"], 1, "no meshes known; name a folder"),
         (["decompose", "ur5e", "--tolerance", "2 miles"], 2, "expected a length such as 2mm"),
         (["decompose", "ur5e", "--meshes", "nowhere"], 1, "nowhere: no such folder"),
+        (["decompose", "hand.stl"], 1, "hand.stl: a mesh, not an arm; is it a tool?"),
+        (["decompose", "hand.stl", "--as-tool"], 1, "hand.stl: no such mesh"),
+        (["decompose", "hand.stl", "--as-tool", "--tip", "palm"], 2, "--as-tool: expected no --meshes"),
+        (["decompose", "ur5e", "--scale", "0.001"], 2, "--scale: expected --as-tool"),
     ],
 )
 def test_wrong_use_is_told(arguments: list[str], status: int, message: str) -> None:
@@ -82,4 +89,25 @@ def test_decompose_a_urdf_and_load_what_it_made(tmp_path: Path) -> None:
     assert yaml.safe_load(out.read_text())["robot"] == "two"
     robot = robots.load(urdf)
     assert 2 <= sum(len(link.primitives) for link in robot.links) <= 3
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+def test_decompose_a_tool_for_a_scene(tmp_path: Path) -> None:
+    mesh = two_meshes()["base"]
+    mesh.apply_scale(1000.0)
+    mesh.export(tmp_path / "hand.stl")
+    out, picture = tmp_path / "hand.yaml", tmp_path / "hand.png"
+    result = call(
+        "decompose", str(tmp_path / "hand.stl"), "--as-tool", "--scale", "0.001", "--jobs", "1",
+        "--out", str(out), "--picture", str(picture),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert all(len(line) <= 80 for line in result.stderr.splitlines())
+    assert "picture: links" in result.stderr
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("robot: ur5e\n" + out.read_text())
+    tool = Scene.load(scene).tool
+    assert tool is not None
+    assert 1 <= len(tool.primitives) <= 2
     assert picture.read_bytes().startswith(b"\x89PNG")

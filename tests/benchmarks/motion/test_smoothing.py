@@ -25,6 +25,10 @@ def test_the_whole_contact_is_better_than_its_last_live_answer() -> None:
     assert every["kept_live"] <= 0.1 * every["answers"]
     assert every["link_right"]["whole"] >= every["link_right"]["live"] - 0.05
     assert every["end"]["limit"]["median"] < every["end"]["whole"]["median"] < every["end"]["live"]["median"]
+    # Holds, which live estimates average over as well, reach the limit of the scene's surface.
+    end = found["hold"]["end"]
+    assert end["whole"]["median"] < 1.1 * end["surface_limit"]["median"]
+    assert end["limit"]["median"] < end["surface_limit"]["median"]
     assert slide["end"]["whole"]["median"] < 0.75 * slide["end"]["live"]["median"]
     assert every["all_samples"]["whole"]["median"] < 0.75 * every["all_samples"]["live"]["median"]
     # Regions hold the truth, and not by being wide.
@@ -38,3 +42,15 @@ def test_without_noise_the_limit_is_the_truth() -> None:
     found = rows("--level", "0")
     assert found["all"]["end"]["limit"]["median"] < 0.05
     assert found["slide"]["end"]["limit"]["median"] < 0.2
+    # What is left is the distance of the real surface from the primitives.
+    assert 0.1 < found["hold"]["end"]["surface_limit"]["median"] < 0.5
+    assert found["hold"]["end"]["whole"]["median"] < 1.1 * found["hold"]["end"]["surface_limit"]["median"]
+
+
+@pytest.mark.slow
+def test_from_torques_alone_the_whole_contact_names_the_link_more_often() -> None:
+    every = rows("--level", "2", "--torques-alone", "--robot", "ur10e", "--draws", "1")["all"]
+    assert every["end"]["limit"]["median"] is None
+    assert every["kept_live"] < 0.5 * every["answers"]
+    assert every["link_right"]["whole"] > every["link_right"]["live"] + 0.05
+    assert every["end"]["whole"]["median"] < every["end"]["live"]["median"]

@@ -13,6 +13,7 @@ import pytest
 from contactsense import Localizer, Scene
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError, analyze
 from contactsense.service.analysis.contact_table import SCHEMA, write_contacts
+from contactsense.service.analysis.health import health
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings import read
@@ -62,6 +63,13 @@ def test_residuals_are_as_large_as_their_noise(analysis: Analysis) -> None:
     assert len(found.t) == len(found.energy) == len(found.joint_torque)
     assert found.missing[:2] == (0, 0)
     assert "free" in repr(found)
+
+
+def test_a_scene_that_contradicts_the_recording_is_named(tmp_path: Path) -> None:
+    path = write_motion(demo(), tmp_path / "part.parquet", last=500)
+    found = analyze(path, Scene(robot="ur5e", mounting="ceiling"))
+    assert any("base_wrench: expected the weight" in problem for problem in found.problems)
+    assert any(not well and "base_wrench.sign" in text for well, text in health(found))
 
 
 def test_estimates_of_every_sample_are_those_of_the_localizer(analysis: Analysis, tmp_path: Path) -> None:

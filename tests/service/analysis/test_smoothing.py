@@ -1,9 +1,13 @@
 """The second look: windows without the low-pass, places within their covariance, slides followed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from contactsense import Localizer, SampleBlock, Scene
+from contactsense import Localizer, SampleBlock, Scene, WrenchSensor
+from contactsense.robots.primitives import Sphere
+from contactsense.robots.tool import Tool
 from contactsense.runtime.result_rows import POINT_BASE
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
 from contactsense.service.analysis.contact_windows import contact_windows
@@ -74,8 +78,24 @@ def test_looking_again_is_no_worse_than_the_last_live_answer(histories: list[Con
     assert np.median(smoothed) <= 1.1 * np.median(live)
 
 
-def test_without_a_base_wrench_the_live_answer_is_kept(histories: list[ContactHistory]) -> None:
-    assert ContactSmoother(Scene(robot="ur5e", base_wrench=None)).smooth(histories[0]) is None
+def test_with_a_wrist_sensor_contacts_below_it_are_smoothed(histories: list[ContactHistory]) -> None:
+    tool = Tool(primitives=(Sphere(center=(0.0, 0.0, 0.1), radius=0.03),))
+    smoother = ContactSmoother(Scene(robot="ur5e", tool=tool, wrist_wrench=WrenchSensor()))
+    history, plain = histories[0], ContactSmoother(SCENE).smooth(histories[0])
+
+    def with_tool(probability: float) -> ContactHistory:
+        tool_column = np.full((len(history.rows), 1), probability)
+        return replace(
+            history, link_probability=np.hstack(((1.0 - probability) * history.link_probability, tool_column))
+        )
+
+    found = smoother.smooth(with_tool(0.0))
+    assert found is not None
+    assert plain is not None
+    assert found.best.link == plain.best.link
+    np.testing.assert_allclose(found.best.point, plain.best.point, atol=1e-4)
+    # The tool's wrench is measured by the wrist sensor, which the smoother does not use.
+    assert smoother.smooth(with_tool(0.2)) is None
 
 
 def test_a_contact_of_a_few_samples_keeps_its_live_answer(histories: list[ContactHistory]) -> None:

@@ -14,7 +14,7 @@ from websockets.sync.client import connect
 
 from contactsense import robots
 from contactsense.service.api.app import create_app
-from contactsense.service.api.messages import EstimateOut
+from contactsense.service.api.messages import ErrorOut, EstimateOut
 from contactsense.service.api.settings import Settings
 from contactsense.service.mock.newton_euler import inverse_dynamics
 from tests.service import fakes
@@ -93,7 +93,37 @@ def test_locate_takes_the_weight_off_on_request(idle: httpx.Client) -> None:
     torque, wrench = inverse_dynamics(robots.load("ur5e"), np.array([POSTURE]), still, still)
     sample = {"q": POSTURE, "base_wrench": wrench[0].tolist(), "joint_torque": torque[0].tolist()}
     assert idle.post("/v1/locate", json={**sample, "external": False}).json()["status"] == "none"
-    assert idle.post("/v1/locate", json={**sample, "external": True}).json()["status"] != "none"
+    torques = {"q": POSTURE, "joint_torque": torque[0].tolist()}
+    assert idle.post("/v1/locate", json={**torques, "external": True}).json()["status"] != "none"
+
+
+def test_raw_readings_are_not_taken_for_a_contact(idle: httpx.Client) -> None:
+    still = np.zeros((1, 6))
+    _, wrench = inverse_dynamics(robots.load("ur5e"), np.array([POSTURE]), still, still)
+    sample = {"q": POSTURE, "base_wrench": wrench[0].tolist()}
+    answer = idle.post("/v1/locate", json={"samples": [{**sample, "base_wrench": ZERO6}, sample]})
+    assert answer.status_code == 422
+    (error,) = ErrorOut.model_validate(answer.json()).errors
+    assert error.field == "samples[1].base_wrench"
+    assert "raw readings need external=False" in error.reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "reason"),
+    [
+        ({"q": [0.0, -90.0, 90.0, 0.0, 0.0, 0.0]}, "q", "are they in degrees?"),
+        ({"base_wrench": [0.0, 0.0, 19e3, 0.0, 0.0, 0.0]}, "base_wrench", "got 19000 N"),
+        ({"joint_torque": [0.0, 0.0, 0.0, 0.0, 500.0, 0.0]}, "joint_torque", "2.5 times the 28 Nm"),
+    ],
+)
+def test_locate_refuses_what_cannot_be(
+    idle: httpx.Client, changes: dict[str, list[float]], field: str, reason: str
+) -> None:
+    answer = idle.post("/v1/locate", json={"q": POSTURE, "base_wrench": ZERO6, **changes})
+    assert answer.status_code == 422
+    (error,) = ErrorOut.model_validate(answer.json()).errors
+    assert error.field == field
+    assert reason in error.reason
 
 
 GOOD = {"q": POSTURE, "base_wrench": ZERO6}

@@ -36,3 +36,10 @@ def test_what_is_not_well(change, status, reason):
     found, reasons = assess(replace(WELL, **change))
     assert found == status
     assert reason in "; ".join(reasons)
+
+
+def test_a_value_that_cannot_be_is_told_beside_other_trouble():
+    trouble = replace(WELL, trouble=("5% of the packets were lost",))
+    assert len(assess(replace(trouble, estimate="base_wrench is missing"))[1]) == 1
+    reason = "q: expected positions in rad, got -90"
+    assert assess(replace(trouble, estimate=reason))[1][1].endswith(reason)

@@ -57,6 +57,7 @@ def test_samples_with_a_missing_number_are_left_out(tmp_path: Path) -> None:
     write_columns(tmp_path / "a.parquet", made)
     (found,), problems = read_free_motion(tmp_path / "a.parquet", SCENE)
     assert len(found.t) == N - 2
+    assert (found.row_of(2), found.row_of(3), found.row_of(-1)) == (2, 4, N - 1)
     assert {problem.row_from for problem in problems} == {3, 7}
 
 

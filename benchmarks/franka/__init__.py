@@ -1,0 +1,1 @@
+"""Real touches on a Franka Panda whose touched link is known."""

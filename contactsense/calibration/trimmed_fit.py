@@ -1,0 +1,91 @@
+"""A fit to the quietest part of the recordings, from which contacts stand out.
+
+Huber's weights bound the influence of a single residual, but not that of a push that lasts: a fit with them
+leans towards it and hides it. Here the linearized equations are solved for the fraction of the samples with
+the smallest energy, and that fraction is chosen again, until it stays the same (the concentration steps of P.
+J. Rousseeuw, K. Van Driessen, "Computing LTS regression for large data sets", Data Mining and Knowledge
+Discovery 2006). Up to the remaining fraction of the time may be contact.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.parameters import Entry, apply_step, value
+from contactsense.calibration.residual_jacobian import Rows, linearize
+from contactsense.calibration.robust_least_squares import fit_robust
+
+QUIET = 0.6
+"""Fraction of the samples that is fitted."""
+WINDOW = 0.3
+"""Residuals are averaged over this time [s]."""
+_STEPS = 10
+
+
+def trimmed_fit(
+    arm: CalibrationModel,
+    start: CalibrationModel,
+    recordings: list[FreeMotion],
+    selected: tuple[Entry, ...],
+    free: np.ndarray,
+    stride: int,
+) -> CalibrationModel:
+    """The arm that explains the quietest part of the recordings.
+
+    Args:
+        arm: A fit to all of them, about which the equations are linearized.
+        start: The scene's values.
+        recordings: The motion; samples that they leave out count again.
+        selected: The parameters.
+        free: Which of them are estimated, shape (k,), bool.
+        stride: Number of samples per row.
+    """
+    bandwidth = start.scene.bandwidth
+    everything = [
+        linearize(arm, replace(recording, free=None), selected, bandwidth, stride) for recording in recordings
+    ]
+    offset = np.array([value(arm, entry) - value(start, entry) for entry in selected])
+    prior = np.array([entry.prior_std for entry in selected])
+    channels = len(start.gain) + 6
+    step = np.zeros(len(selected))
+    quiet: np.ndarray | None = None
+    for _ in range(_STEPS):
+        chosen = _quietest(everything, step, channels, quiet)
+        if quiet is not None and np.mean(chosen != quiet) < 0.01:
+            break
+        quiet = chosen
+        masks = np.split(quiet, np.cumsum([len(rows[0].residual) for rows in everything])[:-1])
+        rows = [
+            replace(row, moving=row.moving & mask)
+            for part, mask in zip(everything, masks, strict=True)
+            for row in part
+        ]
+        step = fit_robust(rows, prior, offset, free, channels).step
+    return apply_step(arm, selected, step)
+
+
+def _quietest(
+    everything: list[list[Rows]], step: np.ndarray, channels: int, quiet: np.ndarray | None
+) -> np.ndarray:
+    """The rows with the smallest energy after a step, of all recordings in turn, bool."""
+    count = sum(len(rows[0].residual) for rows in everything)
+    size = np.zeros((count, channels))
+    first = 0
+    for rows in everything:
+        last = first + len(rows[0].residual)
+        for row in rows:
+            residual = row.residual + row.slope @ step[row.columns]
+            mean = uniform_filter1d(residual, max(1, round(WINDOW / row.dt)))
+            size[first:last, row.channel] = np.where(row.moving, np.abs(mean), 0.0)
+        first = last
+    known = np.ones(count, dtype=bool) if quiet is None else quiet
+    spread = np.array([_median(size[known & (size[:, c] > 0.0), c]) for c in range(channels)])
+    energy = np.sum((size / spread) ** 2, axis=1)
+    return np.asarray(energy <= np.quantile(energy, QUIET))
+
+
+def _median(values: np.ndarray) -> float:
+    return max(float(np.median(values)), 1e-9) if len(values) else 1.0

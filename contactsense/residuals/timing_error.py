@@ -1,0 +1,74 @@
+"""Error of the joint torques' residuals because velocity and torque of a sample are not of the same instant.
+
+Both are known once in a sample interval, and each may be that of any instant in it: encoders average, drives
+and links move against each other, values wait for the next packet. While the momentum h of a joint changes
+steadily, that does not matter: the observer forgets a constant offset in time. When dh/dt changes by D, as in
+a hard stop, an offset d puts K d D into the residual r = K (h - integral), and this decays as the residual
+does. With d uniform over one interval dt and independent for each sample, the variance follows
+
+    v <- a^2 v + (K dt)^2 D^2 / 12,    a = exp(-K dt).
+
+It has no parameter, and vanishes with the sample interval. A contact changes dh/dt too, but its torque stays
+while this error decays.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.robots.jit.kernel import inlined_kernel
+
+_UNIFORM_VARIANCE = 1.0 / 12.0
+"""Variance of a uniform distribution over an interval of length 1."""
+
+
+class TimingError(NamedTuple):
+    """State for n joints."""
+
+    momentum: np.ndarray
+    """h of each joint at the last sample, shape (n,) [Nms]."""
+    rate: np.ndarray
+    """Its change per time up to that sample, shape (n,) [Nm]."""
+    stream_variance: np.ndarray
+    """Variance of each residual of the stream due to the instants of the samples, shape (n,) [Nm^2]."""
+    variance: np.ndarray
+    """That of the present residuals: the same, or zero for a single measurement, shape (n,) [Nm^2]."""
+    scalars: np.ndarray
+    """Samples since the start, shape (1,)."""
+
+
+def empty_timing_error(joints: int) -> TimingError:
+    """State before the first sample, for that many joints."""
+    return TimingError(np.zeros(joints), np.zeros(joints), np.zeros(joints), np.zeros(joints), np.zeros(1))
+
+
+@inlined_kernel
+def advance_timing_error(state: TimingError, momentum: np.ndarray, dt: float, bandwidth: float) -> None:
+    """Process the momenta of one sample.
+
+    Args:
+        state: Changed in place.
+        momentum: h of each joint, `contactsense.residuals.momentum_observer.MomentumObserver.momentum` after
+            the sample, shape (n,) [Nms].
+        dt: Time since the last sample [s]; 0 restarts, negative: no torques in this sample.
+        bandwidth: Cut-off frequency of the observer [Hz].
+    """
+    if dt == 0.0:
+        state.scalars[0] = 0.0
+    step = 2.0 * math.pi * bandwidth * dt
+    decay = math.exp(-2.0 * step)
+    # After a gap longer than its time constant the observer has forgotten what was before.
+    gain = min(step, 1.0) ** 2 * _UNIFORM_VARIANCE
+    for j in range(momentum.shape[0]):
+        if dt < 0.0:
+            state.variance[j] = state.stream_variance[j]
+            continue
+        rate = (momentum[j] - state.momentum[j]) / dt if state.scalars[0] >= 1.0 else 0.0
+        change = rate - state.rate[j] if state.scalars[0] >= 2.0 else 0.0
+        variance = decay * state.stream_variance[j] + gain * change * change if dt > 0.0 else 0.0
+        state.stream_variance[j], state.variance[j] = variance, variance
+        state.rate[j] = rate
+        state.momentum[j] = momentum[j]
+    if dt >= 0.0:
+        state.scalars[0] += 1.0

@@ -1,0 +1,205 @@
+"""Measurements that cannot be: units mistaken, values that no joint and no sensor reaches."""
+
+from math import dist
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
+from contactsense.scene import Scene
+from contactsense.sensors.settings import WrenchSensor
+
+ONE_TURN = 2.0 * np.pi
+"""Positions may be this far beyond the joint's limits [rad]: controllers count turns differently."""
+LARGEST_COUNT = 1e4
+"""Largest position of a joint without limits, which may count turns [rad]."""
+TORQUE_SCALE = 1.5
+"""A measured torque above this multiple of the joint's limit is implausible: limits are those of the drives,
+and motor torques include acceleration and friction of the rotor."""
+LARGEST_FORCE, LARGEST_MOMENT = 5000.0, 5000.0
+"""Largest contact on an arm, where the sensor states no range [N, Nm]: ten times the largest force that
+ISO/TS 15066 (2016, table A.2) permits for a moment on any part of a person."""
+_SAME = 0.2
+"""Wrenches that differ by less than this share of the arm's weight are taken for the same."""
+_WEIGHT_LEVER = 0.5
+"""Moments are compared with the arm's weight at this lever [m]."""
+_ROUNDING = 1e-6
+"""A reading at its limit is beyond it in spite of being converted to base axes and back."""
+_COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+class Implausible(NamedTuple):
+    """Why a measurement cannot be."""
+
+    field: str
+    reason: str
+    """What was expected, and what came."""
+
+
+class PlausibleLimits:
+    """Limits of the measurements of one scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Take limits of joints and sensors from `scene`."""
+        joints = scene.robot.joints
+        self._joint_names = [joint.name for joint in joints]
+        # Single samples are compared as numbers: for so few of them, that is faster than as arrays.
+        self._lowest, self._highest = [], []
+        for low, high in (joint.position_limits for joint in joints):
+            self._lowest.append(low - ONE_TURN if np.isfinite(low) else -LARGEST_COUNT)
+            self._highest.append(high + ONE_TURN if np.isfinite(high) else LARGEST_COUNT)
+        self._torque = [joint.torque_limit for joint in joints]
+        self.weight = ArmWeight(scene)
+        """Weight of arm and tool."""
+        self.sensor = scene.base_wrench or WrenchSensor()
+        """The base sensor."""
+        self._range = ((1.0 - _ROUNDING) * self.sensor.limits).tolist()
+        self._bias = np.array(self.sensor.bias)
+        self._to_reading = reading_from_base_wrench(self.sensor, np.eye(6)) - self._bias
+        weight = float(np.linalg.norm(self.weight.force))
+        self._largest = [LARGEST_FORCE + weight] * 3 + [LARGEST_MOMENT + weight] * 3
+        self._weight, self._weight_force = weight, self.weight.force.tolist()
+
+    def position(self, q: np.ndarray) -> Implausible | None:
+        """Whether joint positions q, shape (n,) [rad], are beyond limits and one turn."""
+        for name, value, low, high in zip(
+            self._joint_names, q.tolist(), self._lowest, self._highest, strict=True
+        ):
+            if value < low or value > high:
+                return Implausible(
+                    "q",
+                    f"expected positions in rad, {name} within {low:.4g} to {high:.4g}, got {value:.6g}; "
+                    "are they in degrees?",
+                )
+        return None
+
+    def torque(self, torque: np.ndarray, scale: float = TORQUE_SCALE) -> Implausible | None:
+        """Whether torques, shape (n,) [Nm], exceed `scale` times the joints' limits."""
+        for name, value, limit in zip(self._joint_names, torque.tolist(), self._torque, strict=True):
+            if abs(value) > scale * limit:
+                return Implausible(
+                    "joint_torque",
+                    f"expected at most {scale:g} times the {limit:g} Nm of {name}, got {value:.6g} Nm",
+                )
+        return None
+
+    @property
+    def of_all_joints(self) -> tuple[float, float, float]:
+        """Lowest and highest position [rad] and largest torque [Nm] that are plausible for every joint."""
+        return max(self._lowest), min(self._highest), TORQUE_SCALE * min(self._torque)
+
+    def saturation(self, wrench: np.ndarray) -> Implausible | None:
+        """Whether the base sensor that reads this wrench, base axes and origin, shape (6,) [N, Nm], is at or
+        beyond its range."""
+        if self.sensor.range is None:
+            return None
+        reading = wrench @ self._to_reading + self._bias
+        return _first("base_wrench", reading, self._range, "a reading within the sensor's range")
+
+    def request(
+        self,
+        q: np.ndarray,
+        base_wrench: np.ndarray | None,
+        joint_torque: np.ndarray | None,
+        wrist_wrench: np.ndarray | None,
+        external: bool,
+    ) -> Implausible | None:
+        """The first of the arguments of `Localizer.locate` that cannot be."""
+        found = self.position(q)
+        if found is None and joint_torque is not None:
+            # What remains of a plausible torque after a plausible model's is subtracted.
+            found = self.torque(joint_torque, TORQUE_SCALE + 1.0 if external else TORQUE_SCALE)
+        if found is None and base_wrench is not None:
+            found = self._base(q, base_wrench, external)
+        if found is None and wrist_wrench is not None:
+            found = _first("wrist_wrench", wrist_wrench, self._largest, "the wrench of a contact")
+        return found
+
+    def suspects(
+        self,
+        q: np.ndarray,
+        base_wrench: np.ndarray | None,
+        joint_torque: np.ndarray | None,
+        wrist_wrench: np.ndarray | None,
+        external: bool,
+    ) -> np.ndarray:
+        """Indices of those of N measurements, arrays as in `request` with a leading axis N, that may be
+        implausible: only these need `request`."""
+        found = self.positions_beyond(q)
+        if joint_torque is not None:
+            found |= self.torques_beyond(joint_torque)
+        for wrench in (base_wrench, wrist_wrench):
+            if wrench is not None:
+                found |= (np.abs(wrench) >= self._largest).any(axis=1)
+        if base_wrench is not None:
+            force, weight = base_wrench[:, :3], self.weight.force
+            for other in (weight,) if external else (np.zeros(3), -weight):
+                found |= np.linalg.norm(force - other, axis=1) < _SAME * self._weight
+            found |= self.sensor.range is not None
+        return np.flatnonzero(found)
+
+    def positions_beyond(self, q: np.ndarray) -> np.ndarray:
+        """Which of N positions, shape (N, n) [rad], `position` finds, shape (N,), bool."""
+        return np.asarray(((q < self._lowest) | (q > self._highest)).any(axis=1))
+
+    def torques_beyond(self, torque: np.ndarray) -> np.ndarray:
+        """Which of N torques, shape (N, n) [Nm], `torque` finds, shape (N,), bool."""
+        return np.asarray((np.abs(torque) > TORQUE_SCALE * np.array(self._torque)).any(axis=1))
+
+    def saturated(self, wrench: np.ndarray) -> np.ndarray:
+        """Which of N base wrenches, shape (N, 6) [N, Nm], `saturation` finds, shape (N,), bool."""
+        return np.asarray((np.abs(wrench @ self._to_reading + self._bias) >= self._range).any(axis=1))
+
+    def _base(self, q: np.ndarray, wrench: np.ndarray, external: bool) -> Implausible | None:
+        if self.sensor.range is None:
+            found = _first("base_wrench", wrench, self._largest, "the wrench of a contact")
+        else:
+            found = self.saturation(wrench + self.weight.wrench(q) if external else wrench)
+        if found is not None:
+            return found
+        force, weight = wrench[:3].tolist(), self._weight_force
+        if external:
+            if self._is_near(force, weight) and self._is_own_weight(q, wrench):
+                return Implausible(
+                    "base_wrench",
+                    f"expected the contact's share alone (external=True), got the arm's own weight of "
+                    f"{self._weight:.0f} N; raw readings need external=False",
+                )
+            return None
+        if self._is_near(force, [0.0, 0.0, 0.0]):
+            advice = "is the sensor tared (base_wrench.bias), or is the weight subtracted (external=True)?"
+        elif self._is_near(force, [-value for value in weight]):
+            advice = "it has the opposite sign (base_wrench.sign)"
+        else:
+            return None
+        return Implausible(
+            "base_wrench",
+            f"expected a raw reading with the arm's weight, force {in_words(self.weight.force)} N, "
+            f"got {in_words(wrench[:3])} N; {advice}",
+        )
+
+    def _is_near(self, force: list[float], other: list[float]) -> bool:
+        """Whether two forces differ by little compared with the arm's weight."""
+        return dist(force, other) < _SAME * self._weight
+
+    def _is_own_weight(self, q: np.ndarray, wrench: np.ndarray) -> bool:
+        """Whether a wrench is that of the arm's own weight. Only a push of that size on the vertical through
+        the arm's centre of mass looks the same."""
+        moment = np.linalg.norm(wrench[3:] - self.weight.wrench(q)[3:])
+        return bool(moment < _SAME * self._weight * _WEIGHT_LEVER)
+
+
+def _first(field: str, wrench: np.ndarray, limits: list[float], what: str) -> Implausible | None:
+    """The first component of a wrench, shape (6,), at or beyond its limit [N, Nm]."""
+    for name, value, limit in zip(_COMPONENTS, wrench.tolist(), limits, strict=True):
+        if abs(value) >= limit:
+            unit = "N" if name[0] == "f" else "Nm"
+            return Implausible(
+                field, f"expected {what}, below {limit:.4g} {unit} in {name}, got {value:.6g} {unit}"
+            )
+    return None
+
+
+def in_words(force: np.ndarray) -> str:
+    """A force, shape (3,) [N], to a tenth of a newton."""
+    return f"({', '.join(f'{value + 0.0:.1f}' for value in np.round(force, 1))})"

@@ -1,0 +1,49 @@
+"""Checks of the fields of a scene, and their errors in one line."""
+
+import re
+from math import pi, radians
+
+from pydantic import ValidationError
+
+from contactsense.robots.primitives import Vector
+
+_UNION_BRANCH = re.compile(r"^(constrained-|literal\[|tuple\[|float$|str$|function-)")
+"""Parts of pydantic's locations that name a branch of a union of types, not a field."""
+
+
+def within_one_turn(rpy: Vector) -> Vector:
+    """Roll, pitch, yaw [rad] as they are.
+
+    Raises:
+        ValueError: an angle is larger than one turn, as angles in degrees are.
+    """
+    if max(map(abs, rpy)) > 2.0 * pi:
+        in_radians = ", ".join(f"{radians(angle):.4g}" for angle in rpy)
+        raise ValueError(
+            "expected roll, pitch, yaw in rad, none above one turn (6.283), got "
+            f"{list(rpy)}; if these are degrees: [{in_radians}]"
+        )
+    return rpy
+
+
+def describe(error: ValidationError) -> str:
+    """All errors in one line: field, expected value, given value.
+
+    Of a field that may have one of several types, the errors of the type that came closest are given.
+    """
+    found: dict[tuple[str, ...], tuple[list[str], str]] = {}
+    for item in error.errors(include_url=False):
+        place = tuple(str(key) for key in item["loc"] if not _UNION_BRANCH.match(str(key)))
+        got = "" if item["type"] in {"missing", "value_error"} else f", got {item['input']!r}"
+        messages, _ = found.setdefault(place, ([], got))
+        messages.append(item["msg"].removeprefix("Value error, "))
+    deepest = {
+        place: entry
+        for place, entry in found.items()
+        if not any(len(other) > len(place) and other[: len(place)] == place for other in found)
+    }
+    parts = []
+    for place, (messages, got) in deepest.items():
+        text = " or ".join(dict.fromkeys(messages)) + got
+        parts.append(f"{'.'.join(place)}: {text}" if place else text)
+    return "; ".join(parts)

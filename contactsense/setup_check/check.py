@@ -1,0 +1,301 @@
+"""Check a scene against contact-free motion: which of its lines fit, which do not, which cannot be told.
+
+Every hypothesis changes one line and is fitted with all nuisances. The best of them is accepted if the
+evidence for it is strong and its change matters; the search then continues from the corrected setup, as
+several lines may be wrong. What the last round has not accepted is judged by how well the motion determines
+it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contactsense import robots
+from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.recording_residuals import GAP
+from contactsense.scene import Scene
+from contactsense.setup_check.fit import Fit, Fitter
+from contactsense.setup_check.hypotheses import LINES, Hypotheses, Hypothesis, Line
+from contactsense.setup_check.motion_basis import MotionBases, Readings, instants, without_gaps
+from contactsense.setup_check.proposals import written
+from contactsense.setup_check.result import Finding, Residuals, SetupCheck, Verdict
+from contactsense.setup_check.setup import SIZES, Free, Setup
+
+_EVIDENCE = 30.0
+"""A line is accused if twice the log likelihood rises by more than this beyond the penalty: for one free
+parameter a chance of 1e-7."""
+_EXCLUDED = 20.0
+"""Another value is excluded if twice the log likelihood falls by more than this."""
+_MIN_DROP = 0.1
+"""The residual of a sensor must fall by this fraction: what leaves it as it is does not explain it."""
+_MOST = 3
+"""Most lines that are accused."""
+_REFINED = 2
+"""Starts from which continuous parameters are fitted."""
+_TOLERANCE: dict[Free, float] = {
+    "tilt": np.radians(1.0),
+    "turn": np.radians(2.0),
+    "shift": 0.01,
+    "delay": 0.003,
+    "mass": 0.15,
+    "com": 0.02,
+}
+"""Changes below this do not matter [rad, m, s, kg]; larger standard deviations tell nothing."""
+_MIN_ROWS = 8
+"""Fewer tell nothing."""
+_NOISE_FACTOR, _SHARE, _SCALE = 5.0, 0.3, 0.03
+"""A signal is unexplained if its residual exceeds its noise by this factor, and this share of its own
+variation, and of the joints' limits or the arm's weight."""
+
+
+class CheckError(ValueError):
+    """The recordings cannot be used for a check; the message gives the reason and a remedy."""
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    hypothesis: Hypothesis
+    fit: Fit
+    others: tuple[Fit, ...]
+    """Fits from other starts."""
+
+
+def check(
+    scene: Scene, recordings: list[FreeMotion], progress: Callable[[str], None] = lambda _: None
+) -> SetupCheck:
+    """Check a scene against recordings of contact-free motion, or of some postures.
+
+    Args:
+        scene: What is to be checked.
+        recordings: Read under this scene; the base sensor's readings not shifted by its delay.
+        progress: Called with the name of the next stage.
+
+    Raises:
+        CheckError: The recordings are too short, or lack all sensors of the scene.
+    """
+    parts = without_gaps(recordings)
+    _usable(scene, recordings, parts)
+    progress("motion")
+    readings = Readings.of(scene, parts)
+    others = _other_arms(scene)
+    bases = MotionBases({scene.robot.name: scene, **others}, parts)
+    fitter = Fitter(scene, bases, readings)
+    largest = max(float(np.abs(part.q).max()) for part in parts)
+    hypotheses = Hypotheses(
+        scene, others, largest, base=readings.wrench is not None, torque=readings.torque is not None
+    )
+    setup = Setup.of(scene)
+    wrong: list[Finding] = []
+    for number in range(_MOST + 1):
+        progress(f"round {number + 1}")
+        fitter.effective[:] = 1.0
+        now = fitter.fit(setup)
+        candidates = [_fitted(fitter, hypothesis) for hypothesis in hypotheses.of(setup)]
+        fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
+        ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
+        best = next((c for c in ranked if _matters(now.setup, c.fit) and _explains(now, c.fit)), None)
+        if best is None or number == _MOST or _gain(fitter, now, best.fit) < _EVIDENCE:
+            break
+        rivals = tuple(
+            c.hypothesis.line
+            for c in ranked
+            if c is not best
+            and fitter.cost(c.fit) - fitter.cost(best.fit) < _EXCLUDED
+            and _matters(now.setup, c.fit)
+        )
+        _accuse(wrong, _accusation(fitter, scene, now, best, rivals))
+        setup = best.fit.setup
+    accused = {found.line for found in wrong}
+    unexplained = _unexplained(scene, fitter, readings, now)
+    rest = [
+        _judged(fitter, scene, now, candidate)
+        for candidate in candidates
+        if not _covered(candidate.hypothesis.line, accused)
+    ]
+    rest += _not_recorded(scene, setup, readings)
+    return SetupCheck(
+        (*wrong, *(rest if not unexplained else map(_untold, rest))),
+        _residuals(now),
+        unexplained,
+        sum(part.seconds for part in parts),
+    )
+
+
+def _usable(scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion]) -> None:
+    if not recordings:
+        raise CheckError("expected at least one recording of contact-free motion, got none")
+    joints = len(scene.robot.joints)
+    for part in recordings:
+        if part.q.shape[1] != joints:
+            raise CheckError(
+                f"{part.name}: expected {joints} joints, as {scene.robot.name} has, got {part.q.shape[1]}"
+            )
+    if all(part.torque is None or scene.joint_torque is None for part in recordings) and all(
+        part.reading is None or scene.base_wrench is None for part in recordings
+    ):
+        raise CheckError(
+            f"{recordings[0].name}: expected joint torques or base wrenches as in the scene, got neither"
+        )
+    if sum(len(at.samples) for at in instants(parts)) < _MIN_ROWS:
+        seconds = sum(part.seconds for part in recordings)
+        raise CheckError(
+            f"{recordings[0].name}: expected at least 3 s without gaps above {GAP} s, got {seconds:.2g} s"
+        )
+
+
+def _other_arms(scene: Scene) -> dict[str, Scene]:
+    """The scene with each arm of the library that has as many joints."""
+    found = {}
+    for name in robots.names():
+        robot = robots.load(name)
+        if name != scene.robot.name and len(robot.joints) == len(scene.robot.joints):
+            found[name] = scene.model_copy(update={"robot": robot, "inertia": None, "kinematics": None})
+    return found
+
+
+def _fitted(fitter: Fitter, hypothesis: Hypothesis) -> _Candidate:
+    plain = sorted((fitter.fit(start) for _, start in hypothesis.starts), key=fitter.cost)
+    if hypothesis.free:
+        plain = [fitter.fit(found.setup, hypothesis.free) for found in plain[:_REFINED]]
+        plain.sort(key=fitter.cost)
+    return _Candidate(hypothesis, plain[0], tuple(plain[1:]))
+
+
+def _gain(fitter: Fitter, before: Fit, after: Fit) -> float:
+    return fitter.cost(before) - fitter.cost(after)
+
+
+def _matters(before: Setup, fit: Fit) -> bool:
+    """Whether a fit changes the setup by more than the tolerances; a discrete change always matters."""
+    return not fit.free or any(
+        _change(name, before, fit.setup) > _tolerance(name, fit.setup) for name in fit.free
+    )
+
+
+def _untold(found: Finding) -> Finding:
+    """The finding where readings remain that nothing explains: no line can be said to fit."""
+    return replace(found, verdict="cannot_tell", remark="the readings are not explained")
+
+
+def _explains(before: Fit, after: Fit) -> bool:
+    """Whether the residual of a sensor falls markedly."""
+    n = before.residual.shape[1] - 6
+    groups = (slice(0, n), slice(n, n + 3), slice(n + 3, n + 6))
+    pairs = [[_rms(fit.residual[:, group]) for fit in (before, after)] for group in groups]
+    return any(b < (1.0 - _MIN_DROP) * a for a, b in pairs if a is not None and b is not None)
+
+
+def _rms(values: np.ndarray) -> float | None:
+    return float(np.sqrt(np.mean(values**2))) if np.isfinite(values).all() else None
+
+
+def _tolerance(name: Free, setup: Setup) -> float:
+    # The centre of mass of a light tool matters less.
+    return _TOLERANCE[name] / min(1.0, max(setup.mass, 0.01)) if name == "com" else _TOLERANCE[name]
+
+
+def _change(name: Free, a: Setup, b: Setup) -> float:
+    if name == "tilt":
+        return float(np.arccos(np.clip(a.gravity @ b.gravity / (a.gravity @ a.gravity), -1.0, 1.0)))
+    if name == "turn":
+        return float(np.arccos(np.clip((np.trace(a.rotation.T @ b.rotation) - 1.0) / 2.0, -1.0, 1.0)))
+    field = {"shift": "translation"}.get(name, name)
+    return float(np.linalg.norm(np.asarray(getattr(a, field)) - np.asarray(getattr(b, field))))
+
+
+def _accusation(
+    fitter: Fitter, scene: Scene, now: Fit, best: _Candidate, rivals: tuple[Line, ...]
+) -> Finding:
+    line = best.hypothesis.line
+    proposed, remark = written(line, best.fit.setup, scene)
+    for text, start in best.hypothesis.starts:
+        if start is best.fit.setup and text:
+            remark = text
+    return Finding(
+        line,
+        "does_not_fit",
+        written(line, now.setup, scene)[0],
+        proposed,
+        remark,
+        tuple(best.fit.std.tolist()),
+        _residuals(now),
+        _residuals(best.fit),
+        _gain(fitter, now, best.fit),
+        rivals,
+    )
+
+
+def _accuse(wrong: list[Finding], new: Finding) -> None:
+    """Add a finding, or correct the earlier one of the same line."""
+    for i, earlier in enumerate(wrong):
+        if earlier.line == new.line:
+            wrong[i] = replace(new, stated=earlier.stated, before=earlier.before)
+            return
+    wrong.append(new)
+
+
+def _not_recorded(scene: Scene, setup: Setup, readings: Readings) -> list[Finding]:
+    """Lines of sensors that the scene has and a recording lacks."""
+    lines: list[Line] = []
+    if scene.base_wrench is not None and readings.wrench is None:
+        lines += [line for line in LINES if line.startswith("base")]
+    if scene.joint_torque is not None and readings.torque is None:
+        lines += [line for line in LINES if line.startswith("joint_torque")]
+    return [
+        Finding(line, "cannot_tell", written(line, setup, scene)[0], remark="not recorded") for line in lines
+    ]
+
+
+def _covered(line: Line, accused: set[Line]) -> bool:
+    """Whether an accusation already says what is to be said of a line."""
+    return (
+        line in accused
+        or (line == "tool" and bool(accused & {"tool.mass", "tool.com"}))
+        or (line in ("tool.mass", "tool.com") and "tool" in accused)
+    )
+
+
+def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Finding:
+    """Whether the motion determines a line that is not accused."""
+    line = candidate.hypothesis.line
+    fits = [candidate.fit, *candidate.others]
+    distinct = [found for found in fits if _matters(now.setup, found)]
+    other = min((-_gain(fitter, now, found) for found in distinct), default=None)
+    verdict: Verdict = "fits"
+    remark, std = "", ()
+    if candidate.hypothesis.free:
+        # Where there is no tool, it has no centre of mass.
+        free = candidate.hypothesis.free if now.setup.mass > 0.0 or line != "tool" else ("mass",)
+        here = fitter.fit(now.setup, free, steps=0)
+        std = tuple(here.std.tolist())
+        limits = [_tolerance(name, now.setup) for name in here.free for _ in range(SIZES[name])]
+        if np.any(here.std > limits):
+            verdict, remark = "cannot_tell", "not determined by this motion"
+    if verdict == "fits" and other is not None and other < _EXCLUDED:
+        verdict = "cannot_tell"
+        remark = "another value fits as well"
+    return Finding(line, verdict, written(line, now.setup, scene)[0], None, remark, std, evidence=other)
+
+
+def _residuals(fit: Fit) -> Residuals:
+    r, n = fit.residual, fit.residual.shape[1] - 6
+    return Residuals(_rms(r[:, n : n + 3]), _rms(r[:, n + 3 :]), _rms(r[:, :n]))
+
+
+def _unexplained(scene: Scene, fitter: Fitter, readings: Readings, now: Fit) -> tuple[str, ...]:
+    """Signals whose residual is large by every measure: their noise, their variation, and the arm."""
+    n = len(scene.robot.joints)
+    rms = np.sqrt(np.mean(now.residual**2, axis=0))
+    weight = 9.81 * float(now.setup.bodies[:, 0].sum())
+    scale = np.array([joint.torque_limit for joint in scene.robot.joints] + [weight] * 3 + [weight * 0.5] * 3)
+    variation = np.full(n + 6, np.inf)
+    if readings.torque is not None:
+        variation[:n] = readings.torque.std(axis=0)
+    if readings.wrench is not None:
+        variation[n:] = readings.wrench.std(axis=0)
+    large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation) & (rms > _SCALE * scale)
+    names = [f"torque of {joint.name}" for joint in scene.robot.joints]
+    names += [f"base sensor's {what} {axis}" for what in ("force", "moment") for axis in "xyz"]
+    units = ["Nm"] * n + ["N"] * 3 + ["Nm"] * 3
+    return tuple(f"{names[c]}: residual {rms[c]:.3g} {units[c]}" for c in np.flatnonzero(large))

@@ -1,0 +1,113 @@
+"""The value of a line of the scene, as it would be written there."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from contactsense.scene import Scene
+from contactsense.setup_check.hypotheses import Line, mounting_mistakes, signed_permutations
+from contactsense.setup_check.setup import Setup
+
+_SNAP = np.radians(3.0)
+"""An orientation this close to a usual one is taken for it."""
+_NAMED = {"table": (0.0, 0.0, -1.0), "ceiling": (0.0, 0.0, 1.0), "wall": (1.0, 0.0, 0.0)}
+
+
+def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
+    """The line's value in a setup, and a remark on how it differs from the scene's (may be empty)."""
+    if line == "robot":
+        return setup.robot, ""
+    if line == "joint positions: unit":
+        if setup.angle_unit == 1.0:
+            return "rad", ""
+        return ("deg", "they are in degrees") if setup.angle_unit < 1.0 else ("rad", "converted twice")
+    if line == "mounting":
+        return _mounting(setup, scene)
+    if line in ("tool", "tool.mass", "tool.com"):
+        mass, com = f"{setup.mass:.3g}", _vector(setup.com, 3)
+        return {"tool.mass": mass, "tool.com": com}.get(line, f"mass {mass}, com {com}"), ""
+    if line == "base_wrench.rpy":
+        return _frame(setup, scene)
+    if line.startswith("base"):
+        return _base(line, setup), ""
+    if line == "joint_torque.sign":
+        own = Setup.of(scene).gain[0] * setup.gain[0] > 0.0
+        sign = scene.joint_torque.sign if scene.joint_torque is not None else "by_actuator"
+        return sign if own else {"by_actuator": "on_arm", "on_arm": "by_actuator"}[sign], ""
+    if line == "joint_torque.signal":
+        factor = abs(setup.gain[0])
+        stated = scene.joint_torque.signal if scene.joint_torque is not None else ""
+        if factor == 1.0:
+            return stated, ""
+        if factor < 1.0:
+            return "actual_current", "the values are currents [A]"
+        return "actual_current_as_torque", "the values are torques [Nm]"
+    return setup.meaning, ""
+
+
+def _base(line: Line, setup: Setup) -> str:
+    if line == "base_wrench.sign":
+        return "arm_on_sensor" if setup.sign > 0.0 else "sensor_on_arm"
+    if line == "base_wrench.translation":
+        return _vector(setup.translation, 3)
+    if line == "base_wrench.delay":
+        return f"{round(setup.delay, 4) + 0.0:.4f}"
+    names = ("fx", "fy", "fz", "mx", "my", "mz")
+    parts = [("-" if row.sum() < 0.0 else "") + names[int(np.argmax(np.abs(row)))] for row in setup.order]
+    if line == "base wrench: force and moment":
+        return "force first" if "f" in parts[0] else "moment first"
+    return " ".join(parts[:3] if "f" in parts[0] else parts[3:]).replace("f", "")
+
+
+def _vector(values: np.ndarray, digits: int) -> str:
+    return "[" + ", ".join(f"{round(float(x), digits) + 0.0:g}" for x in values) + "]"
+
+
+def roll_and_pitch(gravity: np.ndarray) -> tuple[float, float]:
+    """Roll and pitch of a base in which gravity has this direction; yaw does not matter [rad]."""
+    x, y, z = gravity / np.linalg.norm(gravity)
+    return float(np.arctan2(-y, -z)), float(np.arcsin(np.clip(x, -1.0, 1.0)))
+
+
+def _mounting(setup: Setup, scene: Scene) -> tuple[str, str]:
+    down = setup.gravity / np.linalg.norm(setup.gravity)
+    stated = scene.mounting
+    if _angle(down, scene.gravity_base) < 1e-9:
+        return (stated if isinstance(stated, str) else _vector(np.array(stated), 4)), ""
+    for name, axis in _NAMED.items():
+        if _angle(down, np.array(axis)) < _SNAP:
+            return name, ""
+    yaw = 0.0
+    if not isinstance(stated, str):
+        yaw = stated[2]
+        for text, rpy in mounting_mistakes(stated):
+            if _angle(down, Rotation.from_euler("xyz", rpy).inv().apply([0.0, 0.0, -1.0])) < _SNAP:
+                return _vector(np.array(rpy), 4), text
+    return _vector(np.array([*roll_and_pitch(down), yaw]), 4), ""
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def _frame(setup: Setup, scene: Scene) -> tuple[str, str]:
+    stated = Setup.of(scene).rotation
+    rotation, remark = setup.rotation, ""
+    for turn in signed_permutations():
+        if np.linalg.det(turn) > 0.0:
+            apart = Rotation.from_matrix(turn.T @ stated.T @ setup.rotation).magnitude()
+            if apart < _SNAP:
+                rotation = stated @ turn
+                vector = Rotation.from_matrix(turn).as_rotvec()
+                degrees = float(np.degrees(np.linalg.norm(vector)))
+                if degrees > 1.0:
+                    axis = _vector(np.round(vector / np.abs(vector).max()), 0)
+                    remark = f"turned by {degrees:.0f} degrees about {_axis(axis)}"
+                break
+    return _vector(Rotation.from_matrix(rotation).as_euler("xyz"), 4), remark
+
+
+def _axis(text: str) -> str:
+    return {
+        "[1, 0, 0]": "x", "[-1, 0, 0]": "-x", "[0, 1, 0]": "y",
+        "[0, -1, 0]": "-y", "[0, 0, 1]": "z", "[0, 0, -1]": "-z",
+    }.get(text, text)  # fmt: skip

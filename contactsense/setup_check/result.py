@@ -1,0 +1,71 @@
+"""Result of a check of a setup: one finding per line of the scene."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from contactsense.setup_check.hypotheses import Line
+
+Verdict = Literal["fits", "does_not_fit", "cannot_tell"]
+"""What the motion says of a line: it fits, another value fits better, or the motion does not determine it."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Root mean squares of what a setup leaves unexplained, below 2 Hz, after biases, joint friction and
+    errors of the links' inertia are estimated. None: not measured."""
+
+    force: float | None
+    """Of the base sensor's forces [N]."""
+    moment: float | None
+    """Of its moments [Nm]."""
+    torque: float | None
+    """Of the joint torques [Nm]."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What the motion says about one line of the scene."""
+
+    line: Line
+    verdict: Verdict
+    stated: str
+    """The scene's value."""
+    proposed: str | None = None
+    """The value that fits, where the scene's does not."""
+    remark: str = ""
+    """How the mistake may have arisen; or why nothing can be told."""
+    std: tuple[float, ...] = ()
+    """Standard deviations of a line with continuous values, in SI units; empty for others."""
+    before: Residuals | None = None
+    """With the scene's value, where it does not fit."""
+    after: Residuals | None = None
+    """With the proposed one."""
+    evidence: float | None = None
+    """By how much twice the log likelihood rises with the proposed value, less the penalty for its free
+    parameters; or falls, with the best other value, where the scene's fits. None for continuous lines."""
+    instead: tuple[Line, ...] = ()
+    """Other lines whose change would explain the readings about as well."""
+
+
+@dataclass(frozen=True)
+class SetupCheck:
+    """What contact-free motion says about every line of a scene."""
+
+    findings: tuple[Finding, ...]
+    """Lines that do not fit first, in the order in which they were found."""
+    residuals: Residuals
+    """With all proposed values."""
+    unexplained: tuple[str, ...]
+    """Signals that remain unexplained with every change that was tried, one readable line each."""
+    seconds: float
+    """Length of the recordings [s]."""
+
+    @property
+    def fits(self) -> bool:
+        """Whether nothing contradicts the scene."""
+        return not self.unexplained and not self.wrong
+
+    @property
+    def wrong(self) -> tuple[Finding, ...]:
+        """Findings of the lines that do not fit."""
+        return tuple(found for found in self.findings if found.verdict == "does_not_fit")

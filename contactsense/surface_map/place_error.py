@@ -1,0 +1,139 @@
+"""Covariance of the place that the localizer finds for a push, and the radius around it that holds a given
+share of the answers.
+
+The unknowns of a contact on one link are (theory, section 5) the relative normal force, the two ratios of
+tangential to normal force and the torsion ratio, each in units of its prior's standard deviation, and the
+step v along the two tangents of the surface [m]. With the Jacobian J of the residuals, in units of their
+noise, and the information D of the priors, the localizer's answer is linear in noise and prior for small
+errors, with the Gauss-Newton matrix H = J^T J + D. So its covariance is
+
+    H^-1 (J^T J + D V D) H^-1
+
+where V is the covariance of the actual push about the prior's mode. With V = D^-1 it is H^-1, the Bayesian
+Cramer-Rao bound (H. L. Van Trees, "Detection, estimation, and modulation theory I", 1968, section 2.4). A
+push along the inward normal has V = 0. The surface's offset along the normal does not change the place of
+such a push.
+"""
+
+import numpy as np
+
+from contactsense.localization.posterior import STUDENT_DOF, Prior
+from contactsense.surface_map.places import Places
+from contactsense.surface_map.sensor_response import wrench
+
+_NO_INFORMATION = 1e-2
+"""Information where nothing determines a step along the surface: a standard deviation of 10 m, more than any
+link [1/m^2]."""
+_ANGLES = (np.arange(90) + 0.5) * (np.pi / 90)
+_HALVINGS = 50
+_PASSES = 4
+"""The weight of the friction prior depends on the error, which depends on the weight."""
+_SMALLEST_VARIANCE = 1e-18
+"""Keeps the radius of a point-like distribution finite: a nanometre [m^2]."""
+
+
+def push_jacobian(response: np.ndarray, places: Places, prior: Prior, force: float) -> np.ndarray:
+    """Derivative of the residuals by force, friction ratios and torsion ratio, each in units of its prior.
+
+    Args:
+        response: `sensor_response` of each place's link, shape (N, rows, 6).
+        places: The N places.
+        prior: Of contacts.
+        force: Normal force [N]; the logarithm of the force has a prior of standard deviation 1.
+
+    Returns:
+        Shape (N, rows, 4).
+    """
+    point, tangents = places.point, places.tangents
+    columns = (
+        wrench(-force * places.normal, point),
+        wrench(force * prior.friction_ratio * tangents[:, :, 0], point),
+        wrench(force * prior.friction_ratio * tangents[:, :, 1], point),
+        np.concatenate((np.zeros_like(point), force * prior.torsion_lever * places.normal), axis=1),
+    )
+    return np.asarray(np.einsum("nri,kni->nrk", response, np.stack(columns)))
+
+
+def step_jacobian(response: np.ndarray, places: Places, force: float, turning: bool = True) -> np.ndarray:
+    """Derivative of the residuals by a step of the place along each tangent, shape (N, rows, 2) [1/m].
+
+    Args:
+        response, places, force: As for `push_jacobian`.
+        turning: Whether the force turns with the normal of the curved surface.
+    """
+    columns = []
+    for i in range(2):
+        moved = np.cross(places.tangents[:, :, i], -force * places.normal)
+        column = np.concatenate((np.zeros_like(moved), moved), axis=1)
+        if turning:
+            column += wrench(-force * places.turn[:, :, i], places.point)
+        columns.append(column)
+    return np.asarray(np.einsum("nri,kni->nrk", response, np.stack(columns)))
+
+
+def place_covariance(
+    response: np.ndarray, places: Places, prior: Prior, force: float, friction: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance of the localizer's place about the true one, and the covariance that it states.
+
+    Args:
+        response, places, prior, force: As for `push_jacobian`.
+        friction: Coefficient of friction of the pushes: their inclinations are uniform in the friction cone;
+            0: along the inward normal, without torsion.
+
+    Returns:
+        Two covariances along the tangents, shape (N, 2, 2) each [m^2].
+    """
+    jacobian = np.concatenate(
+        (push_jacobian(response, places, prior, force), step_jacobian(response, places, force)), axis=2
+    )
+    measured = np.einsum("nik,nil->nkl", jacobian, jacobian)
+    # A uniform distribution on a disc has half its radius as standard deviation along each axis.
+    inclination = (friction / 2.0 / prior.friction_ratio) ** 2
+    torsion = 1.0 if friction > 0.0 else 0.0
+    actual = np.diag([0.0, inclination, inclination, torsion, 0.0, 0.0])
+    shape = np.einsum("nai,naj->nij", places.tangents, places.turn) / prior.friction_ratio
+    squared_ratio = np.full(len(measured), 2.0 * inclination)
+    for _ in range(_PASSES):
+        of_prior = _prior_information(squared_ratio)
+        stated = np.linalg.inv(measured + of_prior)
+        # A step along a curved surface inclines the force that was measured.
+        inclined = np.einsum("nij,njk,nik->n", shape, stated[:, 4:, 4:], shape)
+        squared_ratio = 2.0 * inclination + inclined
+    found = stated @ (measured + of_prior @ actual @ of_prior) @ stated
+    return found[:, 4:, 4:], stated[:, 4:, 4:]
+
+
+def _prior_information(squared_ratio: np.ndarray) -> np.ndarray:
+    """Information D of the priors, for the mean squared friction ratio of each place, shape (N, 6, 6).
+
+    The Student t prior of the friction ratio has the weight of its gradient at that ratio.
+    """
+    weight = (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio)
+    one, unknown = np.ones_like(weight), np.full_like(weight, _NO_INFORMATION)
+    diagonal = np.stack((one, weight, weight, one, unknown, unknown), axis=1)
+    return np.asarray(diagonal[:, :, None] * np.eye(6))
+
+
+def radius_of_share(covariance: np.ndarray, share: float) -> np.ndarray:
+    """Radius of the circle around the mean that holds a given share of a bivariate normal distribution.
+
+    A point is (a cos t, b sin t) times a Rayleigh variable, with the standard deviations a and b, and t
+    uniform on the circle. So the share within r is the mean over t of 1 - exp(-r^2 / (2 s^2)), with s^2 =
+    a^2 cos^2 t + b^2 sin^2 t.
+
+    Args:
+        covariance: Shape (N, 2, 2) [m^2].
+        share: Between 0 and 1.
+
+    Returns:
+        Shape (N,) [m].
+    """
+    variances = np.maximum(np.linalg.eigvalsh(covariance), _SMALLEST_VARIANCE)
+    along = variances[:, :1] * np.cos(_ANGLES) ** 2 + variances[:, 1:] * np.sin(_ANGLES) ** 2
+    low, high = np.zeros(len(variances)), 10.0 * np.sqrt(variances.sum(axis=1))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        inside = -np.expm1(-0.5 * middle[:, None] ** 2 / along).mean(axis=1)
+        low, high = np.where(inside < share, middle, low), np.where(inside < share, high, middle)
+    return np.asarray(0.5 * (low + high))

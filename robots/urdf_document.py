@@ -1,0 +1,81 @@
+"""Read a URDF and check that it is one tree of links: what is wrong is said in one line, with the element."""
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import yourdfpy
+
+from contactsense.robots.yaml_schema import RobotError
+
+TURNING = ("revolute", "continuous")
+_KNOWN = (*TURNING, "fixed", "prismatic")
+
+
+def read_document(path: Path) -> Any:
+    """The `yourdfpy.Robot` of a URDF.
+
+    Raises:
+        RobotError: the file is missing, is xacro or SDF instead, or its links and joints are not one tree.
+    """
+    if not path.exists():
+        raise RobotError(f"{path}: no such file")
+    _check_kind(path)
+    try:
+        model = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=False).robot
+    except KeyError as error:
+        raise RobotError(f"{path}: no valid URDF: an element lacks the attribute {error}") from error
+    except (ElementTree.ParseError, SyntaxError, ValueError, TypeError, AttributeError) as error:
+        raise RobotError(f"{path}: no valid URDF: {' '.join(str(error).split())}") from error
+    _check_names(path, "link", (link.name for link in model.links))
+    _check_names(path, "joint", (joint.name for joint in model.joints))
+    links = {link.name for link in model.links}
+    for joint in model.joints:
+        if joint.type not in _KNOWN:
+            raise RobotError(f"{path}: joint {joint.name}: {joint.type} joints are not supported")
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise RobotError(f"{path}: joint {joint.name}: there is no link {end}")
+    for child, count in Counter(j.child for j in model.joints if j.child != j.parent).items():
+        if count > 1:
+            parents = ", ".join(joint.name for joint in model.joints if joint.child == child)
+            raise RobotError(f"{path}: link {child}: expected one joint that carries it, got {parents}")
+    return model
+
+
+def _check_kind(path: Path) -> None:
+    """Refuse xacro and SDF with a hint."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise RobotError(f"{path}: {error.strerror}") from error
+    except ElementTree.ParseError:
+        return  # the reader of URDFs is more tolerant, for example of prefixes without a namespace
+    if root.tag == "sdf":
+        raise RobotError(f"{path}: expected URDF, got SDF; convert it first, for example with sdf2urdf")
+    if _is_xacro(root):
+        expanded = path.name.removesuffix(".xacro").removesuffix(".urdf") + "_expanded.urdf"
+        raise RobotError(f"{path}: expected URDF, got xacro; expand it first: xacro {path.name} > {expanded}")
+    if root.tag != "robot":
+        raise RobotError(f"{path}: expected URDF with the root element robot, got {root.tag}")
+
+
+def _is_xacro(root: ElementTree.Element) -> bool:
+    """Whether links or joints are yet to be expanded; expanded files may keep traces of xacro elsewhere."""
+    bodies = [element for element in root if element.tag in ("link", "joint")]
+    if not bodies:
+        return any("xacro" in element.tag for element in root)
+    return any(
+        "${" in value or "$(" in value
+        for body in bodies
+        for element in body.iter()
+        for value in element.attrib.values()
+    )
+
+
+def _check_names(path: Path, what: str, names: Iterable[str]) -> None:
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise RobotError(f"{path}: {what} {name}: the name is given {count} times")

@@ -1,0 +1,51 @@
+"""A contact estimated from all of its samples."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactsense.service.analysis.contact_windows import ContactWindows
+from contactsense.service.analysis.place_search import Place
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedContact:
+    """A contact estimated from all of its samples."""
+
+    windows: ContactWindows
+    """The measurements."""
+    places: tuple[Place, ...]
+    """Explanations, the most probable first."""
+    probability: np.ndarray
+    """Probability of each, shape (places,)."""
+    link_probability: np.ndarray
+    """Probability of each link, shape (links,)."""
+
+    @property
+    def best(self) -> Place:
+        """The most probable explanation."""
+        return self.places[0]
+
+    def at(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Place [m], outward normal and covariance [m^2] of the best explanation at a time [s], link
+        frame."""
+        best, times = self.best, self.windows.t
+        point = np.array([np.interp(t, times, column) for column in best.point.T])
+        normal = np.array([np.interp(t, times, column) for column in best.normal.T])
+        w = int(np.argmin(np.abs(times - t)))
+        return point, normal / np.linalg.norm(normal), best.covariance[w]
+
+
+def ranked(windows: ContactWindows, places: list[Place], links: int) -> SmoothedContact | None:
+    """Explanations, weighted by their evidence; None if there are none. `links`: number of links."""
+    places = sorted(
+        (place for place in places if np.isfinite(place.log_evidence)),
+        key=lambda place: -place.log_evidence,
+    )
+    if not places:
+        return None
+    weight = np.exp([place.log_evidence - places[0].log_evidence for place in places])
+    probability = weight / weight.sum()
+    link_probability = np.zeros(links)
+    np.add.at(link_probability, [place.link for place in places], probability)
+    return SmoothedContact(windows, tuple(places), probability, link_probability)

@@ -1,0 +1,181 @@
+"""Smoothing of a contact without a base sensor: link and place from the joint torques of the whole contact.
+
+A window's torques measure fewer numbers than force and place have, so forces that are free in each window
+would explain any place. Instead the contact is split into stretches in which the arm hardly turns and the
+torques keep their direction, s_w tau. The magnitudes s_w are those of the best approximation of rank one
+(singular value decomposition); with them the windows of a stretch are a single reading of tau with the noise
+of all of its samples, which the localizer explains. Stretches are independent, so the evidence of a link is
+the product of theirs, with the prior once. Places of all stretches are combined where they agree.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactsense import Contact, Localizer
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import Model, empty_motion
+from contactsense.residuals.momentum_observer import noise_variance_ratio
+from contactsense.robots.surface.union import distances
+from contactsense.service.analysis.contact_history import ContactHistory
+from contactsense.service.analysis.contact_windows import ContactWindows
+from contactsense.service.analysis.place_search import Place
+from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
+
+LARGEST_TURN = 0.15
+"""Maximum rotation of a joint within a stretch [rad]."""
+MISFIT = 6.0
+"""Readings agree if the squared residuals exceed their expectation by less than this many standard
+deviations."""
+MODEL_ERROR = 0.1
+"""Part of the torques that one contact may leave unexplained, as the arm turns within a stretch."""
+NEGLIGIBLE = 1e-12
+"""Variance that makes covariances invertible [m^2]."""
+UNLISTED = 0.005
+"""Probability that the localizer may have left out, by link: it lists candidates from 0.01."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """Windows of a contact as a single reading."""
+
+    windows: slice
+    probability: np.ndarray
+    """Probability of each link, shape (links,)."""
+    contacts: tuple[Contact, ...]
+    """Candidates."""
+    q: np.ndarray
+    """Joint positions [rad], shape (n,)."""
+
+
+class TorqueSmoother:
+    """Smooths the contacts of one scene from the joint torques alone."""
+
+    def __init__(self, localizer: Localizer, model: Model) -> None:
+        """`localizer`: used for single readings, with other noise for each; `model`: its kinematics."""
+        self._localizer, self._model = localizer, model
+        self._constants = localizer._buffers.constants
+        self._motion = empty_motion(len(localizer.scene.robot.joints))
+        samples, surfaces = self._constants.samples, self._constants.surfaces
+        links = len(localizer.scene.link_names)
+        share = np.bincount(surfaces.link[samples.primitive], np.exp(samples.log_share), minlength=links)
+        self._prior = share + UNLISTED
+
+    def smooth(self, history: ContactHistory, windows: ContactWindows) -> SmoothedContact | None:
+        """Smooth a contact; None if one contact does not explain it."""
+        stretches = self._stretches(history, windows)
+        if stretches is None:
+            return None
+        evidence = np.log(self._prior) + sum(np.log(s.probability / self._prior) for s in stretches)
+        places = [
+            self._place(link, float(evidence[link]), stretches, windows) for link in range(len(evidence))
+        ]
+        return ranked(windows, [place for place in places if place is not None], len(evidence))
+
+    def _stretches(self, history: ContactHistory, windows: ContactWindows) -> list[_Stretch] | None:
+        """The stretches of a contact; None if one contact does not explain one of them."""
+        variance = self._constants.sensors.torque_variance
+        gain = noise_variance_ratio(self._localizer.scene.bandwidth, float(np.median(np.diff(history.t))))
+        offset = np.maximum(np.mean(history.joint_torque_std**2, axis=0) - gain * variance, 0.0)
+        found: list[_Stretch] = []
+        noise = variance.copy()
+        waiting = [slice(0, len(windows.t))]
+        while waiting:
+            here = waiting.pop()
+            scale, fits = _magnitudes(windows.joint_torque[here] / np.sqrt(noise), windows.samples[here])
+            turns = np.ptp(windows.q[here], axis=0).max() > LARGEST_TURN
+            if here.stop - here.start > 1 and (turns or not fits):
+                middle = (here.start + here.stop) // 2
+                waiting += [slice(middle, here.stop), slice(here.start, middle)]
+                continue
+            weight = windows.samples[here] * scale
+            total = float(weight @ scale)
+            if not total > 0.0:
+                return None
+            q = windows.q[(here.start + here.stop - 1) // 2]
+            reading = weight @ windows.joint_torque[here] / total
+            # The localizer is the smoother's own; its noise is that of the reading for this call only.
+            variance[:] = noise / total + offset * (weight.sum() / total) ** 2
+            try:
+                contacts = self._localizer.locate(q, joint_torque=-reading, detect=False).contacts
+                if not any(self._explains(contact, q, reading) for contact in contacts):
+                    return None
+            finally:
+                variance[:] = noise
+            probability = np.full(len(self._prior), UNLISTED)
+            for contact in contacts:
+                probability[contact.link_index] += contact.probability
+            found.append(_Stretch(here, probability / probability.sum(), contacts, q))
+        return found
+
+    def _explains(self, contact: Contact, q: np.ndarray, reading: np.ndarray) -> bool:
+        """Whether a contact explains the torques, with the noise that the localizer is set to."""
+        forward_kinematics(self._model, q, self._motion)
+        moment = np.cross(contact.point_base, contact.force_base) + contact.torsion * contact.normal_base
+        torque = self._motion.screw @ np.concatenate((contact.force_base, moment))
+        torque[int(self._constants.sensors.depth[contact.link_index]) :] = 0.0
+        variance = self._constants.sensors.torque_variance
+        square, size = (float(np.sum(v**2 / variance)) for v in (reading - torque, reading))
+        expected = len(reading) + MISFIT * np.sqrt(2.0 * len(reading))
+        return bool(square <= expected + MODEL_ERROR**2 * size)
+
+    def _place(
+        self, link: int, evidence: float, stretches: list[_Stretch], windows: ContactWindows
+    ) -> Place | None:
+        """The place on a link: one for the whole contact if those of its stretches agree, otherwise that of
+        each stretch; None if no stretch has a candidate there."""
+        body = int(self._constants.sensors.depth[link])
+        where, points, covariances, forces, normals = [], [], [], [], []
+        for stretch in stretches:
+            contact = next((c for c in stretch.contacts if c.link_index == link), None)
+            if contact is None:
+                continue
+            forward_kinematics(self._model, stretch.q, self._motion)
+            R, origin = self._motion.rotation[body], self._motion.origin[body]
+            where.append(stretch.windows)
+            points.append((contact.point_base - origin) @ R)
+            normals.append(contact.normal_base @ R)
+            forces.append(contact.force_base @ R)
+            covariances.append(R.T @ contact.covariance @ R)
+        if not points:
+            return None
+        information = np.linalg.inv(np.array(covariances) + NEGLIGIBLE * np.eye(3))
+        # The same priors enter all stretches, so their errors are correlated, it is not known how much. The
+        # mean of the information holds for any correlation (Julier and Uhlmann, American Control Conference
+        # 1997: covariance intersection).
+        covariance = np.linalg.inv(information.mean(axis=0))
+        mean = covariance @ np.einsum("sij,sj->i", information, points) / len(points)
+        away = np.array(points) - mean
+        square = float(np.einsum("si,sij,sj->", away, information, away))
+        freedom = 3.0 * (len(points) - 1)
+        fixed = square <= freedom + MISFIT * np.sqrt(2.0 * freedom)
+        count = len(windows.t)
+        # Windows without a candidate on this link have that of the stretch nearest in time.
+        middle = np.array([0.5 * (part.start + part.stop - 1) for part in where])
+        nearest = np.argmin(np.abs(np.arange(count)[:, None] - middle), axis=1)
+        point, normal = np.array(points)[nearest], np.array(normals)[nearest]
+        covariance_of = np.array(covariances)[nearest]
+        if fixed:
+            distance, _, outward = distances(self._constants.surfaces, mean[None], link)
+            point[:], normal[:] = mean - distance[0] * outward[0], outward[0]
+            covariance_of[:] = covariance
+        return Place(
+            link, evidence, point, normal, np.array(forces)[nearest], covariance_of,
+            point[:1] if fixed else np.array(points), 0.5 * square, freedom,
+        )  # fmt: skip
+
+
+def _magnitudes(torque: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Magnitudes of one direction in windows, mean square 1, and whether it explains them.
+
+    Args:
+        torque: Torques in units of a sample's noise, shape (W, n).
+        samples: Samples of each window, shape (W,).
+    """
+    rows = np.sqrt(samples)[:, None] * torque
+    _, values, directions = np.linalg.svd(rows, full_matrices=False)
+    scale = torque @ directions[0]
+    scale *= np.copysign(1.0, scale.sum()) / max(float(np.sqrt(np.mean(scale**2))), 1e-12)
+    freedom = float((len(torque) - 1) * (torque.shape[1] - 1))
+    square = float(np.sum(values[1:] ** 2))
+    return scale, square <= freedom + MISFIT * np.sqrt(2.0 * freedom)

@@ -1,0 +1,160 @@
+"""The result of a calibration as a page: what was left out, what changed, what it means, what to do next."""
+
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+from contactsense.calibration import Calibration, Value
+from contactsense.scene import Scene
+
+_TITLES = {
+    "bias": "torque bias",
+    "coulomb": "Coulomb friction",
+    "viscous": "viscous friction",
+    "rotor": "rotor inertia",
+    "load": "load-dependent friction",
+    "lubricant": "lubricant friction",
+    "gain": "torque constants, factor",
+    "wrench_bias": "bias of the base sensor",
+    "tilt": "direction of gravity",
+    "turn": "orientation of the base sensor",
+    "shift": "place of the base sensor",
+}
+"""Groups of parameters that are printed in one line; the other parameters have a line each."""
+_CHANGED = 2.0
+"""A parameter has changed if it moved by this many standard deviations."""
+_BASE = tuple(
+    f"base {name}" for name in ("force x", "force y", "force z", "moment x", "moment y", "moment z")
+)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and its lines."""
+
+    title: str
+    lines: tuple[str, ...]
+
+
+def channels(scene: Scene) -> tuple[str, ...]:
+    """Names of all equations, joints first."""
+    return tuple(joint.name for joint in scene.robot.joints) + _BASE
+
+
+def page(found: Calibration, scene: Scene, written: Path | None) -> tuple[Section, ...]:
+    """The sections of the page.
+
+    Args:
+        found: Result of the calibration.
+        scene: The scene before.
+        written: File into which the calibrated scene was written.
+    """
+    names = channels(scene)
+    sections = [
+        Section("Left out: something seems to push on the arm", _contacts(found, names)),
+        Section("What changed", _changes(found, scene)),
+        Section("What it means", _meaning(found, names)),
+        Section("What to do next", _next_steps(found, written)),
+    ]
+    return tuple(section for section in sections if section.lines)
+
+
+def _contacts(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
+    lines = []
+    for contact in found.contacts:
+        felt = ", ".join(
+            f"{names[channel]} ({peak:.3g} {_unit(names[channel])})"
+            for channel, peak in list(zip(contact.channels, contact.peak, strict=True))[:3]
+        )
+        lines.append(
+            f"{contact.recording}: {contact.start:.2f} to {contact.stop:.2f} s "
+            f"(rows {contact.first_row} to {contact.last_row}), felt by {felt or 'all together'}"
+        )
+    return tuple(lines)
+
+
+def _unit(channel: str) -> str:
+    return "N" if channel.startswith("base force") else "Nm"
+
+
+def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
+    lines, same = [], []
+    for (group, _), members in groupby(found.values, key=lambda value: (value.entry.group, value.entry.unit)):
+        block = [value for value in members if not value.kept]
+        if not block or group == "payload":
+            continue
+        title = _TITLES.get(group, block[0].entry.name)
+        if any(abs(value.after - value.before) > _CHANGED * value.std for value in block):
+            lines.append(f"{title}: {_values(block)}")
+        elif title not in same:
+            same.append(title)
+    if found.scene.tool != scene.tool:
+        lines.append(f"tool: {_tool(found.scene)} (was {_tool(scene)})")
+    if found.inertia:
+        lines.append(f"inertia of the links: {len(found.inertia)} parameters, listed by --verbose")
+    if same:
+        lines.append(f"confirmed within {_CHANGED:g} standard deviations: {', '.join(same)}")
+    return tuple(lines)
+
+
+def _tool(scene: Scene) -> str:
+    if scene.tool is None:
+        return "none"
+    x, y, z = (1e3 * part for part in scene.tool.com)
+    return f"{scene.tool.mass:.3g} kg, centre of mass {x:.0f}, {y:.0f}, {z:.0f} mm from the flange"
+
+
+def _values(block: list[Value]) -> str:
+    """Values after and before; one number where all are alike."""
+    after = ", ".join(f"{value.after:.3g}" for value in block)
+    before = [f"{value.before:.3g}" for value in block]
+    was = before[0] if len(set(before)) == 1 else ", ".join(before)
+    unit = f" {block[0].entry.unit}" if block[0].entry.unit else ""
+    return f"{after}{unit} (was {was})"
+
+
+def _meaning(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
+    lines = [
+        f"{names[i]}: {found.before.rms[i]:.3g} -> {found.after.rms[i]:.3g} {_unit(names[i])} "
+        f"({found.after.tail[i]:.3g})"
+        for i in np.flatnonzero(np.isfinite(found.after.rms))
+    ]
+    lines.insert(
+        0,
+        "a contact is detected where it exceeds what the model leaves unexplained: RMS before -> after "
+        "(99.9 % of the time less than)",
+    )
+    worse = [
+        names[i]
+        for i in np.flatnonzero(np.isfinite(found.after.rms))
+        if found.after.rms[i] > found.before.rms[i] * 1.05
+    ]
+    if worse:
+        lines.append(f"worse than before: {', '.join(worse)}")
+    return tuple(lines)
+
+
+def _next_steps(found: Calibration, written: Path | None) -> tuple[str, ...]:
+    steps = [warning for warning in found.warnings if not warning.endswith(": kept")]
+    if found.contacts:
+        steps.append(
+            "look at the stretches that were left out: a hand, a cable, a hard stop. If nothing was there, "
+            "--keep-contacts uses them"
+        )
+    unexcited = sorted({v.entry.name for v in found.values if v.kept.startswith("not excited")})
+    if unexcited:
+        steps.append(
+            f"{len(unexcited)} parameters keep the scene's values because this motion does not excite them "
+            f"({', '.join(unexcited[:3])}{', ...' if len(unexcited) > 3 else ''}): a motion of "
+            "`contactsense excite` does"
+        )
+    if written is None:
+        steps.append("nothing was written: --out FILE writes the calibrated scene, --write changes the scene")
+    else:
+        steps.append(
+            f"try {written} on a recording that calibration has not seen, without contacts: "
+            f"`contactsense analyze RECORDING --scene {written}` must find none"
+        )
+    return tuple(steps)

@@ -1,0 +1,162 @@
+"""`contactsense check SCENE`: which lines of a scene fit contact-free motion, and which do not."""
+
+import json
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from contactsense.calibration import FreeMotion
+from contactsense.scene import Scene, SceneError
+from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
+from contactsense.service.recordings.free_motion import read_free_motion
+from contactsense.service.sensors.live_free_motion import read_live_motion
+from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.setup_check import CheckError, Finding, SetupCheck
+from contactsense.setup_check import check as run
+
+_VERDICTS = {
+    "fits": "fits",
+    "does_not_fit": "[bold red]does not fit[/]",
+    "cannot_tell": "[yellow]cannot be told[/]",
+}
+_UNITS = {"force": "N", "moment": "Nm", "torque": "Nm"}
+"""Of the residuals."""
+
+
+@click.command()
+@click.argument("scene_file", metavar="SCENE", type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, type=click.Path(path_type=Path))
+@click.option(
+    "--columns", help="Names and units of columns or topics, as q=joint_,time_unit=ms or a YAML file."
+)
+@click.option("--robot-host", help="Read this robot's controller instead of RECORDINGS.")
+@click.option("--robot-port", type=int, help="Its RTDE port.  [default: 30004]")
+@click.option("--robot-client", type=click.Choice(["rtde", "ur_rtde"]), help="Which client reads the robot.")
+@click.option("--robot-rate", type=float, help="Robot samples per second.  [default: 500]")
+@click.option("--ft-host", help="Address of the force/torque sensor under the base (Net F/T).")
+@click.option("--ft-port", type=int, help="Its RDT port (UDP).  [default: 49152]")
+@click.option("--ft-http-port", type=int, help="Port of its configuration page.  [default: 80]")
+@click.option("--ft-counts", help="Its counts per N and per Nm, as 1000000,1000000, instead of asking it.")
+@click.option("--ft-fields", help="Six RTDE fields that carry its reading, separated by commas.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(4.0),
+    default=20.0,
+    show_default=True,
+    help="How long to read the robot.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
+@click.pass_context
+def check(
+    ctx: click.Context,
+    /,
+    scene_file: Path,
+    recordings: tuple[Path, ...],
+    columns: str | None,
+    seconds: float,
+    as_json: bool,
+    **source: Any,
+) -> None:
+    """Check SCENE against RECORDINGS, or a live robot, of slow motion or some postures without contact.
+
+    Each line of the scene fits, or does not fit and another value would, or cannot be told from this motion.
+    Exit status: 0 nothing contradicts the scene, 1 something does, 2 the input cannot be used.
+    """
+    given = {name: value for name, value in source.items() if value is not None}
+    if bool(recordings) == ("robot_host" in given):
+        raise click.UsageError("check: expected either recordings or --robot-host")
+    errors = Console(stderr=True)
+    try:
+        scene = Scene.load(scene_file)
+        with errors.status("reading") as status:
+            if recordings:
+                parts = _recorded(scene, recordings, columns, errors)
+            else:
+                settings = Settings.checked({**given, "scene": scene_file}, "check")
+                opener = settings.open_source(scene)
+                assert isinstance(opener, partial)
+                parts = [
+                    read_live_motion(
+                        scene,
+                        opener.keywords["settings"],
+                        seconds,
+                        lambda t: status.update(f"reading the robot: {t:.0f} of {seconds:.0f} s"),
+                    )
+                ]
+            found = run(scene, parts, lambda text: status.update(f"checking: {text}"))
+    except (
+        SceneError, SettingsError, SensorError, RecordingError, MappingError, CheckError, ValueError,
+    ) as error:  # fmt: skip
+        raise click.UsageError(str(error)) from None
+    if as_json:
+        click.echo(json.dumps(as_plain(found), indent=1))
+    else:
+        _print(found, Console())
+    ctx.exit(0 if found.fits else 1)
+
+
+def _recorded(
+    scene: Scene, recordings: tuple[Path, ...], columns: str | None, errors: Console
+) -> list[FreeMotion]:
+    mapping = ColumnMapping.parse(columns)
+    parts: list[FreeMotion] = []
+    for recording in recordings:
+        found, problems = read_free_motion(recording, scene, mapping)
+        parts += found
+        for problem in problems:
+            errors.print(f"{recording}: {problem}", soft_wrap=True)
+    return parts
+
+
+def as_plain(found: SetupCheck) -> dict[str, Any]:
+    """The result as plain data."""
+    return {"fits": found.fits, **asdict(found)}
+
+
+def _print(found: SetupCheck, console: Console) -> None:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("line", "scene", "verdict"):
+        table.add_column(heading, overflow="fold")
+    for item in found.findings:
+        table.add_row(item.line, item.stated, _VERDICTS[item.verdict])
+    console.print(table)
+    for item in found.wrong:
+        console.print(_explained(item), highlight=False, soft_wrap=True)
+    if found.unexplained:
+        console.print("Not explained by any of these lines (a contact, another signal, a fault?):")
+        for text in found.unexplained:
+            console.print(f"  {text}", highlight=False)
+    untold = [item for item in found.findings if item.verdict == "cannot_tell"]
+    if untold:
+        console.print("What cannot be told needs more joints moved, further or faster.", highlight=False)
+    left = [(name, getattr(found.residuals, name), unit) for name, unit in _UNITS.items()]
+    text = ", ".join(f"{name} {value:.2g} {unit}" for name, value, unit in left if value is not None)
+    console.print(f"{found.seconds:.1f} s; RMS residual below 2 Hz: {text}", highlight=False)
+    if found.fits:
+        console.print("Nothing contradicts the scene.")
+
+
+def _explained(item: Finding) -> str:
+    assert item.before is not None
+    assert item.after is not None
+    remark = f" ({item.remark})" if item.remark else ""
+    lines = [f"[bold]{item.line}[/] does not fit: {_plain(item.stated)}"]
+    lines.append(f"  this would: [bold]{_plain(item.proposed or '')}[/]{remark}")
+    for name, unit in _UNITS.items():
+        before, after = getattr(item.before, name), getattr(item.after, name)
+        if before is not None:
+            lines.append(f"  residual of {name}: {before:.2g} {unit}, then {after:.2g} {unit}")
+    if item.instead:
+        lines.append(f"  or else: {', '.join(item.instead)}")
+    return "\n".join(lines)
+
+
+def _plain(text: str) -> str:
+    return text.replace("[", r"\[")

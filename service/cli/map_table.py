@@ -1,0 +1,101 @@
+"""Tables of `contactsense map`, 80 columns wide."""
+
+from collections.abc import Sequence
+from math import isfinite
+
+import click
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from contactsense.scene import Scene
+from contactsense.surface_map.detectability import Detectability, LinkDetectability
+
+WIDTH = 80
+HEADINGS = ("force [N]", "error [mm]", "named")
+LARGEST_FORCE = 1000.0
+"""Forces above this are shown as not detected [N]."""
+
+
+def show_map(scene: Scene, found: Detectability) -> None:
+    """One map by link: median over the link's surface, and the value that 95 % of it does not exceed."""
+    click.echo(f"{scene.robot.name}: {_sensors(scene)}")
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("link")
+    table.add_column("surface", justify="right")
+    for heading in HEADINGS:
+        table.add_column(escape(heading), justify="right")
+        table.add_column("worst", justify="right")
+    for link in found.by_link():
+        table.add_row(
+            link.link,
+            f"{100 * link.share:.0f} %",
+            *(_force(value) for value in link.smallest_force),
+            *(_millimetres(value) for value in link.error),
+            *_named(link),
+        )
+    Console(width=WIDTH).print(table)
+    click.echo("Median over the surface of the link; worst: 5 % of it is worse than this.")
+    _explain(found)
+
+
+def compare_maps(titles: Sequence[str], scenes: Sequence[Scene], found: Sequence[Detectability]) -> None:
+    """Two maps of one arm side by side: medians over the surface of each link."""
+    for letter, title, scene in zip("AB", titles, scenes, strict=True):
+        click.echo(f"{letter}: {title}: {scene.robot.name}: {_sensors(scene)}")
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("link")
+    for heading in HEADINGS:
+        table.add_column(escape(f"{heading} A"), justify="right")
+        table.add_column("B", justify="right")
+    maps = [{link.link: link for link in one.by_link()} for one in found]
+    for name in dict.fromkeys(name for one in maps for name in one):
+        links = [one.get(name) for one in maps]
+        cells = [link and _force(link.smallest_force[0]) for link in links]
+        cells += [link and _millimetres(link.error[0]) for link in links]
+        cells += [link and _named(link)[0] for link in links]
+        table.add_row(name, *cells)
+    Console(width=WIDTH).print(table)
+    click.echo("Medians over the surface of each link.")
+    _explain(found[0])
+
+
+def _explain(found: Detectability) -> None:
+    click.echo(
+        f"force: smallest that is detected, with probability {found.detection:g}, in one measurement\n"
+        f"  of the arm at rest, at {found.false_alarms_per_hour:g} false alarms per hour\n"
+        f"error: of the place, for {found.force:g} N along the inward normal; median of the answers\n"
+        "named: probability of naming the link for that push\n"
+        f"-: cannot tell: no force up to {LARGEST_FORCE:g} N is detected; fewer than six readings,\n"
+        "  or a place anywhere on the link"
+    )
+
+
+def _sensors(scene: Scene) -> str:
+    """The sensors and their noise."""
+    parts = []
+    for name, sensor in (("base", scene.base_wrench), ("wrist", scene.wrist_wrench)):
+        if sensor is not None:
+            parts.append(f"{name} {sensor.force_noise:g} N, {sensor.moment_noise:g} Nm")
+    if scene.joint_torque is not None:
+        noise = scene.joint_torque.noise
+        levels = sorted(set(noise)) if isinstance(noise, tuple) else [noise]
+        parts.append(
+            "joint torques " + " to ".join(f"{x:g}" for x in dict.fromkeys((levels[0], levels[-1]))) + " Nm"
+        )
+    return "; ".join(parts)
+
+
+def _force(value: float) -> str:
+    return f"{value:.3g}" if value <= LARGEST_FORCE else "-"
+
+
+def _named(link: LinkDetectability) -> tuple[str, ...]:
+    """Probabilities of naming the link, unless most of it is not felt at all."""
+    felt = link.smallest_force[0] <= LARGEST_FORCE
+    return tuple(f"{value:.2f}" if felt else "-" for value in link.link_probability)
+
+
+def _millimetres(value: float) -> str:
+    return f"{1e3 * value:.1f}" if isfinite(value) else "-"

@@ -1,0 +1,111 @@
+"""Picture of an arm coloured by the smallest force that its sensors detect on each place."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import empty_motion
+from contactsense.robots.rendering import View, at_pose, side_by_side
+from contactsense.runtime.constants import build_constants
+from contactsense.scene import Scene
+from contactsense.surface_map.detectability import Detectability
+from contactsense.surface_map.sensor_response import sensor_response
+from contactsense.surface_map.smallest_force import detected_size, smallest_force
+
+VIEWS = (-60.0, 120.0)
+"""Directions from which the arm is seen, front and back, about the world's z axis [degrees]."""
+ELEVATION = 18.0
+WIDTH = 6.5
+"""Width of the two views together [inches]."""
+MARGIN = 12
+"""White pixels around the arm."""
+PIXELS = 560
+"""Longer side of each view."""
+UNFELT = (150, 150, 155)
+"""Colour of surface on which no force in the range of the scale is detected."""
+WIDEST_SCALE = 100.0
+"""Largest ratio of the forces at both ends of the colour scale."""
+COLOURS = "viridis_r"
+
+
+def draw_force_map(
+    cases: Sequence[tuple[str, Scene, Detectability]], q: np.ndarray, path: str | Path
+) -> None:
+    """Write a PNG: one row per case, the arm seen from two sides in its mounting, one scale of colours.
+
+    Args:
+        cases: Title, scene and map of each case, all in the same posture.
+        q: Joint positions, shape (n,) [rad].
+        path: Of the PNG.
+    """
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+    from matplotlib.colors import LogNorm
+
+    forces = np.concatenate([found.smallest_force for _, _, found in cases])
+    forces = forces[np.isfinite(forces)]
+    low = float(forces.min())
+    high = min(max(float(forces.max()), 1.2 * low), WIDEST_SCALE * low)
+    scale = mpl.cm.ScalarMappable(LogNorm(low, high), COLOURS)
+    pictures = [_views(scene, found, q, scale, high) for _, scene, found in cases]
+    height = sum(WIDTH * picture.shape[0] / picture.shape[1] + 0.6 for picture in pictures)
+    figure, axes = plt.subplots(
+        len(cases), 1, figsize=(WIDTH + 1.5, height + 0.4), squeeze=False, layout="constrained"
+    )
+    for axis, (title, _, _), picture in zip(axes[:, 0], cases, pictures, strict=True):
+        axis.imshow(picture)
+        axis.set_title(title, fontsize=11)
+        axis.axis("off")
+    bar = figure.colorbar(scale, ax=axes[:, 0].tolist(), shrink=0.7)
+    detection = cases[0][2].detection
+    bar.set_label(f"smallest force detected with probability {detection:g} [N]")
+    bar.ax.yaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    bar.ax.yaxis.set_major_formatter("{x:g}")
+    bar.ax.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
+    if any((found.smallest_force > high).any() for _, _, found in cases):
+        figure.supxlabel(f"grey: more than {high:.3g} N", fontsize=10)
+    try:
+        figure.savefig(path, dpi=110, format="png")
+    finally:
+        plt.close(figure)
+
+
+def _views(
+    scene: Scene, found: Detectability, q: np.ndarray, scale: mpl.cm.ScalarMappable, high: float
+) -> np.ndarray:
+    """The arm from two sides, image (rows, columns, 3)."""
+    constants, motion = build_constants(scene), empty_motion(len(q))
+    forward_kinematics(constants.model, q, motion)
+    response, size = sensor_response(scene, constants, motion), detected_size(scene, found.detection)
+    world = scene.orientation.as_matrix()
+    poses = np.tile(np.eye(4), (len(scene.link_names), 1, 1))
+    depth = constants.sensors.depth
+    poses[:, :3, :3], poses[:, :3, 3] = world @ motion.rotation[depth], motion.origin[depth] @ world.T
+    surfaces = at_pose(constants.surfaces, poses)
+    reach = surfaces.radius[:, None]
+    low, top = (surfaces.origin - reach).min(axis=0), (surfaces.origin + reach).max(axis=0)
+    images = []
+    for azimuth in VIEWS:
+        view = View(low, top, azimuth, ELEVATION, PIXELS)
+        which, points, normals = view.trace(surfaces)
+        hit = which >= 0
+        link = surfaces.link[which[hit]]
+        force = np.empty(len(link))
+        for index in np.unique(link):
+            on = link == index
+            force[on] = smallest_force(
+                np.broadcast_to(response[index], (on.sum(), *response[index].shape)),
+                size,
+                points[hit][on] @ world,
+                normals[hit][on] @ world,
+            )
+        colours = np.zeros((*which.shape, 3))
+        felt = force <= high
+        colours[hit] = np.where(felt[:, None], 255.0 * scale.to_rgba(force)[:, :3], UNFELT)
+        rows, columns = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
+        part = view.shaded(normals, colours, hit)[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        images.append(np.pad(part, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), constant_values=255))
+    return side_by_side(images)

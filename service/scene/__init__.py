@@ -1,0 +1,1 @@
+"""Scene files: written with comments, shown as understood, described field by field."""

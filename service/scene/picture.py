@@ -1,0 +1,156 @@
+"""A picture of the arm in its place: gravity, frames of base and sensors, links that can be touched."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.service.drawing.link_meshes import link_meshes
+from contactsense.service.drawing.palette import link_colour
+from contactsense.service.scene.summary import link_places
+
+_VIEWS = ((-60.0, 18.0), (30.0, 18.0))
+"""Azimuth and elevation of the two views [deg]."""
+_AXIS_COLOURS = ("#d62728", "#2ca02c", "#1f77b4")
+_NOT_TOUCHABLE = "#d5d8dc"
+
+
+def draw_scene(scene: Scene, q: np.ndarray, path: Path) -> None:
+    """Write a PNG of the arm seen from two sides, the vertical of the world being that of the picture.
+
+    Args:
+        scene: The scene.
+        q: Joint positions, shape (n,) [rad].
+        path: Of the PNG.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    mpl.use("Agg")
+    from matplotlib import pyplot
+    from matplotlib.patches import Patch
+
+    to_world = scene.orientation.as_matrix()
+    places = link_places(scene, q)
+    triangles, colours = _triangles(scene, to_world, places)
+    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    figure, axes = pyplot.subplots(1, 2, figsize=(13.0, 7.5), layout="constrained")
+    for plot, (azimuth, elevation) in zip(axes, _VIEWS, strict=True):
+        camera = _camera(azimuth, elevation)
+        _draw_surface(plot, camera, triangles, colours)
+        _draw_gravity(plot, camera, triangles, size)
+        for name, rotation, origin in _frames(scene, places):
+            _draw_frame(plot, camera, name, to_world @ rotation, to_world @ origin, 0.12 * size)
+        plot.set_aspect("equal")
+        plot.set_axis_off()
+    touchable = scene.link_names if scene.touchable is None else scene.touchable
+    legend = [Patch(color=_colour(scene, i), label=name) for i, name in enumerate(scene.link_names)]
+    for patch in legend:
+        if patch.get_label() not in touchable:
+            patch.set_label(f"{patch.get_label()} (not touchable)")
+    figure.legend(handles=legend, loc="outside lower center", ncols=5, frameon=False)
+    figure.suptitle(f"{scene.robot.name} as mounted, the vertical upward; axes: x red, y green, z blue")
+    try:
+        figure.savefig(path, format="png", dpi=100)
+    finally:
+        pyplot.close(figure)
+
+
+def _colour(scene: Scene, link: int) -> str:
+    touchable = scene.touchable is None or scene.link_names[link] in scene.touchable
+    return link_colour(link) if touchable else _NOT_TOUCHABLE
+
+
+def _triangles(scene: Scene, to_world: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of all links, world axes, shape (T, 3, 3) [m], and their colours (T, 3), 0 to 1."""
+    corners, colours = [], []
+    for i, (mesh, place) in enumerate(zip(link_meshes(scene), places, strict=True)):
+        points = (mesh.vertices @ place[:3, :3].T + place[:3, 3]) @ to_world.T
+        corners.append(points[mesh.faces])
+        colours.append(np.tile(mpl.colors.to_rgb(_colour(scene, i)), (len(mesh.faces), 1)))
+    return np.concatenate(corners), np.concatenate(colours)
+
+
+def _camera(azimuth: float, elevation: float) -> np.ndarray:
+    """Rows: right, up and toward the viewer, world axes, shape (3, 3)."""
+    a, e = np.radians(azimuth), np.radians(elevation)
+    toward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    return np.array([right, np.cross(toward, right), toward])
+
+
+def _draw_surface(
+    plot: "mpl.axes.Axes", camera: np.ndarray, triangles: np.ndarray, colours: np.ndarray
+) -> None:
+    """Draw triangles from the back to the front, those that face away left out."""
+    from matplotlib.collections import PolyCollection
+
+    seen = triangles @ camera.T
+    normals = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
+    light = np.array([-0.4, 0.6, 1.0]) / np.linalg.norm([-0.4, 0.6, 1.0])
+    order = np.argsort(seen[:, :, 2].mean(axis=1))
+    order = order[normals[order, 2] > 0.0]
+    shade = 0.4 + 0.6 * np.clip(normals[order] @ light, 0.0, 1.0)
+    faces = colours[order] * shade[:, None]
+    plot.add_collection(
+        PolyCollection(seen[order, :, :2], facecolors=faces, edgecolors=faces, linewidths=0.3)
+    )
+    plot.autoscale_view()
+
+
+def _draw_gravity(plot: "mpl.axes.Axes", camera: np.ndarray, triangles: np.ndarray, size: float) -> None:
+    """Draw gravity as an arrow left of the arm."""
+    seen = triangles.reshape(-1, 3) @ camera.T
+    tail = np.array([seen[:, 0].min() - 0.12 * size, seen[:, 1].max()])
+    tip = tail + 0.25 * size * (camera @ np.array([0.0, 0.0, -1.0]))[:2]
+    plot.annotate(
+        "", tuple(tip), tuple(tail), arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 2.5}
+    )
+    plot.text(tail[0], tail[1], "gravity", ha="center", va="bottom", fontsize=11)
+    plot.update_datalim([tail - 0.1 * size, tip])
+    plot.autoscale_view()
+
+
+def _frames(scene: Scene, places: np.ndarray) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """Name, orientation (3, 3) and origin (3,) [m] of the frames that are drawn, base frame."""
+    found = [("base", np.eye(3), np.zeros(3))]
+    if scene.base_wrench is not None:
+        sensor = scene.base_wrench
+        found.append(("base sensor", sensor.rotation, np.array(sensor.translation)))
+    if scene.wrist_wrench is not None:
+        flange = places[-1]
+        R, o = scene.wrist_wrench.rotation, np.array(scene.wrist_wrench.translation)
+        found.append(("wrist sensor", flange[:3, :3] @ R, flange[:3, :3] @ o + flange[:3, 3]))
+    return found
+
+
+def _draw_frame(
+    plot: "mpl.axes.Axes",
+    camera: np.ndarray,
+    name: str,
+    rotation: np.ndarray,
+    origin: np.ndarray,
+    length: float,
+) -> None:
+    """Draw the axes of a frame, over the arm."""
+    start = (camera @ origin)[:2]
+    # The base frame and a sensor just below it stay distinguishable: the sensor's axes are longer and thin.
+    sensor = name != "base"
+    for i, colour in enumerate(_AXIS_COLOURS):
+        end = start + (1.6 if sensor else 1.0) * length * (camera @ rotation[:, i])[:2]
+        style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4 if sensor else 3.0}
+        plot.annotate("", end, start, arrowprops=style | ({"linestyle": "--"} if sensor else {}))
+        plot.update_datalim([end])
+    below = -1.9 if sensor else -1.2
+    plot.annotate(
+        f"{name} frame ({'dashed' if sensor else 'solid'})",
+        start,
+        start + np.array([1.4, below]) * length,
+        fontsize=10,
+        arrowprops={"arrowstyle": "-", "color": "#555555", "linewidth": 0.8},
+        bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "#999999"},
+    )
+    plot.update_datalim([start + np.array([3.4, below]) * length])
+    plot.autoscale_view()

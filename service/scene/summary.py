@@ -1,0 +1,188 @@
+"""What a scene says, in words: for `contactsense scene show` and for the service's start."""
+
+from collections.abc import Sequence
+from math import acos, degrees
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from contactsense.robots.link_poses import link_poses
+from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
+from contactsense.scene import Scene
+from contactsense.sensors.settings import WrenchSensor
+
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+class Line(NamedTuple):
+    """One thing that was understood."""
+
+    subject: str
+    text: str
+
+
+def usual_posture(joints: int) -> np.ndarray:
+    """An arm that is bent, with its tool over the table, shape (joints,) [rad]."""
+    q = np.zeros(joints)
+    q[1 : min(4, joints)] = np.radians([-70.0, 80.0, -60.0])[: joints - 1]
+    return q
+
+
+def summarize(scene: Scene, q: np.ndarray) -> tuple[Line, ...]:
+    """What was understood of a scene, in the order of its fields.
+
+    Args:
+        scene: The scene.
+        q: Posture for which readings at rest are given, shape (n,) [rad].
+    """
+    robot, weight = scene.robot, ArmWeight(scene)
+    lines = [
+        Line("robot", f"{robot.name}, {len(robot.joints)} joints, {robot.mass:.2f} kg without tool"),
+        Line("mounting", _mounting(scene)),
+        Line("tool", _tool(scene)),
+        *_base_sensor(scene, weight, q),
+        Line("joint_torque", _torque(scene)),
+        *_wrist_sensor(scene),
+        Line("touchable", _touchable(scene)),
+        Line("surface", f"detail {scene.detail}, within {1e3 * scene.surface_deviation:g} mm (one sigma)"),
+        Line(
+            "contacts",
+            f"up to {scene.contacts} at a time; {scene.false_alarms_per_hour:g} false alarms per hour",
+        ),
+    ]
+    return tuple(lines)
+
+
+def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
+    """What was understood as plain data, for a program; SI units, base axes unless stated otherwise."""
+    weight = ArmWeight(scene)
+    sensor = scene.base_wrench
+    return {
+        "scene": scene.model_dump(mode="json"),
+        "links": list(scene.link_names),
+        "mass": weight.mass,
+        "gravity_base": scene.gravity_base.tolist(),
+        "q": q.tolist(),
+        "base_reading_at_rest": (
+            None if sensor is None else reading_from_base_wrench(sensor, weight.wrench(q)).tolist()
+        ),
+        "largest_base_reading_at_rest": None if sensor is None else weight.largest_reading(sensor).tolist(),
+        "warnings": list(scene_warnings(scene)),
+    }
+
+
+def scene_warnings(scene: Scene) -> tuple[str, ...]:
+    """What is possible but cannot work well, one line each, with the field to change."""
+    sensor = scene.base_wrench
+    found = []
+    if sensor is not None and sensor.range is not None:
+        largest = ArmWeight(scene).largest_reading(sensor)
+        for name, load, limit, unit in zip(
+            COMPONENTS, largest, sensor.limits, ("N",) * 3 + ("Nm",) * 3, strict=True
+        ):
+            if load >= limit:
+                found.append(
+                    f"base_wrench.range: expected more than {load:.0f} {unit} in {name}, which the arm's own "
+                    f"weight reaches, got {limit:g} {unit}; beyond it, the sensor is not used"
+                )
+    if scene.tool is not None and scene.tool.mass > 0.0 and not scene.tool.primitives:
+        found.append("tool.primitives: the tool has no surface; contacts on it cannot be found")
+    return tuple(found)
+
+
+def _mounting(scene: Scene) -> str:
+    up = scene.orientation.apply([0.0, 0.0, 1.0])
+    tilt = degrees(acos(float(np.clip(up[2], -1.0, 1.0))))
+    name = f"{scene.mounting}: " if isinstance(scene.mounting, str) else ""
+    return f"{name}base z axis {tilt:.1f} deg from the vertical; gravity in base axes " + _vector(
+        scene.gravity_base, "m/s^2"
+    )
+
+
+def _tool(scene: Scene) -> str:
+    tool = scene.tool
+    if tool is None:
+        return "none"
+    surface = f"{len(tool.primitives)} primitives" if tool.primitives else "no surface"
+    return f"{tool.name}, {tool.mass:g} kg at {_vector(tool.com, 'm')} of the flange, {surface}"
+
+
+def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, ...]:
+    sensor = scene.base_wrench
+    if sensor is None:
+        return (Line("base_wrench", "none"),)
+    reading = reading_from_base_wrench(sensor, weight.wrench(q))
+    largest = weight.largest_reading(sensor)
+    limits = "range unknown"
+    if sensor.range is not None:
+        limits = f"at most {100.0 * (largest / sensor.limits).max():.0f} % of its range"
+    posture = ", ".join(f"{angle:.0f}" for angle in np.degrees(q))
+    return (
+        Line("base_wrench", _sensor(sensor, "base")),
+        Line("", f"must read {_wrench(reading)} at rest with joints at ({posture}) deg"),
+        Line(
+            "",
+            f"at rest up to {largest[:3].max():.0f} N, {largest[3:].max():.0f} Nm in any posture: {limits}",
+        ),
+    )
+
+
+def _wrist_sensor(scene: Scene) -> tuple[Line, ...]:
+    if scene.wrist_wrench is None:
+        return (Line("wrist_wrench", "none"),)
+    return (Line("wrist_wrench", _sensor(scene.wrist_wrench, "flange")),)
+
+
+def _sensor(sensor: WrenchSensor, frame: str) -> str:
+    axes = ", ".join(
+        f"{name} along {_direction(sensor.rotation[:, i])}" for i, name in enumerate(("x", "y", "z"))
+    )
+    return (
+        f"at {_vector(sensor.translation, 'm')} of the {frame} frame; its axes in {frame} axes: {axes}; "
+        f"sign {sensor.sign}; noise {sensor.force_noise:g} N, {sensor.moment_noise:g} Nm"
+    )
+
+
+def _torque(scene: Scene) -> str:
+    sensor = scene.joint_torque
+    if sensor is None:
+        return "none"
+    noise = sensor.noise if isinstance(sensor.noise, tuple) else (sensor.noise,)
+    return (
+        f"{sensor.signal}, contains {sensor.contains}, sign {sensor.sign}; "
+        f"noise {', '.join(f'{value:g}' for value in noise)} Nm"
+    )
+
+
+def _touchable(scene: Scene) -> str:
+    names = scene.link_names if scene.touchable is None else scene.touchable
+    others = [name for name in scene.link_names if name not in names]
+    return ", ".join(names) + (f"; not: {', '.join(others)}" if others else "")
+
+
+def _direction(axis: np.ndarray) -> str:
+    """An axis by its name where it is one, else by its components."""
+    index = int(np.abs(axis).argmax())
+    if abs(axis[index]) > 1.0 - 1e-6:
+        return f"{'-' if axis[index] < 0.0 else '+'}{'xyz'[index]}"
+    return _vector(axis, "")
+
+
+def _vector(values: Sequence[float] | np.ndarray, unit: str) -> str:
+    numbers = ", ".join(f"{value + 0.0:.4g}" for value in np.round(np.asarray(values, dtype=float), 4))
+    return f"({numbers}) {unit}".rstrip()
+
+
+def _wrench(wrench: np.ndarray) -> str:
+    numbers = [f"{value:.1f}" for value in np.round(wrench, 1) + 0.0]
+    return f"force ({', '.join(numbers[:3])}) N, moment ({', '.join(numbers[3:])}) Nm"
+
+
+def link_places(scene: Scene, q: np.ndarray) -> np.ndarray:
+    """Poses of all `scene.link_names` in the base frame, the tool's being the flange, (links, 4, 4)."""
+    poses = link_poses(scene.robot, q)
+    if len(scene.link_names) == len(poses):
+        return poses
+    flange = np.eye(4)
+    flange[:3, :3], flange[:3, 3] = scene.robot.flange_rotation, scene.robot.flange_translation
+    return np.concatenate((poses, (poses[-1] @ flange)[None]))

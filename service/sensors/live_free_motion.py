@@ -1,0 +1,86 @@
+"""Samples of a live arm in the form that calibration and the check of a scene need."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from contactsense.calibration import FreeMotion
+from contactsense.scene import Scene
+from contactsense.service.sensors.live_source import LiveSource, SourceSettings
+from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.signal_mapping import WrenchMap
+from contactsense.types import Sample
+
+_MIN_SHARE = 0.5
+"""A sensor counts as present if at least this share of the samples has its value."""
+_PATIENCE = 10.0
+"""Time without any sample before reading is given up [s]."""
+
+
+def read_live_motion(
+    scene: Scene, settings: SourceSettings, seconds: float, progress: Callable[[float], None]
+) -> FreeMotion:
+    """Read a live arm for some time.
+
+    Readings are taken as they are: neither shifted by the delay that the scene states nor left out because
+    they contradict it.
+
+    Args:
+        scene: Defines which signals are used, and their meaning.
+        settings: Sources of the signals.
+        seconds: Time to read [s].
+        progress: Called with the time read so far [s].
+
+    Raises:
+        SensorError: No samples arrive, or fewer than three; or the sources lack a signal of the scene.
+    """
+    if scene.base_wrench is not None:
+        base = scene.base_wrench.model_copy(update={"delay": 0.0})
+        scene = scene.model_copy(update={"base_wrench": base})
+    samples: list[Sample] = []
+    with LiveSource(scene, replace(settings, constant_readings=True)) as live:
+        last = time.monotonic()
+        while not samples or samples[-1].t - samples[0].t < seconds:
+            new = live.poll(0.1)
+            samples += new
+            if new:
+                last = time.monotonic()
+                progress(samples[-1].t - samples[0].t)
+            elif time.monotonic() - last > _PATIENCE:
+                trouble = live.health.trouble or "no samples arrive"
+                raise SensorError(f"{settings.robot_host}: no samples for {_PATIENCE:.0f} s: {trouble}")
+    return _free_motion(scene, samples, settings.robot_host)
+
+
+def _free_motion(scene: Scene, samples: list[Sample], name: str) -> FreeMotion:
+    torque, wrench = (_usual([getattr(s, key) for s in samples]) for key in ("joint_torque", "base_wrench"))
+    kept, t = [], -np.inf
+    for i, sample in enumerate(samples):
+        if (
+            sample.t > t
+            and (torque is None or torque[i] is not None)
+            and (wrench is None or wrench[i] is not None)
+        ):
+            kept.append(i)
+            t = sample.t
+    if len(kept) < 3:
+        raise SensorError(f"{name}: expected at least 3 samples with all sensors, got {len(kept)}")
+    reading = None
+    if wrench is not None and scene.base_wrench is not None:
+        reading = WrenchMap.of(scene.base_wrench).reading(np.array([wrench[i] for i in kept]))
+    return FreeMotion(
+        np.array([samples[i].t for i in kept]),
+        np.array([samples[i].q for i in kept]),
+        np.array([samples[i].qd for i in kept]),
+        None if torque is None else np.array([torque[i] for i in kept]),
+        reading,
+        name,
+    )
+
+
+def _usual(values: list[np.ndarray | None]) -> list[np.ndarray | None] | None:
+    """The values, or None where most samples have none."""
+    there = sum(value is not None for value in values)
+    return values if there >= _MIN_SHARE * len(values) else None

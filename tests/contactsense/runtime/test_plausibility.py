@@ -1,0 +1,119 @@
+"""Measurements that cannot be are refused with the field, what was expected and what came."""
+
+import numpy as np
+import pytest
+
+from contactsense import Localizer, Scene, WrenchSensor, forward_model
+from contactsense.robots.tool import Tool
+from contactsense.runtime.plausibility import PlausibleLimits
+from contactsense.runtime.weight import ArmWeight
+from tests.plain_arm import contacts, plain_ur5e
+
+ARM = plain_ur5e()
+Q = np.array([0.0, -1.3, 1.6, -1.9, -1.57, 0.0])
+PUSH = forward_model(
+    Scene(robot=ARM), Q, "forearm", np.array([-0.2, 0.0, 0.047]), np.array([0, 0, -20.0]), external=True
+)
+RAW = forward_model(Scene(robot=ARM), Q, "forearm", np.array([-0.2, 0.0, 0.047]), np.array([0, 0, -20.0]))
+
+
+@pytest.fixture(scope="module")
+def localizer() -> Localizer:
+    return Localizer(Scene(robot=ARM))
+
+
+def test_the_weight_is_that_of_inverse_dynamics() -> None:
+    scene = Scene(robot="ur10e", mounting=(0.2, -0.5, 1.0), tool=Tool(mass=2.0, com=(0.01, 0.02, 0.1)))
+    nothing = forward_model(scene, Q, "base", np.zeros(3), np.zeros(3)).base_wrench
+    np.testing.assert_allclose(ArmWeight(scene).wrench(Q), nothing, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"q": np.degrees(Q)},
+            r"^q: expected positions in rad, \w+ within -\S+ to \S+, got -74\.\d+; are they in deg",
+        ),
+        ({"q": Q + 400.0}, r"^q: expected positions in rad"),
+        (
+            {"base_wrench": np.array([0, 0, 19e3, 0, 0, 0])},
+            r"^base_wrench: .* below 52\d\d N in fz, got 19000 N",
+        ),
+        (
+            {"base_wrench": np.array([0, 0, 0, 0, 9e3, 0])},
+            r"^base_wrench: .* below 52\d\d Nm in my, got 9000 Nm",
+        ),
+        (
+            {"joint_torque": np.array([0, 400.0, 0, 0, 0, 0])},
+            r"^joint_torque: expected at most 2.5 times the 150 Nm",
+        ),
+        (
+            {"base_wrench": RAW.base_wrench},
+            r"^base_wrench: .*\(external=True\), got the arm's own weight of 213 N",
+        ),
+        (
+            {"external": False},
+            r"^base_wrench: expected a raw reading .*, got \(0.0, 0.0, -20.0\) N; is the sensor",
+        ),
+        (
+            {"base_wrench": -RAW.base_wrench, "external": False},
+            r"^base_wrench: expected a raw reading .*opposite sign \(base_wrench.sign\)",
+        ),
+        (
+            {"base_wrench": RAW.base_wrench, "joint_torque": np.full(6, 50.0), "external": False},
+            r"^joint_torque: expected at most 1.5 times the 28 Nm of \w+, got 50 Nm",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(localizer: Localizer, changes: dict[str, object], message: str) -> None:
+    given = {
+        "q": Q,
+        "base_wrench": PUSH.base_wrench,
+        "joint_torque": PUSH.joint_torque,
+        "external": True,
+    } | changes
+    with pytest.raises(ValueError, match=message):
+        localizer.locate(**given)  # type: ignore[arg-type]
+    rows = {name: value if name == "external" else np.stack([value] * 2) for name, value in given.items()}
+    rows["q"][0] = Q
+    field = message[1 : message.index(":")]
+    with pytest.raises(ValueError, match=rf"^{field}\[\d\]{message[message.index(':') :]}"):
+        localizer.locate_batch(**rows)  # type: ignore[arg-type]
+
+
+def test_what_can_be_is_located(localizer: Localizer) -> None:
+    assert localizer.locate(Q, base_wrench=PUSH.base_wrench, joint_torque=PUSH.joint_torque).contacts
+    raw = localizer.locate(Q, base_wrench=RAW.base_wrench, joint_torque=RAW.joint_torque, external=False)
+    assert raw.contacts[0].link == "forearm"
+    another_turn = Q + 2.0 * np.pi * np.array([1, -1, 0, 1, 0, -1])
+    assert localizer.locate(
+        another_turn, base_wrench=PUSH.base_wrench, joint_torque=PUSH.joint_torque
+    ).contacts
+
+
+def test_no_ordinary_contact_is_refused() -> None:
+    """5 to 60 N anywhere on the arm, as share of the contact and with the arm's weight."""
+    truth, limits = contacts(ARM, 300, 5), PlausibleLimits(Scene(robot=ARM))
+    weight = np.array([limits.weight.wrench(q) for q in truth.q])
+    for external, wrench in ((True, truth.base_wrench), (False, truth.base_wrench + weight)):
+        torque = truth.torque if external else None
+        assert limits.suspects(truth.q, wrench, torque, None, external).size == 0
+        for i in range(len(wrench)):
+            one = None if torque is None else torque[i]
+            assert limits.request(truth.q[i], wrench[i], one, None, external) is None
+
+
+def test_readings_beyond_the_sensors_range_are_refused() -> None:
+    """In the sensor's own frame, with the arm's weight: half a metre above it, a force is a moment on it."""
+    sensor = WrenchSensor(range=(400.0, 400.0, 800.0, 60.0, 60.0, 60.0), translation=(0.0, 0.0, -0.5))
+    limits = PlausibleLimits(Scene(robot=ARM, base_wrench=sensor))
+    push = np.array([-150.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    weight = limits.weight.wrench(Q)
+    assert limits.request(Q, 0.1 * push, None, None, True) is None
+    assert limits.request(Q, weight + 0.1 * push, None, None, False) is None
+    for wrench, external in ((push, True), (weight + push, False)):
+        found = limits.request(Q, wrench, None, None, external)
+        assert found is not None
+        assert found.field == "base_wrench"
+        assert "within the sensor's range, below 60 Nm in my" in found.reason

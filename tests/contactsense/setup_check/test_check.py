@@ -1,0 +1,152 @@
+"""A scene is checked against simulated and real motion: the wrong line is named, a right one never."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contactsense import JointTorqueSensor, Scene
+from contactsense.benchmarks.calibration.recordings import read
+from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup, wrong_setup
+from contactsense.calibration import FreeMotion
+from contactsense.setup_check import LINES, CheckError, check
+from contactsense.setup_check.fit import Fitter
+from contactsense.setup_check.motion_basis import MotionBases, Readings
+from contactsense.setup_check.setup import Setup
+from tests.shared import shared
+
+DRAWN = Settings(seconds=12.0)
+USUAL = (
+    "mounting: one angle with the wrong sign",
+    "base sensor 10 to 50 ms late or early",
+    "tool mass wrong by 0.5 to 2 kg",
+)
+
+
+@pytest.mark.parametrize("kind", USUAL)
+def test_the_wrong_line_is_named(kind: str) -> None:
+    case = wrong_setup(kind, "ur5e", 1, DRAWN)
+    found = check(case.scene, [case.recording])
+    assert [item.line for item in found.wrong] == [case.line]
+    assert not found.fits
+    assert found.wrong[0].before is not None
+    assert found.wrong[0].after == found.residuals
+
+
+def test_a_right_setup_fits_and_the_proposed_value_is_the_true_one() -> None:
+    right = right_setup("ur10e", 3, DRAWN)
+    found = check(right.scene, [right.recording])
+    assert found.fits
+    assert {item.verdict for item in found.findings} == {"fits"}
+
+    assert isinstance(right.scene.mounting, tuple)
+    roll, pitch, yaw = right.scene.mounting
+    wrong = right.scene.model_copy(update={"mounting": (roll, -pitch, yaw)})
+    (item,) = check(wrong, [right.recording]).wrong
+    assert item.proposed == f"[{round(roll, 4):g}, {round(pitch, 4):g}, {round(yaw, 4):g}]"
+    assert item.remark == "opposite sign"
+
+
+def test_two_wrong_lines_are_both_named() -> None:
+    case = wrong_setup("joint positions in degrees", "ur5e", 4, DRAWN)
+    assert case.scene.tool is not None
+    heavier = case.scene.tool.model_copy(update={"mass": case.scene.tool.mass + 2.0})
+    found = check(case.scene.model_copy(update={"tool": heavier}), [case.recording])
+    assert [item.line for item in found.wrong] == ["joint positions: unit", "tool.mass"]
+
+
+@pytest.mark.parametrize("tared", [False, True])
+def test_an_arm_at_rest_tells_little_and_accuses_nothing(tared: bool) -> None:
+    case = right_setup("ur10e", 5, DRAWN)
+    rng, moving = np.random.default_rng(6), case.recording
+    assert moving.torque is not None
+    assert moving.reading is not None
+    reading = moving.reading[:1] + rng.normal(0.0, 0.2, moving.reading.shape)
+    still = replace(
+        moving,
+        q=np.repeat(moving.q[:1], len(moving.t), axis=0),
+        qd=np.zeros_like(moving.qd),
+        torque=moving.torque[:1] + rng.normal(0.0, 1.0, moving.q.shape),
+        reading=reading - (moving.reading[0] if tared else 0.0),
+    )
+    found = check(case.scene, [still])
+    assert found.fits
+    untold = {item.line for item in found.findings if item.verdict == "cannot_tell"}
+    assert {"robot", "tool.mass", "base_wrench.rpy", "base_wrench.translation", "base_wrench.delay"} <= untold
+
+
+def test_a_sensor_set_to_zero_under_load_and_missing_samples_accuse_nothing() -> None:
+    case = right_setup("ur5e", 7, DRAWN)
+    whole = case.recording
+    assert whole.torque is not None
+    assert whole.reading is not None
+    kept = (np.abs(whole.t - 4.0) > 0.3) & (np.abs(whole.t - 8.0) > 0.1)
+    parts = {"torque": whole.torque[kept], "reading": (whole.reading - whole.reading[0])[kept]}
+    found = check(case.scene, [FreeMotion(whole.t[kept], whole.q[kept], whole.qd[kept], **parts)])
+    assert found.fits
+    assert not [item.line for item in found.findings if item.verdict == "cannot_tell"]
+
+
+def test_predictions_agree_with_independent_dynamics() -> None:
+    """Without noise and errors of the model, only the interpolation of the delay is left."""
+    truth = right_setup("ur10e", 8, replace(DRAWN, inertia_error=0.0))
+    scene, recording = truth.scene, truth.recording
+    fitter = Fitter(scene, MotionBases({"ur10e": scene}, [recording]), Readings.of(scene, [recording]))
+    setup = Setup.of(scene)
+    noise = fitter.noise
+    assert (fitter.fit(setup).residual.std(axis=0) < 1.4 * noise).all()
+    assert scene.base_wrench is not None
+    late = fitter.fit(replace(setup, delay=0.03), ("delay",))
+    assert late.setup.delay == pytest.approx(0.0, abs=4.0 * float(late.std[0]))
+
+
+@pytest.mark.slow
+def test_real_recordings_fit_and_a_load_and_a_push_are_seen() -> None:
+    """A UR10e with motor currents alone, without and with a load at the flange."""
+    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+    folder = shared("ur10e_recordings")
+
+    def of(name: str, described: Scene = scene) -> FreeMotion:
+        return read(folder / f"{name}.csv.gz", described)[0]
+
+    for name in ("ur-20_01_31-unload", "ur-20_02_05-20sec_8harm", "collision_free", "validation-p9"):
+        assert check(scene, [of(name)]).fits, name
+    loaded = check(scene, [of("ur-20_01_31-load")])
+    assert [item.line for item in loaded.wrong] == ["tool"]
+    pushed = check(scene, [of("push_pose_1")])
+    assert not pushed.wrong
+    assert pushed.unexplained
+    recording = of("ur-20_01_31-unload")
+    assert recording.torque is not None
+    for line, changed, read_as in (
+        ("joint_torque.sign", scene, replace(recording, torque=-recording.torque)),
+        ("joint positions: unit", scene, replace(recording, q=np.degrees(recording.q))),
+        ("robot", scene.model_copy(update={"robot": Scene(robot="ur5e").robot}), recording),
+        ("mounting", scene.model_copy(update={"mounting": "wall"}), recording),
+    ):
+        found = check(changed, [read_as])
+        assert [item.line for item in found.wrong][:1] == [line]
+
+
+def test_lines_of_a_sensor_that_was_not_recorded_cannot_be_told() -> None:
+    case = right_setup("ur5e", 10, DRAWN)
+    found = check(case.scene, [replace(case.recording, reading=None)])
+    assert found.fits
+    verdicts = {item.line: item.verdict for item in found.findings}
+    assert {verdicts[line] for line in LINES if line.startswith("base")} == {"cannot_tell"}
+    assert verdicts["joint_torque.sign"] == verdicts["mounting"] == "fits"
+
+
+def test_recordings_that_cannot_be_used_are_refused() -> None:
+    case = right_setup("ur5e", 9, replace(DRAWN, seconds=2.0))
+    whole = case.recording
+    with pytest.raises(CheckError, match="at least one recording"):
+        check(case.scene, [])
+    with pytest.raises(CheckError, match="at least 3 s"):
+        check(case.scene, [whole])
+    bare = replace(whole, torque=None, reading=None)
+    with pytest.raises(CheckError, match="expected joint torques or base wrenches"):
+        check(case.scene, [bare])
+    short = FreeMotion(whole.t, whole.q[:, :5], whole.qd[:, :5])
+    with pytest.raises(CheckError, match="expected 6 joints"):
+        check(case.scene, [short])

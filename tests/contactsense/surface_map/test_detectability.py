@@ -1,0 +1,161 @@
+"""Laws that hold for the map of any sensors, and the map against simulated pushes."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactsense import Detectability, JointTorqueSensor, Scene, WrenchSensor, detectability
+from contactsense.benchmarks.accuracy.static_cases import Noise
+from contactsense.benchmarks.accuracy.surface_map import compare, scene_of
+from contactsense.detection.thresholds import SampleThresholds
+from contactsense.robots import Inertia, Link, Robot, load
+from contactsense.surface_map.place_error import radius_of_share
+from contactsense.surface_map.smallest_force import detected_size
+
+Q = np.array([0.0, -1.3, 1.6, -1.9, -1.57, 0.0])
+BASE = WrenchSensor(force_noise=0.25, moment_noise=0.05)
+TORQUE = JointTorqueSensor(noise=1.0)
+
+
+def scene(**fields: Any) -> Scene:
+    return Scene(robot=load("ur5e"), detail="coarse", **fields)
+
+
+def inclined(of: Scene, q: np.ndarray = Q, force: float | None = None) -> Detectability:
+    """The map for pushes that are inclined as the localizer assumes."""
+    return detectability(of, q, force=force, friction=of.friction)
+
+
+@pytest.fixture(scope="module")
+def both() -> Detectability:
+    return inclined(scene(base_wrench=BASE, joint_torque=TORQUE))
+
+
+@pytest.fixture(scope="module")
+def torques() -> Detectability:
+    return inclined(scene(base_wrench=None, joint_torque=TORQUE))
+
+
+def test_twice_the_noise_needs_twice_the_force(both: Detectability) -> None:
+    noisy = scene(
+        base_wrench=WrenchSensor(force_noise=0.5, moment_noise=0.1),
+        joint_torque=JointTorqueSensor(noise=2.0),
+    )
+    found = inclined(noisy, force=2.0 * both.force)
+    np.testing.assert_allclose(found.smallest_force, 2.0 * both.smallest_force, rtol=1e-9)
+    # The same ratio of force to noise: the same errors.
+    np.testing.assert_allclose(found.error, both.error, rtol=1e-6)
+    np.testing.assert_allclose(found.link_probability, both.link_probability, atol=1e-6)
+
+
+def test_errors_fall_with_the_force(both: Detectability) -> None:
+    stronger = inclined(scene(base_wrench=BASE, joint_torque=TORQUE), force=3.0 * both.force)
+    assert (stronger.error < both.error).all()
+    assert stronger.share @ stronger.link_probability > both.share @ both.link_probability
+
+
+def test_a_base_sensor_makes_nothing_worse(both: Detectability, torques: Detectability) -> None:
+    # Noise alone is larger in more residuals, so the threshold is higher.
+    sizes = [
+        detected_size(scene(base_wrench=base, joint_torque=TORQUE), torques.detection)
+        for base in (BASE, None)
+    ]
+    assert (both.smallest_force <= torques.smallest_force * sizes[0] / sizes[1]).all()
+    assert (both.smallest_force < 5.0).all()
+
+
+def test_joint_torques_make_no_error_larger(both: Detectability, torques: Detectability) -> None:
+    alone = inclined(scene(base_wrench=BASE, joint_torque=None))
+    assert (both.error <= alone.error * (1.0 + 1e-9)).all()
+    assert (both.error < 0.99 * alone.error).any()
+    # Five torques leave a wrench of six components open.
+    assert np.isinf(torques.error[torques.link < 6]).all()
+    assert np.isfinite(both.error).all()
+
+
+def test_joints_measure_nothing_of_a_push_on_the_base(torques: Detectability) -> None:
+    on_base = torques.link == 0
+    assert on_base.any()
+    assert np.isinf(torques.smallest_force[on_base]).all()
+    assert np.isinf(torques.error[on_base]).all()
+    assert torques.by_link()[0].smallest_force == (np.inf, np.inf)
+
+
+def test_the_map_turns_with_the_arm(both: Detectability) -> None:
+    turned = inclined(
+        scene(base_wrench=BASE, joint_torque=TORQUE), Q + np.array([1.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+    )
+    np.testing.assert_allclose(turned.smallest_force, both.smallest_force, rtol=1e-9)
+    np.testing.assert_allclose(turned.error, both.error, rtol=1e-6)
+
+
+def test_a_wrist_sensor_feels_the_tool_only() -> None:
+    tool = {
+        "name": "rod",
+        "mass": 0.5,
+        "com": (0.0, 0.0, 0.1),
+        "tensor": (1e-3, 0.0, 0.0, 1e-3, 0.0, 1e-3),
+        "primitives": [{"kind": "capsule", "a": (0.0, 0.0, 0.03), "b": (0.0, 0.0, 0.2), "radius": 0.02}],
+    }
+    fields: dict[str, Any] = {"base_wrench": None, "joint_torque": TORQUE, "tool": tool}
+    without = detectability(scene(**fields), Q)
+    wrist = detectability(scene(**fields, wrist_wrench=WrenchSensor()), Q)
+    on_tool = wrist.link == len(wrist.link_names) - 1
+    assert on_tool.any()
+    assert (wrist.smallest_force[on_tool] < 0.5 * without.smallest_force[on_tool]).all()
+    felt = ~on_tool & np.isfinite(wrist.smallest_force)
+    # The threshold is higher, the signal the same.
+    assert (wrist.smallest_force[felt] > without.smallest_force[felt]).all()
+
+
+def test_the_detected_size_is_detected_as_often() -> None:
+    rng = np.random.default_rng(0)
+    of = scene(base_wrench=BASE, joint_torque=None)
+    level = SampleThresholds(of, (6, 6, 6)).threshold((True, False, False))
+    for detection in (0.5, 0.9):
+        residuals = rng.standard_normal((200_000, 6))
+        residuals[:, 0] += detected_size(of, detection)
+        energy = 0.5 * (residuals**2).sum(axis=1)
+        assert np.mean(energy > level) == pytest.approx(detection, abs=0.005)
+
+
+def test_the_radius_holds_its_share() -> None:
+    covariance = np.array([np.eye(2), np.diag([1.0, 0.0]), [[2.0, 1.0], [1.0, 3.0]]])
+    radius = radius_of_share(covariance, 0.5)
+    np.testing.assert_allclose(radius[:2], [np.sqrt(2.0 * np.log(2.0)), 0.67449], rtol=1e-3)
+    points = np.random.default_rng(0).multivariate_normal(np.zeros(2), covariance[2], 200_000)
+    assert np.mean(np.linalg.norm(points, axis=1) < radius[2]) == pytest.approx(0.5, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"force": 0.0}, "force: expected a positive number of newtons, got 0.0"),
+        ({"detection": 1.0}, "detection: expected a probability between 0 and 1, got 1.0"),
+        ({"friction": -0.1}, "friction: expected a coefficient of at least 0, got -0.1"),
+    ],
+)
+def test_wrong_arguments_are_told(fields: dict[str, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        detectability(scene(), Q, **fields)
+
+
+def test_an_arm_without_surface_is_told() -> None:
+    body = Inertia(1.0, np.zeros(3), np.eye(3))
+    arm = load("ur5e")
+    bare = Robot("bare", tuple(Link(link.name, body) for link in arm.links), arm.joints)
+    with pytest.raises(ValueError, match="robot: bare has no surface that can be touched"):
+        detectability(Scene(robot=bare), Q)
+
+
+@pytest.mark.slow
+def test_the_map_agrees_with_the_localizer() -> None:
+    # Errors that are small beside the radius of the links: the map is linear.
+    quiet = scene_of("ur5e", Noise(0.05, 0.01, 0.3), "all")
+    found = compare(quiet, Q, 20.0, 0.0, 150, np.random.default_rng(0), every=4)
+    for ratio in (found.force_ratio, found.error_ratio):
+        agreement = found.within(ratio)
+        assert agreement is not None
+        assert agreement >= 0.9
+    assert found.share @ np.abs(found.link_difference) < 0.05

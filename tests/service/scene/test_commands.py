@@ -1,0 +1,139 @@
+"""`contactsense scene new` and `contactsense scene show`."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from contactsense import Scene
+from contactsense.service.cli import scene_new, serve
+from contactsense.service.cli.main import cli
+
+
+def _run(*words: object, answers: str | None = None) -> Result:
+    return CliRunner().invoke(cli, ["scene", *map(str, words)], input=answers)
+
+
+def test_options_become_fields(tmp_path: Path) -> None:
+    path = tmp_path / "cell.yaml"
+    result = _run(
+        "new", path, "--robot", "ur10e", "--mounting", "0,0.5236,0", "--tool-mass", 1.2,
+        "--tool-com", "0,0,0.06", "--base-sign", "sensor_on_arm", "--base-noise", "0.3,0.05",
+        "--base-range", "2000,400", "--torque-signal", "actual_current", "--torque-noise", "2",
+        "--touchable", "forearm, wrist_3",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    scene = Scene.load(path)
+    assert scene.mounting == (0.0, 0.5236, 0.0)
+    assert scene.tool is not None
+    assert scene.tool.com == (0.0, 0.0, 0.06)
+    assert scene.base_wrench is not None
+    assert (scene.base_wrench.sign, scene.base_wrench.force_noise) == ("sensor_on_arm", 0.3)
+    assert scene.base_wrench.limits.tolist() == [2000.0] * 3 + [400.0] * 3
+    assert scene.joint_torque is not None
+    assert scene.joint_torque.noise == 2.0
+    assert scene.touchable == ("forearm", "wrist_3")
+
+
+def test_the_robot_alone_gives_the_default_scene(tmp_path: Path) -> None:
+    assert _run("new", tmp_path / "a.yaml", "--robot", "ur5e").exit_code == 0
+    assert Scene.load(tmp_path / "a.yaml").model_dump() == Scene(robot="ur5e").model_dump()
+
+
+def test_a_terminal_is_asked_for_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scene_new, "_on_terminal", lambda: True)
+    answers = (
+        "ur3e\nceiling\n0.8\n0,0,0.05\ny\nsensor_on_arm\n0,0,-0.04\n0,0,30\n0,0,0.5\n500,20\nactual_current\n"
+    )
+    # 30 is an angle in degrees: refused, and nothing is written.
+    refused = _run("new", tmp_path / "a.yaml", answers=answers.replace("0,0,0.5\n", ""))
+    assert refused.exit_code == 1
+    assert "base_wrench.rpy" in refused.output
+    assert not (tmp_path / "a.yaml").exists()
+    result = _run("new", tmp_path / "a.yaml", answers=answers.replace("0,0,30\n", ""))
+    assert result.exit_code == 0, result.output
+    scene = Scene.load(tmp_path / "a.yaml")
+    assert (scene.robot.name, scene.mounting) == ("ur3e", "ceiling")
+    assert scene.base_wrench is not None
+    assert (scene.base_wrench.rpy, scene.base_wrench.range) == ((0.0, 0.0, 0.5), (500.0, 20.0))
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "message"),
+    [
+        ([], 2, "--robot: expected one of"),
+        (["--robot", "ur55"], 1, "robot: unknown robot 'ur55'"),
+        (["--robot", "ur5e", "--mounting", "0,30,0"], 1, "mounting: expected roll, pitch, yaw in rad"),
+        (
+            ["--robot", "ur5e", "--mounting", "floor"],
+            2,
+            "expected 3 numbers separated by commas, got 'floor'",
+        ),
+        (["--robot", "ur5e", "--tool-com", "0,0,0.1"], 2, "--tool-mass: expected the mass"),
+        (["--robot", "ur5e", "--no-base-sensor", "--base-rpy", "0,0,1"], 2, "--no-base-sensor: expected no"),
+        (["--robot", "ur5e", "--no-base-sensor", "--torque-signal", "none"], 1, "expected at least one"),
+        (["--robot", "ur5e", "--torque-signal", "external_torque"], 1, "joint_torque.fields: expected the 6"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_nothing_is_written(
+    tmp_path: Path, words: list[str], status: int, message: str
+) -> None:
+    result = _run("new", tmp_path / "a.yaml", *words)
+    assert result.exit_code == status
+    assert message in result.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_is_overwritten_by_force_only(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("mine")
+    refused = _run("new", path, "--robot", "ur5e")
+    assert (refused.exit_code, path.read_text()) == (1, "mine")
+    assert "--force overwrites it" in refused.output
+    assert _run("new", path, "--robot", "ur5e", "--force").exit_code == 0
+    assert Scene.load(path).robot.name == "ur5e"
+
+
+def test_show_prints_what_was_understood(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("robot: ur10e\nmounting: wall\nbase_wrench: {range: [500, 20]}\n")
+    result = _run("show", path)
+    assert result.exit_code == 0, result.output
+    assert "base z axis 90.0 deg from the vertical" in result.output
+    assert "warning: base_wrench.range: expected more than" in result.output
+    plain = json.loads(_run("show", path, "--json", "--pose", "0,-90,0,0,0,0").stdout)
+    assert plain["gravity_base"] == pytest.approx([9.81, 0.0, 0.0])
+    assert plain["base_reading_at_rest"][0] == pytest.approx(9.81 * plain["mass"])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["gone.yaml"], "cannot read the scene"),
+        (["a.yaml", "--pose", "1,2"], "expected 6 numbers separated by commas, got '1,2'"),
+        (["a.yaml", "--picture", "no/where.png"], "cannot write: No such file"),
+    ],
+)
+def test_what_cannot_be_shown_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.yaml").write_text("robot: ur5e\n")
+    result = _run("show", *words)
+    assert result.exit_code in (1, 2)
+    assert message in result.output
+
+
+def test_serve_warns_of_a_range_that_is_too_small(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def in_use(host: str, port: int) -> None:
+        raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr(serve.logs, "configure", lambda *_: None)
+    monkeypatch.setattr(serve, "listen", in_use)
+    (tmp_path / "a.yaml").write_text("robot: ur10e\nbase_wrench: {range: [500, 20]}\n")
+    result = CliRunner().invoke(cli, ["serve", "--scene", str(tmp_path / "a.yaml")])
+    assert result.exit_code == 1
+    assert "scene: base_wrench.range: expected more than" in caplog.text

@@ -1,0 +1,79 @@
+"""What a scene is understood to say."""
+
+import numpy as np
+import pytest
+
+from contactsense import Scene, WrenchSensor
+from contactsense.robots.tool import Tool
+from contactsense.runtime.weight import ArmWeight
+from contactsense.service.scene.picture import draw_scene
+from contactsense.service.scene.summary import as_plain, scene_warnings, summarize, usual_posture
+from tests.plain_arm import plain_ur5e
+
+Q = usual_posture(6)
+
+
+def _text(scene: Scene) -> str:
+    return "\n".join(f"{line.subject} {line.text}" for line in summarize(scene, Q))
+
+
+def test_mounting_and_sensor_are_said_in_words() -> None:
+    sensor = WrenchSensor(rpy=(np.pi, 0.0, 0.0), translation=(0.0, 0.0, -0.04), sign="sensor_on_arm")
+    text = _text(Scene(robot="ur5e", mounting=(0.0, np.pi / 6, 0.0), base_wrench=sensor))
+    assert "base z axis 30.0 deg from the vertical" in text
+    assert "x along +x, y along -y, z along -z" in text
+    assert "range unknown" in text
+
+
+def test_the_reading_at_rest_is_that_of_the_sensors_own_frame_and_sign() -> None:
+    turned = WrenchSensor(rpy=(0.0, 0.0, np.pi / 2), translation=(0.1, 0.0, 0.0), sign="sensor_on_arm")
+    plain = as_plain(Scene(robot="ur5e"), Q)["base_reading_at_rest"]
+    reading = as_plain(Scene(robot="ur5e", base_wrench=turned), Q)["base_reading_at_rest"]
+    moment = np.array(plain[3:]) - np.cross([0.1, 0.0, 0.0], plain[:3])
+    np.testing.assert_allclose(reading[:3], [0.0, 0.0, -plain[2]], atol=1e-9)
+    np.testing.assert_allclose(reading[3:], [-moment[1], moment[0], -moment[2]], atol=1e-9)
+
+
+def test_absent_parts_are_said_to_be_absent() -> None:
+    text = _text(Scene(robot="ur5e", base_wrench=None, touchable=("forearm",)))
+    assert "base_wrench none" in text
+    assert "touchable forearm; not: base, shoulder, upper_arm, wrist_1, wrist_2, wrist_3" in text
+
+
+def test_a_range_that_the_arms_own_weight_exceeds_is_warned_of() -> None:
+    small, large = WrenchSensor(range=(500.0, 20.0)), WrenchSensor(range=(500.0, 200.0))
+    moments = scene_warnings(Scene(robot="ur10e", base_wrench=small))
+    assert [warning.split(" in ")[1][:2] for warning in moments] == ["mx", "my"]
+    assert all("got 20 Nm" in warning for warning in moments)
+    assert scene_warnings(Scene(robot="ur10e", base_wrench=large)) == ()
+    assert "fz" in scene_warnings(Scene(robot="ur10e", base_wrench=WrenchSensor(range=(300.0, 200.0))))[0]
+
+
+def test_the_largest_load_is_that_of_an_arm_stretched_out() -> None:
+    """Straight and horizontal, every link is as far from the base axis as it gets."""
+    scene = Scene(robot="ur10e")
+    weight = ArmWeight(scene)
+    stretched = max(
+        float(np.linalg.norm(weight.wrench(np.array([0.0, 0.0, 0.0, wrist, 0.0, 0.0]))[3:5]))
+        for wrist in np.linspace(-np.pi, np.pi, 37)
+    )
+    largest = weight.largest_reading(WrenchSensor())
+    assert largest[3:5].max() >= 0.995 * stretched
+    assert largest[2] == pytest.approx(9.81 * scene.robot.mass)
+
+
+def test_a_tool_without_a_surface_is_warned_of() -> None:
+    assert "tool.primitives" in scene_warnings(Scene(robot="ur5e", tool=Tool(mass=1.0)))[0]
+
+
+def test_the_picture_shows_links_in_their_colours(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    from matplotlib import image
+
+    path = tmp_path / "scene.png"
+    draw_scene(Scene(robot=plain_ur5e(), mounting="ceiling", touchable=("forearm",)), Q, path)
+    picture = image.imread(path)[..., :3]
+    drawn = picture[(picture.min(axis=2) < 0.97)]
+    ochre = (drawn[:, 0] > 1.3 * drawn[:, 1]) & (drawn[:, 1] > 3.0 * drawn[:, 2])  # of the forearm
+    red = (drawn[:, 0] > 2.5 * drawn[:, 1]) & (drawn[:, 0] > 2.5 * drawn[:, 2])  # of the upper arm and axes
+    assert ochre.sum() > 5000
+    assert red.sum() < 0.2 * ochre.sum()

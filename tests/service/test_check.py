@@ -1,0 +1,122 @@
+"""`contactsense check` as its users run it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
+from contactsense.calibration import FreeMotion
+from contactsense.scene import Scene
+from contactsense.service.cli.check import check
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.servers import MockServers, MockSettings
+from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.recordings.export import write_columns
+from tests.service.loopback import own_address
+
+
+def _write(path: Path, part: FreeMotion) -> None:
+    columns = {"timestamp": part.t}
+    groups = {"actual_q": part.q, "actual_qd": part.qd, "joint_torque": part.torque}
+    for name, array in {**groups, "base_wrench": part.reading}.items():
+        assert array is not None
+        columns |= {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
+    write_columns(path, columns)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("check")
+    case = right_setup("ur5e", 1, Settings(seconds=10.0))
+    content = case.scene.model_dump(mode="json", exclude_defaults=True)
+    (made / "right.yaml").write_text(yaml.safe_dump(content))
+    roll, pitch, yaw = content["mounting"]
+    (made / "wrong.yaml").write_text(yaml.safe_dump({**content, "mounting": [roll, -pitch, yaw]}))
+    _write(made / "free.csv", case.recording)
+    degrees = replace(case.recording, q=np.degrees(case.recording.q), qd=np.degrees(case.recording.qd))
+    _write(made / "degrees.csv", degrees)
+    return made
+
+
+def test_a_right_scene_fits(folder: Path) -> None:
+    result = CliRunner().invoke(check, [str(folder / "right.yaml"), str(folder / "free.csv")])
+    assert result.exit_code == 0, result.output
+    assert "Nothing contradicts the scene" in result.output
+    assert "does not fit" not in result.output
+
+
+def test_a_wrong_line_is_named_with_the_value_that_fits(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    arguments = [str(folder / "wrong.yaml"), str(folder / "free.csv")]
+    result = CliRunner().invoke(check, arguments)
+    assert result.exit_code == 1
+    assert max(len(line) for line in result.stdout.splitlines()) <= 80
+    scene = Scene.load(folder / "right.yaml")
+    right = "[" + ", ".join(f"{round(x, 4):g}" for x in scene.mounting) + "]"
+    assert f"this would: {right} (opposite sign)" in result.stdout
+
+    said = json.loads(CliRunner().invoke(check, [*arguments, "--json"]).stdout)
+    assert not said["fits"]
+    wrong = [item for item in said["findings"] if item["verdict"] == "does_not_fit"]
+    assert [(item["line"], item["proposed"]) for item in wrong] == [("mounting", right)]
+    assert wrong[0]["before"]["moment"] > 10.0 * wrong[0]["after"]["moment"]
+
+
+def test_units_of_a_recording_are_a_matter_of_its_columns(folder: Path) -> None:
+    arguments = [str(folder / "right.yaml"), str(folder / "degrees.csv")]
+    result = CliRunner().invoke(check, arguments)
+    assert result.exit_code == 1
+    assert "joint positions: unit does not fit" in result.output
+    assert CliRunner().invoke(check, [*arguments, "--columns", "angle_unit=deg"]).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["right.yaml", "absent.csv"], "absent.csv: cannot read the recording"),
+        (["absent.yaml", "free.csv"], "absent.yaml: cannot read the scene"),
+        (["right.yaml"], "expected either recordings or --robot-host"),
+        (["right.yaml", "free.csv", "--columns", "unit"], "unit: cannot read the column mapping"),
+        (["right.yaml", "--robot-host", "127.0.0.1"], "expected either its address"),
+    ],
+)
+def test_what_cannot_be_used_is_said(folder: Path, arguments: list[str], message: str) -> None:
+    places = [str(folder / a) if a.endswith((".yaml", ".csv")) else a for a in arguments]
+    result = CliRunner().invoke(check, places)
+    assert result.exit_code == 2
+    assert message in result.output
+
+
+def test_a_live_arm_is_checked(tmp_path: Path) -> None:
+    """The mock's arm moves without contact; the scene says that it hangs from the ceiling."""
+    motion = simulate(
+        Script.model_validate(
+            {
+                "robot": "ur5e",
+                "noise": {"base_force": 0.25, "base_moment": 0.05, "joint_torque": 1.0},
+                "trajectory": {
+                    "start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0],
+                    "moves": [
+                        {"to": [0.6, -1.0, 1.2, -1.4, -1.0, 0.5], "duration": 2.5},
+                        {"to": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "duration": 2.5},
+                    ],
+                },
+            }
+        )
+    )
+    (tmp_path / "scene.yaml").write_text("{robot: ur5e, mounting: ceiling}")
+    chosen = MockSettings(host=own_address(), rtde_port=0, netft_port=0, http_port=0, loop=True)
+    with MockServers(motion, chosen) as servers:
+        source = ["--robot-host", chosen.host, "--robot-port", str(servers.rtde.port), "--seconds", "5"]
+        source += ["--ft-host", chosen.host, "--ft-port", str(servers.netft.port)]
+        source += ["--ft-http-port", str(servers.netft.http_port)]
+        result = CliRunner().invoke(check, [str(tmp_path / "scene.yaml"), *source])
+    assert result.exit_code == 1, result.output
+    assert "this would: table" in result.output

@@ -1,0 +1,105 @@
+"""`contactsense map`, as a user calls it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from matplotlib import pyplot as plt
+
+from contactsense.service.cli.main import cli
+
+POSTURE = ("--posture", "0,-75,90,-110,-90,0")
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(cli, ["map", *arguments])
+
+
+@pytest.fixture
+def scenes(tmp_path: Path) -> tuple[str, str]:
+    """A scene with a base sensor, and the same arm without."""
+    base, torques = tmp_path / "base.yaml", tmp_path / "torques.yaml"
+    base.write_text("robot: ur5e\ndetail: coarse\nmounting: ceiling\n")
+    torques.write_text("robot: ur5e\ndetail: coarse\nbase_wrench: null\n")
+    return str(base), str(torques)
+
+
+def test_a_table_by_link(scenes: tuple[str, str]) -> None:
+    result = call(scenes[1], *POSTURE)
+    assert result.exit_code == 0, result.output
+    lines = result.stdout.splitlines()
+    assert max(len(line) for line in lines) <= 80
+    rows = {line.split()[0]: line.split() for line in lines if line.strip()}
+    # No joint is below the base: nothing is measured there.
+    assert rows["base"][3:] == ["-", "-", "-", "-", "-", "-"]
+    assert float(rows["wrist_1"][3]) < float(rows["forearm"][3])
+    assert rows["force:"][1] == "smallest"
+
+
+def test_two_scenes_side_by_side(scenes: tuple[str, str]) -> None:
+    result = call(scenes[0], "--compare", scenes[1], *POSTURE)
+    assert result.exit_code == 0, result.output
+    lines = result.stdout.splitlines()
+    rows = {line.split()[0]: line.split() for line in lines if line.strip()}
+    assert max(len(line) for line in lines if not line.startswith(("A:", "B:"))) <= 80
+    with_base, without = rows["forearm"][1:3]
+    assert float(with_base) < 0.2 * float(without)
+
+
+@pytest.mark.slow
+def test_a_picture_of_two_scenes(scenes: tuple[str, str], tmp_path: Path) -> None:
+    picture = tmp_path / "map.png"
+    result = call(scenes[0], "--compare", scenes[1], *POSTURE, "--picture", str(picture))
+    assert result.exit_code == 0, result.output
+    image = plt.imread(picture)[..., :3]
+    # Grey where nothing is measured, colours elsewhere.
+    colourful = np.ptp(image, axis=2) > 0.2
+    upper, lower = np.array_split(colourful, 2)
+    assert upper.sum() > 1.2 * lower.sum() > 0
+
+
+def test_json_has_every_place(scenes: tuple[str, str]) -> None:
+    result = call(scenes[1], *POSTURE, "--json", "--force", "50", "--detection", "0.5")
+    (found,) = json.loads(result.stdout)["maps"]
+    assert (found["force"], found["detection"], found["friction"]) == (50.0, 0.5, 0.0)
+    places = found["places"]
+    assert sum(places["share"]) == pytest.approx(1.0)
+    assert {len(values) for values in places.values()} == {len(places["link"])}
+    # Where nothing is measured, null.
+    assert places["smallest_force"][places["link"].index("base")] is None
+    assert [link["link"] for link in found["links"]][:2] == ["base", "shoulder"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (("none.yaml", *POSTURE), 1, "none.yaml: cannot read the scene: No such file"),
+        (("SCENE",), 2, "Missing option '--posture'"),
+        (("SCENE", "--posture", "0,1"), 2, "--posture: expected 6 angles, got 2"),
+        (("SCENE", "--posture", "0,a"), 2, "--posture: expected angles separated by commas, got '0,a'"),
+        (("SCENE", "--posture", "0,0,400,0,0,0"), 2, "elbow_joint: expected -180 to 180 degrees, got 400"),
+        (("SCENE", *POSTURE, "--force", "-1"), 1, "force: expected a positive number of newtons, got -1.0"),
+        (("SCENE", *POSTURE, "--picture", "no/such/folder.png"), 1, "no/such/folder.png: cannot write"),
+    ],
+)
+def test_wrong_use_is_told(
+    scenes: tuple[str, str], arguments: tuple[str, ...], status: int, message: str
+) -> None:
+    result = call(*(scenes[0] if argument == "SCENE" else argument for argument in arguments))
+    assert result.exit_code == status
+    assert message in result.output
+
+
+def test_arms_with_other_joints_cannot_be_compared(scenes: tuple[str, str], tmp_path: Path) -> None:
+    link = "{mass: 1, com: [0, 0, 0], tensor: [1, 0, 0, 1, 0, 1], name: "
+    (tmp_path / "one.yaml").write_text(
+        f"name: one\nlinks: [{link}a}}, {link}b}}]\njoints: [{{name: j, xyz: [0, 0, 1], rpy: [0, 0, 0], "
+        "velocity_limit: 90, torque_limit: 10}]\n"
+    )
+    other = tmp_path / "other.yaml"
+    other.write_text(f"robot: {tmp_path / 'one.yaml'}\n")
+    result = call(scenes[0], "--compare", str(other), *POSTURE)
+    assert result.exit_code == 1
+    assert "--compare: expected an arm with 6 joints" in result.output
