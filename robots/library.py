@@ -72,11 +72,9 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
     if not surface.exists():
         return urdf.from_urdf(path, tip, name)
     fitted = schema.read_surface(surface).tip
-    if tip is not None and tip != fitted:
-        raise RobotError(
-            f"{surface}: tip: expected {tip}, but it was made for {fitted or 'the longest chain'}"
-        )
-    return schema.with_surface(urdf.from_urdf(path, fitted, name), surface)
+    if tip is not None and fitted not in (None, tip):
+        raise RobotError(f"{surface}: tip: expected {tip}, but it was made for {fitted}")
+    return schema.with_surface(urdf.from_urdf(path, fitted or tip, name), surface)
 
 
 def in_library(robot: Robot) -> bool:

@@ -111,8 +111,7 @@ def detectability(
             friction cone, with the scene's torsion; 0: along the inward normal, without torsion.
 
     Raises:
-        ValueError: an argument is wrong, or the arm has no surface that can be touched; the message names
-            the field.
+        ValueError: an argument is wrong; the message names the field.
     """
     force = scene.force if force is None else force
     if not (np.isfinite(force) and force > 0.0):
@@ -124,8 +123,6 @@ def detectability(
     joints = len(scene.robot.joints)
     q = checked_vector("q", q, joints, "rad")
     constants, motion = build_constants(scene), empty_motion(joints)
-    if len(constants.samples.point) == 0:
-        raise ValueError(f"robot: {scene.robot.name} has no surface that can be touched")
     forward_kinematics(constants.model, q, motion)
     places = touchable_places(constants, motion, constants.samples)
     cells = touchable_places(constants, motion, constants.subsamples)

@@ -23,7 +23,7 @@ NAMED = {
     "websockets": ("service/api/connections.py", r"websockets_sansio_impl import"),
     "dask": ("service/analysis/fleet/worker_pool.py", r"from distributed import"),
     "mpmath": ("benchmarks/solvers/judge.py", r'import_module\("mpmath"\)'),
-    "pycollada": ("robots/meshes.py", r'"\.dae"'),
+    "pycollada": ("robots/library.py", r'"\.dae"'),
     "rtree": ("benchmarks/accuracy/geometry.py", r"trimesh\.proximity\.closest_point"),
     "networkx": ("tests/robots/test_urdf.py", r"\.split\(only_watertight"),
     "example-robot-data": ("tests/robots/test_urdf.py", r'files\("example-robot-data"\)'),

@@ -98,6 +98,10 @@ def test_arms_with_other_joints_cannot_be_compared(scenes: tuple[str, str], tmp_
         f"name: one\nlinks: [{link}a}}, {link}b}}]\njoints: [{{name: j, xyz: [0, 0, 1], rpy: [0, 0, 0], "
         "velocity_limit: 90, torque_limit: 10}]\n"
     )
+    sphere = "[{kind: sphere, center: [0, 0, 0.1], radius: 0.1}]"
+    (tmp_path / "one.surface.yaml").write_text(
+        f"robot: one\nlinks: {{b: {{fine: {sphere}, coarse: {sphere}}}}}\n"
+    )
     other = tmp_path / "other.yaml"
     other.write_text(f"robot: {tmp_path / 'one.yaml'}\n")
     result = call(scenes[0], "--compare", str(other), *POSTURE)

@@ -9,7 +9,7 @@ from contactsense import Detectability, JointTorqueSensor, Scene, WrenchSensor, 
 from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.accuracy.surface_map import compare, scene_of
 from contactsense.detection.thresholds import SampleThresholds
-from contactsense.robots import Inertia, Link, Robot, load
+from contactsense.robots import load
 from contactsense.surface_map.place_error import radius_of_share
 from contactsense.surface_map.smallest_force import detected_size
 
@@ -139,14 +139,6 @@ def test_the_radius_holds_its_share() -> None:
 def test_wrong_arguments_are_told(fields: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         detectability(scene(), Q, **fields)
-
-
-def test_an_arm_without_surface_is_told() -> None:
-    body = Inertia(1.0, np.zeros(3), np.eye(3))
-    arm = load("ur5e")
-    bare = Robot("bare", tuple(Link(link.name, body) for link in arm.links), arm.joints)
-    with pytest.raises(ValueError, match="robot: bare has no surface that can be touched"):
-        detectability(Scene(robot=bare), Q)
 
 
 @pytest.mark.slow
