@@ -66,8 +66,12 @@ def test_exact_sensors_name_every_link_and_the_tool() -> None:
 
 @pytest.mark.slow
 def test_a_flange_sensor_feels_the_tool_only() -> None:
+    """Joint torques so noisy that they do not feel 20 N."""
     scene = Scene.load(FOLDER / "e_series.yaml").model_copy(
-        update={"joint_torque": None, "wrist_wrench": WrenchSensor(force_noise=0.1, moment_noise=0.01)}
+        update={
+            "joint_torque": JointTorqueSensor(noise=25.0),
+            "wrist_wrench": WrenchSensor(force_noise=0.1, moment_noise=0.01),
+        }
     )
     touches, answers = measure(scene, contacts=40, force=20.0, seed=0)
     tool = touches.link[:, 0] == scene.link_names.index("gripper")
