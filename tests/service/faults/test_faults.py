@@ -29,7 +29,8 @@ from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.mock.wire_faults import Fault
 from tests.service.faults.wire import ROBOT_FAULTS, SENSOR_FAULTS, NetFtProxy, RtdeProxy
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+# On a computer without time the mock is late as well, and no fault could be told from that.
+pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(600)]
 
 SCRIPT = Script.model_validate(
     {
