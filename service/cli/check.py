@@ -14,6 +14,7 @@ from rich.table import Table
 from contactsense.calibration import FreeMotion
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.sensors.live_free_motion import read_live_motion
@@ -36,15 +37,7 @@ _UNITS = {"force": "N", "moment": "Nm", "torque": "Nm"}
 @click.option(
     "--columns", help="Names and units of columns or topics, as q=joint_,time_unit=ms or a YAML file."
 )
-@click.option("--robot-host", help="Read this robot's controller instead of RECORDINGS.")
-@click.option("--robot-port", type=int, help="Its RTDE port.  [default: 30004]")
-@click.option("--robot-client", type=click.Choice(["rtde", "ur_rtde"]), help="Which client reads the robot.")
-@click.option("--robot-rate", type=float, help="Robot samples per second.  [default: 500]")
-@click.option("--ft-host", help="Address of the force/torque sensor under the base (Net F/T).")
-@click.option("--ft-port", type=int, help="Its RDT port (UDP).  [default: 49152]")
-@click.option("--ft-http-port", type=int, help="Port of its configuration page.  [default: 80]")
-@click.option("--ft-counts", help="Its counts per N and per Nm, as 1000000,1000000, instead of asking it.")
-@click.option("--ft-fields", help="Six RTDE fields that carry its reading, separated by commas.")
+@sensor_options("Read this robot's controller instead of RECORDINGS.")
 @click.option(
     "--seconds",
     type=click.FloatRange(4.0),

@@ -14,6 +14,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.record_by_service import ended_by_signals, record_by_service
+from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.recorder import Recorder
@@ -33,15 +34,7 @@ _SOURCE = (
 @click.option("--url", help="Let this running service record into its own folder (serve --recordings DIR).")
 @click.option("--scene", type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--robot", help="Robot to assume where there is no scene file.  [default: ur5e]")
-@click.option("--robot-host", help="Address of the robot's controller.")
-@click.option("--robot-port", type=int, help="Its RTDE port.  [default: 30004]")
-@click.option("--robot-client", type=click.Choice(["rtde", "ur_rtde"]), help="Which client reads the robot.")
-@click.option("--robot-rate", type=float, help="Robot samples per second.  [default: 500]")
-@click.option("--ft-host", help="Address of the force/torque sensor under the base (Net F/T).")
-@click.option("--ft-port", type=int, help="Its RDT port (UDP).  [default: 49152]")
-@click.option("--ft-http-port", type=int, help="Port of its configuration page.  [default: 80]")
-@click.option("--ft-counts", help="Its counts per N and per Nm, as 1000000,1000000, instead of asking it.")
-@click.option("--ft-fields", help="Six RTDE fields that carry its reading, separated by commas.")
+@sensor_options("Address of the robot's controller.")
 @click.option("--fields", default="", help="Further RTDE fields to record, separated by commas.")
 @click.option("--seconds", type=click.FloatRange(0.0, min_open=True), help="Stop after this time.")
 @click.option(

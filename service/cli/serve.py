@@ -17,6 +17,7 @@ from contactsense.service import logs
 from contactsense.service.api.app import create_app
 from contactsense.service.api.connections import http_protocol, websocket_protocol
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.controllers.robot_program_servers import PortError
 from contactsense.service.live.scheduling import favour_latency, hurry
 from contactsense.service.scene.summary import scene_warnings
@@ -40,17 +41,7 @@ GROUPED = (
 @click.command()
 @click.option("--scene", type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--robot", help="Robot to assume where there is no scene file.  [default: ur5e]")
-@click.option(
-    "--robot-host", help="Address of the robot's controller; without it only POST /v1/locate works."
-)
-@click.option("--robot-port", type=int, help="Its RTDE port.  [default: 30004]")
-@click.option("--robot-client", type=click.Choice(["rtde", "ur_rtde"]), help="Which client reads the robot.")
-@click.option("--robot-rate", type=float, help="Robot samples per second.  [default: 500]")
-@click.option("--ft-host", help="Address of the force/torque sensor under the base (Net F/T).")
-@click.option("--ft-port", type=int, help="Its RDT port (UDP).  [default: 49152]")
-@click.option("--ft-http-port", type=int, help="Port of its configuration page.  [default: 80]")
-@click.option("--ft-counts", help="Its counts per N and per Nm, as 1000000,1000000, instead of asking it.")
-@click.option("--ft-fields", help="Six RTDE fields that carry its reading, separated by commas.")
+@sensor_options("Address of the robot's controller; without it only POST /v1/locate works.")
 @click.option("--host", help="Address to serve at.  [default: 127.0.0.1]")
 @click.option("--port", type=int, help="Port to serve at; 0 takes a free one.  [default: 8000]")
 @click.option(

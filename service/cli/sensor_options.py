@@ -1,0 +1,38 @@
+"""Options that say where a robot and its force/torque sensor are read, shared by commands."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+_OPTIONS = (
+    click.option("--robot-port", type=int, help="Its RTDE port.  [default: 30004]"),
+    click.option(
+        "--robot-client", type=click.Choice(["rtde", "ur_rtde"]), help="Which client reads the robot."
+    ),
+    click.option("--robot-rate", type=float, help="Robot samples per second.  [default: 500]"),
+    click.option("--ft-host", help="Address of the force/torque sensor under the base (Net F/T)."),
+    click.option("--ft-port", type=int, help="Its RDT port (UDP).  [default: 49152]"),
+    click.option("--ft-http-port", type=int, help="Port of its configuration page.  [default: 80]"),
+    click.option(
+        "--ft-counts", help="Its counts per N and per Nm, as 1000000,1000000, instead of asking it."
+    ),
+    click.option("--ft-fields", help="Six RTDE fields that carry its reading, separated by commas."),
+)
+
+
+def sensor_options(robot_host: str) -> Callable[[_Command], _Command]:
+    """Add the options to a command, which takes them by their names in `Settings`; None: not given.
+
+    Args:
+        robot_host: Help of `--robot-host`: what happens with and without it.
+    """
+
+    def add(command: _Command) -> _Command:
+        for option in reversed((click.option("--robot-host", help=robot_host), *_OPTIONS)):
+            command = option(command)
+        return command
+
+    return add
