@@ -31,6 +31,8 @@ _MIN_SECONDS = 2.0
 _MIN_FREE = 0.5
 """Least fraction of contact-free motion: the median residual must be one without contact."""
 _CURRENTS = ("actual_current", "actual_current_minus_target")
+_AT_REST = 0.01
+"""A joint that stays within this range rests [rad]."""
 
 
 class CalibrationError(ValueError):
@@ -143,7 +145,7 @@ def _fit_without_contacts(
     contacts: tuple[SuspectedContact, ...] = ()
     stride = row_stride(recordings, bandwidth)
     for _ in range(_MAX_REFITS):
-        fitted = fit_model(start, recordings, selected, settings.widths, progress)
+        fitted = _fit(start, recordings, selected, settings, progress)
         if not settings.leave_out_contacts:
             return fitted, recordings, ()
         progress("contacts")
@@ -159,7 +161,26 @@ def _fit_without_contacts(
             return fitted, recordings, contacts
         _check_rest(refined, contacts)
         recordings = refined
-    return fit_model(start, recordings, selected, settings.widths, progress), recordings, contacts
+    return _fit(start, recordings, selected, settings, progress), recordings, contacts
+
+
+def _fit(
+    start: CalibrationModel,
+    recordings: list[FreeMotion],
+    selected: tuple[Entry, ...],
+    settings: Settings,
+    progress: Callable[[str], None],
+) -> FittedModel:
+    try:
+        return fit_model(start, recordings, selected, settings.widths, progress)
+    except np.linalg.LinAlgError:
+        paths = [np.ptp(recording.q[recording.usable], axis=0) for recording in recordings]
+        still = np.max(paths, axis=0) < _AT_REST
+        names = [joint.name for joint, rests in zip(start.scene.robot.joints, still, strict=True) if rests]
+        raise CalibrationError(
+            "expected motion that determines the parameters, got too little: let every joint move"
+            + (f"; at rest throughout: {', '.join(names)}" if names else "")
+        ) from None
 
 
 def _check_rest(recordings: list[FreeMotion], contacts: tuple[SuspectedContact, ...]) -> None:

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.benchmarks.calibration.recordings import read
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, calibrate
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
+from tests.shared import shared
 
 CENTER = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
 FRICTION = Friction(
@@ -127,3 +129,10 @@ def test_unusable_recordings_are_refused() -> None:
         FreeMotion(np.arange(500) * 0.01, q, q, np.full((500, 6), np.nan), name="rough")
     with pytest.raises(ValueError, match="twice: t: expected 500 increasing times"):
         FreeMotion(np.zeros(500), q, q, name="twice")
+
+
+def test_joints_that_must_move_are_named() -> None:
+    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+    only_the_first = read(shared("ur10e_recordings") / "jointwise-joint_1.csv.gz", scene)[0]
+    with pytest.raises(CalibrationError, match=r"at rest throughout: shoulder_lift_joint, .*wrist_3_joint$"):
+        calibrate(scene, [only_the_first])
