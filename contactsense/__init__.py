@@ -11,7 +11,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submodules=["kinematics", "robots", "service"],
     submod_attrs={
-        "localizer": ["Batch", "Localizer"],
+        "localizer": ["Localizer"],
+        "output.batch": ["Batch"],
         "readings": ["Readings", "forward_model"],
         "runtime.sample_blocks": ["BlockEstimates", "SampleBlock"],
         "scene": ["JointTorqueSensor", "Scene", "SceneError", "WrenchSensor"],
@@ -21,8 +22,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
 )
 
 if TYPE_CHECKING:
-    from contactsense.localizer import Batch as Batch
     from contactsense.localizer import Localizer as Localizer
+    from contactsense.output.batch import Batch as Batch
     from contactsense.readings import Readings as Readings
     from contactsense.readings import forward_model as forward_model
     from contactsense.runtime.sample_blocks import BlockEstimates as BlockEstimates

@@ -1,7 +1,7 @@
 """`Localizer`: receives samples, returns estimates. It holds all state that persists between samples."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.tracker import MultiContactTracker
+from contactsense.output.batch import Batch, batch_of
 from contactsense.output.degraded_reason import degraded_reason
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.residuals.bias_filter import restart as restart_bias_filter
@@ -25,17 +26,7 @@ from contactsense.runtime.constants import build_constants
 from contactsense.runtime.kernels import batch, detect, localize, locate_once
 from contactsense.runtime.picked_up_payload import PickedUpPayload
 from contactsense.runtime.plausibility import PlausibleLimits
-from contactsense.runtime.result_rows import (
-    COVARIANCE,
-    FORCE,
-    LINK,
-    NORMAL,
-    POINT_BASE,
-    PRIMITIVE,
-    PROBABILITY,
-    TORSION,
-    WIDTH,
-)
+from contactsense.runtime.result_rows import WIDTH
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.runtime.skin_grids import skin_of
 from contactsense.runtime.state import empty_state
@@ -69,31 +60,6 @@ def kernels_of(scene: Scene) -> tuple[Any, ...]:
     """Compiled functions that a localizer for this scene calls from Python."""
     single = (detect, localize, locate_once, batch)
     return (*single, explain_contact_sets) if scene.contacts > 1 else single
-
-
-class Batch(NamedTuple):
-    """Best candidate of each of N samples, as arrays; base axes unless stated otherwise."""
-
-    link: np.ndarray
-    """Index of the touched link, -1 if no push on any link explains the sample, shape (N,), int64."""
-    primitive: np.ndarray
-    """Index of the touched primitive among all of the arm, shape (N,), int64."""
-    probability: np.ndarray
-    """Probability of this candidate, shape (N,)."""
-    link_probability: np.ndarray
-    """Probability of each link, shape (N, links)."""
-    point_base: np.ndarray
-    """Contact centroid, base frame, shape (N, 3) [m]."""
-    normal_base: np.ndarray
-    """Outward unit normal, shape (N, 3)."""
-    force_base: np.ndarray
-    """Force on the robot, shape (N, 3) [N]."""
-    torsion: np.ndarray
-    """Moment on the robot about the outward normal, shape (N,) [Nm]."""
-    covariance: np.ndarray
-    """Covariance of `point_base`, shape (N, 3, 3) [m^2]."""
-    detected: np.ndarray
-    """Whether a contact is detected: noise alone is too improbable an explanation, shape (N,), bool."""
 
 
 class Localizer:
@@ -422,18 +388,7 @@ class Localizer:
             *self._batch_args, q, values[1], values[0], values[2], external, *usable, self._gate,
             no_contact_energy, link_probability, best, self._rows,
         )  # fmt: skip
-        return Batch(
-            link=best[:, LINK].astype(np.int64),
-            primitive=best[:, PRIMITIVE].astype(np.int64),
-            probability=best[:, PROBABILITY],
-            link_probability=link_probability,
-            point_base=best[:, POINT_BASE],
-            normal_base=best[:, NORMAL],
-            force_base=best[:, FORCE],
-            torsion=best[:, TORSION],
-            covariance=best[:, COVARIANCE].reshape(n, 3, 3),
-            detected=no_contact_energy > self._thresholds.threshold(usable),
-        )
+        return batch_of(best, link_probability, no_contact_energy > self._thresholds.threshold(usable))
 
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a whole stream of samples, from its start."""

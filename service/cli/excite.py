@@ -16,6 +16,7 @@ from contactsense.calibration import CalibrationError
 from contactsense.calibration.excitation import ExcitationSettings, Proposal, propose_excitation
 from contactsense.robots import RobotError, load
 from contactsense.scene import Scene, SceneError
+from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.problems import RecordingError
 
@@ -79,7 +80,9 @@ def excite(
         raise click.UsageError(f"--rate above 0 and --speed up to 1 expected, got {rate:g} and {speed:g}")
     try:
         scene = Scene(robot=load(name)) if name is not None else Scene.load(path or "")
-        settings = ExcitationSettings(seconds, speed, floor=floor, clearance=clearance, home=_angles(home))
+        joints = len(scene.robot.joints)
+        center = None if home is None else tuple(joint_angles("--home", home, joints).tolist())
+        settings = ExcitationSettings(seconds, speed, floor=floor, clearance=clearance, home=center)
         with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task("motions", total=tries)
             found = propose_excitation(scene, settings, tries, seed, lambda: progress.advance(task))
@@ -91,15 +94,6 @@ def excite(
         click.echo(json.dumps(as_plain(found), indent=1))
     else:
         _print(found, scene, into)
-
-
-def _angles(text: str | None) -> tuple[float, ...] | None:
-    if text is None:
-        return None
-    try:
-        return tuple(float(np.radians(float(angle))) for angle in text.split(","))
-    except ValueError:
-        raise click.UsageError(f"--home: expected angles separated by commas, got {text!r}") from None
 
 
 def table_of(found: Proposal, rate: float) -> dict[str, np.ndarray]:

@@ -9,7 +9,9 @@ import click
 import numpy as np
 
 from contactsense.scene import Scene, SceneError
+from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.cli.map_table import compare_maps, show_map
+from contactsense.service.cli.picture_file import picture_file
 from contactsense.surface_map.detectability import DETECTION, Detectability, detectability
 
 
@@ -56,7 +58,7 @@ def surface_map(
         raise click.ClickException(
             f"--compare: expected an arm with {joints[0]} joints as in {path}, got {joints[-1]}"
         )
-    q = _joint_angles(posture, scenes[0])
+    q = _within_limits(posture, scenes[0])
     if picture is not None and not picture.parent.is_dir():
         raise click.ClickException(f"{picture}: cannot write the picture: no such folder")
     force = scenes[0].force if force is None else force
@@ -66,7 +68,10 @@ def surface_map(
         raise click.ClickException(str(error)) from None
     titles = [str(scene) for scene in (path, other) if scene is not None]
     if picture is not None:
-        _draw(list(zip(titles, scenes, found, strict=True)), q, picture)
+        with picture_file(picture):
+            from contactsense.service.drawing.force_map import draw_force_map
+
+            draw_force_map(list(zip(titles, scenes, found, strict=True)), q, picture)
     if as_json:
         plain = {
             "posture": q.tolist(),
@@ -79,35 +84,17 @@ def surface_map(
         compare_maps(titles, scenes, found)
 
 
-def _joint_angles(text: str, scene: Scene) -> np.ndarray:
-    """Angles in rad, shape (n,), within the joints' limits."""
+def _within_limits(text: str, scene: Scene) -> np.ndarray:
+    """Joint positions, shape (n,) [rad]."""
     joints = scene.robot.joints
-    try:
-        angles = [float(angle) for angle in text.split(",")]
-    except ValueError:
-        raise click.UsageError(f"--posture: expected angles separated by commas, got {text!r}") from None
-    if len(angles) != len(joints):
-        raise click.UsageError(f"--posture: expected {len(joints)} angles, got {len(angles)}")
-    for joint, angle in zip(joints, angles, strict=True):
+    q = joint_angles("--posture", text, len(joints))
+    for joint, angle in zip(joints, np.degrees(q), strict=True):
         low, high = (degrees(limit) if isfinite(limit) else limit for limit in joint.position_limits)
-        if not (isfinite(angle) and low - 1e-6 <= angle <= high + 1e-6):
+        if not low - 1e-6 <= angle <= high + 1e-6:
             raise click.UsageError(
                 f"--posture: {joint.name}: expected {low:g} to {high:g} degrees, got {angle:g}"
             )
-    return np.asarray(np.radians(angles))
-
-
-def _draw(cases: list[tuple[str, Scene, Detectability]], q: np.ndarray, path: Path) -> None:
-    try:
-        from contactsense.service.drawing.force_map import draw_force_map
-    except ImportError as error:
-        raise click.ClickException(
-            f"pictures need the extra packages: pip install contactsense[geometry] ({error})"
-        ) from None
-    try:
-        draw_force_map(cases, q, path)
-    except OSError as error:
-        raise click.ClickException(f"{path}: cannot write the picture: {error.strerror}") from None
+    return q
 
 
 def as_plain(title: str, scene: Scene, found: Detectability) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 from rich import box
 from rich.console import Console
 from rich.markup import escape
@@ -15,6 +14,8 @@ from rich.table import Table
 
 from contactsense import robots as library
 from contactsense.robots import Robot, RobotError
+from contactsense.service.cli.joint_angles import joint_angles, usual_posture
+from contactsense.service.cli.picture_file import picture_file
 
 
 @click.command()
@@ -92,23 +93,15 @@ def _show(robot: Robot) -> None:
 
 
 def _draw(robot: Robot, path: Path, pose: str | None, coarse: bool) -> None:
-    try:
+    joints = len(robot.joints)
+    q = usual_posture(joints) if pose is None else joint_angles("--pose", pose, joints)
+    with picture_file(path):
         from contactsense.robots.rendering import draw_arm
-    except ImportError as error:
-        raise click.ClickException(
-            f"pictures need the extra packages: pip install contactsense[geometry] ({error})"
-        ) from error
-    q = np.zeros(len(robot.joints))
-    q[1 : min(4, len(q))] = np.radians([-70.0, 80.0, -60.0])[: len(q) - 1]
-    if pose is not None:
+
         try:
-            q = np.radians([float(angle) for angle in pose.split(",")])
+            draw_arm(robot, q, path, coarse)
         except ValueError as error:
-            raise click.BadParameter("expected numbers separated by commas", param_hint="--pose") from error
-    try:
-        draw_arm(robot, q, path, coarse)
-    except (ValueError, OSError) as error:
-        raise click.ClickException(str(error)) from error
+            raise click.ClickException(str(error)) from error
 
 
 def _summary(robot: Robot) -> dict[str, Any]:

@@ -4,12 +4,13 @@ import json
 from pathlib import Path
 
 import click
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from contactsense.scene import Scene, SceneError
-from contactsense.service.scene.summary import as_plain, scene_warnings, summarize, usual_posture
+from contactsense.service.cli.joint_angles import joint_angles, usual_posture
+from contactsense.service.cli.picture_file import picture_file
+from contactsense.service.scene.summary import as_plain, scene_warnings, summarize
 
 
 @click.command()
@@ -23,9 +24,13 @@ def show(path: Path, picture: Path | None, pose: str | None, as_json: bool) -> N
         scene = Scene.load(path)
     except SceneError as error:
         raise click.ClickException(str(error)) from None
-    q = _posture(pose, len(scene.robot.joints))
+    joints = len(scene.robot.joints)
+    q = usual_posture(joints) if pose is None else joint_angles("--pose", pose, joints)
     if picture is not None:
-        _draw(scene, q, picture)
+        with picture_file(picture):
+            from contactsense.service.scene.picture import draw_scene
+
+            draw_scene(scene, q, picture)
     if as_json:
         click.echo(json.dumps(as_plain(scene, q), indent=1))
         return
@@ -36,30 +41,3 @@ def show(path: Path, picture: Path | None, pose: str | None, as_json: bool) -> N
     console.print(table, highlight=False)
     for warning in scene_warnings(scene):
         console.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-
-
-def _posture(pose: str | None, joints: int) -> np.ndarray:
-    if pose is None:
-        return usual_posture(joints)
-    try:
-        q = np.radians([float(angle) for angle in pose.split(",")])
-    except ValueError:
-        q = np.empty(0)
-    if len(q) != joints or not np.isfinite(q).all():
-        raise click.BadParameter(
-            f"expected {joints} numbers separated by commas, got {pose!r}", param_hint="--pose"
-        )
-    return q
-
-
-def _draw(scene: Scene, q: np.ndarray, path: Path) -> None:
-    try:
-        from contactsense.service.scene.picture import draw_scene
-    except ImportError as error:
-        raise click.ClickException(
-            f"pictures need the extra packages: pip install contactsense[geometry] ({error})"
-        ) from None
-    try:
-        draw_scene(scene, q, path)
-    except OSError as error:
-        raise click.ClickException(f"{path}: cannot write: {error.strerror}") from None

@@ -21,13 +21,6 @@ class Line(NamedTuple):
     text: str
 
 
-def usual_posture(joints: int) -> np.ndarray:
-    """An arm that is bent, with its tool over the table, shape (joints,) [rad]."""
-    q = np.zeros(joints)
-    q[1 : min(4, joints)] = np.radians([-70.0, 80.0, -60.0])[: joints - 1]
-    return q
-
-
 def summarize(scene: Scene, q: np.ndarray) -> tuple[Line, ...]:
     """What was understood of a scene, in the order of its fields.
 

@@ -39,8 +39,8 @@ def test_the_summary_names_every_parameter() -> None:
     ("arguments", "status", "message"),
     [
         ([], 2, "--robot and --scene: expected one of them"),
-        (["--robot", "ur5e", "--home", "1,x"], 2, "--home: expected angles"),
-        (["--robot", "ur5e", "--home", "1,2"], 1, "home: expected 6 angles, got 2"),
+        (["--robot", "ur5e", "--home", "1,x"], 2, "--home: expected 6 angles"),
+        (["--robot", "ur5e", "--home", "1,2"], 2, "--home: expected 6 angles in degrees"),
         (["--robot", "ur5e", "--speed", "2"], 2, "--speed up to 1 expected"),
         (["--robot", "nobody"], 1, "nobody"),
         (["--scene", "absent.yaml"], 1, "absent.yaml: cannot read the scene"),

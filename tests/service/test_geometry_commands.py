@@ -55,8 +55,16 @@ def test_robots_draws_one(tmp_path: Path) -> None:
     [
         (["robots", "ur7"], 1, "there are ur10e"),
         (["robots", "--picture", "x.png"], 2, "needs the NAME"),
-        (["robots", "ur5e", "--picture", "x.png", "--pose", "1,2"], 1, "6 joints, got 2 angles"),
-        (["robots", "ur5e", "--picture", "x.png", "--pose", "1,b"], 2, "separated by commas"),
+        (
+            ["robots", "ur5e", "--picture", "x.png", "--pose", "1,2"],
+            2,
+            "--pose: expected 6 angles in degrees",
+        ),
+        (
+            ["robots", "ur5e", "--picture", "x.png", "--pose", "1,b"],
+            2,
+            "--pose: expected 6 angles in degrees",
+        ),
         (["decompose", "ur7"], 1, "unknown robot"),
         (["decompose", "none.urdf"], 1, "none.urdf: no such file"),
         (["decompose", "ur20"], 1, "no meshes known; name a folder"),

@@ -111,8 +111,8 @@ def test_show_prints_what_was_understood(tmp_path: Path) -> None:
     ("words", "message"),
     [
         (["gone.yaml"], "cannot read the scene"),
-        (["a.yaml", "--pose", "1,2"], "expected 6 numbers separated by commas, got '1,2'"),
-        (["a.yaml", "--picture", "no/where.png"], "cannot write: No such file"),
+        (["a.yaml", "--pose", "1,2"], "--pose: expected 6 angles in degrees, separated by commas, got '1,2'"),
+        (["a.yaml", "--picture", "no/where.png"], "no/where.png: cannot write the picture: No such file"),
     ],
 )
 def test_what_cannot_be_shown_is_one_line(
