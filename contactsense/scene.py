@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from contactsense import robots
 from contactsense.robots import Robot
+from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
 from contactsense.robots.tool import Tool
 from contactsense.sensors.field_checks import describe, within_one_turn
@@ -49,6 +50,14 @@ def _as_robot(value: object) -> object:
     return robots.load(value) if isinstance(value, str) else value
 
 
+def _reference(robot: Robot) -> str:
+    """What loads the robot again: its name in the library, or else its file; a name alone could be that of
+    another arm."""
+    if robot.file is None or in_library(robot):
+        return robot.name
+    return str(robot.file.absolute())
+
+
 class Scene(BaseModel):
     """One arm and its surroundings. Immutable; a `Localizer` is created from it.
 
@@ -64,7 +73,7 @@ class Scene(BaseModel):
     robot: Annotated[
         InstanceOf[Robot],
         BeforeValidator(_as_robot),
-        PlainSerializer(lambda robot: robot.name, return_type=str),
+        PlainSerializer(_reference, return_type=str),
     ]
     """The arm: a name listed by `contactsense robots`, or the path of a URDF or YAML file; in Python also a
     `robots.Robot`."""

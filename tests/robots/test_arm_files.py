@@ -101,6 +101,16 @@ def test_a_urdf_has_its_own_meshes_whatever_its_name(tmp_path: Path, monkeypatch
     assert set(meshes_of(robots.load("ur5e"))) == set(robots.load("ur5e").link_names)
 
 
+def test_a_written_scene_loads_the_arm_of_the_file_and_not_its_namesake(tmp_path: Path) -> None:
+    path = write(tmp_path, arm(2).replace('<robot name="seven">', '<robot name="ur5e">'))
+    level = {"fine": (SPHERE,), "coarse": (SPHERE,)}
+    (tmp_path / "arm.surface.yaml").write_text(text("ur5e", {"link2": level}, (), 1.0, None))
+    for robot, joints in ((str(path), 2), ("ur5e", 6)):
+        written = Scene(robot=robot).model_dump(mode="json")  # type: ignore[arg-type]
+        assert len(Scene.model_validate(written).robot.joints) == joints
+    assert written["robot"] == "ur5e"
+
+
 def test_a_tool_is_a_mesh_or_a_urdf(tmp_path: Path) -> None:
     trimesh.creation.box((100.0, 60.0, 40.0)).export(tmp_path / "box.stl")
     with pytest.raises(robots.RobotError, match=r"box.stl: .* m across: .* use --scale 0.001"):
