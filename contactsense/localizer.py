@@ -23,6 +23,7 @@ from contactsense.robots.jit.progress_bar import shown_compilation
 from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
 from contactsense.runtime.buffers import KernelBuffers
 from contactsense.runtime.constants import build_constants
+from contactsense.runtime.detectable import DetectableForce
 from contactsense.runtime.kernels import batch, detect, localize, locate_once
 from contactsense.runtime.picked_up_payload import PickedUpPayload
 from contactsense.runtime.plausibility import PlausibleLimits
@@ -119,6 +120,9 @@ class Localizer:
         self._sample_fields = SampleFields(self._scene_sensors, self._joints)
         self._zeros = tuple(np.zeros(size) for size in self._sensor_sizes)
         self._thresholds = SampleThresholds(scene, self._sensor_sizes)
+        self._detectable = DetectableForce(
+            constants, self._buffers.state, self._sensor_sizes, self._thresholds
+        )
         self._payload = PickedUpPayload(scene, self._buffers) if scene.picks_up else None
         self._block_runner: BlockRunner | None = None
         self.reset()
@@ -135,6 +139,7 @@ class Localizer:
         if self._multi_tracker is not None:
             self._multi_tracker.forget()
         self._screening.reset()
+        self._detectable.reset()
         for array, initial in zip(state.model, constants.model, strict=True):
             array[:] = initial
         state.torque_model.bias[:] = constants.torque_model.bias
@@ -182,11 +187,12 @@ class Localizer:
             flags = detect(*self._buffer_args, self._bandwidth, *fields(screen(sample)))
         flags &= self._sample_fields.relevant_flags
         if flags == 0 and self._phase == NONE:
-            return self._estimate_builder.no_contact(sample.t)
+            return self._estimate_builder.no_contact(sample.t, self._detectable.in_stream())
         return self._estimate(sample.t, flags)
 
     def _estimate(self, t: float, flags: int) -> Estimate:
         """The estimate for the sample that `detect` has processed, unless it is simply `none`."""
+        self._estimate_builder.detectable = self._detectable.after_change(self._usable())
         if flags & UNUSABLE:
             why = self._screening.refused.get(
                 "q", "time, positions or velocities are not finite or implausibly large: sample not used"
@@ -307,6 +313,7 @@ class Localizer:
             usable,
             threshold,
         )
+        self._estimate_builder.detectable = self._detectable.of_measurement(usable)
         if detect:
             self._refuse_implausible("", q, (base_wrench, joint_torque, wrist_wrench), external)
         if no_contact_energy <= threshold:

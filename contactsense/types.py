@@ -1,5 +1,6 @@
 """Input and output of the localizer: `Sample` and `Estimate`."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -112,6 +113,10 @@ class Estimate:
     [N, Nm], shape (6,)."""
     covariance: np.ndarray
     """Covariance of `wrench`, shape (6, 6)."""
+    detectable: float = math.inf
+    """Smallest force that the usable sensors detect with probability 0.9, wherever and in whichever direction
+    it acts on the arm, while it is held [N]; infinite where no force is sure to be detected, as with joint
+    torques alone. Where the status is `none`, no such force acts."""
     other: float = 0.0
     """Probability of none of `contacts`: no single push, or a candidate too improbable to be reported."""
     reason: str = ""

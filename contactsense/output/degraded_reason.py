@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from contactsense.residuals.sensor_consistency import SensorConsistency, describe_inconsistency
 from contactsense.sensors.sample_fields import SENSORS
-from contactsense.sensors.stream_state import INCONSISTENT, INVALID, MISSING, SETTLING
+from contactsense.sensors.stream_state import BLIND, INCONSISTENT, INVALID, MISSING, SETTLING
 from contactsense.sensors.timing import LONGEST_GAP
 
 
@@ -21,7 +21,7 @@ def degraded_reason(
     """
     reasons = []
     for i, name in enumerate(SENSORS):
-        if flags & (MISSING | INVALID) << i and name in refused:
+        if flags & ((MISSING | INVALID) << i | BLIND) and name in refused:
             reasons.append(refused[name])
         elif flags & MISSING << i:
             reasons.append(f"{name} is missing")
@@ -34,6 +34,8 @@ def degraded_reason(
             f"t: expected at most {LONGEST_GAP:g} s from one sample to the next, got {step:.4g} s; is the "
             "time in milliseconds?"
         )
+    if flags & BLIND and not reasons:
+        reasons.append("no sensor has a value in this sample")
     if flags & SETTLING and not reasons:
         reasons.append("the observer is settling after its start")
     return "; ".join(reasons)

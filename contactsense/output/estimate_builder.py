@@ -1,5 +1,7 @@
 """Build an `Estimate` from rows of numbers."""
 
+import math
+
 import numpy as np
 
 from contactsense.output.fast_dataclass import mutable_twin
@@ -25,10 +27,12 @@ class EstimateBuilder:
         self._zeros = (np.zeros(len(self._names)), np.zeros(6), np.zeros((6, 6)))
         for array in self._zeros:
             array.setflags(write=False)
+        self.detectable = math.inf
+        """`Estimate.detectable` of the estimates that follow [N]."""
 
-    def no_contact(self, t: float) -> Estimate:
+    def no_contact(self, t: float, detectable: float) -> Estimate:
         """Estimate without contact. These estimates share their arrays, which are read-only."""
-        estimate = _new_estimate(t, "none", (), *self._zeros)
+        estimate = _new_estimate(t, "none", (), *self._zeros, detectable)
         estimate.__class__ = Estimate
         return estimate
 
@@ -36,7 +40,7 @@ class EstimateBuilder:
         self, t: float, status: Status, reason: str = "", events: tuple[Event, ...] = ()
     ) -> Estimate:
         """Estimate without contacts: none present, or none can be estimated."""
-        return Estimate(t, status, (), *self._zeros, reason=reason, events=events)
+        return Estimate(t, status, (), *self._zeros, self.detectable, reason=reason, events=events)
 
     def contacts(
         self,
@@ -75,6 +79,7 @@ class EstimateBuilder:
             state.link_probability.copy(),
             state.hypotheses.wrench[link].copy(),
             state.hypotheses.covariance[link].copy(),
+            self.detectable,
             max(other, 0.0),
             reason,
             tuple([Event(kind, number, t, name) for kind in kinds]) if kinds else (),

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.robots.jit.kernel import kernel
-from contactsense.sensors.timing import has_settled, is_silent, reset_timing, time_since_last
+from contactsense.sensors.timing import has_settled, is_overdue, is_silent, reset_timing, time_since_last
 
 SETTLING_TIME_CONSTANTS = 5.0
 """Time constants of the observer from a start until its residual is used: it is within 1 % of its value by
@@ -25,13 +25,14 @@ _LONGEST_STEP = 86400.0
 """Longest step that enters the random walk of the biases [s]."""
 
 MISSING, INVALID, INCONSISTENT, SETTLING, TOUCHED, RESTARTED = 1, 8, 64, 128, 256, 512
-REPEATED, UNUSABLE, WRONG_SIZE = 1024, 2048, 4096
+REPEATED, UNUSABLE, WRONG_SIZE, BLIND = 1024, 2048, 4096, 8192
 """Flags of a sample, bits of one number; 0: sensors in order and no contact. `MISSING` and `INVALID` (a value
 is not finite or implausible) have three bits each, one per sensor in their order. `INCONSISTENT`: see
 `contactsense.residuals.sensor_consistency`. `SETTLING`: no sensor can be used yet. `TOUCHED`: a contact is
 detected. `RESTARTED`: time has jumped back, a new stream begins. `REPEATED`, `UNUSABLE` and `WRONG_SIZE` (a
-field has the wrong size): the sample was not used."""
-DEGRADED = 7 * MISSING | 7 * INVALID | INCONSISTENT | SETTLING
+field has the wrong size): the sample was not used. `BLIND`: no sensor has a value, and at least one should
+have."""
+DEGRADED = 7 * MISSING | 7 * INVALID | INCONSISTENT | SETTLING | BLIND
 """Flags of used samples for which the estimate is `degraded`."""
 
 
@@ -134,6 +135,7 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
     )
     scalars[T] = t
     values = (stream.base_wrench, stream.torque, stream.wrist_wrench)
+    blind = True
     for i in range(3):
         has_value = sensor_bits >> i & 1 == 1
         valid = has_value and _is_plausible(values[i])
@@ -142,6 +144,9 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
             flags |= MISSING << i
         elif has_value and not valid:
             flags |= INVALID << i
+        blind = blind and is_overdue(timing[i], t, scalars[STEP])
+    if blind:
+        flags |= BLIND
     for i in (TORQUE_DIFFERENCE, WRIST_DIFFERENCE):
         steps[i] = time_since_last(timing[i], t, steps[BASE] >= 0.0 and steps[i - 2] >= 0.0)
     settling_time = SETTLING_TIME_CONSTANTS / (2.0 * math.pi * bandwidth)

@@ -15,6 +15,8 @@ LONGEST_GAP_STEPS = 6.0
 """The same in steps of the sensor, for sensors with long steps."""
 STARTED, LAST, USUAL = 0, 1, 2
 """Indices of a sensor's timing."""
+_OVERDUE = 1.5
+"""A value is overdue after that many usual steps."""
 _STEP_SMOOTHING = 0.1
 """Weight of the newest step in the usual one."""
 
@@ -50,6 +52,20 @@ def time_since_last(timing: np.ndarray, t: float, has_value: bool) -> float:
 def is_silent(timing: np.ndarray, t: float) -> bool:
     """Whether the sensor is missing at time t: no valid value for longer than its longest gap."""
     return bool(t - timing[LAST] > _longest_gap(timing))
+
+
+@kernel
+def is_overdue(timing: np.ndarray, t: float, step: float) -> bool:
+    """Whether a value was due by the sample at time t, which has none: at once for a sensor that usually has
+    one in each sample, half a usual step later for a slower one.
+
+    Args:
+        timing: Of the sensor, with its value in this sample.
+        t: Time of the sample [s].
+        step: Time since the previous sample [s].
+    """
+    since = t - timing[LAST]
+    return bool(since > 0.0 and since > _OVERDUE * timing[USUAL] - step)
 
 
 @kernel

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.detection.detectable_force import DETECTION
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.runtime.constants import build_constants
@@ -14,9 +15,6 @@ from contactsense.surface_map.place_error import place_covariance, radius_of_sha
 from contactsense.surface_map.places import touchable_places
 from contactsense.surface_map.sensor_response import sensor_response, wrench
 from contactsense.surface_map.smallest_force import detected_size, smallest_force
-
-DETECTION = 0.9
-"""Probability with which the smallest force is detected in one measurement."""
 
 
 class LinkDetectability(NamedTuple):

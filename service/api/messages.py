@@ -131,6 +131,12 @@ class EstimateOut(BaseModel):
     covariance: list[list[float | None]] = Field(
         description="Covariance of wrench, 6 x 6; null where it is not bounded."
     )
+    detectable: float | None = Field(
+        None,
+        description="Smallest force that the usable sensors detect with probability 0.9, wherever and in "
+        "whichever direction it acts on the arm, while it is held [N]; null where no force is sure to be "
+        "detected, as with joint torques alone. It tells what the status none rules out.",
+    )
     reason: str = Field(description="Why the status is what it is, where that is not plain.")
     events: list[ContactEvent] = Field(
         [],
@@ -334,6 +340,7 @@ def estimate_dict(estimate: Estimate) -> dict[str, Any]:
         "other": estimate.other,
         "wrench": _finite(estimate.wrench),
         "covariance": _finite(estimate.covariance),
+        "detectable": estimate.detectable if math.isfinite(estimate.detectable) else None,
         "reason": estimate.reason,
         "events": [],
     }

@@ -8,11 +8,12 @@ from typing import Any
 import click
 import numpy as np
 
+from contactsense.detection.detectable_force import DETECTION
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.cli.map_table import compare_maps, show_map
 from contactsense.service.cli.picture_file import picture_file
-from contactsense.surface_map.detectability import DETECTION, Detectability, detectability
+from contactsense.surface_map.detectability import Detectability, detectability
 
 
 @click.command(name="map")
