@@ -7,6 +7,7 @@ import numpy as np
 from contactsense import robots
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque, joint_torque_model
 from contactsense.robots import Robot
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.tool import Tool
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.sensors.settings import per_joint
@@ -127,9 +128,17 @@ class Cell:
             qd: Joint velocities, shape (n,) [rad/s].
             gravity_torque: Torques that hold the arm against gravity, shape (n,) [Nm].
         """
-        return np.array(
-            [friction_torque(self.drive, j, qd[j], gravity_torque[j]) for j in range(len(qd))], dtype=float
-        )
+        found = np.empty(len(qd))
+        _friction_torques(self.drive, qd, gravity_torque, found)
+        return found
+
+
+@kernel
+def _friction_torques(
+    drive: JointTorqueModel, qd: np.ndarray, gravity_torque: np.ndarray, found: np.ndarray
+) -> None:
+    for j in range(found.shape[0]):
+        found[j] = friction_torque(drive, j, qd[j], gravity_torque[j])
 
 
 def _noise(noise: Noise) -> np.ndarray:

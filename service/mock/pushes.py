@@ -1,5 +1,7 @@
 """Scripted touches as wrenches on the links of the moving arm."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from contactsense.service.mock.physics.arm_simulation import Push
@@ -17,7 +19,9 @@ class ScriptedPushes:
     """
 
     def __init__(self, script: Script, link_names: tuple[str, ...], *, loop: bool = False) -> None:
-        self._contacts = [(contact, link_names.index(contact.link)) for contact in script.contacts]
+        self._contacts = [
+            _ScriptedPush.of(contact, link_names.index(contact.link)) for contact in script.contacts
+        ]
         self._period = script.duration if loop else None
 
     def at(self, t: float, rotations: np.ndarray) -> list[Push]:
@@ -28,11 +32,13 @@ class ScriptedPushes:
             rotations: Orientations of the links, base axes, shape (B, 3, 3).
         """
         since = t % self._period if self._period else t
-        return [
-            _push(contact, link, share, rotations[link])
-            for contact, link in self._contacts
-            if (share := level(since - contact.start, contact.duration, contact.ramp)) > 0.0
-        ]
+        pushes = []
+        for contact in self._contacts:
+            share = level(since - contact.start, contact.duration, contact.ramp)
+            if share > 0.0:
+                full = contact.wrench(rotations)
+                pushes.append(Push(contact.link, share * full[:3], share * full[3:]))
+        return pushes
 
 
 def level(since: float, duration: float, ramp: float) -> float:
@@ -43,14 +49,40 @@ def level(since: float, duration: float, ramp: float) -> float:
     return 1.0 if edge >= ramp else 0.5 - 0.5 * float(np.cos(np.pi * edge / ramp))
 
 
-def _push(contact: Contact, link: int, share: float, rotation: np.ndarray) -> Push:
-    normal = np.array(contact.normal or (0.0, 0.0, 0.0))
-    normal /= np.linalg.norm(normal) or 1.0
-    if contact.push is not None:
-        force = -contact.push * normal
-    elif contact.force_link is not None:
-        force = np.array(contact.force_link)
-    else:  # fixed in space while the link rotates
-        force = rotation.T @ np.array(contact.force_base)
-    moment = np.cross(contact.point, force) + contact.torsion * normal
-    return Push(link, share * force, share * moment)
+@dataclass(frozen=True)
+class _ScriptedPush:
+    """A contact of the script; what does not depend on the posture is computed once."""
+
+    link: int
+    start: float
+    duration: float
+    ramp: float
+    fixed: np.ndarray
+    """Wrench that rotates with the link, link frame, shape (6,) [N, Nm]."""
+    force_base: np.ndarray | None
+    """Force that is fixed in space while the link rotates, base axes, shape (3,) [N]."""
+    arm: np.ndarray
+    """Matrix that takes a force at the contact point to its moment, link frame, shape (3, 3) [m]."""
+
+    @classmethod
+    def of(cls, contact: Contact, link: int) -> "_ScriptedPush":
+        normal = np.array(contact.normal or (0.0, 0.0, 0.0))
+        normal /= np.linalg.norm(normal) or 1.0
+        x, y, z = contact.point
+        arm = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        force, force_base = np.zeros(3), None
+        if contact.push is not None:
+            force = -contact.push * normal
+        elif contact.force_link is not None:
+            force = np.array(contact.force_link)
+        else:
+            force_base = np.array(contact.force_base)
+        fixed = np.concatenate((force, arm @ force + contact.torsion * normal))
+        return cls(link, contact.start, contact.duration, contact.ramp, fixed, force_base, arm)
+
+    def wrench(self, rotations: np.ndarray) -> np.ndarray:
+        """The full wrench on the link, link frame, shape (6,) [N, Nm]."""
+        if self.force_base is None:
+            return self.fixed
+        force = rotations[self.link].T @ self.force_base
+        return np.asarray(self.fixed + np.concatenate((force, self.arm @ force)))

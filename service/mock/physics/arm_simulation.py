@@ -171,8 +171,11 @@ class ArmSimulation:
         for link in np.flatnonzero(self._work.load.any(axis=1)):
             force = self._work.rotation[link] @ self._work.load[link, :3]
             moment = self._work.rotation[link] @ self._work.load[link, 3:]
+            # As numbers: numpy.cross would take longer than all the rest.
+            (x, y, z), (fx, fy, fz) = self._work.origin[link].tolist(), force.tolist()
             total[:3] += force
-            total[3:] += moment + np.cross(self._work.origin[link], force)
+            total[3:] += moment
+            total[3:] += (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
         return total
 
     @property
@@ -206,6 +209,8 @@ class ArmSimulation:
     def contacts(self) -> list[ObstacleContact]:
         """Present contacts with obstacles."""
         rows = self._state.contacts
+        if not rows[:, :, 0].any():
+            return []
         return [
             ObstacleContact(
                 int(i), int(link), float(rows[i, link, 0]), *np.split(rows[i, link, 1:].copy(), 2)
