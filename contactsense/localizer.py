@@ -24,6 +24,7 @@ from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
 from contactsense.runtime.buffers import KernelBuffers
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
+from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
 from contactsense.runtime.kernels import batch, detect, localize, locate_once
 from contactsense.runtime.picked_up_payload import PickedUpPayload
 from contactsense.runtime.plausibility import PlausibleLimits
@@ -50,17 +51,21 @@ from contactsense.sensors.validation import checked_rows
 from contactsense.tracking.contact_tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, end_contact
 from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Sample
 
-Method = Literal["joint", "torques_first"]
+Method = Literal["joint", "torques_first", "intrinsic"]
 """How link and position are estimated. `joint`: together. `torques_first`: the link from the evidence of base
-wrench and torques alone, then the position on it; a baseline for comparison."""
+wrench and torques alone, then the position on it. `intrinsic`: the link likewise (Eberman & Salisbury 1989),
+then the closed form of Bicchi, Salisbury & Brock (1993) on its primitives; it needs a base sensor and knows
+no probabilities. The last two are baselines for comparison."""
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
 _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 
 
-def kernels_of(scene: Scene) -> tuple[Any, ...]:
+def kernels_of(scene: Scene, method: Method = "joint") -> tuple[Any, ...]:
     """Compiled functions that a localizer for this scene calls from Python."""
-    single = (detect, localize, locate_once, batch)
-    return (*single, explain_contact_sets) if scene.contacts > 1 else single
+    kernels: tuple[Any, ...] = (detect, localize, locate_once, batch)
+    if method == "intrinsic":
+        kernels += (localize_intrinsic, batch_intrinsic)
+    return (*kernels, explain_contact_sets) if scene.contacts > 1 else kernels
 
 
 class Localizer:
@@ -89,8 +94,14 @@ class Localizer:
             raise TypeError(
                 f"scene: expected a Scene, as in Localizer(Scene(robot='ur5e')), got {scene!r:.60}"
             )
+        if method == "intrinsic" and (scene.base_wrench is None or scene.contacts > 1):
+            raise ValueError(
+                "method: 'intrinsic' needs base_wrench and contacts: 1 in the scene, got "
+                f"{'no base_wrench' if scene.base_wrench is None else f'contacts: {scene.contacts}'}"
+            )
         self.scene = scene
-        self._gate = method == "torques_first"
+        self._gate = method != "joint"
+        self._intrinsic = method == "intrinsic"
         constants = build_constants(scene)
         self._buffers = KernelBuffers(constants, empty_state(constants))
         self._buffer_args = (self._buffers.floats, self._buffers.integers, self._buffers.sizes)
@@ -126,7 +137,7 @@ class Localizer:
         self._payload = PickedUpPayload(scene, self._buffers) if scene.picks_up else None
         self._block_runner: BlockRunner | None = None
         self.reset()
-        with shown_compilation(kernels_of(scene), progress):
+        with shown_compilation(kernels_of(scene, method), progress):
             self._warm_up()
 
     def reset(self) -> None:
@@ -207,6 +218,9 @@ class Localizer:
         count = -1
         if flags & TOUCHED:
             count = localize(*self._sample_args, self._bandwidth, self._gate, self._rows)
+            if self._intrinsic:
+                base = self._usable()[0]
+                count = localize_intrinsic(*self._batch_args, self._rows) if base else 0
         kinds, release = self._phase_change(t)
         if self._phase == HOLD and self._payload is not None and self._usable()[:2] == (True, True):
             mass = self._payload.step()
@@ -346,6 +360,8 @@ class Localizer:
         Raises:
             ValueError: a value cannot be converted; the message names the argument.
         """
+        if self._intrinsic:
+            return self._locate_once_intrinsic(values, external, usable)
         options = (external, *usable, self._gate, threshold, self._rows)
         try:
             count, no_contact_energy = locate_once(*self._sample_args, *values, *options)
@@ -356,6 +372,17 @@ class Localizer:
                 *self._sample_args, *self._sample_fields.checked(*values), *options
             )
         return count, no_contact_energy
+
+    def _locate_once_intrinsic(
+        self, values: tuple[np.ndarray, ...], external: bool, usable: tuple[bool, bool, bool]
+    ) -> tuple[int, float]:
+        q, torque, base, wrist = (value[None] for value in self._sample_fields.checked(*values))
+        energy, link_probability = np.empty(1), np.empty((1, self._links))
+        batch_intrinsic(
+            *self._batch_args, q, torque, base, wrist, external, *usable[1:], energy, link_probability,
+            self._rows[:1],
+        )  # fmt: skip
+        return int(self._rows[0, 0] >= 0.0), float(energy[0])
 
     def locate_batch(
         self,
@@ -391,10 +418,12 @@ class Localizer:
             np.empty((n, self._links)),
             np.empty((n, WIDTH)),
         )
-        batch(
-            *self._batch_args, q, values[1], values[0], values[2], external, *usable, self._gate,
-            no_contact_energy, link_probability, best, self._rows,
-        )  # fmt: skip
+        measured = (q, values[1], values[0], values[2], external)
+        found = (no_contact_energy, link_probability, best)
+        if self._intrinsic:
+            batch_intrinsic(*self._batch_args, *measured, *usable[1:], *found)
+        else:
+            batch(*self._batch_args, *measured, *usable, self._gate, *found, self._rows)
         return batch_of(best, link_probability, no_contact_energy > self._thresholds.threshold(usable))
 
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
@@ -420,7 +449,7 @@ class Localizer:
             self._block_runner = BlockRunner(
                 self.scene, self._scene_sensors, self._links, first, track.scalars
             )
-        compiled_only = self._multi_tracker is None and self._payload is None
+        compiled_only = self._multi_tracker is None and self._payload is None and not self._intrinsic
         settings = (self._bandwidth, self._gate, self._sample_fields.relevant_flags)
         for block in recording:
             whole = self._screening.screened_block(SampleBlock.checked(block, self._joints))
@@ -435,6 +464,8 @@ class Localizer:
         for name, value, in_scene in zip(SENSORS, given, self._scene_sensors, strict=True):
             if value is not None and not in_scene:
                 raise ValueError(f"{name}: the scene has no such sensor, got a value")
+        if self._intrinsic and given[0] is None:
+            raise ValueError("base_wrench: expected a value, which method 'intrinsic' needs, got none")
         if given[0] is None and given[1] is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two, got none")
         return given[0] is not None, given[1] is not None, given[2] is not None

@@ -31,7 +31,8 @@ LISTED_WITHIN = 0.02
     type=click.Choice(get_args(Method)),
     default="joint",
     show_default=True,
-    help="joint: link and place together; torques_first: the link from the torques, then the place on it.",
+    help="joint: link and place together; torques_first: the link from the torques, then the place on it; "
+    "intrinsic: likewise, the place by the closed form.",
 )
 @click.option(
     "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="What is measured."

@@ -2,32 +2,18 @@
 
 Bicchi, Salisbury & Brock (1993) know the touched body. Here the link is unknown: the wrench is fused from
 base sensor and joint torques under each link's hypothesis (theory, section 3), and the most probable link
-with a contact is chosen. On a link with several primitives, the contact must be outside the other ones. Of
-several contacts, the one with the least torsion relative to its normal force is chosen; for the wrench axis,
-the one that it enters first.
+with a contact is chosen. On that link: `contactsense.localization.intrinsic_contact`.
 """
-
-from math import sqrt
 
 import numpy as np
 
 from contactsense import Scene
 from contactsense.benchmarks.peers.method import Answers
-from contactsense.benchmarks.peers.stage import build_stage, given, measure, to_base, turned_to_link
+from contactsense.benchmarks.peers.stage import build_stage, given, measure
 from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.robots.jit.kernel import allocating_kernel, kernel
-from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED
-from contactsense.robots.surface.union import nearest
-from contactsense.solvers.packed_primitive import solve_primitive
-from contactsense.solvers.solution import OK
-from contactsense.solvers.wrench_axis import (
-    wrench_axis_box,
-    wrench_axis_ellipsoid,
-    wrench_axis_revolved,
-)
-
-_MAX_DEPTH = 1e-6
-"""A contact deeper inside another primitive of its link is rejected [m]."""
+from contactsense.kinematics.spatial import add, cross, rotate, rotate_back, subtract, vector
+from contactsense.localization.intrinsic_contact import contact_on_link
+from contactsense.robots.jit.kernel import allocating_kernel
 
 
 class ExactContact:
@@ -64,9 +50,14 @@ def _run(stage, closed_form, q, base_wrench, joint_torque, link, point_base, for
         link[i] = -1
         for _ in range(links):
             k = np.argmin(cost)
-            found, x, y, z = _on_link(motion, surfaces, closed_form, k, wrench[k])
-            if found:
-                link[i], point_base[i], force_base[i] = k, to_base(motion, k, x, y, z), wrench[k, :3]
+            R, origin = motion.rotation[k], vector(motion.origin[k])
+            force = vector(wrench[k])
+            moment = subtract(vector(wrench[k, 3:]), cross(origin, force))
+            primitive, point, _, _ = contact_on_link(
+                surfaces, k, rotate_back(R, force), rotate_back(R, moment), closed_form
+            )
+            if primitive >= 0:
+                link[i], point_base[i], force_base[i] = k, add(origin, rotate(R, point)), wrench[k, :3]
                 break
             cost[k] = np.inf
 
@@ -103,89 +94,3 @@ def _fuse(noise, motion, b, L, h, wrench, cost):  # type: ignore[no-untyped-def]
         w = np.linalg.solve(L, h)
         wrench[link] = w
         cost[link] = square - np.dot(h, w) + np.log(np.linalg.det(L))
-
-
-@kernel
-def _on_link(motion, surfaces, closed_form, link, wrench):  # type: ignore[no-untyped-def]
-    """Contact of a wrench (base frame) on one link: whether there is one, and its point, link frame."""
-    ox, oy, oz = to_base(motion, link, 0.0, 0.0, 0.0)
-    fx, fy, fz = turned_to_link(motion, link, wrench[0], wrench[1], wrench[2])
-    mx, my, mz = turned_to_link(
-        motion,
-        link,
-        wrench[3] - (oy * wrench[2] - oz * wrench[1]),
-        wrench[4] - (oz * wrench[0] - ox * wrench[2]),
-        wrench[5] - (ox * wrench[1] - oy * wrench[0]),
-    )
-    first, last = surfaces.start[link], surfaces.start[link + 1]
-    least, found = np.inf, False
-    bx, by, bz = 0.0, 0.0, 0.0
-    f = sqrt(fx * fx + fy * fy + fz * fz)
-    for p in range(first, last):
-        status, x, y, z, nx, ny, nz, xi = _on_primitive(surfaces, closed_form, p, fx, fy, fz, mx, my, mz)
-        push = -(fx * nx + fy * ny + fz * nz)
-        if status != OK or push <= 0.0:
-            continue
-        d, _, _, _, _, _, _, _ = nearest(
-            surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius,
-            first, last, x, y, z,
-        )  # fmt: skip
-        if d < -_MAX_DEPTH:
-            continue
-        # The entry of the wrench axis farthest back along the force, or the least torsion relative to the
-        # force.
-        order = abs(xi) / push if closed_form else (fx * x + fy * y + fz * z) / f
-        if order < least:
-            least, found = order, True
-            bx, by, bz = x, y, z
-    return found, bx, by, bz
-
-
-@kernel
-def _on_primitive(surfaces, closed_form, p, fx, fy, fz, mx, my, mz):  # type: ignore[no-untyped-def]
-    """Contact on one primitive: status, point, normal, torsion, link frame."""
-    R, o, size, kind = surfaces.rotation[p], surfaces.origin[p], surfaces.size[p], surfaces.kind[p]
-    tx, ty, tz = (
-        mx - (o[1] * fz - o[2] * fy),
-        my - (o[2] * fx - o[0] * fz),
-        mz - (o[0] * fy - o[1] * fx),
-    )
-    gx, gy, gz = _rotate_transposed(R, fx, fy, fz)
-    lx, ly, lz = _rotate_transposed(R, tx, ty, tz)
-    if closed_form:
-        status, x, y, z, nx, ny, nz, xi, _, _ = solve_primitive(kind, size, gx, gy, gz, lx, ly, lz)
-    elif kind == REVOLVED:
-        status, x, y, z, nx, ny, nz, xi, _, _ = wrench_axis_revolved(
-            gx, gy, gz, lx, ly, lz, size[0], size[1], size[2], size[3]
-        )
-    elif kind == ELLIPSOID:
-        status, x, y, z, nx, ny, nz, xi, _, _ = wrench_axis_ellipsoid(
-            gx, gy, gz, lx, ly, lz, size[0], size[1], size[2]
-        )
-    else:
-        status, x, y, z, nx, ny, nz, xi, _, _ = wrench_axis_box(
-            gx, gy, gz, lx, ly, lz, size[0], size[1], size[2], size[3]
-        )
-    px, py, pz = _rotate(R, x, y, z)
-    nx, ny, nz = _rotate(R, nx, ny, nz)
-    return status, px + o[0], py + o[1], pz + o[2], nx, ny, nz, xi
-
-
-@kernel
-def _rotate_transposed(R, x, y, z):  # type: ignore[no-untyped-def]
-    """R^T v."""
-    return (
-        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
-        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
-        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
-    )
-
-
-@kernel
-def _rotate(R, x, y, z):  # type: ignore[no-untyped-def]
-    """R v."""
-    return (
-        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
-        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
-        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
-    )

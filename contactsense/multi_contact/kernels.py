@@ -12,8 +12,9 @@ from contactsense.multi_contact.seeding import estimate_force_scale, transform_s
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.no_contact_hypothesis import update_covariances
+from contactsense.runtime.residual_update import residual_variance_ratio
 from contactsense.runtime.result_rows import MIN_PROBABILITY, write_row
-from contactsense.runtime.sample_pipeline import residual_variance_ratio, update_covariances
 
 
 @kernel

@@ -20,7 +20,8 @@ def consistency_statistics(constants: Constants, state: State, variance_ratio: f
     (theory, section 3); the statistic is that of the link that fits best.
 
     Args:
-        constants, state: After `contactsense.runtime.sample_pipeline.energy_without_contact` for this sample.
+        constants, state: After `contactsense.runtime.no_contact_hypothesis.energy_without_contact` for this
+            sample.
         variance_ratio: Variance of the residuals over that of one sample's noise.
     """
     w, n = state.base_wrench, state.torque.shape[0]

@@ -7,13 +7,12 @@ from contactsense.residuals.sensor_consistency import update_is_due as consisten
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.consistency_statistics import consistency_statistics
 from contactsense.runtime.constants import Constants
-from contactsense.runtime.sample_pipeline import (
+from contactsense.runtime.no_contact_hypothesis import (
     energy_at_rest,
     energy_without_contact,
-    follow_noise_and_timing,
-    residual_variance_ratio,
     update_bias_filter,
 )
+from contactsense.runtime.residual_update import follow_noise_and_timing, residual_variance_ratio
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import (
     BASE,

@@ -13,13 +13,9 @@ from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.runtime.buffer_views import buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
+from contactsense.runtime.explanation import explain, take_static_sample
+from contactsense.runtime.residual_update import set_external, update_residuals
 from contactsense.runtime.result_rows import write_candidates
-from contactsense.runtime.sample_pipeline import (
-    explain,
-    set_external,
-    take_static_sample,
-    update_residuals,
-)
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import (
     REPEATED,

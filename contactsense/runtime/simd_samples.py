@@ -23,7 +23,7 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
-from contactsense.runtime.sample_pipeline import set_external, update_tool
+from contactsense.runtime.residual_update import set_external, update_tool
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import (
     BASE,
@@ -125,7 +125,7 @@ def _copy_motion(constants: Constants, state: State, lanes: np.ndarray, lane: in
 def _update_residuals(
     constants: Constants, state: State, bandwidth: float, lanes: np.ndarray, lane: int
 ) -> None:
-    """As `contactsense.runtime.sample_pipeline.update_residuals`, but external wrenches and torques are those
+    """As `contactsense.runtime.residual_update.update_residuals`, but external wrenches and torques are those
     that the energy without contact depends on."""
     motion, stream, steps = state.motion, state.stream, state.stream.steps
     base, joints, difference = state.base_observer, state.joint_observer, state.torque_difference

@@ -17,7 +17,7 @@ from contactsense.multi_contact.measurement_rows import fill_measurement_rows
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import Constants, build_constants
-from contactsense.runtime.sample_pipeline import take_static_sample
+from contactsense.runtime.explanation import take_static_sample
 from contactsense.runtime.state import State, empty_state
 from tests.plain_arm import plain_ur5e
 

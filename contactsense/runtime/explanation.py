@@ -1,0 +1,169 @@
+"""Explain the residuals of one sample by a contact: link hypotheses, then the places on the links."""
+
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import SensorModel, isolate
+from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.kinematics.spatial import dot6
+from contactsense.localization.ranking import locate_contacts
+from contactsense.residuals.joint_friction import unmodelled_torque_std
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import inlined_kernel
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.no_contact_hypothesis import update_covariances
+from contactsense.runtime.residual_update import update_tool
+from contactsense.runtime.state import State
+
+
+@inlined_kernel
+def take_static_sample(
+    constants: Constants,
+    state: State,
+    q: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
+    external: bool,
+) -> None:
+    """Fill `state` from one sample of an arm at rest: poses and residuals.
+
+    With `external` the arm's weight has been subtracted from the measurements already; joint torques keep the
+    actuator's sign, so that a contact wrench w adds -s_j . w to them.
+    """
+    motion = state.motion
+    kinematics_and_momenta(constants.model, q, state.zero_velocity, constants.gravity, motion)
+    update_tool(constants, state)
+    for j in range(q.shape[0]):
+        model_torque = constants.torque_model.bias[j] - constants.torque_model.gravity * dot6(
+            motion.screw[j], motion.gravity[j + 1]
+        )
+        state.torque[j] = (0.0 if external else model_torque) - torque[j]
+        state.unmodelled_std[j] = unmodelled_torque_std(constants.torque_model, j, 0.0, 0.0)
+    for i in range(6):
+        state.base_wrench[i] = base_wrench[i] - (0.0 if external else motion.gravity[0, i])
+        state.wrist_wrench[i] = wrist_wrench[i] - (0.0 if external else state.tool_momentum[1, i])
+    state.bias_filter.base_covariance[:] = 0.0
+    state.bias_filter.torque_variance[:] = 0.0
+    state.timing_error.variance[:] = 0.0
+    state.noise_scale.scale[:] = 1.0
+    for body in range(state.body_wrench.shape[0]):
+        copy(state.base_wrench, state.body_wrench[body])
+    copy(state.torque, state.proximal_torque)
+    copy(state.wrist_wrench, state.proximal_wrist_wrench)
+
+
+@inlined_kernel
+def isolate_links(
+    constants: Constants,
+    state: State,
+    has_base: bool,
+    has_torque: bool,
+    has_wrist: bool,
+    variance_ratio: float,
+) -> float:
+    """Fused wrench and evidence of each link hypothesis, in `State.hypotheses`; arguments as for `explain`.
+
+    Returns:
+        Energy of the no-contact hypothesis: half the squared residuals in units of the noise.
+    """
+    update_covariances(constants, state, variance_ratio)
+    sensors = constants.sensors
+    isolate(
+        SensorModel(
+            sensors.depth,
+            sensors.beyond_wrist,
+            state.base_covariance,
+            state.base_information,
+            sensors.torque_variance,
+            sensors.wrist_variance,
+        ),
+        state.motion.screw,
+        state.base_wrench,
+        has_base,
+        state.torque,
+        state.proximal_torque,
+        state.torque_variance,
+        has_torque,
+        state.wrist_wrench,
+        state.proximal_wrist_wrench,
+        has_wrist,
+        state.wrist_origin,
+        variance_ratio,
+        state.hypotheses,
+    )
+    # A contact on the base link loads the base sensor only: the joints' part of its energy is that of no
+    # contact.
+    no_contact_energy = state.hypotheses.energy[0]
+    if has_base:
+        for i in range(6):
+            row = dot6(state.base_information[i], state.base_wrench)
+            no_contact_energy += 0.5 * state.base_wrench[i] * row / variance_ratio
+        for link in range(1, constants.touchable.shape[0]):
+            for i in range(6):
+                state.hypotheses.wrench[link, i] += (
+                    state.body_wrench[constants.sensors.depth[link], i] - state.base_wrench[i]
+                )
+    return float(no_contact_energy)
+
+
+@inlined_kernel
+def most_probable_link(constants: Constants, state: State) -> int:
+    """The touchable link of highest evidence after `isolate_links`; -1 if no link can be touched."""
+    best = -1
+    for link in range(constants.touchable.shape[0]):
+        if constants.touchable[link] and (
+            best < 0 or state.hypotheses.log_evidence[link] > state.hypotheses.log_evidence[best]
+        ):
+            best = link
+    return best
+
+
+@inlined_kernel
+def explain(
+    constants: Constants,
+    state: State,
+    has_base: bool,
+    has_torque: bool,
+    has_wrist: bool,
+    variance_ratio: float,
+    gate: bool,
+    threshold: float,
+) -> tuple[int, float]:
+    """Explain the residuals in `state` by one contact.
+
+    Args:
+        constants: The scene's constants.
+        state: With poses and residuals; the result is stored in `candidates` and `link_probability`.
+        has_base, has_torque, has_wrist: Which sensors have a value.
+        variance_ratio: Variance of the residuals over that of one sample's noise.
+        gate: Choose the link of highest evidence first and search on that link only.
+        threshold: No candidates are computed if the energy of the no-contact hypothesis is not above this.
+
+    Returns:
+        Number of candidates, and the energy of the no-contact hypothesis: half the squared residuals in units
+        of the noise.
+    """
+    no_contact_energy = isolate_links(constants, state, has_base, has_torque, has_wrist, variance_ratio)
+    if no_contact_energy <= threshold:
+        return 0, no_contact_energy
+    best = most_probable_link(constants, state)
+    for link in range(constants.touchable.shape[0]):
+        state.candidate_links[link] = 0 if gate else constants.touchable[link]
+    if best >= 0:
+        state.candidate_links[best] = 1
+    count = locate_contacts(
+        constants.surfaces,
+        constants.samples,
+        constants.subsamples,
+        state.candidate_links,
+        constants.sensors.depth,
+        state.motion,
+        state.hypotheses,
+        has_base,
+        constants.prior,
+        state.search_buffers,
+        state.surface_cells,
+        state.candidates,
+        state.link_probability,
+    )
+    return count, no_contact_energy

@@ -1,0 +1,126 @@
+"""The classical pipeline: the link from the evidence of the sensors (Eberman & Salisbury 1989), then the
+paper's solver on that link. Compiled only where it is asked for."""
+
+import numpy as np
+
+from contactsense.kinematics.spatial import add, cross, rotate, rotate_back, subtract, vector
+from contactsense.localization.intrinsic_contact import centroid_covariance, contact_on_link
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.surface.signed_distance_grid import Grids
+from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.explanation import isolate_links, most_probable_link, take_static_sample
+from contactsense.runtime.result_rows import write_row
+from contactsense.runtime.state import State
+
+
+@inlined_kernel
+def write_intrinsic_contact(constants: Constants, state: State, skin: Grids, row: np.ndarray) -> int:
+    """Contact of the fused wrench on the most probable link, after `isolate_links`.
+
+    The method knows no probabilities: the link's is 1, and so is that of the contact.
+
+    Args:
+        constants, state: With link hypotheses; `link_probability` is filled.
+        skin: As for `write_candidates`.
+        row: Filled where there is a contact.
+
+    Returns:
+        Number of contacts: 0 if no push on that link balances the wrench.
+    """
+    state.link_probability[:] = 0.0
+    link = most_probable_link(constants, state)
+    if link < 0:
+        return 0
+    state.link_probability[link] = 1.0
+    body = constants.sensors.depth[link]
+    R, origin = state.motion.rotation[body], vector(state.motion.origin[body])
+    wrench = state.hypotheses.wrench[link]
+    force = vector(wrench)
+    moment = subtract(vector(wrench[3:]), cross(origin, force))
+    primitive, point, normal, torsion = contact_on_link(
+        constants.surfaces, link, rotate_back(R, force), rotate_back(R, moment), True
+    )
+    if primitive < 0:
+        return 0
+    candidates = state.candidates
+    point, normal = add(origin, rotate(R, point)), rotate(R, normal)
+    for i in range(3):
+        candidates.point[0, i] = point[i]
+        candidates.normal[0, i] = normal[i]
+        candidates.force[0, i] = force[i]
+    centroid_covariance(
+        point,
+        normal,
+        force,
+        state.hypotheses.covariance[link],
+        constants.prior.surface_deviation,
+        candidates.covariance[0],
+    )
+    write_row(
+        constants,
+        state,
+        skin,
+        primitive,
+        1.0,
+        torsion,
+        candidates.point[0],
+        candidates.normal[0],
+        candidates.force[0],
+        candidates.covariance[0],
+        row,
+    )
+    return 1
+
+
+@kernel
+def localize_intrinsic(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int, int],
+    skin: Grids,
+    rows: np.ndarray,
+) -> int:
+    """The contact of a stream's newest residuals, after `contactsense.runtime.kernels.localize`.
+
+    Args:
+        floats, integers, sizes: See `contactsense.runtime.buffers.KernelBuffers`.
+        skin: As for `write_candidates`.
+        rows: The first row is filled.
+
+    Returns:
+        Number of contacts.
+    """
+    constants, state = buffer_views(floats, integers, sizes)
+    count: int = write_intrinsic_contact(constants, state, skin, rows[0])
+    return count
+
+
+@kernel
+def batch_intrinsic(
+    floats: np.ndarray,
+    integers: np.ndarray,
+    sizes: tuple[int, int, int, int, int],
+    skin: Grids,
+    q: np.ndarray,
+    torque: np.ndarray,
+    base_wrench: np.ndarray,
+    wrist_wrench: np.ndarray,
+    external: bool,
+    has_torque: bool,
+    has_wrist: bool,
+    no_contact_energy: np.ndarray,
+    link_probability: np.ndarray,
+    best: np.ndarray,
+) -> None:
+    """The contacts of N measurements of an arm at rest; arguments as for
+    `contactsense.runtime.kernels.batch`. The state after the last one remains."""
+    constants, state = buffer_views(floats, integers, sizes)
+    for i in range(q.shape[0]):
+        take_static_sample(constants, state, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
+        no_contact_energy[i] = isolate_links(constants, state, True, has_torque, has_wrist, 1.0)
+        if write_intrinsic_contact(constants, state, skin, best[i]) == 0:
+            best[i] = 0.0
+            best[i, 0] = -1.0
+        copy(state.link_probability, link_probability[i])

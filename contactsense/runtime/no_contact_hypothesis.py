@@ -1,0 +1,181 @@
+"""The hypothesis that nothing touches: its energy, the covariances of the residuals, and the update of biases
+and masses while it holds."""
+
+import math
+
+from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
+from contactsense.residuals.bias_filter import (
+    TIME_SINCE_UPDATE,
+    apply_correction,
+    update,
+    update_is_due,
+)
+from contactsense.residuals.friction_at_rest import energy_beyond_static_friction
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import inlined_kernel
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.state import State
+from contactsense.sensors.stream_state import BASE, TORQUE
+from contactsense.tracking.contact_tracker import NONE, PHASE
+
+
+@inlined_kernel
+def energy_without_contact(
+    constants: Constants,
+    state: State,
+    has_base: bool,
+    has_torque: bool,
+    has_wrist: bool,
+    variance_ratio: float,
+) -> float:
+    """Energy of the no-contact hypothesis: half the squared residuals in units of their variance.
+
+    Arguments as for `explain`.
+    """
+    _fill_covariances(constants, state, variance_ratio)
+    energy = 0.0
+    if has_torque:
+        for j in range(state.torque.shape[0]):
+            energy += 0.5 * state.torque[j] ** 2 / state.torque_variance[j]
+    if has_base:
+        energy += half_squared_norm(state.base_covariance, state.base_wrench) / variance_ratio
+    if has_wrist:
+        s, w = state.wrist_origin, state.wrist_wrench
+        force, moment = (
+            constants.sensors.wrist_variance[0] * variance_ratio,
+            constants.sensors.wrist_variance[1] * variance_ratio,
+        )
+        energy += 0.5 * (w[0] ** 2 + w[1] ** 2 + w[2] ** 2) / force
+        energy += (
+            0.5
+            * (
+                (w[3] - s[1] * w[2] + s[2] * w[1]) ** 2
+                + (w[4] - s[2] * w[0] + s[0] * w[2]) ** 2
+                + (w[5] - s[0] * w[1] + s[1] * w[0]) ** 2
+            )
+            / moment
+        )
+    return energy
+
+
+@inlined_kernel
+def update_covariances(constants: Constants, state: State, variance_ratio: float) -> None:
+    """Fill the covariances of the residuals, noise times `variance_ratio` plus model uncertainty, and the
+    inverse of that of the base wrench."""
+    _fill_covariances(constants, state, variance_ratio)
+    bias_filter_trace = 0.0
+    for i in range(6):
+        bias_filter_trace += state.bias_filter.base_covariance[i, i]
+    # Zero trace and noise as stated: the precomputed inverse holds.
+    if bias_filter_trace > 0.0 or state.noise_scale.scale[BASE] > 1.0:
+        invert_spd(state.base_covariance, state.base_information)
+    else:
+        for i in range(6):
+            copy(constants.sensors.base_information[i], state.base_information[i])
+
+
+@inlined_kernel
+def _fill_covariances(constants: Constants, state: State, variance_ratio: float) -> None:
+    sensors, bias_filter = constants.sensors, state.bias_filter
+    for j in range(state.torque.shape[0]):
+        state.torque_variance[j] = (
+            _torque_noise(constants, state, j, variance_ratio) + bias_filter.torque_variance[j]
+        )
+    inverse_ratio, noise_scale = 1.0 / variance_ratio, state.noise_scale.scale[BASE]
+    for i in range(6):
+        for k in range(6):
+            state.base_covariance[i, k] = (
+                noise_scale * sensors.base_covariance[i, k]
+                + bias_filter.base_covariance[i, k] * inverse_ratio
+            )
+
+
+@inlined_kernel
+def _torque_noise(constants: Constants, state: State, j: int, variance_ratio: float) -> float:
+    """Variance of the residual of joint j from noise, model error and the instants of the samples [Nm^2]."""
+    noise = constants.sensors.torque_variance[j] * state.noise_scale.scale[TORQUE]
+    return float(noise * variance_ratio + state.unmodelled_std[j] ** 2 + state.timing_error.variance[j])
+
+
+@inlined_kernel
+def energy_at_rest(
+    constants: Constants,
+    state: State,
+    variance_ratio: float,
+    thresholds: tuple[float, float],
+    bandwidth: float,
+) -> float:
+    """Energy of the no-contact hypothesis from the change of the torques since the arm came to rest
+    (`contactsense.residuals.friction_at_rest`).
+
+    Args:
+        constants, state: After `update_residuals` for this sample.
+        variance_ratio, thresholds, bandwidth: As for `energy_beyond_static_friction`.
+    """
+    energy: float = energy_beyond_static_friction(
+        state.friction_at_rest,
+        state.torque_model,
+        state.stream.q,
+        state.torque,
+        constants.sensors.torque_variance,
+        variance_ratio * state.noise_scale.scale[TORQUE],
+        state.bias_filter.torque_variance,
+        state.stream.steps[TORQUE],
+        state.track.scalars[PHASE] != NONE,
+        thresholds,
+        bandwidth,
+    )
+    return energy
+
+
+@inlined_kernel
+def update_bias_filter(
+    constants: Constants,
+    state: State,
+    has_base: bool,
+    has_torque: bool,
+    variance_ratio: float,
+    bandwidth: float,
+) -> None:
+    """Update sensor biases and link masses from the residuals in free motion.
+
+    Residuals are an Ornstein-Uhlenbeck process. Samples of it taken some time apart are correlated; the
+    variance is inflated accordingly.
+
+    Args:
+        constants, state: After `update_residuals` and `energy_without_contact` for this sample.
+        has_base, has_torque: Which residuals can be used.
+        variance_ratio: Variance of the residuals over that of one sample's noise.
+        bandwidth: Cut-off frequency of the observers [Hz].
+    """
+    bias_filter, n = state.bias_filter, state.torque.shape[0]
+    if not update_is_due(bias_filter, bandwidth):
+        return
+    K = 2.0 * math.pi * bandwidth
+    correlation = math.exp(-K * bias_filter.scalars[TIME_SINCE_UPDATE])
+    variance_inflation = (1.0 + correlation) / (1.0 - correlation)
+    bias_filter.scalars[TIME_SINCE_UPDATE] = 0.0
+    if has_torque:
+        for j in range(n):
+            variance = _torque_noise(constants, state, j, variance_ratio)
+            update(bias_filter, j, n, state.joint_observer.residual[j], variance * variance_inflation)
+    if has_base:
+        for i in range(6):
+            variance = (
+                constants.sensors.base_covariance[i, i] * state.noise_scale.scale[BASE] * variance_ratio
+            )
+            update(bias_filter, n + i, n, state.base_wrench[i], variance * variance_inflation)
+    apply_correction(
+        bias_filter,
+        state.model,
+        state.torque_model,
+        state.motion,
+        bandwidth,
+        state.base_observer,
+        state.torque_difference,
+        state.joint_observer,
+        state.wrist_difference,
+    )
+    for j in range(n):
+        for k in range(state.friction_at_rest.mean_residual.shape[0]):
+            state.friction_at_rest.mean_residual[k, j] += state.joint_observer.residual[j] - state.torque[j]
