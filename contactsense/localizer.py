@@ -112,7 +112,7 @@ class Localizer:
         self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
         self._joints, self._links, primitives, _, _ = self._buffers.sizes
         self._rows = np.zeros((max(primitives, MAX_CANDIDATES), WIDTH))
-        self._estimate_builder = EstimateBuilder(scene, constants.surfaces.start)
+        self._estimate_builder = EstimateBuilder(scene, constants, self._buffers.state.motion)
         self._locator: MultiContactLocator | None = None
         self._multi_tracker: MultiContactTracker | None = None
         if scene.contacts > 1:

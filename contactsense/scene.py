@@ -25,6 +25,7 @@ from contactsense import robots
 from contactsense.robots import Robot
 from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
+from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.sensors.field_checks import describe, within_one_turn
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, WrenchSensor
@@ -92,6 +93,8 @@ class Scene(BaseModel):
     their remaining uncertainty is not mistaken for a contact."""
     tool: Tool | None = None
     """The tool or payload mounted on the tool flange; None: there is none."""
+    bodies: tuple[Body, ...] = ()
+    """Bodies of the cell that cover the arm or that it may touch: pedestals, tables, fences."""
     base_wrench: WrenchSensor | None = WrenchSensor()
     """Force/torque sensor under the base; None: there is none."""
     joint_torque: JointTorqueSensor | None = JointTorqueSensor()
@@ -198,6 +201,7 @@ class Scene(BaseModel):
                 raise ValueError(
                     f"joint_torque.fields: expected the {joints} fields that carry external_torque, got none"
                 )
+        self._has_bodies()
         if self.picks_up and (self.base_wrench is None or self.joint_torque is None or self.wrist_wrench):
             raise ValueError("picks_up: expected base_wrench and joint_torque, and no wrist_wrench")
         if self.wrist_wrench is not None and self.tool is None:
@@ -233,6 +237,26 @@ class Scene(BaseModel):
                 f"{field}: expected at least one link with a surface, got none on {self.robot.name}; "
                 "`contactsense decompose` makes surfaces from meshes"
             )
+
+    def _has_bodies(self) -> None:
+        """Raise a ValueError if name or angles of a body cannot be, or a pedestal has no sensor below it."""
+        names = list(self.link_names)
+        for index, body in enumerate(self.bodies):
+            if body.name in names:
+                raise ValueError(
+                    f"bodies.{index}.name: expected a name that no link and no other body has, "
+                    f"got {body.name!r}"
+                )
+            if body.role == "pedestal" and self.base_wrench is None:
+                raise ValueError(
+                    f"bodies.{index}.role: pedestal: expected a base_wrench below it, got none; "
+                    "a body below the sensor is a cover"
+                )
+            try:
+                within_one_turn(body.rpy)
+            except ValueError as error:
+                raise ValueError(f"bodies.{index}.rpy: {error}") from None
+            names.append(body.name)
 
     @property
     def surface_deviation(self) -> float:

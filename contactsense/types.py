@@ -41,7 +41,7 @@ class Contact:
     link_index: int
     """Its index, the base being 0."""
     primitive: int
-    """Index of the touched primitive among the link's own."""
+    """Index of the touched primitive among the link's own; pedestals add theirs to the base link's."""
     probability: float
     """Probability of this candidate, given the measurement."""
     point: np.ndarray
@@ -61,6 +61,9 @@ class Contact:
     stream."""
     phase: Phase = ""
     """Phase of the contact."""
+    body: str = ""
+    """Name of the scene's body that the contact is with: the pedestal that is touched (on the base link), or
+    an obstacle that explains the contact; empty if there is none."""
 
 
 @dataclass(frozen=True, slots=True)

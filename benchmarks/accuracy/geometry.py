@@ -12,6 +12,7 @@ from rich.table import Table
 
 from contactsense import robots as library
 from contactsense.benchmarks import options
+from contactsense.benchmarks.accuracy.link_geometry import measure_links, print_links
 from contactsense.robots import Robot, RobotError
 from contactsense.robots import yaml_schema as schema
 from contactsense.robots.library import surface_file
@@ -23,22 +24,26 @@ COLUMNS = ("p50", "p95", "max")
 @click.command()
 @click.argument("meshes", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--robot", "names", multiple=True, help="Arm; may be repeated. All of the library without it.")
+@click.option("--links", is_flag=True, help="The fine level of each link, and why it is beyond 2 mm.")
 @options.as_json
-def geometry(meshes: Path, names: tuple[str, ...], as_json: bool) -> None:
+def geometry(meshes: Path, names: tuple[str, ...], links: bool, as_json: bool) -> None:
     """Compare every level of detail with the skin of the meshes in MESHES/<robot>/<link>.ply.
 
     Skin that is always covered by neighbours or the mounting is excluded, and so are the primitives there.
     """
     rows: list[dict[str, Any]] = []
+    measure = measure_links if links else _measure
     try:
         for name in track(names or library.names(), console=Console(stderr=True), description="arms"):
-            rows += _measure(library.load(name), meshes / name)
+            rows += measure(library.load(name), meshes / name)
     except ImportError as error:
         raise click.ClickException(f"needs the extra packages: contactsense[geometry] ({error})") from error
     except RobotError as error:
         raise click.ClickException(str(error)) from error
     if as_json:
         click.echo(json.dumps(rows, indent=1))
+    elif links:
+        print_links(rows)
     else:
         _print(rows)
 

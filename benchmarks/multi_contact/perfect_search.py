@@ -63,7 +63,7 @@ class Oracle:
             skin,
         )
         self._kernel_arguments = (*self._arrays[:3], *skin)
-        self._estimate_builder = EstimateBuilder(scene, constants.surfaces.start)
+        self._estimate_builder = EstimateBuilder(scene, constants, self._kernel_buffers.state.motion)
         self._sets = MultiContactLocator(scene, self._kernel_buffers, self._arrays, self._estimate_builder)
         self._rows = np.zeros((max(len(constants.surfaces.kind), MAX_CANDIDATES), WIDTH))
 

@@ -1,7 +1,7 @@
 """Accessibility: which points of the surface can be touched.
 
-Points inside another body of the arm, points without free height above them, and the mounting face of the
-base cannot.
+Points inside another body of the arm or of the cell, points without free height above them, and the mounting
+face of the base cannot.
 """
 
 import math
@@ -32,10 +32,11 @@ FULLY_ACCESSIBLE = 0.98
 
 @inlined_fused_kernel
 def clearance(surfaces, frames, excluded, x, y, z, max_distance):  # type: ignore[no-untyped-def]
-    """Distance of a point from the nearest other primitive of the same or a neighbouring link [m].
+    """Distance of a point from the nearest other primitive of the same or a neighbouring link, or of a body
+    of the cell that covers [m].
 
     Args:
-        surfaces: Primitives.
+        surfaces: Primitives; those beyond the last link's are of bodies that cover.
         frames: Their body frames in the base frame (`rotation` and `origin`).
         excluded: Primitive that is ignored: the one on which the point lies.
         x, y, z: The point, base frame [m].
@@ -47,8 +48,10 @@ def clearance(surfaces, frames, excluded, x, y, z, max_distance):  # type: ignor
     link = surfaces.link[excluded]
     first = surfaces.start[max(link - 1, 0)]
     last = surfaces.start[min(link + 2, surfaces.start.shape[0] - 1)]
+    covers = surfaces.start[surfaces.start.shape[0] - 1]
     distance = max_distance
-    for p in range(first, last):
+    for k in range(last - first + surfaces.kind.shape[0] - covers):
+        p = first + k if k < last - first else covers + k - (last - first)
         o = frames.origin[p]
         dx, dy, dz = x - o[0], y - o[1], z - o[2]
         reach = surfaces.radius[p] + distance

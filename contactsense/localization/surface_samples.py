@@ -77,9 +77,10 @@ class Patches(NamedTuple):
 def sample_surface(surfaces: Surfaces) -> tuple[SurfaceSamples, SurfaceSubsamples, float]:
     """Samples of all primitives, their subsamples, and the area of the touchable surface [m^2].
 
-    The area is the volume of a shell around the surface divided by its thickness. Grid points in the
-    shell are weighted by a smooth window, so that the effect of curvature cancels. Each grid point
-    represents the nearest point of the surface.
+    Primitives beyond the last link's, which are of bodies that cover the arm, have no samples. The area is
+    the volume of a shell around the surface divided by its thickness. Grid points in the shell are weighted
+    by a smooth window, so that the effect of curvature cancels. Each grid point represents the nearest point
+    of the surface.
     """
     links = len(surfaces.start) - 1
     links_patches = [_surface_patches(surfaces, link) for link in range(links)]
@@ -148,8 +149,17 @@ def _surface_patches(surfaces: Surfaces, link: int) -> Patches:
     exposed = distances(surfaces, point, link)[0] > -spacing / 4
     if link == 0:
         exposed &= (point[:, 2] > MOUNTING_HEIGHT) | (normal[:, 2] > -0.5)
+        # What stands at the base covers the same part of it in all postures.
+        exposed &= cover_distances(surfaces, point) > -spacing / 4
     patches = Patches(point, normal, primitive.astype(np.int64), np.zeros(len(point)), weight)
     return Patches(*(values[exposed] for values in patches))
+
+
+def cover_distances(surfaces: Surfaces, points: np.ndarray) -> np.ndarray:
+    """Signed distances of points, base frame, shape (N, 3) [m], to the bodies that cover the arm, shape (N,)
+    [m]; infinite without any."""
+    covers = surfaces._replace(start=np.array([surfaces.start[-1], len(surfaces.kind)], dtype=np.int64))
+    return distances(covers, points)[0]
 
 
 def _assign_to_cells(patches: Patches, edge: float, count: int) -> np.ndarray:

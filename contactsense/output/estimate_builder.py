@@ -4,7 +4,10 @@ import math
 
 import numpy as np
 
+from contactsense.kinematics.model import Motion
 from contactsense.output.fast_dataclass import mutable_twin
+from contactsense.output.touched_body import TouchedBody
+from contactsense.runtime.constants import Constants
 from contactsense.runtime.result_rows import NUMBERS, VECTORS
 from contactsense.runtime.state import State
 from contactsense.scene import Scene
@@ -17,10 +20,17 @@ NOT_EXPLAINED = "an external force acts on the arm, but no single push on a touc
 class EstimateBuilder:
     """Builds estimates for one scene."""
 
-    def __init__(self, scene: Scene, first_primitive: np.ndarray) -> None:
-        """Look up names and frames of `scene`; `first_primitive`: index of each link's first primitive."""
+    def __init__(self, scene: Scene, constants: Constants, motion: Motion) -> None:
+        """Look up names and frames.
+
+        Args:
+            scene: The scene.
+            constants: Its constants.
+            motion: Poses of the links in the sample that is being explained.
+        """
         self._names = scene.link_names
-        self._first_primitive: list[int] = first_primitive.tolist()
+        self._first_primitive: list[int] = constants.surfaces.start.tolist()
+        self._touched_body = TouchedBody(scene, constants, motion) if scene.bodies else None
         self._clear = scene.clear
         self._flange = (scene.robot.flange_rotation, scene.robot.flange_translation)
         self._joints = len(scene.robot.joints)
@@ -91,15 +101,18 @@ class EstimateBuilder:
         """One contact from a row, see `contactsense.runtime.result_rows`; it keeps views of the row."""
         link, primitive, probability, torsion = row[NUMBERS].tolist()
         link = int(link)
+        primitive = int(primitive) - self._first_primitive[link]
         vectors = row[VECTORS].reshape(7, 3)
-        point = vectors[0]
+        point, body = vectors[0], ""
+        if self._touched_body is not None:
+            body = self._touched_body.name(link, primitive, vectors[1], vectors[3], vectors[4:])
         if link > self._joints:
             # A tool's points are given in the flange frame, not in that of its body.
             point = (point - self._flange[1]) @ self._flange[0]
         contact = _new_contact(
             self._names[link],
             link,
-            int(primitive) - self._first_primitive[link],
+            primitive,
             probability,
             point,
             vectors[1],
@@ -109,6 +122,7 @@ class EstimateBuilder:
             vectors[4:],
             number,
             phase,
+            body,
         )
         contact.__class__ = Contact
         return contact

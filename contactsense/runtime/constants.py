@@ -12,8 +12,9 @@ from contactsense.localization.posterior import Prior
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots import Inertia, Link, Robot
-from contactsense.robots.surface.convex_primitives import Surfaces, pack
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia, move_inertia
+from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
 
@@ -24,7 +25,8 @@ class Constants(NamedTuple):
     model: Model
     """Kinematics and inertia, the tool joined to the last link."""
     surfaces: Surfaces
-    """Touchable surface; the primitives of a tool are given in the frame of the last link."""
+    """Touchable surface; the primitives of a tool are given in the frame of the last link. Primitives beyond
+    `start[-1]` are those of bodies that cover it, base frame; their `link` is 0."""
     samples: SurfaceSamples
     """Samples of that surface, in the same frames."""
     subsamples: SurfaceSubsamples
@@ -61,7 +63,7 @@ def build_constants(scene: Scene) -> Constants:
     tool = tool_in_last_link(scene)
     torque = scene.joint_torque or JointTorqueSensor()
     wrist = scene.wrist_wrench or WrenchSensor()
-    surfaces = _surfaces(scene)
+    surfaces = scene_surfaces(scene)
     samples, subsamples, area = sample_surface(surfaces)
     return Constants(
         model=model_with_tool(scene),
@@ -77,9 +79,7 @@ def build_constants(scene: Scene) -> Constants:
             clearance=scene.clearance,
             area=area,
         ),
-        touchable=np.array(
-            [scene.touchable is None or name in scene.touchable for name in scene.link_names], dtype=np.int64
-        ),
+        touchable=touchable_links(scene),
         gravity=scene.gravity_base,
         tool_mass=tool.mass,
         tool_com=tool.com,
@@ -114,29 +114,6 @@ def model_with_tool(scene: Scene) -> Model:
     if scene.joint_torque is not None and scene.joint_torque.rotor_inertia is not None:
         model = model._replace(rotor_inertia=np.array(scene.joint_torque.rotor_inertia))
     return model
-
-
-def _surfaces(scene: Scene) -> Surfaces:
-    """Primitives of all touchable links at the scene's level of detail; other links have none."""
-    links = list(scene.robot.links)
-    if len(scene.link_names) > len(links):
-        assert scene.tool is not None
-        links.append(Link(scene.tool.name, scene.tool.inertia, scene.tool.primitives))
-    surfaces = pack([_at_detail(link, scene) for link in links])
-    if len(links) > len(scene.robot.links):
-        first = surfaces.start[-2]
-        R, o = scene.robot.flange_rotation, scene.robot.flange_translation
-        surfaces.rotation[first:] = R @ surfaces.rotation[first:]
-        surfaces.origin[first:] = surfaces.origin[first:] @ R.T + o
-    return surfaces
-
-
-def _at_detail(link: Link, scene: Scene) -> Link:
-    if scene.touchable is not None and link.name not in scene.touchable:
-        return Link(link.name, link.inertia)
-    if scene.detail == "coarse" and link.coarse:
-        return Link(link.name, link.inertia, link.coarse)
-    return link
 
 
 def _sensors(scene: Scene) -> SensorModel:

@@ -28,7 +28,11 @@ def skin_of(scene: Scene) -> Grids:
     # A plain read-only array has the same type for the kernels as the empty one of a scene without skin.
     values = np.asarray(grids.values)
     values.setflags(write=False)
-    return grids._replace(values=values)
+    shape = grids.shape.copy()
+    if any(body.role == "pedestal" for body in scene.bodies):
+        # The line of action of a push on the pedestal may cross the base link behind it.
+        shape[0] = 0
+    return grids._replace(values=values, shape=shape)
 
 
 def _no_skin() -> Grids:

@@ -5,7 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.kinematics.model import Motion
-from contactsense.localization.surface_samples import MOUNTING_HEIGHT, SurfaceSamples, SurfaceSubsamples
+from contactsense.localization.surface_samples import (
+    MOUNTING_HEIGHT,
+    SurfaceSamples,
+    SurfaceSubsamples,
+    cover_distances,
+)
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.robots.surface.union import distances
 from contactsense.runtime.constants import Constants
@@ -49,7 +54,8 @@ def touchable_places(
     point = origin + np.einsum("nij,nj->ni", rotation, samples.point)
     normal = np.einsum("nij,nj->ni", rotation, samples.normal)
     above = point + constants.prior.clearance * normal
-    free = ~((link == 0) & (point[:, 2] < MOUNTING_HEIGHT) & (normal[:, 2] < -0.5))
+    free = cover_distances(surfaces, above) > 0.0
+    free &= ~((link == 0) & (point[:, 2] < MOUNTING_HEIGHT) & (normal[:, 2] < -0.5))
     for other, body in enumerate(depth):
         if surfaces.start[other] < surfaces.start[other + 1]:
             seen = (above - motion.origin[body]) @ motion.rotation[body]

@@ -41,10 +41,10 @@ def read_arm(
 
 
 def read_tool(path: Path, scale: float = 1.0) -> tuple[Robot, dict[str, trimesh.Trimesh]]:
-    """A tool and its mesh, as the last link of a robot whose other link, the flange, has none.
+    """A tool or a body of the cell, and its mesh, as the last link of a robot whose other link has none.
 
     Args:
-        path: A mesh, or a URDF, whose root link is at the flange; its movable joints are held at zero.
+        path: A mesh, or a URDF; a tool's root link is at the flange, movable joints are held at zero.
         scale: Of a mesh: metres per unit.
 
     Raises:
@@ -60,7 +60,8 @@ def read_tool(path: Path, scale: float = 1.0) -> tuple[Robot, dict[str, trimesh.
         mesh, body, held = read_rigid(path)
     else:
         raise RobotError(
-            f"{path}: expected a mesh ({', '.join(MESH_SUFFIXES)}) or a URDF for a tool, got {path.suffix!r}"
+            f"{path}: expected a mesh ({', '.join(MESH_SUFFIXES)}) or a URDF for a tool or a body, "
+            f"got {path.suffix!r}"
         )
     joint = Joint("flange", np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]), (0.0, 0.0), np.inf, np.inf)
     links = (Link("flange", _NO_MASS), Link("tool", body))

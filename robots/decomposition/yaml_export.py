@@ -110,6 +110,13 @@ def tool_text(name: str, body: Inertia, shapes: Iterable[Primitive], comments: I
     return "\n".join(lines) + "\n"
 
 
+def body_text(name: str, shapes: Iterable[Primitive], comments: Iterable[str]) -> str:
+    """The field `bodies` of a scene, with one body."""
+    lines = [f"# {comment}".rstrip() for comment in comments]
+    lines += ["bodies:", f"  - name: {name}", "    primitives:", *(f"      - {_fields(x)}" for x in shapes)]
+    return "\n".join(lines) + "\n"
+
+
 def _fields(shape: Primitive) -> str:
     return "{" + ", ".join(f"{name}: {_plain(value)}" for name, value in shape.model_dump().items()) + "}"
 

@@ -100,6 +100,11 @@ class ContactOut(BaseModel):
         description="new: it has just begun; hold: it keeps its place; slide: it moves; empty where there is "
         "no stream.",
     )
+    body: str = Field(
+        "",
+        description="Name of the scene's body that the contact is with: the pedestal that is touched, or an "
+        "obstacle that explains the contact; empty where there is none.",
+    )
 
 
 class EstimateOut(BaseModel):
@@ -386,6 +391,7 @@ def _contact_dict(contact: Contact) -> dict[str, Any]:
         "covariance": _finite(contact.covariance),
         "id": contact.id,
         "phase": contact.phase,
+        "body": contact.body,
     }
 
 

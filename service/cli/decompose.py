@@ -33,7 +33,13 @@ _COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
 @click.option("--tip", help="Last link of the arm in a URDF; else the longest chain of revolute joints.")
 @click.option("--as-tool", is_flag=True, help="ARM is a tool: a mesh, or a URDF, in the flange's frame.")
 @click.option(
-    "--scale", default=1.0, show_default=True, help="Metres per unit of a tool's mesh, as 0.001 for mm."
+    "--as-body", is_flag=True, help="ARM is a body of the cell: a mesh, or a URDF, in its own frame."
+)
+@click.option(
+    "--scale",
+    default=1.0,
+    show_default=True,
+    help="Metres per unit of the mesh of a tool or body, as 0.001 for mm.",
 )
 @click.option("--tolerance", default="2mm", show_default=True, help="Wanted 95th percentile of the distance.")
 @click.option("--max", "most", type=click.IntRange(min=1), help="Largest number of primitives in total.")
@@ -68,6 +74,7 @@ def decompose(
     source: str,
     tip: str | None,
     as_tool: bool,
+    as_body: bool,
     scale: float,
     tolerance: str,
     most: int | None,
@@ -79,11 +86,11 @@ def decompose(
     picture: Path | None,
 ) -> None:
     """Fit convex primitives to the outer skin of each link of ARM, a URDF or a name that `contactsense
-    robots` lists; or of a tool, a mesh or a URDF, with --as-tool.
+    robots` lists; or of a tool or a body of the cell, a mesh or a URDF, with --as-tool or --as-body.
 
-    Writes the surface of an arm, or the field `tool` of a scene. Movable joints that are not the arm's, such
-    as a gripper's, are held at zero. Without --out the YAML goes to standard output, and the table of errors
-    to standard error.
+    Writes the surface of an arm, or the field `tool` or `bodies` of a scene. Movable joints that are not the
+    arm's, such as a gripper's, are held at zero. Without --out the YAML goes to standard output, and the
+    table of errors to standard error.
     """
     try:
         from contactsense.robots.decomposition.decompose import Options, choose
@@ -92,13 +99,16 @@ def decompose(
         raise click.ClickException(
             f"needs the extra packages: pip install contactsense[geometry] ({error})"
         ) from error
-    if as_tool and (meshes is not None or tip is not None):
-        raise click.UsageError("--as-tool: expected no --meshes and no --tip: a tool is one body")
-    if not as_tool and scale != 1.0:
-        raise click.UsageError("--scale: expected --as-tool: the meshes of an arm are in metres")
+    if as_tool and as_body:
+        raise click.UsageError("--as-tool, --as-body: expected one of them, got both")
+    rigid = "--as-tool" if as_tool else "--as-body" if as_body else ""
+    if rigid and (meshes is not None or tip is not None):
+        raise click.UsageError(f"{rigid}: expected no --meshes and no --tip: ARM is a single body")
+    if not rigid and scale != 1.0:
+        raise click.UsageError("--scale: expected --as-tool or --as-body: the meshes of an arm are in metres")
     options = Options(tolerance=_length(tolerance), most=link_max, seed=seed, boxes=not no_boxes)
     try:
-        robot, surfaces = read_tool(Path(arm), scale) if as_tool else read_arm(arm, meshes, tip)
+        robot, surfaces = read_tool(Path(arm), scale) if rigid else read_arm(arm, meshes, tip)
     except RobotError as error:
         raise click.ClickException(str(error)) from error
     if robot.held:
@@ -110,9 +120,11 @@ def decompose(
     chosen = dict(zip(names, choose([fits[name] for name in names], options.tolerance, most), strict=True))
     best = {name: fits[name][chosen[name]] for name in names}
     _report(best)
-    command = _command(arm, options, tip, as_tool, scale)
+    command = _command(arm, options, tip, rigid, scale)
     if as_tool:
         text = _tool_yaml(robot, best["tool"], command, source or Path(arm).name)
+    elif as_body:
+        text = _body_yaml(robot, best["tool"], command, source or Path(arm).name)
     else:
         text = _yaml(robot, fits, chosen, command, seconds, source)
     try:
@@ -172,13 +184,13 @@ def _draw(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", best: "dict[str, F
         draw_fits(robot, meshes, bodies, path, drawn=lambda: progress.advance(task))
 
 
-def _command(arm: str, options: "Options", tip: str | None, as_tool: bool, scale: float) -> str:
+def _command(arm: str, options: "Options", tip: str | None, rigid: str, scale: float) -> str:
     """The command that makes the file again."""
     asked = f"--tolerance {options.tolerance * 1e3:g}mm --link-max {options.most} --seed {options.seed}"
     if tip:
         asked += f" --tip {tip}"
-    if as_tool:
-        asked += " --as-tool" + (f" --scale {scale:g}" if scale != 1.0 else "")
+    if rigid:
+        asked += f" {rigid}" + (f" --scale {scale:g}" if scale != 1.0 else "")
     return f"contactsense decompose {Path(arm).name} {asked}"
 
 
@@ -194,6 +206,18 @@ def _tool_yaml(robot: Robot, fit: "Fit", command: str, source: str) -> str:
     if not body.mass > 0.0:
         comments.append("Add mass [kg] and com [m], or let contactsense calibrate estimate them.")
     return tool_text(robot.name, body, primitives(fit.bodies), comments)
+
+
+def _body_yaml(robot: Robot, fit: "Fit", command: str, source: str) -> str:
+    from contactsense.robots.decomposition.yaml_export import body_text, primitives
+
+    comments = (
+        "Body of the cell for a scene: convex primitives in the frame of the mesh, in metres.",
+        f"Made by: {command}",
+        f"Meshes: {source}",
+        "Add translation [m] and rpy [rad] of that frame in the base frame, and the role.",
+    )
+    return body_text(robot.name, primitives(fit.bodies), comments)
 
 
 def _yaml(

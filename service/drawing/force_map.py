@@ -84,7 +84,13 @@ def _views(
     poses = np.tile(np.eye(4), (len(scene.link_names), 1, 1))
     depth = constants.sensors.depth
     poses[:, :3, :3], poses[:, :3, 3] = world @ motion.rotation[depth], motion.origin[depth] @ world.T
-    surfaces = at_pose(constants.surfaces, poses)
+    # Bodies that cover the arm follow the last link's primitives.
+    of_links = {
+        name: array[: constants.surfaces.start[-1]]
+        for name, array in constants.surfaces._asdict().items()
+        if name != "start"
+    }
+    surfaces = at_pose(constants.surfaces._replace(**of_links), poses)
     reach = surfaces.radius[:, None]
     low, top = (surfaces.origin - reach).min(axis=0), (surfaces.origin + reach).max(axis=0)
     images = []

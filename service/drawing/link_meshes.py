@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense.robots.primitives import Primitive
+from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surface.convex_primitives import body, bounding_radius, project
 from contactsense.scene import Scene
 
@@ -29,6 +30,17 @@ def link_meshes(scene: Scene) -> tuple[Mesh, ...]:
         shapes.append(scene.tool.primitives)
     sphere = _sphere(SUBDIVISIONS)
     return tuple(_joined([_primitive_mesh(shape, sphere) for shape in link]) for link in shapes)
+
+
+def body_meshes(scene: Scene) -> tuple[Mesh, ...]:
+    """One mesh for each of `scene.bodies`, in the base frame."""
+    sphere = _sphere(SUBDIVISIONS)
+    found = []
+    for body_ in scene.bodies:
+        mesh = _joined([_primitive_mesh(shape, sphere) for shape in body_.primitives])
+        turned = mesh.vertices @ rotation_from_rpy(body_.rpy).T
+        found.append(Mesh(turned + np.array(body_.translation), mesh.faces))
+    return tuple(found)
 
 
 def _primitive_mesh(shape: Primitive, sphere: Mesh) -> Mesh:

@@ -29,6 +29,10 @@ class ContactEvent(BaseModel):
     t: float = Field(0.0, description="Time on the robot's clock [s].")
     time: str = Field("", description="Time on the host's clock, ISO 8601 in UTC.")
     link: str = Field("", description="The most probable link; of the whole contact where it has ended.")
+    body: str = Field(
+        "",
+        description="The scene's body that most samples of the contact name; empty where there is none.",
+    )
     point: Vector | None = Field(
         None, description="Contact centroid, link frame [m]: the weighted mean over the contact so far."
     )

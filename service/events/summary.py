@@ -7,6 +7,7 @@ filtered noise and the error of the surface model, so averaging must not reduce 
 """
 
 import math
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,6 +50,7 @@ class _OpenContact:
         self.number, self.begin, self.last = number, t, t
         self.samples = 0
         self.places: dict[str, _Place] = {}
+        self.bodies: Counter[str] = Counter()
         self.impulse = np.zeros(3)
         self.peak = 0.0
         self.best: Contact | None = None
@@ -60,6 +62,7 @@ class _OpenContact:
             self.impulse += step * 0.5 * (self.best.force_base + best.force_base)
         self.last, self.best = t, best
         self.samples += 1
+        self.bodies[best.body] += 1
         magnitude = float(np.linalg.norm(best.force_base))
         if math.isfinite(magnitude):
             self.peak = max(self.peak, magnitude)
@@ -81,6 +84,7 @@ class _OpenContact:
             t=event.t,
             time=time,
             link=link,
+            body=self.bodies.most_common(1)[0][0],
             point=(place.point / place.weight).tolist() if known else None,
             point_base=(place.point_base / place.weight).tolist() if known else None,
             force_base=force.tolist(),

@@ -17,6 +17,13 @@ EXAMPLE: dict[str, Any] = {
             {"kind": "box", "center": [0, 0, 0.115], "half": [0.05, 0.015, 0.025], "rounding": 0.004},
         ],
     },
+    "bodies": [
+        {"name": "adapter", "role": "pedestal",
+         "primitives": [{"kind": "cylinder", "a": [0, 0, -0.035], "b": [0, 0, 0], "radius_a": 0.11,
+                         "radius_b": 0.11, "rounding": 0.003}]},
+        {"name": "table", "translation": [0.86, 0.0, -0.08], "rpy": [0.0, -0.5236, 0.0],
+         "primitives": [{"kind": "box", "center": [0, 0, 0], "half": [0.3, 0.5, 0.02], "rounding": 0.005}]},
+    ],
     "base_wrench": {
         "force_noise": 0.3,
         "moment_noise": 0.05,
@@ -37,4 +44,5 @@ EXAMPLE: dict[str, Any] = {
     },
     "touchable": ["upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3", "gripper"],
 }  # fmt: skip
-"""A UR10e on a tilted pedestal with a force/torque sensor below it, motor currents, and a gripper."""
+"""A UR10e, tilted, on an adapter plate on a force/torque sensor, with motor currents and a gripper, beside a
+table."""

@@ -8,6 +8,7 @@ import yaml
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.scene import Scene
 from contactsense.sensors.settings import Friction, JointTorqueSensor, LinkInertia, WrenchSensor
@@ -26,6 +27,7 @@ TABLES: Mapping[str, type[BaseModel]] = {
     "`joint_torque`": JointTorqueSensor,
     "`joint_torque.friction`": Friction,
     "`tool`": Tool,
+    "`bodies`, each": Body,
     "`inertia`, for each link by name": LinkInertia,
 }
 """Heading -> model, in the order of docs/scene.md."""

@@ -1,4 +1,5 @@
-"""A picture of the arm in its place: gravity, frames of base and sensors, links that can be touched."""
+"""A picture of the arm in its place: gravity, frames of base and sensors, links that can be touched, bodies
+of the cell."""
 
 from pathlib import Path
 
@@ -6,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 
 from contactsense.scene import Scene
-from contactsense.service.drawing.link_meshes import link_meshes
+from contactsense.service.drawing.link_meshes import body_meshes, link_meshes
 from contactsense.service.drawing.palette import link_colour
 from contactsense.service.scene.summary import link_places
 
@@ -14,6 +15,8 @@ _VIEWS = ((-60.0, 18.0), (30.0, 18.0))
 """Azimuth and elevation of the two views [deg]."""
 _AXIS_COLOURS = ("#d62728", "#2ca02c", "#1f77b4")
 _NOT_TOUCHABLE = "#d5d8dc"
+_BODY_COLOURS = {"obstacle": "#b08968", "cover": "#8d99ae", "pedestal": "#6d597a"}
+"""Role of a body -> its colour."""
 
 
 def draw_scene(scene: Scene, q: np.ndarray, path: Path) -> None:
@@ -49,6 +52,7 @@ def draw_scene(scene: Scene, q: np.ndarray, path: Path) -> None:
     for patch in legend:
         if patch.get_label() not in touchable:
             patch.set_label(f"{patch.get_label()} (not touchable)")
+    legend += [Patch(color=_BODY_COLOURS[b.role], label=f"{b.name} ({b.role})") for b in scene.bodies]
     figure.legend(handles=legend, loc="outside lower center", ncols=5, frameon=False)
     figure.suptitle(f"{scene.robot.name} as mounted, the vertical upward; axes: x red, y green, z blue")
     try:
@@ -63,12 +67,19 @@ def _colour(scene: Scene, link: int) -> str:
 
 
 def _triangles(scene: Scene, to_world: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of all links, world axes, shape (T, 3, 3) [m], and their colours (T, 3), 0 to 1."""
+    """Triangles of all links and bodies, world axes, shape (T, 3, 3) [m], and their colours (T, 3), 0 to
+    1."""
+    links = zip(link_meshes(scene), places, strict=True)
+    parts = [(mesh, place, _colour(scene, i)) for i, (mesh, place) in enumerate(links)]
+    parts += [
+        (mesh, np.eye(4), _BODY_COLOURS[body.role])
+        for mesh, body in zip(body_meshes(scene), scene.bodies, strict=True)
+    ]
     corners, colours = [], []
-    for i, (mesh, place) in enumerate(zip(link_meshes(scene), places, strict=True)):
+    for mesh, place, colour in parts:
         points = (mesh.vertices @ place[:3, :3].T + place[:3, 3]) @ to_world.T
         corners.append(points[mesh.faces])
-        colours.append(np.tile(mpl.colors.to_rgb(_colour(scene, i)), (len(mesh.faces), 1)))
+        colours.append(np.tile(mpl.colors.to_rgb(colour), (len(mesh.faces), 1)))
     return np.concatenate(corners), np.concatenate(colours)
 
 

@@ -33,6 +33,7 @@ def summarize(scene: Scene, q: np.ndarray) -> tuple[Line, ...]:
         Line("robot", f"{robot.name}, {len(robot.joints)} joints, {robot.mass:.2f} kg without tool"),
         Line("mounting", _mounting(scene)),
         Line("tool", _tool(scene)),
+        Line("bodies", _bodies(scene)),
         *_base_sensor(scene, weight, q),
         Line("joint_torque", _torque(scene)),
         *_wrist_sensor(scene),
@@ -98,6 +99,10 @@ def _tool(scene: Scene) -> str:
         return "none"
     surface = f"{len(tool.primitives)} primitives" if tool.primitives else "no surface"
     return f"{tool.name}, {tool.mass:g} kg at {_vector(tool.com, 'm')} of the flange, {surface}"
+
+
+def _bodies(scene: Scene) -> str:
+    return ", ".join(f"{body.name} ({body.role})" for body in scene.bodies) or "none"
 
 
 def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, ...]:

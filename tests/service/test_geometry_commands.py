@@ -73,7 +73,9 @@ def test_robots_draws_one(tmp_path: Path) -> None:
         (["decompose", "hand.stl"], 1, "hand.stl: a mesh, not an arm; is it a tool?"),
         (["decompose", "hand.stl", "--as-tool"], 1, "hand.stl: no such mesh"),
         (["decompose", "hand.stl", "--as-tool", "--tip", "palm"], 2, "--as-tool: expected no --meshes"),
-        (["decompose", "ur5e", "--scale", "0.001"], 2, "--scale: expected --as-tool"),
+        (["decompose", "ur5e", "--scale", "0.001"], 2, "--scale: expected --as-tool or --as-body"),
+        (["decompose", "hand.stl", "--as-tool", "--as-body"], 2, "expected one of them, got both"),
+        (["decompose", "hand.stl", "--as-body", "--meshes", "."], 2, "--as-body: expected no --meshes"),
     ],
 )
 def test_wrong_use_is_told(arguments: list[str], status: int, message: str) -> None:
@@ -98,6 +100,19 @@ def test_decompose_a_urdf_and_load_what_it_made(tmp_path: Path) -> None:
     robot = robots.load(urdf)
     assert 2 <= sum(len(link.primitives) for link in robot.links) <= 3
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+def test_decompose_a_body_for_a_scene(tmp_path: Path) -> None:
+    two_meshes()["base"].export(tmp_path / "post.stl")
+    out = tmp_path / "post.yaml"
+    result = call("decompose", str(tmp_path / "post.stl"), "--as-body", "--jobs", "1", "--out", str(out))
+    assert result.exit_code == 0, result.output
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("robot: ur5e\n" + out.read_text())
+    body = Scene.load(scene).bodies[0]
+    assert (body.name, body.role) == ("post", "obstacle")
+    assert 1 <= len(body.primitives) <= 2
 
 
 @pytest.mark.slow

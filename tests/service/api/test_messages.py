@@ -24,6 +24,7 @@ CONTACT = Contact(
     covariance=np.diag([1e-6, 2e-6, 3e-6]),
     id=4,
     phase="slide",
+    body="table",
 )
 ESTIMATE = Estimate(
     t=12.5,
@@ -51,6 +52,7 @@ def test_an_estimate_arrives_as_it_left() -> None:
     assert [contact.link for contact in read_back.contacts] == ["forearm", "wrist_1"]
     assert [(contact.id, contact.phase) for contact in read_back.contacts] == [(4, "slide")] * 2
     assert read_back.events == []
+    assert [contact.body for contact in read_back.contacts] == ["table"] * 2
     first = read_back.contacts[0]
     for name in ("point", "point_base", "normal_base", "force_base", "covariance"):
         np.testing.assert_array_equal(getattr(first, name), getattr(CONTACT, name))

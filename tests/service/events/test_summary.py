@@ -54,6 +54,17 @@ def test_the_link_is_that_of_the_whole_contact() -> None:
     assert release.link == "forearm"
 
 
+def test_the_body_is_that_of_most_samples() -> None:
+    summaries = ContactSummaries()
+    at_table = replace(FOREARM, body="table")
+    (onset,) = summaries.update(estimate(0.0, FOREARM, event="onset"), "")
+    for k in range(4):
+        summaries.update(estimate(0.01 * (k + 1), at_table if k else FOREARM, WRIST), "")
+    (hold,) = summaries.update(estimate(0.05, at_table, event="hold"), "")
+    (release,) = summaries.update(estimate(0.2, event="release"), "")
+    assert (onset.body, hold.body, release.body) == ("", "table", "table")
+
+
 def test_sharper_samples_count_more() -> None:
     summaries = ContactSummaries()
     summaries.update(estimate(0.0, FOREARM, event="onset"), "")

@@ -1,0 +1,63 @@
+"""The surfaces of a scene for the kernels: arm, tool, and the bodies that cover them or stand on the base
+sensor."""
+
+import numpy as np
+
+from contactsense.robots import Link
+from contactsense.robots.surface.convex_primitives import Surfaces, pack
+from contactsense.robots.surroundings import pack_bodies
+from contactsense.scene import Scene
+
+
+def scene_surfaces(scene: Scene) -> Surfaces:
+    """Primitives of all touchable links at the scene's level of detail; other links have none.
+
+    Those of pedestals follow the base link's own, as they are rigidly joined to it. Those of covers, in the
+    base frame, follow the last link's: they belong to no link, so that no contact is searched on them.
+    """
+    links = list(scene.robot.links)
+    if len(scene.link_names) > len(links):
+        assert scene.tool is not None
+        links.append(Link(scene.tool.name, scene.tool.inertia, scene.tool.primitives))
+    surfaces = pack([_at_detail(link, scene) for link in links])
+    if len(links) > len(scene.robot.links):
+        first = surfaces.start[-2]
+        R, o = scene.robot.flange_rotation, scene.robot.flange_translation
+        surfaces.rotation[first:] = R @ surfaces.rotation[first:]
+        surfaces.origin[first:] = surfaces.origin[first:] @ R.T + o
+    pedestals, covers = (
+        pack_bodies(body for body in scene.bodies if body.role == role) for role in ("pedestal", "cover")
+    )
+    surfaces = _inserted(surfaces, int(surfaces.start[1]), pedestals)
+    surfaces.start[1:] += len(pedestals.kind)
+    return _inserted(surfaces, len(surfaces.kind), covers)
+
+
+def touchable_links(scene: Scene) -> np.ndarray:
+    """1 for links that can be touched, else 0, shape (links,), int64; a pedestal is part of the base link."""
+    pedestal = any(body.role == "pedestal" for body in scene.bodies)
+    return np.array(
+        [
+            scene.touchable is None or name in scene.touchable or (index == 0 and pedestal)
+            for index, name in enumerate(scene.link_names)
+        ],
+        dtype=np.int64,
+    )
+
+
+def _at_detail(link: Link, scene: Scene) -> Link:
+    if scene.touchable is not None and link.name not in scene.touchable:
+        return Link(link.name, link.inertia)
+    if scene.detail == "coarse" and link.coarse:
+        return Link(link.name, link.inertia, link.coarse)
+    return link
+
+
+def _inserted(surfaces: Surfaces, index: int, added: Surfaces) -> Surfaces:
+    """Surfaces with further primitives before number `index`; `start` stays as it is."""
+    joined = {
+        name: np.concatenate((old[:index], getattr(added, name), old[index:]))
+        for name, old in surfaces._asdict().items()
+        if name != "start"
+    }
+    return surfaces._replace(**joined)
