@@ -19,7 +19,8 @@ from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene
 from contactsense.benchmarks import options
-from contactsense.calibration import FreeMotion, Settings, SuspectedContact, calibrate
+from contactsense.benchmarks.calibration.payload_strike import strike
+from contactsense.calibration import Calibration, FreeMotion, Settings, SuspectedContact, calibrate
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.parameters import Group
 from contactsense.calibration.recording_residuals import residuals, settled_samples
@@ -67,14 +68,29 @@ def read(path: Path, scene: Scene) -> tuple[FreeMotion, np.ndarray]:
     return FreeMotion(table[:, 0], table[:, 1:7], table[:, 7:13], torque, None, path.name), table[:, 19:25]
 
 
+def _uncalibrated() -> Scene:
+    return Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+
+
+def _calibrated(folder: Path) -> Calibration:
+    scene = _uncalibrated()
+    files = [read(folder / f"{name}.csv.gz", scene)[0] for name in IDENTIFICATION]
+    return calibrate(scene, files, Settings(_GROUPS))
+
+
+def calibrated_scene(folder: Path) -> Scene:
+    """The arm with joint torques, calibrated on the identification files."""
+    return _calibrated(folder).scene
+
+
 def measure(folder: Path) -> dict[str, Any]:
     """Calibrate on the identification files and measure the others."""
-    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+    scene = _uncalibrated()
 
     def file(name: str) -> tuple[FreeMotion, np.ndarray]:
         return read(folder / f"{name}.csv.gz", scene)
 
-    found = calibrate(scene, [file(name)[0] for name in IDENTIFICATION], Settings(_GROUPS))
+    found = _calibrated(folder)
     arm = CalibrationModel.of(found.scene)
     free: dict[str, Any] = {}
     for name in FREE:
@@ -93,18 +109,23 @@ def measure(folder: Path) -> dict[str, Any]:
         t = recording.t - recording.t[0]
         touched[name] = {"touches": _touches(t, energy, threshold), "onsets": _since(recording, onsets)}
     by_group: dict[str, dict[str, list[float]]] = {"identification": {}, "jointwise": {}, "loaded": {}}
+    strikes: dict[str, list[dict[str, Any]]] = {}
     seconds = sum(_duration(file(name)[0]) for name in FREE)
     for group, names in (("identification", IDENTIFICATION), ("jointwise", JOINTWISE), ("loaded", LOADED)):
         for name in names:
             recording, _ = file(name)
             own = _with_payload(found.scene, recording) if group == "loaded" else found.scene
-            by_group[group][name] = _since(recording, _stream_energies(own, recording)[1])
+            onsets = _since(recording, _stream_energies(own, recording)[1])
+            by_group[group][name] = onsets
+            if group == "loaded":
+                strikes[name] = [strike(own, recording, t)._asdict() for t in onsets]
             seconds += _duration(recording)
     return {
         "free": free,
         "threshold": threshold,
         "touched": touched,
         **by_group,
+        "strikes": strikes,
         "free_seconds": seconds,
         "warnings": list(found.warnings),
     }
@@ -122,7 +143,7 @@ def _with_payload(scene: Scene, recording: FreeMotion) -> Scene:
 
 def left_out(folder: Path, names: Sequence[str]) -> dict[str, list[SuspectedContact]]:
     """Calibrate on each file alone: the stretches in which something seems to push on the arm."""
-    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+    scene = _uncalibrated()
     return {
         name: list(calibrate(scene, [read(folder / f"{name}.csv.gz", scene)[0]]).contacts) for name in names
     }
@@ -220,4 +241,12 @@ def recordings(folder: Path, alone: bool, as_json: bool) -> None:
         for name, onsets in result[group].items():
             times = ", ".join(f"{t:.2f} s" for t in onsets) or "none"
             console.print(f"{name}, {what}: onsets: {times}")
+    for found in result["strikes"].values():
+        for hit in found:
+            x, y, z = hit["force"]
+            console.print(
+                f"  onset at {hit['t']:.2f} s: force ({x:.0f}, {y:.0f}, {z:.0f}) N, "
+                f"{hit['distance']:.2f} m from the flange, moment along it {hit['pitch']:.2f} m; "
+                f"payload at a height of {hit['height']:.2f} m, lowest {hit['lowest']:.2f} m"
+            )
     console.print(f"free motion in all: {result['free_seconds']:.0f} s")

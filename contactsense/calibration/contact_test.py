@@ -8,7 +8,8 @@ factor that was measured on real arms (`_TAILS`). Around each window beyond this
 level of ordinary windows belongs to the contact (thresholds with hysteresis).
 
 Friction is not taken for a contact: the spread of slow and of fast motion is measured apart, and a joint at
-rest may hold any torque up to its Coulomb friction.
+rest may hold any torque up to its Coulomb friction. While the arm rests, the change of the torques counts as
+well (`contactsense.calibration.rest_test`).
 """
 
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from scipy.special import chdtri
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.recording_residuals import recently_moved, residuals, settled_samples
+from contactsense.calibration.rest_test import changes_at_rest
 from contactsense.calibration.trimmed_fit import WINDOW
 
 _SLOW = 0.05
@@ -37,7 +39,8 @@ _MARGIN = 0.25
 _PAUSE = 0.5
 """Contacts closer to each other than this are one [s]."""
 _FELT = 4.0
-"""A contact is felt by the channels beyond this many standard deviations."""
+"""A contact is felt by the channels beyond this many standard deviations, at rest by the joints whose torque
+changes by more than Coulomb friction."""
 
 
 @dataclass(frozen=True)
@@ -87,12 +90,16 @@ def suspected_contacts(
     slow[:, :joints] = np.abs(recording.qd) < _SLOW
     score = (np.maximum(excess, 0.0) / _spread(np.abs(mean), slow, known))[:, used]
     energy = np.sum(score**2, axis=1)
-    free = np.ones(len(energy), dtype=bool)
-    contacts = []
     channels = np.flatnonzero(used)
     ordinary = float(chdtri(len(channels), _ORDINARY_PROBABILITY))
-    for begin, end in _runs(energy, ordinary, _TAILS**2 * float(chdtri(len(channels), _CONTACT_PROBABILITY)),
-                            recording.t):  # fmt: skip
+    limit = _TAILS**2 * float(chdtri(len(channels), _CONTACT_PROBABILITY))
+    if recording.torque is not None:
+        change, size = changes_at_rest(arm, recording, mean[:, :joints], settled)
+        energy = np.maximum(energy, limit * size)
+        score[:, :joints] = np.maximum(score[:, :joints], _FELT * np.abs(change))
+    free = np.ones(len(energy), dtype=bool)
+    contacts = []
+    for begin, end in _runs(energy, ordinary, limit, recording.t):
         free[begin:end] = False
         peak = score[begin:end].max(axis=0)
         felt = [int(i) for i in np.argsort(-peak) if peak[i] > _FELT]

@@ -20,6 +20,7 @@ BENCHES = {
     "setup": "contactsense.benchmarks.calibration.setup:setup",
     "pushes": "contactsense.benchmarks.calibration.pushes:bench_pushes",
     "recordings": "contactsense.benchmarks.calibration.recordings:recordings",
+    "touches": "contactsense.benchmarks.calibration.known_touches:touches",
     "geometry": "contactsense.benchmarks.accuracy.geometry:geometry",
     "cells": "contactsense.benchmarks.accuracy.cells:cells",
     "franka": "contactsense.benchmarks.franka.command:franka",

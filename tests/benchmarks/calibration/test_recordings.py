@@ -4,7 +4,7 @@ less than what happened."""
 import numpy as np
 import pytest
 
-from contactsense.benchmarks.calibration.recordings import FREE, left_out, measure
+from contactsense.benchmarks.calibration.recordings import FREE, LOADED, left_out, measure
 from tests.shared import shared
 
 
@@ -25,8 +25,12 @@ def test_free_motion_has_no_alarms_and_every_touch_is_found() -> None:
     # Several of these files end in a hard stop.
     for group in ("identification", "jointwise"):
         assert not any(result[group].values())
-    # In one file something acts on all joints for 0.15 s.
-    assert sum(map(len, result["loaded"].values())) <= 1
+    # In one file the payload strikes something below it at the lowest point of the motion.
+    assert [len(result["loaded"][name]) for name in LOADED] == [0, 1]
+    (hit,) = result["strikes"][LOADED[1]]
+    assert hit["height"] == pytest.approx(hit["lowest"], abs=0.01)
+    assert hit["force"][2] > 0.9 * np.linalg.norm(hit["force"])
+    assert hit["distance"] < 0.15
     assert result["free_seconds"] > 600.0
 
 
@@ -36,3 +40,15 @@ def test_touches_are_left_out_of_a_calibration_and_free_motion_is_not() -> None:
     assert found["collision_free"] == []
     # A stream that was calibrated on free motion reports eleven; this fit has seen only the touched file.
     assert 9 <= len(found["collision_forearm"]) <= 11
+
+
+@pytest.mark.slow
+def test_pushes_on_an_arm_at_rest_are_left_out_of_a_calibration_and_rest_is_not() -> None:
+    found = left_out(shared("ur10e_recordings"), ("push_pose_1", "validation-p2", "validation-p9"))
+    # What a person sees in the currents.
+    pushes = ((2.0, 2.7), (4.6, 5.8), (8.4, 9.4), (11.9, 13.1))
+    assert len(found["push_pose_1"]) == len(pushes)
+    for (start, stop), contact in zip(pushes, found["push_pose_1"], strict=True):
+        assert contact.start < start + 0.2
+        assert contact.stop > stop - 0.2
+    assert found["validation-p2"] == found["validation-p9"] == []
