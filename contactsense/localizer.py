@@ -1,6 +1,7 @@
 """`Localizer`: receives samples, returns estimates. It holds all state that persists between samples."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -33,6 +34,7 @@ from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.runtime.skin_grids import skin_of
 from contactsense.runtime.state import empty_state
 from contactsense.runtime.stream_screening import StreamScreening
+from contactsense.runtime.stream_start import FROM_START, StreamStart
 from contactsense.scene import Scene
 from contactsense.sensors.sample_fields import SENSORS, SampleFields
 from contactsense.sensors.stream_state import (
@@ -109,6 +111,7 @@ class Localizer:
         self._batch_args, self._sample_args = (*self._buffer_args, skin), (*self._buffer_args, *skin)
         self._plausible = PlausibleLimits(scene)
         self._screening = StreamScreening(scene, self._plausible)
+        self._start = StreamStart(scene.bandwidth)
         self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
         self._joints, self._links, primitives, _, _ = self._buffers.sizes
         self._rows = np.zeros((max(primitives, MAX_CANDIDATES), WIDTH))
@@ -150,6 +153,7 @@ class Localizer:
         if self._multi_tracker is not None:
             self._multi_tracker.forget()
         self._screening.reset()
+        self._start.reset()
         self._detectable.reset()
         for array, initial in zip(state.model, constants.model, strict=True):
             array[:] = initial
@@ -170,6 +174,12 @@ class Localizer:
         return tuple(self._screening.first.values())
 
     @property
+    def doubt(self) -> str:
+        """Why the scene is in doubt, one sentence: the stream has not fitted a free arm so far. Empty if it
+        has."""
+        return FROM_START if self._start.doubtful else ""
+
+    @property
     def biases(self) -> tuple[np.ndarray, np.ndarray]:
         """Estimated biases: of the base wrench, base axes, shape (6,) [N, Nm], and of the joint torques,
         shape (n,) [Nm]."""
@@ -183,7 +193,8 @@ class Localizer:
         whose positions or velocities are not finite, or whose positions are beyond the joints' limits and one
         turn, is not used. A base sensor that at the start of the stream, at rest, does not carry the weight
         of arm and tool is not used until it does. None of this raises: the estimate is `degraded` with a
-        reason.
+        reason. What has been felt since the start of the stream may come from a wrong scene, and `reason`
+        says so.
 
         Raises:
             ValueError: a field has the wrong shape; the message names it.
@@ -198,8 +209,15 @@ class Localizer:
             flags = detect(*self._buffer_args, self._bandwidth, *fields(screen(sample)))
         flags &= self._sample_fields.relevant_flags
         if flags == 0 and self._phase == NONE:
+            if self._start.watches:
+                self._start.update(sample.t, 0)
             return self._estimate_builder.no_contact(sample.t, self._detectable.in_stream())
-        return self._estimate(sample.t, flags)
+        since_start = self._start.update(sample.t, flags)
+        estimate = self._estimate(sample.t, flags)
+        if since_start:
+            reason = f"{estimate.reason}; {FROM_START}" if estimate.reason else FROM_START
+            return replace(estimate, reason=reason)
+        return estimate
 
     def _estimate(self, t: float, flags: int) -> Estimate:
         """The estimate for the sample that `detect` has processed, unless it is simply `none`."""
@@ -458,6 +476,7 @@ class Localizer:
                     self._sample_args, settings, part, self._rows, None if compiled_only else self._estimate
                 )
                 self._phase, self._number = int(track.scalars[PHASE]), int(track.scalars[NUMBER])
+                self._start.update_block(found.t, found.flags)
                 yield found
 
     def _given_sensors(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:

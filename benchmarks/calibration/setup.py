@@ -15,6 +15,7 @@ from contactsense import JointTorqueSensor, Scene
 from contactsense.benchmarks.calibration.recordings import FREE, IDENTIFICATION, TOUCHED, read
 from contactsense.benchmarks.calibration.setup_draws import (
     MISTAKES,
+    WRIST_MISTAKES,
     Case,
     Settings,
     right_setup,
@@ -38,7 +39,9 @@ def outcome(case: Case) -> dict[str, Any]:
     }
 
 
-def measure(arms: tuple[str, ...], draws: int, right: int, settings: Settings, show: bool = False) -> Any:
+def measure(
+    arms: tuple[str, ...], draws: int, right: int, settings: Settings, show: bool = False, wrist: bool = False
+) -> Any:
     """Draw cells with each mistake, and cells without, and count what the check says.
 
     Args:
@@ -47,10 +50,12 @@ def measure(arms: tuple[str, ...], draws: int, right: int, settings: Settings, s
         right: Cells without a mistake, over all arms.
         settings: How cells are drawn.
         show: Whether to show progress.
+        wrist: Whether the cells have a wrist sensor, and the mistakes are made there.
     """
-    jobs = [(kind, arm, i) for kind in MISTAKES for arm in arms for i in range(draws)]
+    mistakes = WRIST_MISTAKES if wrist else MISTAKES
+    jobs = [(kind, arm, i) for kind in mistakes for arm in arms for i in range(draws)]
     result: dict[str, Any] = {
-        "mistakes": {kind: {arm: {"named": 0, "alone": 0} for arm in arms} for kind in MISTAKES},
+        "mistakes": {kind: {arm: {"named": 0, "alone": 0} for arm in arms} for kind in mistakes},
         "draws": draws,
         "right": right,
         "right_accused": [],
@@ -65,7 +70,7 @@ def measure(arms: tuple[str, ...], draws: int, right: int, settings: Settings, s
         if said["accused"][:1] != [case.line]:
             result["misnamed"].append({"kind": kind, "arm": arm, "seed": _WRONG_SEEDS + i, **said})
     for arm, i in _tracked([(arms[i % len(arms)], i) for i in range(right)], "right setups", show):
-        said = outcome(right_setup(arm, i, settings))
+        said = outcome(right_setup(arm, i, settings, wrist))
         if said["accused"] or said["unexplained"]:
             result["right_accused"].append({"arm": arm, "seed": i, **said})
     return result
@@ -111,6 +116,7 @@ def _print_real(result: dict[str, Any], as_json: bool) -> None:
 @click.option(
     "--postures", default=0, show_default=True, help="Rest in so many postures instead of steady motion."
 )
+@click.option("--wrist", is_flag=True, help="Cells with a wrist sensor, and mistakes there.")
 @click.option(
     "--recordings",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
@@ -124,6 +130,7 @@ def setup(
     seconds: float,
     speed: float,
     postures: int,
+    wrist: bool,
     recordings: Path | None,
     as_json: bool,
 ) -> None:
@@ -133,7 +140,7 @@ def setup(
         _print_real(real(recordings), as_json)
         return
     settings = Settings(seconds=seconds, speed=speed, postures=postures)
-    result = measure(arms, draws, right, settings, show=True)
+    result = measure(arms, draws, right, settings, True, wrist)
     if as_json:
         click.echo(json.dumps(result, indent=1))
         return

@@ -12,7 +12,7 @@ import numpy as np
 
 from contactsense import Scene
 from contactsense.calibration import FreeMotion
-from contactsense.robots import Link, Robot
+from contactsense.robots import Inertia, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
 from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics, link_poses
 from contactsense.service.sensors.signal_mapping import WrenchMap
@@ -117,4 +117,31 @@ def simulate(
             wrench = inverse_dynamics(arm, *earlier, loads, gravity)[1]  # type: ignore[arg-type]
         reading = WrenchMap.of(base).reading(wrench)
         reading += rng.standard_normal(reading.shape) * np.repeat([base.force_noise, base.moment_noise], 3)
-    return FreeMotion(t, q, qd, signal, reading, f"simulated recording {seed}")
+    wrist = None
+    if scene.wrist_wrench is not None:
+        wrist = _wrist_reading(scene, t, q, qd, qdd)
+        noise = np.repeat([scene.wrist_wrench.force_noise, scene.wrist_wrench.moment_noise], 3)
+        wrist += rng.standard_normal(wrist.shape) * noise
+    return FreeMotion(t, q, qd, signal, reading, f"simulated recording {seed}", wrist=wrist)
+
+
+def _wrist_reading(scene: Scene, t: np.ndarray, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Readings of the wrist sensor: the base wrench of an arm of which only the tool has a mass, moved to the
+    flange."""
+    robot, sensor = scene.robot, scene.wrist_wrench
+    assert sensor is not None
+    assert scene.tool is not None
+    tool = move_inertia(scene.tool.inertia, robot.flange_rotation, robot.flange_translation)
+    nothing = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    bodies = [nothing] * (len(robot.links) - 1) + [tool]
+    links = tuple(Link(link.name, body) for link, body in zip(robot.links, bodies, strict=True))
+    bare, gravity = replace(robot, links=links), tuple(float(x) for x in scene.gravity_base)
+    _, wrench = inverse_dynamics(bare, q, qd, qdd, (), gravity)  # type: ignore[arg-type]
+    rotations, origins = link_poses(robot, q)
+    readings = np.empty((len(t), 6))
+    for i, (R, o) in enumerate(zip(rotations[-1], origins[-1], strict=True)):
+        flange = R @ robot.flange_rotation
+        place = o + R @ (robot.flange_translation + robot.flange_rotation @ sensor.translation)
+        there = WrenchMap.make(flange @ sensor.rotation, place, sensor.sign, sensor.bias)
+        readings[i] = there.reading(wrench[i])
+    return readings

@@ -27,6 +27,8 @@ class FreeMotion:
     """Row of each sample in its file, shape (N,), int; None: its number."""
     free: np.ndarray | None = None
     """Which samples are used, because nothing touches the arm, shape (N,), bool; None: all."""
+    wrist: np.ndarray | None = None
+    """Readings of the wrist sensor, in its own frame and sign, shape (N, 6) [N, Nm]."""
 
     def __post_init__(self) -> None:
         """Check shapes and values.
@@ -38,7 +40,8 @@ class FreeMotion:
         if q.ndim != 2 or len(q) < 3:
             raise ValueError(f"{self.name}: q: expected at least 3 rows of joint positions, got {q.shape}")
         n, joints = q.shape
-        sizes = {"q": (joints, "rad"), "qd": (joints, "rad/s"), "torque": (joints, "Nm"), "reading": (6, "N")}
+        sizes = {"q": (joints, "rad"), "qd": (joints, "rad/s"), "torque": (joints, "Nm")}
+        sizes |= {"reading": (6, "N"), "wrist": (6, "N")}
         for field, (size, unit) in sizes.items():
             value = getattr(self, field)
             if value is not None:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
+from contactsense.runtime.wrist_frame import ToolWeight, WristFrame
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
 
@@ -56,6 +57,11 @@ class PlausibleLimits:
         self._range = ((1.0 - _ROUNDING) * self.sensor.limits).tolist()
         self._bias = np.array(self.sensor.bias)
         self._to_reading = reading_from_base_wrench(self.sensor, np.eye(6)) - self._bias
+        self._wrist, self._tool = None, ToolWeight(scene)
+        self._wrist_range = [np.inf] * 6
+        if scene.wrist_wrench is not None and scene.wrist_wrench.range is not None:
+            self._wrist = WristFrame(scene.wrist_wrench, scene.robot)
+            self._wrist_range = ((1.0 - _ROUNDING) * scene.wrist_wrench.limits).tolist()
         weight = float(np.linalg.norm(self.weight.force))
         self._largest = [LARGEST_FORCE + weight] * 3 + [LARGEST_MOMENT + weight] * 3
         self._weight, self._weight_force = weight, self.weight.force.tolist()
@@ -96,6 +102,18 @@ class PlausibleLimits:
         reading = wrench @ self._to_reading + self._bias
         return _first("base_wrench", reading, self._range, "a reading within the sensor's range")
 
+    @property
+    def has_wrist_range(self) -> bool:
+        """Whether the scene states the range of a wrist sensor."""
+        return self._wrist is not None
+
+    def wrist_saturation(self, q: np.ndarray, wrench: np.ndarray) -> Implausible | None:
+        """The same for the wrist sensor, in the posture q, shape (n,) [rad]."""
+        if self._wrist is None:
+            return None
+        reading = self._wrist.reading(q, wrench)
+        return _first("wrist_wrench", reading, self._wrist_range, "a reading within the sensor's range")
+
     def request(
         self,
         q: np.ndarray,
@@ -112,7 +130,10 @@ class PlausibleLimits:
         if found is None and base_wrench is not None:
             found = self._base(q, base_wrench, external)
         if found is None and wrist_wrench is not None:
-            found = _first("wrist_wrench", wrist_wrench, self._largest, "the wrench of a contact")
+            if self._wrist is None:
+                return _first("wrist_wrench", wrist_wrench, self._largest, "the wrench of a contact")
+            raw = wrist_wrench + self._tool.wrench(q) if external else wrist_wrench
+            found = self.wrist_saturation(q, raw)
         return found
 
     def suspects(
@@ -136,6 +157,8 @@ class PlausibleLimits:
             for other in (weight,) if external else (np.zeros(3), -weight):
                 found |= np.linalg.norm(force - other, axis=1) < _SAME * self._weight
             found |= self.sensor.range is not None
+        if wrist_wrench is not None:
+            found |= self.has_wrist_range
         return np.flatnonzero(found)
 
     def positions_beyond(self, q: np.ndarray) -> np.ndarray:
@@ -149,6 +172,14 @@ class PlausibleLimits:
     def saturated(self, wrench: np.ndarray) -> np.ndarray:
         """Which of N base wrenches, shape (N, 6) [N, Nm], `saturation` finds, shape (N,), bool."""
         return np.asarray((np.abs(wrench @ self._to_reading + self._bias) >= self._range).any(axis=1))
+
+    def wrist_saturated(self, q: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+        """Which of N wrist wrenches, shape (N, 6) [N, Nm], in postures of shape (N, n) [rad],
+        `wrist_saturation` finds, shape (N,), bool."""
+        if self._wrist is None:
+            return np.zeros(len(q), dtype=bool)
+        readings = np.array([self._wrist.reading(*row) for row in zip(q, wrench, strict=True)])
+        return np.asarray((np.abs(readings.reshape(-1, 6)) >= self._wrist_range).any(axis=1))
 
     def _base(self, q: np.ndarray, wrench: np.ndarray, external: bool) -> Implausible | None:
         if self.sensor.range is None:

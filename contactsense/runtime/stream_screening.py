@@ -35,6 +35,7 @@ class StreamScreening:
         # With payloads that come and go, the weight is unknown.
         self._checks_weight = self._has_base and not scene.picks_up
         self._has_range = scene.base_wrench is not None and scene.base_wrench.range is not None
+        self._has_wrist_range = limits.has_wrist_range
         self._lowest, self._highest, self._largest_torque = limits.of_all_joints
         self.refused: dict[str, str] = {}
         """Field -> why it was taken out of the newest sample."""
@@ -72,6 +73,11 @@ class StreamScreening:
             if why:
                 self.refused["base_wrench"] = self._note("base_wrench", why)
                 sample = replace(sample, base_wrench=_without(sample.base_wrench))
+        if self._has_wrist_range and sample.wrist_wrench is not None:
+            found = self._limits.wrist_saturation(sample.q, sample.wrist_wrench)
+            if found is not None:
+                self.refused["wrist_wrench"] = self._note("wrist_wrench", found.reason)
+                sample = replace(sample, wrist_wrench=_without(sample.wrist_wrench))
         return sample
 
     def _is_surely_plausible(self, sample: Sample) -> bool:
@@ -85,15 +91,16 @@ class StreamScreening:
             torque = sample.joint_torque.tolist()
             if not (-self._largest_torque < min(torque) and max(torque) < self._largest_torque):
                 return False
-        if not self._has_range or sample.base_wrench is None:
-            return True
-        return self._limits.saturation(sample.base_wrench) is None
+        limits, base, wrist = self._limits, sample.base_wrench, sample.wrist_wrench
+        if self._has_range and base is not None and limits.saturation(base) is not None:
+            return False
+        return not self._has_wrist_range or wrist is None or limits.wrist_saturation(sample.q, wrist) is None
 
     def screened_block(self, block: SampleBlock) -> SampleBlock:
         """The same for a part of a recording; `first` says why."""
         self.refused = {}
         limits = self._limits
-        q, torque, base = block.q, block.joint_torque, block.base_wrench
+        q, torque, base, wrist = block.q, block.joint_torque, block.base_wrench, block.wrist_wrench
         wrong = limits.positions_beyond(q)
         if wrong.any():
             self._note_first("q", wrong, q, limits.position)
@@ -108,7 +115,13 @@ class StreamScreening:
                 self._note_first("base_wrench", beyond, base, limits.saturation)
             if (beyond | contradicts).any():
                 base = _without_rows(base, beyond | contradicts)
-        return replace(block, q=q, joint_torque=torque, base_wrench=base)
+        if wrist is not None and self._has_wrist_range:
+            beyond = limits.wrist_saturated(q, wrist)
+            if beyond.any():
+                at = int(beyond.argmax())
+                self._note_first("wrist_wrench", beyond, wrist, lambda w: limits.wrist_saturation(q[at], w))
+                wrist = _without_rows(wrist, beyond)
+        return replace(block, q=q, joint_torque=torque, base_wrench=base, wrist_wrench=wrist)
 
     def _note_first(
         self,
@@ -190,7 +203,7 @@ class StreamScreening:
             )
         return (
             f"expected the weight of arm and tool, force {in_words(weight)} N at rest, got {in_words(force)} "
-            f"N; {advice}"
+            f"N; {advice}; `contactsense check SCENE` finds the line"
         )
 
 

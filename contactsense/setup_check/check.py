@@ -19,8 +19,16 @@ from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.hypotheses import LINES, Hypotheses, Hypothesis, Line
 from contactsense.setup_check.motion_basis import MotionBases, Readings, instants, without_gaps
 from contactsense.setup_check.proposals import written
-from contactsense.setup_check.result import Finding, Residuals, SetupCheck, Verdict
-from contactsense.setup_check.setup import SIZES, Free, Setup
+from contactsense.setup_check.result import Finding, SetupCheck, Verdict
+from contactsense.setup_check.sensor_findings import (
+    range_findings,
+    residuals_of,
+    rms,
+    saturated_sensors,
+    without,
+    wrist_bias_finding,
+)
+from contactsense.setup_check.setup import SIZES, Free, Place, Setup
 
 _EVIDENCE = 30.0
 """A line is accused if twice the log likelihood rises by more than this beyond the penalty: for one free
@@ -40,13 +48,17 @@ _TOLERANCE: dict[Free, float] = {
     "delay": 0.003,
     "mass": 0.15,
     "com": 0.02,
+    "wrist_turn": np.radians(2.0),
+    "wrist_shift": 0.01,
 }
 """Changes below this do not matter [rad, m, s, kg]; larger standard deviations tell nothing."""
 _MIN_ROWS = 8
 """Fewer tell nothing."""
 _NOISE_FACTOR, _SHARE, _SCALE = 5.0, 0.3, 0.03
 """A signal is unexplained if its residual exceeds its noise by this factor, and this share of its own
-variation, and of the joints' limits or the arm's weight."""
+variation, and of the joints' limits or the weight of what the sensor carries."""
+_ARM_LEVER, _TOOL_LEVER = 0.5, 0.1
+"""Moments are compared with that weight at these levers [m]."""
 
 
 class CheckError(ValueError):
@@ -68,14 +80,17 @@ def check(
 
     Args:
         scene: What is to be checked.
-        recordings: Read under this scene; the base sensor's readings not shifted by its delay.
+        recordings: Read under this scene; the base sensor's readings not shifted by its delay. A sensor that
+            is at its range is not used.
         progress: Called with the name of the next stage.
 
     Raises:
         CheckError: The recordings are too short, or lack all sensors of the scene.
     """
+    saturated = saturated_sensors(scene, recordings)
+    recordings = [without(part, saturated) for part in recordings]
     parts = without_gaps(recordings)
-    _usable(scene, recordings, parts)
+    _usable(scene, recordings, parts, saturated)
     progress("motion")
     readings = Readings.of(scene, parts)
     others = _other_arms(scene)
@@ -83,7 +98,12 @@ def check(
     fitter = Fitter(scene, bases, readings)
     largest = max(float(np.abs(part.q).max()) for part in parts)
     hypotheses = Hypotheses(
-        scene, others, largest, base=readings.wrench is not None, torque=readings.torque is not None
+        scene,
+        others,
+        largest,
+        base=readings.wrench is not None,
+        torque=readings.torque is not None,
+        wrist=readings.wrist is not None,
     )
     setup = Setup.of(scene)
     wrong: list[Finding] = []
@@ -106,6 +126,8 @@ def check(
         )
         _accuse(wrong, _accusation(fitter, scene, now, best, rivals))
         setup = best.fit.setup
+    own = [*range_findings(scene, recordings, setup, saturated), *wrist_bias_finding(scene, readings, now)]
+    wrong += [found for found in own if found.verdict == "does_not_fit"]
     accused = {found.line for found in wrong}
     unexplained = _unexplained(scene, fitter, readings, now)
     rest = [
@@ -113,16 +135,20 @@ def check(
         for candidate in candidates
         if not _covered(candidate.hypothesis.line, accused)
     ]
-    rest += _not_recorded(scene, setup, readings)
+    rest += [found for found in own if found.verdict != "does_not_fit"]
+    rest += _not_recorded(scene, setup, readings, saturated)
+    rest.sort(key=lambda found: LINES.index(found.line))
     return SetupCheck(
         (*wrong, *(rest if not unexplained else map(_untold, rest))),
-        _residuals(now),
+        residuals_of(now.residual),
         unexplained,
         sum(part.seconds for part in parts),
     )
 
 
-def _usable(scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion]) -> None:
+def _usable(
+    scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion], saturated: tuple[Place, ...]
+) -> None:
     if not recordings:
         raise CheckError("expected at least one recording of contact-free motion, got none")
     joints = len(scene.robot.joints)
@@ -131,6 +157,11 @@ def _usable(scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion])
             raise CheckError(
                 f"{part.name}: expected {joints} joints, as {scene.robot.name} has, got {part.q.shape[1]}"
             )
+    if saturated and not any(part.torque is not None or part.reading is not None for part in recordings):
+        raise CheckError(
+            f"{recordings[0].name}: {saturated[0]}_wrench.range: expected readings within it, got readings "
+            "that stay at it"
+        )
     if all(part.torque is None or scene.joint_torque is None for part in recordings) and all(
         part.reading is None or scene.base_wrench is None for part in recordings
     ):
@@ -180,14 +211,10 @@ def _untold(found: Finding) -> Finding:
 
 def _explains(before: Fit, after: Fit) -> bool:
     """Whether the residual of a sensor falls markedly."""
-    n = before.residual.shape[1] - 6
-    groups = (slice(0, n), slice(n, n + 3), slice(n + 3, n + 6))
-    pairs = [[_rms(fit.residual[:, group]) for fit in (before, after)] for group in groups]
+    n = before.residual.shape[1] - 12
+    groups = [slice(0, n), *(slice(first, first + 3) for first in range(n, n + 12, 3))]
+    pairs = [[rms(fit.residual[:, group]) for fit in (before, after)] for group in groups]
     return any(b < (1.0 - _MIN_DROP) * a for a, b in pairs if a is not None and b is not None)
-
-
-def _rms(values: np.ndarray) -> float | None:
-    return float(np.sqrt(np.mean(values**2))) if np.isfinite(values).all() else None
 
 
 def _tolerance(name: Free, setup: Setup) -> float:
@@ -198,10 +225,14 @@ def _tolerance(name: Free, setup: Setup) -> float:
 def _change(name: Free, a: Setup, b: Setup) -> float:
     if name == "tilt":
         return float(np.arccos(np.clip(a.gravity @ b.gravity / (a.gravity @ a.gravity), -1.0, 1.0)))
-    if name == "turn":
-        return float(np.arccos(np.clip((np.trace(a.rotation.T @ b.rotation) - 1.0) / 2.0, -1.0, 1.0)))
-    field = {"shift": "translation"}.get(name, name)
-    return float(np.linalg.norm(np.asarray(getattr(a, field)) - np.asarray(getattr(b, field))))
+    if name in ("turn", "wrist_turn"):
+        place: Place = "base" if name == "turn" else "wrist"
+        apart = a.sensor(place).rotation.T @ b.sensor(place).rotation
+        return float(np.arccos(np.clip((np.trace(apart) - 1.0) / 2.0, -1.0, 1.0)))
+    if name in ("shift", "wrist_shift"):
+        place = "base" if name == "shift" else "wrist"
+        return float(np.linalg.norm(a.sensor(place).translation - b.sensor(place).translation))
+    return float(np.linalg.norm(np.asarray(getattr(a, name)) - np.asarray(getattr(b, name))))
 
 
 def _accusation(
@@ -219,8 +250,8 @@ def _accusation(
         proposed,
         remark,
         tuple(best.fit.std.tolist()),
-        _residuals(now),
-        _residuals(best.fit),
+        residuals_of(now.residual),
+        residuals_of(best.fit.residual),
         _gain(fitter, now, best.fit),
         rivals,
     )
@@ -235,16 +266,24 @@ def _accuse(wrong: list[Finding], new: Finding) -> None:
     wrong.append(new)
 
 
-def _not_recorded(scene: Scene, setup: Setup, readings: Readings) -> list[Finding]:
-    """Lines of sensors that the scene has and a recording lacks."""
-    lines: list[Line] = []
-    if scene.base_wrench is not None and readings.wrench is None:
-        lines += [line for line in LINES if line.startswith("base")]
-    if scene.joint_torque is not None and readings.torque is None:
-        lines += [line for line in LINES if line.startswith("joint_torque")]
-    return [
-        Finding(line, "cannot_tell", written(line, setup, scene)[0], remark="not recorded") for line in lines
-    ]
+def _not_recorded(
+    scene: Scene, setup: Setup, readings: Readings, saturated: tuple[Place, ...]
+) -> list[Finding]:
+    """Lines of sensors that the scene has and a recording lacks, or of which it cannot be used."""
+    found = []
+    for name, sensor, recorded in (
+        ("base", scene.base_wrench, readings.wrench),
+        ("wrist", scene.wrist_wrench, readings.wrist),
+        ("joint_torque", scene.joint_torque, readings.torque),
+    ):
+        if sensor is None or recorded is not None:
+            continue
+        remark = "the sensor is at its range" if name in saturated else "not recorded"
+        lines = [line for line in LINES if line.startswith(name) and not line.endswith(".range")]
+        found += [
+            Finding(line, "cannot_tell", written(line, setup, scene)[0], remark=remark) for line in lines
+        ]
+    return found
 
 
 def _covered(line: Line, accused: set[Line]) -> bool:
@@ -278,24 +317,28 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
     return Finding(line, verdict, written(line, now.setup, scene)[0], None, remark, std, evidence=other)
 
 
-def _residuals(fit: Fit) -> Residuals:
-    r, n = fit.residual, fit.residual.shape[1] - 6
-    return Residuals(_rms(r[:, n : n + 3]), _rms(r[:, n + 3 :]), _rms(r[:, :n]))
-
-
 def _unexplained(scene: Scene, fitter: Fitter, readings: Readings, now: Fit) -> tuple[str, ...]:
     """Signals whose residual is large by every measure: their noise, their variation, and the arm."""
     n = len(scene.robot.joints)
     rms = np.sqrt(np.mean(now.residual**2, axis=0))
-    weight = 9.81 * float(now.setup.bodies[:, 0].sum())
-    scale = np.array([joint.torque_limit for joint in scene.robot.joints] + [weight] * 3 + [weight * 0.5] * 3)
-    variation = np.full(n + 6, np.inf)
-    if readings.torque is not None:
-        variation[:n] = readings.torque.std(axis=0)
-    if readings.wrench is not None:
-        variation[n:] = readings.wrench.std(axis=0)
+    arm, tool = 9.81 * float(now.setup.bodies[:, 0].sum()), 9.81 * now.setup.mass
+    scale = np.concatenate(
+        (
+            [joint.torque_limit for joint in scene.robot.joints],
+            np.repeat([arm, arm * _ARM_LEVER, tool, tool * _TOOL_LEVER], 3),
+        )
+    )
+    variation = np.full(n + 12, np.inf)
+    for first, values in ((0, readings.torque), (n, readings.wrench), (n + 6, readings.wrist)):
+        if values is not None:
+            variation[first : first + values.shape[1]] = values.std(axis=0)
     large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation) & (rms > _SCALE * scale)
     names = [f"torque of {joint.name}" for joint in scene.robot.joints]
-    names += [f"base sensor's {what} {axis}" for what in ("force", "moment") for axis in "xyz"]
-    units = ["Nm"] * n + ["N"] * 3 + ["Nm"] * 3
+    names += [
+        f"{place} sensor's {what} {axis}"
+        for place in ("base", "wrist")
+        for what in ("force", "moment")
+        for axis in "xyz"
+    ]
+    units = ["Nm"] * n + (["N"] * 3 + ["Nm"] * 3) * 2
     return tuple(f"{names[c]}: residual {rms[c]:.3g} {units[c]}" for c in np.flatnonzero(large))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from contactsense.scene import Scene
 from contactsense.sensors.settings import Meaning
-from contactsense.setup_check.setup import Free, Setup
+from contactsense.setup_check.setup import Free, Place, Setup
 
 Line = Literal[
     "robot",
@@ -25,6 +25,14 @@ Line = Literal[
     "base_wrench.delay",
     "base wrench: order of axes",
     "base wrench: force and moment",
+    "base_wrench.range",
+    "wrist_wrench.sign",
+    "wrist_wrench.rpy",
+    "wrist_wrench.translation",
+    "wrist wrench: order of axes",
+    "wrist wrench: force and moment",
+    "wrist_wrench.bias",
+    "wrist_wrench.range",
     "joint_torque.sign",
     "joint_torque.signal",
     "joint_torque.meaning",
@@ -32,6 +40,23 @@ Line = Literal[
 """A field of the scene by its path, or, with a colon, a property of the signals that no field states."""
 LINES: tuple[Line, ...] = get_args(Line)
 
+_SENSOR_LINES: dict[Place, tuple[Line, Line, Line, Line, Line]] = {
+    "base": (
+        "base_wrench.sign",
+        "base_wrench.rpy",
+        "base_wrench.translation",
+        "base wrench: order of axes",
+        "base wrench: force and moment",
+    ),
+    "wrist": (
+        "wrist_wrench.sign",
+        "wrist_wrench.rpy",
+        "wrist_wrench.translation",
+        "wrist wrench: order of axes",
+        "wrist wrench: force and moment",
+    ),
+}
+"""Lines of each force/torque sensor."""
 TORQUE_CONSTANT = 10.0
 """Torque per current where neither scene nor arm states it [Nm/A]: that of the UR10e's joints is 8.5 to 10.7.
 """
@@ -58,27 +83,30 @@ class Hypotheses:
     """All hypotheses that apply to a scene and its sensors."""
 
     def __init__(
-        self, scene: Scene, others: Mapping[str, Scene], largest: float, *, base: bool, torque: bool
+        self,
+        scene: Scene,
+        others: Mapping[str, Scene],
+        largest: float,
+        *,
+        base: bool,
+        torque: bool,
+        wrist: bool,
     ) -> None:
-        """`others`: the scene with each other arm; `largest`: joint position as read; `base`, `torque`: which
-        sensors were recorded."""
+        """`others`: the scene with each other arm; `largest`: joint position as read; `base`, `torque`,
+        `wrist`: which sensors were recorded."""
         self._scene, self._others, self._largest = scene, others, largest
         arm: list[Builder] = [self._robot, self._angle_unit, self._mounting]
         arm += [self._tool] if scene.tool is None else [self._tool_mass, self._tool_com, self._tool]
-        wrench: list[Builder] = [
-            self._wrench_sign,
-            self._wrench_frame,
-            self._wrench_place,
-            self._wrench_delay,
-            self._axes,
-            self._exchanged,
-        ]
         torques: list[Builder] = [self._torque_sign, self._torque_signal, self._torque_meaning]
-        self._builders = arm + (wrench if base else []) + (torques if torque else [])
+        self._builders = arm + (torques if torque else [])
+        self._places: list[Place] = [*(("base",) if base else ()), *(("wrist",) if wrist else ())]
 
     def of(self, setup: Setup) -> list[Hypothesis]:
         """All single changes of a setup."""
-        return [found for build in self._builders if (found := build(setup)) is not None]
+        found = [hypothesis for build in self._builders if (hypothesis := build(setup)) is not None]
+        for place in self._places:
+            found += _of_sensor(place, setup)
+        return [*found, _wrench_delay(setup)] if "base" in self._places else found
 
     def _robot(self, setup: Setup) -> Hypothesis | None:
         if setup.robot != self._scene.robot.name or not self._others:
@@ -121,43 +149,6 @@ class Hypotheses:
         some = setup if setup.mass > 0.0 else replace(setup, mass=1.0)
         return Hypothesis("tool", (("", some),), ("mass", "com"))
 
-    def _wrench_sign(self, setup: Setup) -> Hypothesis:
-        return Hypothesis("base_wrench.sign", (("", replace(setup, sign=-setup.sign)),))
-
-    def _wrench_frame(self, setup: Setup) -> Hypothesis:
-        turns = [turn for turn in signed_permutations() if np.linalg.det(turn) > 0.0]
-        starts = tuple(("", replace(setup, rotation=setup.rotation @ turn)) for turn in turns)
-        return Hypothesis("base_wrench.rpy", starts, ("turn",))
-
-    def _wrench_place(self, setup: Setup) -> Hypothesis:
-        return Hypothesis("base_wrench.translation", (("", setup),), ("shift",))
-
-    def _wrench_delay(self, setup: Setup) -> Hypothesis:
-        starts = tuple(("", replace(setup, delay=setup.delay + d)) for d in _DELAYS)
-        return Hypothesis("base_wrench.delay", starts, ("delay",))
-
-    def _axes(self, setup: Setup) -> Hypothesis:
-        starts = []
-        for a, b in ((0, 1), (0, 2), (1, 2)):
-            swap = np.eye(3)
-            swap[[a, b]] = swap[[b, a]]
-            starts.append((f"{'xyz'[a]} and {'xyz'[b]} are exchanged", self._reordered(setup, swap)))
-        for a in range(3):
-            mirror = np.eye(3)
-            mirror[a, a] = -1.0
-            starts.append((f"{'xyz'[a]} points the other way", self._reordered(setup, mirror)))
-        return Hypothesis("base wrench: order of axes", tuple(starts))
-
-    def _reordered(self, setup: Setup, axes: np.ndarray) -> Setup:
-        return replace(setup, order=setup.order @ np.kron(np.eye(2), axes))
-
-    def _exchanged(self, setup: Setup) -> Hypothesis:
-        swap = np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(3))
-        text = "the moment comes first"
-        return Hypothesis(
-            "base wrench: force and moment", ((text, replace(setup, order=swap @ setup.order)),)
-        )
-
     def _torque_sign(self, setup: Setup) -> Hypothesis:
         return Hypothesis("joint_torque.sign", (("", replace(setup, gain=-setup.gain)),))
 
@@ -174,6 +165,46 @@ class Hypotheses:
     def _torque_meaning(self, setup: Setup) -> Hypothesis:
         others = [meaning for meaning in get_args(Meaning) if meaning != setup.meaning]
         return Hypothesis("joint_torque.meaning", tuple(("", replace(setup, meaning=m)) for m in others))
+
+
+def _of_sensor(place: Place, setup: Setup) -> list[Hypothesis]:
+    """What may be wrong with a force/torque sensor."""
+    sensor = setup.sensor(place)
+    turn: Free = "turn" if place == "base" else "wrist_turn"
+    shift: Free = "shift" if place == "base" else "wrist_shift"
+    turns = [turn for turn in signed_permutations() if np.linalg.det(turn) > 0.0]
+    frames = tuple(("", setup.with_sensor(place, rotation=sensor.rotation @ turn)) for turn in turns)
+    swap = np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(3))
+    exchanged = setup.with_sensor(place, order=swap @ sensor.order)
+    lines = _SENSOR_LINES[place]
+    return [
+        Hypothesis(lines[0], (("", setup.with_sensor(place, sign=-sensor.sign)),)),
+        Hypothesis(lines[1], frames, (turn,)),
+        Hypothesis(lines[2], (("", setup),), (shift,)),
+        Hypothesis(lines[3], _reordered(place, setup)),
+        Hypothesis(lines[4], (("the moment comes first", exchanged),)),
+    ]
+
+
+def _reordered(place: Place, setup: Setup) -> tuple[tuple[str, Setup], ...]:
+    starts = []
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        swap = np.eye(3)
+        swap[[a, b]] = swap[[b, a]]
+        starts.append((f"{'xyz'[a]} and {'xyz'[b]} are exchanged", swap))
+    for a in range(3):
+        mirror = np.eye(3)
+        mirror[a, a] = -1.0
+        starts.append((f"{'xyz'[a]} points the other way", mirror))
+    order = setup.sensor(place).order
+    return tuple(
+        (text, setup.with_sensor(place, order=order @ np.kron(np.eye(2), axes))) for text, axes in starts
+    )
+
+
+def _wrench_delay(setup: Setup) -> Hypothesis:
+    starts = tuple(("", replace(setup, delay=setup.delay + d)) for d in _DELAYS)
+    return Hypothesis("base_wrench.delay", starts, ("delay",))
 
 
 def mounting_mistakes(rpy: tuple[float, float, float]) -> list[tuple[str, tuple[float, float, float]]]:

@@ -17,6 +17,7 @@ from contactsense.calibration.recording_residuals import GAP, residuals
 from contactsense.calibration.residual_jacobian import inertial_columns
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.setup_check.tool_terms import tool_terms
 
 BANDWIDTH = 2.0
 """Cut-off frequency of the filter [Hz]: slow motion lies below it, most of the noise above."""
@@ -52,6 +53,11 @@ class MotionBasis:
     nodes before, at and after each instant, shape (3, M, 3, 6, L, 10)."""
     base_dynamics: np.ndarray
     """The same for the motion alone, shape (M, 3, 6, L, 10)."""
+    wrist_gravity: np.ndarray
+    """Wrench of the tool on the wrist sensor per gravity component and inertial parameter of the tool, flange
+    axes and origin, shape (3, M, 6, 10)."""
+    wrist_dynamics: np.ndarray
+    """The same for the motion alone, shape (M, 6, 10)."""
     nodes: np.ndarray
     """Times of the nodes after the instant [s], shape (M, 3)."""
     rotor: np.ndarray
@@ -65,12 +71,15 @@ class MotionBasis:
     def of(cls, scene: Scene, recordings: list[FreeMotion]) -> Self:
         """Terms of the scene's arm for a motion; the readings are not used."""
         parts = [_terms(scene, part, at) for part, at in zip(recordings, instants(recordings), strict=True)]
-        joint_gravity, joint_dynamics, base_gravity, base_dynamics, *others = zip(*parts, strict=True)
+        joint_gravity, joint_dynamics, base_gravity, base_dynamics, wrist_gravity, *others = zip(
+            *parts, strict=True
+        )
         return cls(
             np.concatenate(joint_gravity, axis=1),
             np.concatenate(joint_dynamics),
             np.concatenate(base_gravity, axis=1),
             np.concatenate(base_dynamics),
+            np.concatenate(wrist_gravity, axis=1),
             *(np.concatenate(terms) for terms in others),
         )
 
@@ -80,6 +89,10 @@ class MotionBasis:
         if with_gravity:
             terms += np.tensordot(gravity, self.joint_gravity, 1)
         return terms + self.joint_dynamics if with_inertia else terms
+
+    def wrist(self, gravity: np.ndarray) -> np.ndarray:
+        """Wrench of the tool per inertial parameter of the tool, flange axes and origin, shape (M, 6, 10)."""
+        return np.asarray(np.tensordot(gravity, self.wrist_gravity, 1) + self.wrist_dynamics)
 
     def base(self, gravity: np.ndarray, delay: float) -> np.ndarray:
         """Wrench per inertial parameter `delay` [s] before each instant, shape (M, 6, L, 10)."""
@@ -125,6 +138,8 @@ class Readings:
     """Joint torques, shape (M, n) [Nm]; None unless scene and every recording have them."""
     wrench: np.ndarray | None
     """Of the base sensor, shape (M, 6) [N, Nm]; None unless scene and every recording have them."""
+    wrist: np.ndarray | None
+    """Of the wrist sensor, shape (M, 6) [N, Nm]; None unless scene and every recording have them."""
     variance_ratio: float
     """Variance of filtered over that of single samples, for white noise."""
 
@@ -140,10 +155,20 @@ class Readings:
         )
         torque = scene.joint_torque is not None and all(part.torque is not None for part in recordings)
         wrench = scene.base_wrench is not None and all(part.reading is not None for part in recordings)
+        wrist = None
+        if scene.wrist_wrench is not None and all(part.wrist is not None for part in recordings):
+            alone = [replace(part, reading=part.wrist) for part in recordings]
+            wrist = np.concatenate(
+                [
+                    residuals(_massless(scene), part, BANDWIDTH)[at.samples, n:]
+                    for part, at in zip(alone, instants(recordings), strict=True)
+                ]
+            )
         dt = float(np.median(np.concatenate([np.diff(part.t) for part in recordings])))
         return cls(
             -filtered[:, :n] if torque else None,
             filtered[:, n:] if wrench else None,
+            wrist,
             noise_variance_ratio(BANDWIDTH, dt),
         )
 
@@ -189,7 +214,7 @@ def without_gaps(recordings: list[FreeMotion]) -> list[FreeMotion]:
             if len(rows) > 2 and whole.t[rows[-1]] - whole.t[rows[0]] > SETTLING_TIME:
                 part = {
                     name: None if value is None else value[rows]
-                    for name in ("t", "q", "qd", "torque", "reading")
+                    for name in ("t", "q", "qd", "torque", "reading", "wrist")
                     for value in (getattr(whole, name),)
                 }
                 found.append(FreeMotion(**part, name=whole.name))  # type: ignore[arg-type]
@@ -224,12 +249,15 @@ def _terms(scene: Scene, part: FreeMotion, at: Instants) -> tuple[np.ndarray, ..
         residuals(arm.with_values(**{name: ones}), still, BANDWIDTH)[at.keep][middle, :n]
         for name in ("rotor", "coulomb", "viscous")
     )
+    wrist = [terms[at.keep][middle] for terms in tool_terms(scene, part, BANDWIDTH)]
     times = part.t[at.keep]
     return (
         np.array([axis[0] - joints for axis in by_axis]),
         joints,
         np.array([axis[1] - base for axis in by_axis]),
         base,
+        np.array(wrist[:3]),
+        wrist[3],
         times[at.nodes] - times[middle][:, None],
         *friction,
     )

@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from contactsense.scene import Scene
 from contactsense.setup_check.hypotheses import Line, mounting_mistakes, signed_permutations
-from contactsense.setup_check.setup import Setup
+from contactsense.setup_check.setup import Place, SensorSetup, Setup
 
 _SNAP = np.radians(3.0)
 """An orientation this close to a usual one is taken for it."""
@@ -25,10 +25,13 @@ def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
     if line in ("tool", "tool.mass", "tool.com"):
         mass, com = f"{setup.mass:.3g}", _vector(setup.com, 3)
         return {"tool.mass": mass, "tool.com": com}.get(line, f"mass {mass}, com {com}"), ""
-    if line == "base_wrench.rpy":
-        return _frame(setup, scene)
-    if line.startswith("base"):
-        return _base(line, setup), ""
+    if line.startswith(("base", "wrist")):
+        place: Place = "base" if line.startswith("base") else "wrist"
+        if line.endswith(".rpy"):
+            return _frame(setup.sensor(place), Setup.of(scene).sensor(place))
+        if line == "base_wrench.delay":
+            return f"{round(setup.delay, 4) + 0.0:.4f}", ""
+        return _sensor(line, setup.sensor(place)), ""
     if line == "joint_torque.sign":
         own = Setup.of(scene).gain[0] * setup.gain[0] > 0.0
         sign = scene.joint_torque.sign if scene.joint_torque is not None else "by_actuator"
@@ -44,16 +47,16 @@ def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
     return setup.meaning, ""
 
 
-def _base(line: Line, setup: Setup) -> str:
-    if line == "base_wrench.sign":
+def _sensor(line: Line, setup: SensorSetup) -> str:
+    if line.endswith(".sign"):
         return "arm_on_sensor" if setup.sign > 0.0 else "sensor_on_arm"
-    if line == "base_wrench.translation":
+    if line.endswith(".translation"):
         return _vector(setup.translation, 3)
-    if line == "base_wrench.delay":
-        return f"{round(setup.delay, 4) + 0.0:.4f}"
+    if line.endswith(".bias"):
+        return _vector(setup.bias, 2)
     names = ("fx", "fy", "fz", "mx", "my", "mz")
     parts = [("-" if row.sum() < 0.0 else "") + names[int(np.argmax(np.abs(row)))] for row in setup.order]
-    if line == "base wrench: force and moment":
+    if line.endswith("force and moment"):
         return "force first" if "f" in parts[0] else "moment first"
     return " ".join(parts[:3] if "f" in parts[0] else parts[3:]).replace("f", "")
 
@@ -89,8 +92,8 @@ def _angle(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def _frame(setup: Setup, scene: Scene) -> tuple[str, str]:
-    stated = Setup.of(scene).rotation
+def _frame(setup: SensorSetup, scene: SensorSetup) -> tuple[str, str]:
+    stated = scene.rotation
     rotation, remark = setup.rotation, ""
     for turn in signed_permutations():
         if np.linalg.det(turn) > 0.0:

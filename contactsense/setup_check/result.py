@@ -20,6 +20,10 @@ class Residuals:
     """Of its moments [Nm]."""
     torque: float | None
     """Of the joint torques [Nm]."""
+    wrist_force: float | None = None
+    """Of the wrist sensor's forces [N]."""
+    wrist_moment: float | None = None
+    """Of its moments [Nm]."""
 
 
 @dataclass(frozen=True)

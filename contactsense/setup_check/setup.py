@@ -1,7 +1,7 @@
 """A setup: what a scene and the reading of its signals state, as numbers that predict the readings."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,16 +14,61 @@ from contactsense.runtime.constants import wrench_transform
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.sensors.settings import Meaning
 
-Free = Literal["tilt", "turn", "shift", "delay", "mass", "com"]
+Free = Literal["tilt", "turn", "shift", "delay", "mass", "com", "wrist_turn", "wrist_shift"]
 """A group of continuous parameters:
 
 - `tilt`: direction of gravity, about the two base axes that change it most [rad];
 - `turn`, `shift`: rotation vector of the base sensor in base axes [rad], and its displacement [m];
 - `delay`: of the base sensor's readings [s];
-- `mass`, `com`: of the tool [kg, m].
+- `mass`, `com`: of the tool [kg, m];
+- `wrist_turn`, `wrist_shift`: of the wrist sensor, as those of the base sensor, in flange axes [rad, m].
 """
-SIZES: dict[Free, int] = {"tilt": 2, "turn": 3, "shift": 3, "delay": 1, "mass": 1, "com": 3}
+SIZES: dict[Free, int] = {
+    "tilt": 2, "turn": 3, "shift": 3, "delay": 1, "mass": 1, "com": 3, "wrist_turn": 3, "wrist_shift": 3,
+}  # fmt: skip
 """Number of parameters of each group."""
+Place = Literal["base", "wrist"]
+"""Where a force/torque sensor is."""
+
+
+@dataclass(frozen=True)
+class SensorSetup:
+    """What is assumed about one force/torque sensor; its pose is given in the base or flange frame."""
+
+    rotation: np.ndarray
+    """Orientation of its frame, shape (3, 3)."""
+    translation: np.ndarray
+    """Its origin, shape (3,) [m]."""
+    sign: float
+    """1 if it reads the wrench of what it carries on it, -1 for the reverse."""
+    order: np.ndarray
+    """Its six values as read, from those in the order of the sensor's frame, shape (6, 6)."""
+    bias: np.ndarray
+    """Its reading without load, as read, shape (6,) [N, Nm]."""
+
+    @classmethod
+    def of(cls, sensor: WrenchSensor) -> Self:
+        """What the scene states."""
+        return cls(
+            sensor.rotation,
+            np.array(sensor.translation),
+            1.0 if sensor.sign == "arm_on_sensor" else -1.0,
+            np.eye(6),
+            np.array(sensor.bias),
+        )
+
+    def turned(self, step: np.ndarray) -> Self:
+        """A copy turned by a rotation vector, shape (3,) [rad]."""
+        return replace(self, rotation=Rotation.from_rotvec(step).as_matrix() @ self.rotation)
+
+    def shifted(self, step: np.ndarray) -> Self:
+        """A copy displaced by `step`, shape (3,) [m]."""
+        return replace(self, translation=self.translation + step)
+
+    @property
+    def reading_per_wrench(self) -> np.ndarray:
+        """Values as read per wrench on the sensor, axes and origin of the frame of its pose, shape (6, 6)."""
+        return self.sign * self.order @ np.linalg.inv(wrench_transform(self.rotation, self.translation))
 
 
 @dataclass(frozen=True)
@@ -46,16 +91,10 @@ class Setup:
     """Of the tool, flange frame, shape (3,) [m]."""
     tensor: np.ndarray
     """Inertia of the tool about its centre of mass, flange axes, shape (3, 3) [kg m^2]."""
-    rotation: np.ndarray
-    """Orientation of the base sensor's frame, shape (3, 3)."""
-    translation: np.ndarray
-    """Its origin, shape (3,) [m]."""
-    sign: float
-    """1 if the base sensor reads the wrench of the arm on it, -1 for the reverse."""
-    order: np.ndarray
-    """The base sensor's six values as read, from those in the order of the sensor's frame, shape (6, 6)."""
-    bias: np.ndarray
-    """Reading of the base sensor without load, as read, shape (6,) [N, Nm]."""
+    base: SensorSetup
+    """The base sensor."""
+    wrist: SensorSetup
+    """The wrist sensor."""
     delay: float
     """Of the base sensor's readings [s]."""
     gain: np.ndarray
@@ -77,11 +116,8 @@ class Setup:
             mass=tool.mass,
             com=np.asarray(tool.com, dtype=float),
             tensor=tool.tensor,
-            rotation=base.rotation,
-            translation=np.array(base.translation),
-            sign=1.0 if base.sign == "arm_on_sensor" else -1.0,
-            order=np.eye(6),
-            bias=np.array(base.bias),
+            base=SensorSetup.of(base),
+            wrist=SensorSetup.of(scene.wrist_wrench or WrenchSensor()),
             delay=base.delay,
             gain=np.ones(len(scene.robot.joints)),
             meaning=torque.contains,
@@ -102,10 +138,13 @@ class Setup:
                 turn = Rotation.from_rotvec(part @ horizontal(changed.gravity))
                 changed = replace(changed, gravity=turn.apply(changed.gravity))
             elif name == "turn":
-                turn = Rotation.from_rotvec(part)
-                changed = replace(changed, rotation=turn.as_matrix() @ changed.rotation)
+                changed = replace(changed, base=changed.base.turned(part))
             elif name == "shift":
-                changed = replace(changed, translation=changed.translation + part)
+                changed = replace(changed, base=changed.base.shifted(part))
+            elif name == "wrist_turn":
+                changed = replace(changed, wrist=changed.wrist.turned(part))
+            elif name == "wrist_shift":
+                changed = replace(changed, wrist=changed.wrist.shifted(part))
             elif name == "delay":
                 changed = replace(changed, delay=changed.delay + float(part[0]))
             elif name == "mass":
@@ -122,9 +161,18 @@ class Setup:
         return rows
 
     @property
-    def reading_per_wrench(self) -> np.ndarray:
-        """Base sensor's values as read per wrench of the arm on it, base axes and origin, shape (6, 6)."""
-        return self.sign * self.order @ np.linalg.inv(wrench_transform(self.rotation, self.translation))
+    def tool(self) -> np.ndarray:
+        """Inertial parameters of the tool, flange frame, shape (10,)."""
+        return parameters_of(Inertia(self.mass, self.com, self.tensor))
+
+    def sensor(self, place: Place) -> SensorSetup:
+        """One of the two force/torque sensors."""
+        return self.base if place == "base" else self.wrist
+
+    def with_sensor(self, place: Place, **changes: Any) -> Self:
+        """A copy in which one sensor differs."""
+        changed = replace(self.sensor(place), **changes)
+        return replace(self, base=changed) if place == "base" else replace(self, wrist=changed)
 
 
 def horizontal(gravity: np.ndarray) -> np.ndarray:

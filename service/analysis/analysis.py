@@ -117,7 +117,7 @@ def analyze(
         start=run.extent.start,
         duration=run.extent.seconds,
         gaps=sum(problem.kind == "gap" for problem in run.extent.problems),
-        problems=(*(str(problem) for problem in run.extent.problems), *run.localizer.refusals),
+        problems=(*(str(problem) for problem in run.extent.problems), *run.complaints),
         contacts=contacts,
         residuals=run.residuals.summary(),
         limits=limits,
@@ -170,6 +170,12 @@ class AnalysisRun:
         self._summarizer = Summarizer(scene)
         self._smooth = smooth
         self._smoother: ContactSmoother | None = None
+
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """What the last recording tells against sensors and scene, one sentence each."""
+        doubt = self.localizer.doubt
+        return (*self.localizer.refusals, *((doubt,) if doubt else ()))
 
     def contacts(
         self,

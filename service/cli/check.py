@@ -27,7 +27,7 @@ _VERDICTS = {
     "does_not_fit": "[bold red]does not fit[/]",
     "cannot_tell": "[yellow]cannot be told[/]",
 }
-_UNITS = {"force": "N", "moment": "Nm", "torque": "Nm"}
+_UNITS = {"force": "N", "moment": "Nm", "torque": "Nm", "wrist_force": "N", "wrist_moment": "Nm"}
 """Of the residuals."""
 
 
@@ -129,7 +129,7 @@ def _print(found: SetupCheck, console: Console) -> None:
     untold = [item for item in found.findings if item.verdict == "cannot_tell"]
     if untold:
         console.print("What cannot be told needs more joints moved, further or faster.", highlight=False)
-    left = [(name, getattr(found.residuals, name), unit) for name, unit in _UNITS.items()]
+    left = [(name.replace("_", " "), getattr(found.residuals, name), unit) for name, unit in _UNITS.items()]
     text = ", ".join(f"{name} {value:.2g} {unit}" for name, value, unit in left if value is not None)
     console.print(f"{found.seconds:.1f} s; RMS residual below 2 Hz: {text}", highlight=False)
     if found.fits:
@@ -137,15 +137,14 @@ def _print(found: SetupCheck, console: Console) -> None:
 
 
 def _explained(item: Finding) -> str:
-    assert item.before is not None
-    assert item.after is not None
     remark = f" ({item.remark})" if item.remark else ""
     lines = [f"[bold]{item.line}[/] does not fit: {_plain(item.stated)}"]
     lines.append(f"  this would: [bold]{_plain(item.proposed or '')}[/]{remark}")
     for name, unit in _UNITS.items():
-        before, after = getattr(item.before, name), getattr(item.after, name)
+        before, after = getattr(item.before, name, None), getattr(item.after, name, None)
         if before is not None:
-            lines.append(f"  residual of {name}: {before:.2g} {unit}, then {after:.2g} {unit}")
+            what = name.replace("_", " ")
+            lines.append(f"  residual of {what}: {before:.2g} {unit}, then {after:.2g} {unit}")
     if item.instead:
         lines.append(f"  or else: {', '.join(item.instead)}")
     return "\n".join(lines)

@@ -31,6 +31,8 @@ class Facts:
     """Problems that the source of samples reports."""
     estimate: str = ""
     """Why the latest estimate is degraded; empty if it is not."""
+    doubt: str = ""
+    """Why the scene is in doubt; empty if it is not."""
     others: tuple[str, ...] = field(default=())
     """Other problems in the service, such as a task that was restarted recently."""
 
@@ -70,9 +72,10 @@ def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
     if facts.trouble or facts.others:
         # Most degraded estimates follow from the trouble; a value that cannot be has a cause of its own.
         own = estimate if ": expected " in facts.estimate else ()
-        return "degraded", (*_retried(facts.trouble), *facts.others, *own)
-    if estimate:
-        return "degraded", estimate
+        doubt = (facts.doubt,) if facts.doubt and not own else ()
+        return "degraded", (*_retried(facts.trouble), *facts.others, *own, *doubt)
+    if estimate or facts.doubt:
+        return "degraded", estimate or (facts.doubt,)
     return "ok", ("samples arrive and are estimated",)
 
 

@@ -19,6 +19,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Literal
 
 from contactsense import Scene
+from contactsense.runtime.stream_start import FROM_START
 from contactsense.service.api.messages import PipelineHealth, SourceHealth
 from contactsense.service.live.loading import Loading, OnLoading
 from contactsense.service.live.pipeline_process import (
@@ -346,6 +347,7 @@ class Runner:
                 connected=self.source.connected,
                 trouble=(self.source.trouble,) if self.source.trouble else (),
                 estimate=_degraded(self._latest),
+                doubt=FROM_START if FROM_START.encode() in self._latest else "",
                 others=(
                     *(f"{task.name} had to be started again: {task.error}" for task in failing),
                     *self.others(),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from contactsense.runtime.wrist_frame import WristFrame
 from contactsense.scene import Scene
 from contactsense.service.recordings.bag_files import BagFile, is_bag
 from contactsense.service.recordings.cleaning import RowChecker
@@ -14,7 +15,7 @@ from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording import BLOCK, Recording, concatenate
 from contactsense.service.recordings.table_files import Columns, TableFile, chosen_rows, open_table
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap, WristMap
+from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
 
 
 class RecordingFile:
@@ -88,7 +89,7 @@ class RecordingFile:
         self._base = self._optional("base_wrench", mapping.base_wrench, base is not None)
         self._wrist = self._optional("wrist_wrench", mapping.wrist_wrench, wrist is not None)
         self._base_map = None if base is None else WrenchMap.of(base)
-        self._wrist_map = None if wrist is None else WristMap(wrist, self._scene.robot)
+        self._wrist_map = None if wrist is None else WristFrame(wrist, self._scene.robot)
         self._late = 0.0 if base is None or not self._base else base.delay
         if not (self._torque_names or self._base):
             raise RecordingError(

@@ -1,12 +1,13 @@
 """What a scene says, in words: for `contactsense scene show` and for the service's start."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import acos, degrees
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from contactsense.robots.link_poses import link_poses
+from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_in_motion
 from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
@@ -61,27 +62,42 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
             None if sensor is None else reading_from_base_wrench(sensor, weight.wrench(q)).tolist()
         ),
         "largest_base_reading_at_rest": None if sensor is None else weight.largest_reading(sensor).tolist(),
+        "largest_base_reading_in_motion": (
+            None if sensor is None else largest_reading_in_motion(scene, "base_wrench").tolist()
+        ),
         "warnings": list(scene_warnings(scene)),
     }
 
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
     """What is possible but cannot work well, one line each, with the field to change."""
-    sensor = scene.base_wrench
-    found = []
-    if sensor is not None and sensor.range is not None:
-        largest = ArmWeight(scene).largest_reading(sensor)
-        for name, load, limit, unit in zip(
-            COMPONENTS, largest, sensor.limits, ("N",) * 3 + ("Nm",) * 3, strict=True
-        ):
-            if load >= limit:
-                found.append(
-                    f"base_wrench.range: expected more than {load:.0f} {unit} in {name}, which the arm's own "
-                    f"weight reaches, got {limit:g} {unit}; beyond it, the sensor is not used"
-                )
+    found = [*_range_warnings(scene, "base_wrench", "arm"), *_range_warnings(scene, "wrist_wrench", "tool")]
     if scene.tool is not None and scene.tool.mass > 0.0 and not scene.tool.primitives:
         found.append("tool.primitives: the tool has no surface; contacts on it cannot be found")
     return tuple(found)
+
+
+def _range_warnings(
+    scene: Scene, field: Literal["base_wrench", "wrist_wrench"], carried: str
+) -> Iterator[str]:
+    """Components of a sensor whose range the weight of what it carries reaches, or its weight and motion."""
+    sensor: WrenchSensor | None = getattr(scene, field)
+    if sensor is None or sensor.range is None:
+        return
+    at_rest = ArmWeight(scene).largest_reading(sensor) if field == "base_wrench" else np.zeros(6)
+    moving = largest_reading_in_motion(scene, field)
+    units = ("N",) * 3 + ("Nm",) * 3
+    for name, rest, motion, limit, unit in zip(
+        COMPONENTS, at_rest, moving, sensor.limits, units, strict=True
+    ):
+        if max(rest, motion) >= limit:
+            load, cause = (rest, "weight reaches")
+            if rest < limit:
+                load, cause = motion, f"weight and motion reach (full speed within {RAMP_TIME:g} s)"
+            yield (
+                f"{field}.range: expected more than {load:.3g} {unit} in {name}, which the {carried}'s own "
+                f"{cause}, got {limit:g} {unit}; beyond it, the sensor is not used"
+            )
 
 
 def _mounting(scene: Scene) -> str:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense.calibration import FreeMotion
+from contactsense.runtime.wrist_frame import WristFrame
 from contactsense.scene import Scene
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError
@@ -55,13 +56,16 @@ def read_live_motion(
 
 
 def _free_motion(scene: Scene, samples: list[Sample], name: str) -> FreeMotion:
-    torque, wrench = (_usual([getattr(s, key) for s in samples]) for key in ("joint_torque", "base_wrench"))
+    torque, wrench, wrist = (
+        _usual([getattr(s, key) for s in samples]) for key in ("joint_torque", "base_wrench", "wrist_wrench")
+    )
     kept, t = [], -np.inf
     for i, sample in enumerate(samples):
         if (
             sample.t > t
             and (torque is None or torque[i] is not None)
             and (wrench is None or wrench[i] is not None)
+            and (wrist is None or wrist[i] is not None)
         ):
             kept.append(i)
             t = sample.t
@@ -70,6 +74,10 @@ def _free_motion(scene: Scene, samples: list[Sample], name: str) -> FreeMotion:
     reading = None
     if wrench is not None and scene.base_wrench is not None:
         reading = WrenchMap.of(scene.base_wrench).reading(np.array([wrench[i] for i in kept]))
+    own = None
+    if wrist is not None and scene.wrist_wrench is not None:
+        frame = WristFrame(scene.wrist_wrench, scene.robot)
+        own = np.array([frame.reading(samples[i].q, np.array(wrist[i])) for i in kept])
     return FreeMotion(
         np.array([samples[i].t for i in kept]),
         np.array([samples[i].q for i in kept]),
@@ -77,6 +85,7 @@ def _free_motion(scene: Scene, samples: list[Sample], name: str) -> FreeMotion:
         None if torque is None else np.array([torque[i] for i in kept]),
         reading,
         name,
+        wrist=own,
     )
 
 

@@ -8,6 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from contactsense.runtime.wrist_frame import WristFrame
 from contactsense.scene import Scene
 from contactsense.service.sensors import netft_client as netft
 from contactsense.service.sensors import rtde_client as rtde
@@ -22,7 +23,7 @@ from contactsense.service.sensors.plausibility import (
 from contactsense.service.sensors.recent_trouble import describe_recent
 from contactsense.service.sensors.robot_stream import NS, RobotRecord, RobotStream, SensorError, StreamHealth
 from contactsense.service.sensors.rtde_client import RtdeStream
-from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap, WristMap
+from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
 from contactsense.service.sensors.time_alignment import Aligned, Aligner
 from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
 from contactsense.service.wire.recipe import Number
@@ -148,11 +149,10 @@ class LiveSource:
         if scene.base_wrench is not None:
             self._wrench_map = WrenchMap.of(scene.base_wrench)
             fields += _wrench_fields(settings)
-        self._wrist: WristMap | None = None
+        self._wrist: WristFrame | None = None
         self._wrist_fields = settings.wrist_fields
         if scene.wrist_wrench is not None:
-            self._wrist = WristMap(scene.wrist_wrench, scene.robot)
-            self._wrist_range = scene.wrist_wrench.limits
+            self._wrist = WristFrame(scene.wrist_wrench, scene.robot)
             fields += _wrist_fields(settings)
         fields += [name for name in settings.extra_fields if name not in fields]
         self._robot: RobotStream = _robot_stream(settings, fields)
@@ -312,10 +312,7 @@ class LiveSource:
         wrist = None
         if self._wrist is not None:
             read = np.concatenate([values[slices[name]] for name in self._wrist_fields])
-            if (np.abs(read) >= self._wrist_range).any():
-                self._recent.add(time.monotonic(), "wrist saturated")
-            else:
-                wrist = _finite(self._wrist.wrench(q, read))
+            wrist = _finite(self._wrist.wrench(q, read))
         return Sample(record.timestamp, q, qd, torque, wrench, wrist)
 
     def _note_wrench(self, there: bool) -> None:

@@ -14,8 +14,6 @@ _ALWAYS = {
     "bad_stamps": "the robot sends time stamps that are not numbers",
     "jumps": "the robot's time stamps (timestamp) jump or run far ahead of this computer's clock: expected "
     "seconds; are they in milliseconds?",
-    "wrist saturated": "the wrist force/torque sensor is at or beyond its range (wrist_wrench.range); such "
-    "readings are left out",
     "positions frozen": "the robot repeats the same joint positions while its velocities say that it moves: "
     "its packets are stale; restart RTDE on the controller",
     "all frozen": "the robot repeats the same positions, velocities and torques in every packet: its packets "

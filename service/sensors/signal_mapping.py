@@ -7,9 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.kinematics.model import build_model, empty_motion
-from contactsense.robots import Robot
 from contactsense.scene import Scene, WrenchSensor
 from contactsense.service.sensors.robot_stream import SensorError
 
@@ -129,23 +126,3 @@ class WrenchMap:
     def of(cls, sensor: WrenchSensor) -> "WrenchMap":
         """The map for a scene's sensor under the base."""
         return cls.make(sensor.rotation, np.asarray(sensor.translation), sensor.sign, sensor.bias)
-
-
-class WristMap:
-    """From a wrist sensor's own frame, which moves with the flange, to the wrench of everything beyond the
-    sensor on it, base origin and axes."""
-
-    def __init__(self, sensor: WrenchSensor, robot: Robot) -> None:
-        """Create the map for a scene's wrist sensor, whose pose is given in the flange frame."""
-        self._model = build_model(robot)
-        self._motion = empty_motion(len(robot.joints))
-        self._rotation = robot.flange_rotation @ sensor.rotation
-        self._origin = robot.flange_rotation @ np.array(sensor.translation) + robot.flange_translation
-        self._sign, self._bias = sensor.sign, sensor.bias
-
-    def wrench(self, q: np.ndarray, reading: np.ndarray) -> np.ndarray:
-        """Convert a reading at joint positions q, shape (n,) [rad]; both wrenches have shape (6,) [N, Nm]."""
-        forward_kinematics(self._model, q, self._motion)
-        R, o = self._motion.rotation[-1], self._motion.origin[-1]
-        there = WrenchMap.make(R @ self._rotation, o + R @ self._origin, self._sign, self._bias)
-        return there.wrench(reading)

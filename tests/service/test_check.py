@@ -11,18 +11,24 @@ from click.testing import CliRunner
 
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
 from contactsense.calibration import FreeMotion
+from contactsense.runtime.wrist_frame import WristFrame
 from contactsense.scene import Scene
 from contactsense.service.cli.check import check
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings.export import write_columns
+from contactsense.service.recordings.free_motion import read_free_motion
+from contactsense.service.sensors.live_free_motion import _free_motion
+from contactsense.types import Sample
 from tests.service.loopback import own_address
 
 
 def _write(path: Path, part: FreeMotion) -> None:
     columns = {"timestamp": part.t}
     groups = {"actual_q": part.q, "actual_qd": part.qd, "joint_torque": part.torque}
+    if part.wrist is not None:
+        groups["wrist_wrench"] = part.wrist
     for name, array in {**groups, "base_wrench": part.reading}.items():
         assert array is not None
         columns |= {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
@@ -120,3 +126,23 @@ def test_a_live_arm_is_checked(tmp_path: Path) -> None:
         result = CliRunner().invoke(check, [str(tmp_path / "scene.yaml"), *source])
     assert result.exit_code == 1, result.output
     assert "this would: table" in result.output
+
+
+def test_readings_of_the_wrist_sensor_come_as_they_were_read(tmp_path: Path) -> None:
+    """From a file and from live samples, in which they are wrenches in base axes."""
+    case = right_setup("ur5e", 1, Settings(seconds=1.0), wrist=True)
+    part, sensor = case.recording, case.scene.wrist_wrench
+    assert part.wrist is not None
+    assert sensor is not None
+    _write(tmp_path / "free.csv", part)
+    (read,), problems = read_free_motion(tmp_path / "free.csv", case.scene)
+    assert problems == ()
+    np.testing.assert_allclose(read.wrist, part.wrist, atol=1e-9)
+    frame = WristFrame(sensor, case.scene.robot)
+    samples = [
+        Sample(float(t), q, qd, wrist_wrench=frame.wrench(q, wrist))
+        for t, q, qd, wrist in zip(part.t, part.q, part.qd, part.wrist, strict=True)
+    ]
+    samples[5] = replace(samples[5], wrist_wrench=None)
+    live = _free_motion(case.scene, samples, "live")
+    np.testing.assert_allclose(live.wrist, np.delete(part.wrist, 5, axis=0), atol=1e-9)

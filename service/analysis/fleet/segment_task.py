@@ -105,7 +105,7 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
         "begin": own[0],
         "end": own[1],
         "samples": last - first,
-        "problems": [str(problem) for problem in recording.problems],
+        "problems": [*map(str, recording.problems), *run.complaints],
         "free": found.free,
         "touched": found.touched,
         "degraded": found.degraded,

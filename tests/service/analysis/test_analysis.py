@@ -11,12 +11,14 @@ import pyarrow.parquet as pa_parquet
 import pytest
 
 from contactsense import Localizer, Scene
+from contactsense.runtime.stream_start import FROM_START
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError, analyze
 from contactsense.service.analysis.contact_table import SCHEMA, write_contacts
 from contactsense.service.analysis.health import health
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
-from contactsense.service.recordings import read
+from contactsense.service.recordings import Recording, read
+from tests.contactsense.runtime.test_stream_start import RIGHT, stream
 from tests.service.analysis.recordings import demo, write_motion
 
 SCENE = Scene(robot="ur5e")
@@ -188,3 +190,15 @@ def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
     # Samples of 43 minutes are some 240 MB.
     assert megabytes[1] < megabytes[0] + 100
     assert megabytes[1] < 1000
+
+
+def test_a_recording_that_never_fits_a_free_arm_accuses_the_scene() -> None:
+    samples = stream(300)
+    rows = [np.array([getattr(x, name) for x in samples]) for name in ("t", "q", "qd")]
+    torque, base = (np.array([getattr(x, name) for x in samples]) for name in ("joint_torque", "base_wrench"))
+    recording = Recording("free.csv", *rows, torque, base, None, np.arange(300))
+    assert analyze(recording, RIGHT).problems == ()
+    tilted = RIGHT.model_copy(update={"mounting": (0.0, 0.15, 0.0)})
+    found = analyze(recording, tilted, smooth=False)
+    assert found.problems == (FROM_START,)
+    assert (False, FROM_START) in health(found)

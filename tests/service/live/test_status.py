@@ -30,6 +30,8 @@ def test_all_is_well():
         ({"trouble": ("the sensor reads exactly zero",)}, "degraded", "reads exactly zero; trying again"),
         ({"others": ("status watch had to be started again",)}, "degraded", "status watch"),
         ({"estimate": "blind"}, "degraded", "the latest estimate is degraded: blind"),
+        ({"doubt": "a line of the scene is wrong"}, "degraded", "a line of the scene is wrong"),
+        ({"doubt": "wrong", "others": ("status watch",)}, "degraded", "status watch; wrong"),
     ],
 )
 def test_what_is_not_well(change, status, reason):

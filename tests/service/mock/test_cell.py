@@ -5,6 +5,7 @@ import pytest
 
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
+from contactsense.runtime.wrist_frame import WristFrame
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.sensors.settings import Friction
 from contactsense.service.mock.cell import Cell
@@ -12,7 +13,7 @@ from contactsense.service.mock.live_controller import LiveController
 from contactsense.service.mock.physics.bodies import with_tool
 from contactsense.service.mock.robot_controller import RobotController
 from contactsense.service.mock.script import Script, ScriptError
-from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap, WristMap
+from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
 from tests.oracles.pinocchio_arm import PinocchioArm
 
 TINY = 1e-9
@@ -76,7 +77,7 @@ def test_a_mounted_arm_with_a_tool_reads_as_pinocchio_says():
         np.testing.assert_allclose(reading.torque, torque, atol=1e-6)
         np.testing.assert_allclose(WrenchMap.of(SENSOR).wrench(reading.base), wrench, atol=1e-6)
         # The wrist sensor feels what is beyond it: the tool and the push.
-        beyond = WristMap(WRIST, here.robot).wrench(reading.q, reading.wrist)
+        beyond = WristFrame(WRIST, here.robot).wrench(reading.q, reading.wrist)
         bare, alone = oracle(scene(tool=BALL.model_copy(update={"mass": 0.0})), reading, qdd, 0.0)
         np.testing.assert_allclose(beyond, wrench - alone, atol=1e-5)
         assert np.abs(torque - bare).max() > 1.0

@@ -41,13 +41,28 @@ def test_absent_parts_are_said_to_be_absent() -> None:
     assert "touchable forearm; not: base, shoulder, upper_arm, wrist_1, wrist_2, wrist_3" in text
 
 
-def test_a_range_that_the_arms_own_weight_exceeds_is_warned_of() -> None:
-    small, large = WrenchSensor(range=(500.0, 20.0)), WrenchSensor(range=(500.0, 200.0))
-    moments = scene_warnings(Scene(robot="ur10e", base_wrench=small))
-    assert [warning.split(" in ")[1][:2] for warning in moments] == ["mx", "my"]
-    assert all("got 20 Nm" in warning for warning in moments)
-    assert scene_warnings(Scene(robot="ur10e", base_wrench=large)) == ()
-    assert "fz" in scene_warnings(Scene(robot="ur10e", base_wrench=WrenchSensor(range=(300.0, 200.0))))[0]
+def test_a_range_that_the_arms_own_weight_or_motion_exceeds_is_warned_of() -> None:
+    def warnings(*limits: float) -> list[str]:
+        return list(scene_warnings(Scene(robot="ur10e", base_wrench=WrenchSensor(range=limits))))
+
+    small = warnings(600.0, 20.0)
+    assert [warning.split(" in ")[1][:2] for warning in small] == ["mx", "my", "mz"]
+    assert all("got 20 Nm" in warning for warning in small)
+    assert ["weight reaches" in warning for warning in small] == [True, True, False]
+    in_motion = warnings(400.0, 200.0)
+    assert [warning.split(" in ")[1][:2] for warning in in_motion] == ["fz", "mx", "my"]
+    assert all("weight and motion reach (full speed within 0.5 s)" in warning for warning in in_motion)
+    assert warnings(600.0, 400.0) == []
+
+
+def test_a_wrist_range_that_the_tool_exceeds_is_warned_of() -> None:
+    def warnings(*limits: float) -> list[str]:
+        tool = Tool(mass=1.2, com=(0.0, 0.0, 0.06))
+        scene = Scene(robot="ur10e", tool=tool, wrist_wrench=WrenchSensor(range=limits))
+        return [text for text in scene_warnings(scene) if text.startswith("wrist_wrench.range")]
+
+    assert "fz, which the tool's own weight and motion" in warnings(40.0, 10.0)[-1]
+    assert warnings(100.0, 10.0) == []
 
 
 def test_the_largest_load_is_that_of_an_arm_stretched_out() -> None:

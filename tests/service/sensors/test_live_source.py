@@ -164,17 +164,6 @@ def test_a_wrist_sensor_comes_with_the_robot_and_turns_with_its_flange(registers
         assert sample.wrist_wrench == pytest.approx(np.append(force, moment + np.cross(origin, force)))
 
 
-def test_a_wrist_sensor_at_its_range_is_told_and_left_out():
-    place = WrenchSensor(range=(100.0, 1.0))  # the moments of the feed begin at 3 and grow
-    scene = Scene(robot="ur5e", base_wrench=None, wrist_wrench=place, tool=Tool(mass=1.0))
-    with (
-        MockServers(FEED, MOCK, fields={"ft_raw_wrench": WRENCH}) as servers,
-        LiveSource(scene, SourceSettings(servers.rtde.host, servers.rtde.port)) as source,
-    ):
-        assert all(sample.wrist_wrench is None for sample in collect(source, 20))
-        assert "wrist_wrench.range" in source.health.trouble
-
-
 def test_time_stamps_in_milliseconds_are_told(monkeypatch):
     seconds = Controller._timestamp
     monkeypatch.setattr(Controller, "_timestamp", lambda self, t: [1e3 * x for x in seconds(self, t)])
