@@ -14,10 +14,15 @@ from contactsense.service.drawing.triangles import cut_off, merged, refined
 
 REGION_90 = 4.605
 """Squared Mahalanobis radius that contains 90 % of a two-dimensional Gaussian."""
-ARROW_SCALE = 0.005
+ARROW_SCALE = 0.008
 """Length of an arrow per force [m/N]."""
-ARROW_LENGTHS = (0.06, 0.4)
+ARROW_LENGTHS = (0.08, 0.45)
 """Shortest and longest arrow [m]."""
+ARROW_MEANING = (
+    f"{1e3 * ARROW_SCALE:g} mm long for each newton, "
+    f"{1e3 * ARROW_LENGTHS[0]:g} to {1e3 * ARROW_LENGTHS[1]:g} mm"
+)
+"""What the length of an arrow means, for legends."""
 LIFT = 0.0006
 """Height of a region above the surface [m], so that the surface does not shine through."""
 _SMALLEST = 0.001

@@ -115,11 +115,11 @@ def test_an_arrow_ends_at_the_contact_and_shows_the_force() -> None:
     point, force = np.array([0.1, 0.2, 0.3]), np.array([0.0, 12.0, 16.0])
     tail, head = arrow_ends(point, force)
     np.testing.assert_array_equal(head, point)
-    np.testing.assert_allclose(head - tail, 0.005 * force)
+    np.testing.assert_allclose(head - tail, 0.008 * force)
     lengths = [np.linalg.norm(np.subtract(*arrow_ends(point, size * force))) for size in (1e-3, 0.5, 2, 1e6)]
-    assert lengths[0] == pytest.approx(0.06)
+    assert lengths[0] == pytest.approx(0.08)
     assert lengths == sorted(lengths)
-    assert lengths[-1] == pytest.approx(0.4)
+    assert lengths[-1] == pytest.approx(0.45)
     for nothing in (np.zeros(3), np.full(3, np.nan), np.array([np.inf, 0.0, 0.0])):
         tail, head = arrow_ends(point, nothing)
         np.testing.assert_array_equal(tail, head)

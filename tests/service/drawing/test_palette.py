@@ -82,6 +82,11 @@ def test_heat_is_logarithmic_and_shows_what_is_beyond_the_scale() -> None:
         palette.heat_colours(np.ones(1), 0.0, 1.0)
 
 
+def test_pictures_of_robots_have_the_same_colours() -> None:
+    rendering = pytest.importorskip("contactsense.robots.rendering")
+    assert [palette.rgb(colour) for colour in palette.LINK_COLOURS] == list(rendering.COLOURS)
+
+
 def test_links_without_a_number_and_beyond_the_last_colour() -> None:
     assert palette.link_colour(-1) == palette.NOWHERE
     assert palette.link_colour(len(palette.LINK_COLOURS)) == palette.link_colour(0)
