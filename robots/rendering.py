@@ -18,15 +18,17 @@ _CLOSE = 1e-4
 """A ray has arrived when it is so near to a surface [m]."""
 
 COLOURS = (
-    (90, 100, 115),
-    (66, 133, 244),
-    (219, 68, 55),
-    (244, 180, 0),
-    (15, 157, 88),
-    (171, 71, 188),
-    (0, 172, 193),
+    (131, 134, 127),
+    (72, 154, 226),
+    (225, 122, 0),
+    (85, 234, 175),
+    (141, 67, 136),
+    (183, 212, 239),
+    (180, 31, 0),
+    (222, 211, 113),
+    (67, 76, 191),
 )
-"""Of links, in turn, as red, green, blue."""
+"""Of links, in turn, as red, green, blue: distinguishable for the colour-blind."""
 
 
 class View:

@@ -16,8 +16,9 @@ from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import health
 from contactsense.service.analysis.summarize import Summarizer
-from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, region_outline, view_script
-from contactsense.service.drawing.palette import link_colour
+from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view, view_script
+from contactsense.service.drawing.contact_shapes import ARROW_MEANING
+from contactsense.service.drawing.palette import CONTACT, NOWHERE, link_colour
 from contactsense.service.drawing.timeline_svg import Curve, panel
 
 DETAILED = 40
@@ -67,6 +68,7 @@ def _content(analysis: Analysis) -> dict[str, Any]:
         "health": health(analysis),
         "assumptions": assumptions(scene),
         "disclaimer": DISCLAIMER,
+        "arrow": ARROW_MEANING,
         "script": view_script(),
         "data": json.dumps(_views(analysis, chosen), separators=(",", ":")).replace("</", "<\\/"),
     }
@@ -151,8 +153,8 @@ def _residual_panels(analysis: Analysis) -> list[tuple[str, str]]:
             'Energy of "nothing touches" (logarithm to base 10), dashed: where a contact begins',
             panel(
                 [
-                    Curve(found.t, np.log10(1.0 + found.energy), "#37474f", 'energy of "nothing touches"'),
-                    Curve(np.array(span), np.full(2, np.log10(1.0 + threshold)), "#d50000", dashed=True),
+                    Curve(found.t, np.log10(1.0 + found.energy), NOWHERE, 'energy of "nothing touches"'),
+                    Curve(np.array(span), np.full(2, np.log10(1.0 + threshold)), CONTACT, dashed=True),
                 ],
                 span,
                 "log10(1 + energy)",
@@ -166,8 +168,8 @@ def _residual_panels(analysis: Analysis) -> list[tuple[str, str]]:
                 "External force on the base sensor, dashed: three standard deviations without contact",
                 panel(
                     [
-                        Curve(found.t, found.base_force, "#1565c0", "external force on the base sensor"),
-                        Curve(found.t, 3.0 * found.base_force_std, "#d50000", dashed=True),
+                        Curve(found.t, found.base_force, link_colour(1), "external force on the base sensor"),
+                        Curve(found.t, 3.0 * found.base_force_std, CONTACT, dashed=True),
                     ],
                     span,
                     "force / N",
@@ -182,8 +184,8 @@ def _residual_panels(analysis: Analysis) -> list[tuple[str, str]]:
                     f"External torque about {escape(joint.name)}, dashed: three standard deviations",
                     panel(
                         [
-                            Curve(found.t, found.joint_torque[:, j], "#00695c"),
-                            Curve(found.t, 3.0 * found.joint_torque_std[:, j], "#d50000", dashed=True),
+                            Curve(found.t, found.joint_torque[:, j], link_colour(j + 1)),
+                            Curve(found.t, 3.0 * found.joint_torque_std[:, j], CONTACT, dashed=True),
                         ],
                         span,
                         "torque / Nm",
@@ -213,10 +215,15 @@ def _views(analysis: Analysis, chosen: set[int]) -> dict[str, Any]:
     for contact in analysis.contacts:
         if contact.contact in chosen:
             poses = [summarizer.link_pose(contact.q, link) for link in range(len(scene.link_names))]
-            region = None
-            if contact.link_index >= 0:
-                region = region_outline(contact.point_base, contact.normal_base, contact.covariance)
-            views[contact.contact] = arm_view(poses, up, contact.point_base, contact.force_base, region)
+            views[contact.contact] = arm_view(poses, up) | contact_view(
+                scene,
+                poses,
+                contact.link_index,
+                contact.point_base,
+                contact.normal_base,
+                contact.covariance,
+                contact.force_base,
+            )
     return {"geometry": arm_geometry(scene) if views else [], "views": views}
 
 

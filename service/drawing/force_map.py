@@ -11,6 +11,7 @@ from contactsense.kinematics.model import empty_motion
 from contactsense.robots.rendering import View, at_pose, side_by_side
 from contactsense.runtime.constants import build_constants
 from contactsense.scene import Scene
+from contactsense.service.drawing.palette import HEAT, heat_colours
 from contactsense.surface_map.detectability import Detectability
 from contactsense.surface_map.sensor_response import sensor_response
 from contactsense.surface_map.smallest_force import detected_size, smallest_force
@@ -24,11 +25,8 @@ MARGIN = 12
 """White pixels around the arm."""
 PIXELS = 560
 """Longer side of each view."""
-UNFELT = (150, 150, 155)
-"""Colour of surface on which no force in the range of the scale is detected."""
 WIDEST_SCALE = 100.0
 """Largest ratio of the forces at both ends of the colour scale."""
-COLOURS = "viridis_r"
 
 
 def draw_force_map(
@@ -43,14 +41,14 @@ def draw_force_map(
     """
     mpl.use("Agg")
     from matplotlib import pyplot as plt
-    from matplotlib.colors import LogNorm
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
     forces = np.concatenate([found.smallest_force for _, _, found in cases])
     forces = forces[np.isfinite(forces)]
     low = float(forces.min())
     high = min(max(float(forces.max()), 1.2 * low), WIDEST_SCALE * low)
-    scale = mpl.cm.ScalarMappable(LogNorm(low, high), COLOURS)
-    pictures = [_views(scene, found, q, scale, high) for _, scene, found in cases]
+    scale = mpl.cm.ScalarMappable(LogNorm(low, high), LinearSegmentedColormap.from_list("heat", HEAT))
+    pictures = [_views(scene, found, q, (low, high)) for _, scene, found in cases]
     height = sum(WIDTH * picture.shape[0] / picture.shape[1] + 0.6 for picture in pictures)
     figure, axes = plt.subplots(
         len(cases), 1, figsize=(WIDTH + 1.5, height + 0.4), squeeze=False, layout="constrained"
@@ -66,17 +64,16 @@ def draw_force_map(
     bar.ax.yaxis.set_major_formatter("{x:g}")
     bar.ax.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
     if any((found.smallest_force > high).any() for _, _, found in cases):
-        figure.supxlabel(f"grey: more than {high:.3g} N", fontsize=10)
+        figure.supxlabel(f"light grey: more than {high:.3g} N", fontsize=10)
     try:
         figure.savefig(path, dpi=110, format="png")
     finally:
         plt.close(figure)
 
 
-def _views(
-    scene: Scene, found: Detectability, q: np.ndarray, scale: mpl.cm.ScalarMappable, high: float
-) -> np.ndarray:
-    """The arm from two sides, image (rows, columns, 3)."""
+def _views(scene: Scene, found: Detectability, q: np.ndarray, scale: tuple[float, float]) -> np.ndarray:
+    """The arm from two sides, image (rows, columns, 3); `scale`: forces at the ends of the colour scale
+    [N]."""
     constants, motion = build_constants(scene), empty_motion(len(q))
     forward_kinematics(constants.model, q, motion)
     response, size = sensor_response(scene, constants, motion), detected_size(scene, found.detection)
@@ -109,8 +106,7 @@ def _views(
                 normals[hit][on] @ world,
             )
         colours = np.zeros((*which.shape, 3))
-        felt = force <= high
-        colours[hit] = np.where(felt[:, None], 255.0 * scale.to_rgba(force)[:, :3], UNFELT)
+        colours[hit] = heat_colours(force, *scale)
         rows, columns = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
         part = view.shaded(normals, colours, hit)[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         images.append(np.pad(part, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), constant_values=255))

@@ -7,14 +7,12 @@ import matplotlib as mpl
 import numpy as np
 
 from contactsense.scene import Scene
-from contactsense.service.drawing.link_meshes import body_meshes, link_meshes
-from contactsense.service.drawing.palette import link_colour
+from contactsense.service.drawing.link_geometry import body_meshes, link_meshes
+from contactsense.service.drawing.palette import AXES, UNTOUCHED, link_colour
 from contactsense.service.scene.summary import link_places
 
 _VIEWS = ((-60.0, 18.0), (30.0, 18.0))
 """Azimuth and elevation of the two views [deg]."""
-_AXIS_COLOURS = ("#d62728", "#2ca02c", "#1f77b4")
-_NOT_TOUCHABLE = "#d5d8dc"
 _BODY_COLOURS = {"obstacle": "#b08968", "cover": "#8d99ae", "pedestal": "#6d597a"}
 """Role of a body -> its colour."""
 
@@ -54,7 +52,7 @@ def draw_scene(scene: Scene, q: np.ndarray, path: Path) -> None:
             patch.set_label(f"{patch.get_label()} (not touchable)")
     legend += [Patch(color=_BODY_COLOURS[b.role], label=f"{b.name} ({b.role})") for b in scene.bodies]
     figure.legend(handles=legend, loc="outside lower center", ncols=5, frameon=False)
-    figure.suptitle(f"{scene.robot.name} as mounted, the vertical upward; axes: x red, y green, z blue")
+    figure.suptitle(f"{scene.robot.name} as mounted, the vertical upward")
     try:
         figure.savefig(path, format="png", dpi=100)
     finally:
@@ -63,7 +61,7 @@ def draw_scene(scene: Scene, q: np.ndarray, path: Path) -> None:
 
 def _colour(scene: Scene, link: int) -> str:
     touchable = scene.touchable is None or scene.link_names[link] in scene.touchable
-    return link_colour(link) if touchable else _NOT_TOUCHABLE
+    return link_colour(link) if touchable else UNTOUCHED
 
 
 def _triangles(scene: Scene, to_world: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -146,13 +144,19 @@ def _draw_frame(
     length: float,
 ) -> None:
     """Draw the axes of a frame, over the arm."""
+    from matplotlib.patheffects import withStroke
+
     start = (camera @ origin)[:2]
     # The base frame and a sensor just below it stay distinguishable: the sensor's axes are longer and thin.
     sensor = name != "base"
-    for i, colour in enumerate(_AXIS_COLOURS):
+    for i, colour in enumerate(AXES):
         end = start + (1.6 if sensor else 1.0) * length * (camera @ rotation[:, i])[:2]
         style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4 if sensor else 3.0}
         plot.annotate("", end, start, arrowprops=style | ({"linestyle": "--"} if sensor else {}))
+        # Beside the tip, where no axis of the other frame is.
+        x, y = end + 0.17 * length * _square_to(end - start)
+        letter = plot.text(x, y, "xyz"[i], color=colour, ha="center", va="center", fontweight="bold")
+        letter.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
         plot.update_datalim([end])
     below = -1.9 if sensor else -1.2
     plot.annotate(
@@ -165,3 +169,9 @@ def _draw_frame(
     )
     plot.update_datalim([start + np.array([3.4, below]) * length])
     plot.autoscale_view()
+
+
+def _square_to(step: np.ndarray) -> np.ndarray:
+    """Unit vector at a right angle to a step (2,) in the picture; upward for none."""
+    size = float(np.hypot(*step))
+    return np.array([0.0, 1.0]) if size < 1e-9 else np.array([-step[1], step[0]]) / size

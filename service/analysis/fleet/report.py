@@ -15,7 +15,7 @@ from contactsense.service.analysis.report import render
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, view_script
 from contactsense.service.drawing.drift_svg import drift_chart
-from contactsense.service.drawing.palette import link_colour
+from contactsense.service.drawing.palette import heat_colours, link_colour
 
 FORCES = (0.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, float("inf"))
 """Bounds of the force classes [N]."""
@@ -25,6 +25,8 @@ MOST_CHARTS = 30
 """Maximum number of robots whose drift is drawn: those with the largest. The table lists all."""
 MOST_PROBLEMS = 100
 """Maximum number of problems that are listed."""
+DOT_FORCES = (1.0, 100.0)
+"""Forces at the ends of the dots' colour scale [N]."""
 
 
 def write_fleet_report(summary: FleetSummary, folder: Path) -> None:
@@ -169,12 +171,12 @@ def _dots(summary: FleetSummary, robots: list[RobotSummary]) -> dict[str, Any]:
     rows = rows[:: -(-max(len(rows), 1) // MOST_DOTS)]
     part = table.take(rows)
     place = np.column_stack([part[f"point_{a}"].to_numpy() for a in "xyz"]).reshape(-1, 3)
-    dots = []
-    for link, point, force in zip(
-        part["link_index"].to_pylist(), place, part["peak_force"].to_pylist(), strict=True
-    ):
+    force = np.clip(part["peak_force"].to_numpy(), *DOT_FORCES)
+    colours = [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in heat_colours(force, *DOT_FORCES)]
+    dots: list[float | str] = []
+    for link, point, colour in zip(part["link_index"].to_pylist(), place, colours, strict=True):
         origin, rotation = poses[link]
-        dots += [*(1e3 * (origin + rotation @ point)).round(1).tolist(), round(min(force / 100.0, 1.0), 3)]
+        dots += [*(1e3 * (origin + rotation @ point)).round(1).tolist(), colour]
     view["dots"] = dots
     return view
 

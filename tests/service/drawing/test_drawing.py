@@ -1,52 +1,56 @@
-"""Meshes that lie on the surface, regions of the right size, axes with round numbers."""
+"""Reports that draw what all pictures draw, axes with round numbers."""
+
+from base64 import b64decode
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from contactsense import Scene
-from contactsense.robots.surface.convex_primitives import pack, project
-from contactsense.service.drawing.arm_scene import arm_view, region_outline
-from contactsense.service.drawing.link_meshes import link_meshes
+from contactsense.robots.surface.union import distances
+from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view
+from contactsense.service.drawing.link_geometry import geometry_of, link_meshes
+from contactsense.service.drawing.palette import link_colour
 from contactsense.service.drawing.timeline_svg import Curve, nice_step, panel
 
 
-def test_meshes_lie_on_the_primitives_and_face_outwards() -> None:
+def unpacked(mesh: dict[str, str]) -> tuple[np.ndarray, np.ndarray]:
+    vertices = np.frombuffer(b64decode(mesh["vertices"]), dtype="<i2").reshape(-1, 3)
+    return 1e-4 * vertices, np.frombuffer(b64decode(mesh["faces"]), dtype="<u2").reshape(-1, 3)
+
+
+def test_a_report_has_the_meshes_that_all_pictures_have() -> None:
     scene = Scene(robot="ur5e")
-    surfaces = pack(scene.robot.links)
-    meshes = link_meshes(scene)
-    assert len(meshes) == 7
-    for link, mesh in enumerate(meshes):
-        first, last = surfaces.start[link], surfaces.start[link + 1]
-        each = len(mesh.vertices) // (last - first)
-        for k, p in enumerate(range(first, last)):
-            local = (mesh.vertices[k * each : (k + 1) * each] - surfaces.origin[p]) @ surfaces.rotation[p]
-            away = [abs(project(surfaces.kind[p], surfaces.size[p], *point)[0]) for point in local]
-            assert max(away) < 1e-9
-            own = mesh.faces[(mesh.faces >= k * each).all(axis=1) & (mesh.faces < (k + 1) * each).all(axis=1)]
-            a, b, c = (local[own[:, i] - k * each] for i in range(3))
-            normal = np.cross(b - a, c - a)
-            outward = np.einsum("ij,ij->i", normal, (a + b + c) / 3.0 - local.mean(axis=0)) > 0.0
-            area = np.linalg.norm(normal, axis=1)
-            # Where many points meet at an edge, slivers may be turned over.
-            assert area[outward].sum() > 0.99 * area.sum()
+    for i, (drawn, mesh) in enumerate(zip(arm_geometry(scene), link_meshes(scene), strict=True)):
+        vertices, faces = unpacked(drawn)
+        assert drawn["color"] == link_colour(i)
+        np.testing.assert_allclose(vertices, mesh.vertices, atol=5.1e-5)
+        np.testing.assert_array_equal(faces, mesh.faces)
 
 
-def test_the_region_holds_nine_of_ten_places() -> None:
-    rng = np.random.default_rng(3)
-    normal = np.array([0.6, 0.0, 0.8])
-    A = rng.standard_normal((3, 3)) * 1e-3
-    outline = region_outline(np.zeros(3), normal, A @ A.T)
-    np.testing.assert_allclose(outline @ normal, 0.0, atol=1e-12)
-    places = rng.standard_normal((20000, 3)) @ A.T
-    places -= np.outer(places @ normal, normal)
-    inverse = np.linalg.pinv(outline.T @ outline / len(outline) * 2.0)
-    assert np.mean(np.einsum("ij,jk,ik->i", places, inverse, places) <= 1.0) == pytest.approx(0.9, abs=0.01)
+def test_a_contact_is_drawn_where_it_is() -> None:
+    scene = Scene(robot="ur5e")
+    rotation = Rotation.from_euler("xyz", (0.3, 0.2, 0.1)).as_matrix()
+    poses = [(np.array([0.1, 0.2, 0.3]), rotation)] * 7
+    place = geometry_of(scene).triangles[3][100].mean(axis=0)
+    _, _, normal = distances(geometry_of(scene).surfaces, place[None], 3)
+    point, force = poses[3][0] + rotation @ place, rotation @ (-20.0 * normal[0])
+    view = contact_view(scene, poses, 3, point, rotation @ normal[0], 1e-4 * np.eye(3), force)
+    np.testing.assert_allclose(1e-3 * np.array(view["point"]), point, atol=1e-5)
+    np.testing.assert_allclose(1e-3 * np.subtract(view["point"], view["arrow"]), 0.008 * force, atol=2e-5)
+    vertices, faces = unpacked(view["region"])
+    assert view["region"]["link"] == 3
+    assert len(faces) > 20
+    assert np.abs(distances(geometry_of(scene).surfaces, vertices, 3)[0]).max() < 0.001
+    assert 0.015 < np.linalg.norm(vertices - place, axis=1).max() < 0.03
 
 
-def test_a_view_without_a_place_draws_the_arm_alone() -> None:
-    poses = [(np.zeros(3), np.eye(3))]
-    view = arm_view(poses, np.array([0.0, 0.0, 1.0]), np.full(3, np.nan), np.ones(3))
-    assert sorted(view) == ["poses", "up"]
+def test_a_contact_without_a_place_draws_the_arm_alone() -> None:
+    scene, poses, nowhere = Scene(robot="ur5e"), [(np.zeros(3), np.eye(3))] * 7, np.full(3, np.nan)
+    unknown = (nowhere, nowhere, np.full((3, 3), np.nan), np.ones(3))
+    assert contact_view(scene, poses, -1, *unknown) == {}
+    assert contact_view(scene, poses, 2, *unknown) == {}
+    assert sorted(arm_view(poses, np.array([0.0, 0.0, 1.0]))) == ["poses", "up"]
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from contactsense import Scene, WrenchSensor
 from contactsense.robots.tool import Tool
 from contactsense.runtime.weight import ArmWeight
 from contactsense.service.cli.joint_angles import usual_posture
+from contactsense.service.drawing.palette import link_colour, rgb
 from contactsense.service.scene.picture import draw_scene
 from contactsense.service.scene.summary import as_plain, scene_warnings, summarize
 from tests.plain_arm import plain_ur5e
@@ -89,7 +90,12 @@ def test_the_picture_shows_links_in_their_colours(tmp_path) -> None:  # type: ig
     draw_scene(Scene(robot=plain_ur5e(), mounting="ceiling", touchable=("forearm",)), Q, path)
     picture = image.imread(path)[..., :3]
     drawn = picture[(picture.min(axis=2) < 0.97)]
-    ochre = (drawn[:, 0] > 1.3 * drawn[:, 1]) & (drawn[:, 1] > 3.0 * drawn[:, 2])  # of the forearm
-    red = (drawn[:, 0] > 2.5 * drawn[:, 1]) & (drawn[:, 0] > 2.5 * drawn[:, 2])  # of the upper arm and axes
-    assert ochre.sum() > 5000
-    assert red.sum() < 0.2 * ochre.sum()
+
+    def shades(link: str) -> int:
+        """Number of pixels in the colour of a link, lit or in shade."""
+        colour = np.array(rgb(link_colour(plain_ur5e().link_names.index(link)))) / 255.0
+        light = drawn @ colour / (colour @ colour)
+        return int((np.linalg.norm(drawn - light[:, None] * colour, axis=1) < 0.02).sum())
+
+    assert shades("forearm") > 5000
+    assert shades("upper_arm") < 0.2 * shades("forearm")
