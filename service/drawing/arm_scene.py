@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from contactsense.scene import Scene
-from contactsense.service.drawing.link_meshes import link_meshes
+from contactsense.service.drawing.link_geometry import link_meshes
 from contactsense.service.drawing.palette import link_colour
 
 REGION_90 = 4.605

@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 
 from contactsense.scene import Scene
-from contactsense.service.drawing.link_meshes import link_meshes
+from contactsense.service.drawing.link_geometry import link_meshes
 from contactsense.service.drawing.palette import link_colour
 from contactsense.service.scene.summary import link_places
 

@@ -25,6 +25,7 @@ NAMED = {
     "mpmath": ("benchmarks/solvers/judge.py", r'import_module\("mpmath"\)'),
     "pycollada": ("robots/library.py", r'"\.dae"'),
     "rtree": ("benchmarks/accuracy/geometry.py", r"trimesh\.proximity\.closest_point"),
+    "fast-simplification": ("service/drawing/visual_meshes.py", r"\.simplify_quadric_decimation"),
     "networkx": ("tests/robots/test_urdf.py", r"\.split\(only_watertight"),
     "example-robot-data": ("tests/robots/test_urdf.py", r'files\("example-robot-data"\)'),
     "pytest-timeout": ("pyproject.toml", r"^timeout = \d+"),
