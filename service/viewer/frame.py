@@ -1,0 +1,91 @@
+"""What the viewer shows at one instant, and where it comes from."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.types import Estimate
+
+HISTORY = 10.0
+"""Length of the history of forces [s]."""
+TRACKS = 3
+"""Contacts at one time whose forces are kept: as many as a scene permits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """Magnitudes of the contact forces of the last `HISTORY` seconds; K instants."""
+
+    t: np.ndarray
+    """Time [s], shape (K,)."""
+    force: np.ndarray
+    """Force of the best explanation; where several contacts act, of each [N], shape (K, TRACKS). NaN: none.
+    """
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One instant."""
+
+    q: np.ndarray | None
+    """Joint positions, shape (n,) [rad]; None: unknown."""
+    estimate: Estimate | None
+    """The estimate; None: there is none."""
+    forces: Forces
+
+
+@dataclass(frozen=True)
+class Latch:
+    """A collision that has not been acknowledged."""
+
+    rule: str
+    text: str
+    """What happened, for a person."""
+
+
+class Source(Protocol):
+    """Where frames come from. Its methods return at once."""
+
+    scene: Scene
+    """The arm in its cell."""
+
+    def frame(self) -> Frame:
+        """What is to be shown now."""
+
+    def note(self) -> str:
+        """State of the source in one sentence, such as what the service is doing; may be empty."""
+
+    def close(self) -> None:
+        """Release all that is open."""
+
+
+class ForceHistory:
+    """Collects the forces of estimates. A time that goes back starts anew."""
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[float, list[float]]] = deque()
+
+    def add(self, estimate: Estimate) -> None:
+        """Add the forces of an estimate."""
+        if self._rows and not self._rows[-1][0] < estimate.t:
+            self._rows.clear()
+        self._rows.append((estimate.t, forces_of(estimate)))
+        while self._rows[0][0] < estimate.t - HISTORY:
+            self._rows.popleft()
+
+    def forces(self) -> Forces:
+        """The history."""
+        return Forces(
+            np.array([t for t, _ in self._rows]),
+            np.array([forces for _, forces in self._rows]).reshape(-1, TRACKS),
+        )
+
+
+def forces_of(estimate: Estimate) -> list[float]:
+    """Magnitudes of the forces that act at the same time [N], NaN where there is none, `TRACKS` numbers."""
+    acting = estimate.contacts if estimate.status == "multiple" else estimate.contacts[:1]
+    found = [float(np.linalg.norm(contact.force_base)) for contact in acting[:TRACKS]]
+    return found + [float("nan")] * (TRACKS - len(found))

@@ -1,0 +1,121 @@
+"""The viewer in a real browser: it shows the arm, and a contact where the truth is."""
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from contactsense.scene import Scene
+from contactsense.service.drawing.palette import CONTACT, link_colour, rgb
+from contactsense.service.viewer.frame import TRACKS, Forces, Frame
+from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_page
+from contactsense.types import Estimate
+from tests.browser import Page, browser_page, require_browser
+from tests.service.loopback import until
+from tests.service.viewer.estimates import POSTURE, contact, estimate
+
+pytestmark = pytest.mark.slow
+SCENE = Scene(robot="ur5e")
+FOREARM = 3
+PLACES = (np.array([-0.2, 0.05, 0.007]), np.array([-0.12, -0.05, 0.007]))
+"""On the forearm, on opposite sides, in its frame [m]."""
+PATIENCE = 240.0
+"""Software draws a picture in seconds on a busy computer [s]."""
+
+
+@dataclass
+class Shown:
+    """A viewer whose frame tests set."""
+
+    page: Page
+    server: PageServer
+    estimate: Estimate | None = None
+    q: np.ndarray = field(default_factory=lambda: POSTURE)
+
+    def frame(self) -> Frame:
+        return Frame(self.q, self.estimate, Forces(np.empty(0), np.empty((0, TRACKS))))
+
+    def pixel(self, point: np.ndarray) -> tuple[int, int]:
+        """Column and row of a point in the base frame."""
+        (client,) = self.server.get_clients().values()
+        camera = client.camera
+        x, y, z = Rotation.from_quat(camera.wxyz, scalar_first=True).inv().apply(point - camera.position)
+        focal = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
+        return round(camera.image_width / 2 + focal * x / z), round(camera.image_height / 2 + focal * y / z)
+
+    def share(self, point: np.ndarray, colour: str) -> float:
+        """Share of the pixels around a point in the base frame that have the hue of a colour."""
+        column, row = self.pixel(point)
+        part = self.page.screenshot()[row - 4 : row + 5, column - 4 : column + 5].astype(float)
+        part -= part.mean(axis=2, keepdims=True)
+        wanted = np.array(rgb(colour)) - np.mean(rgb(colour))
+        saturation = np.linalg.norm(part, axis=2)
+        same = part @ wanted > 0.97 * saturation * np.linalg.norm(wanted)
+        return float((same & (saturation > 30.0)).mean())
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
+    require_browser()
+    server = serve_page("127.0.0.1", 0)
+    viewer = Viewer(server, SCENE)
+    over = threading.Event()
+    url = f"http://127.0.0.1:{server.get_port()}"
+    with browser_page(url, tmp_path_factory.mktemp("profile")) as (page, _):
+        shown = Shown(page, server)
+        thread = threading.Thread(target=run, args=(lambda: viewer.draw(shown.frame(), "a note"), over))
+        thread.start()
+        try:
+            page.wait_for("a note")
+            assert until(lambda: len(server.get_clients()) == 1, PATIENCE)
+            yield shown
+        finally:
+            over.set()
+            thread.join()
+            viewer.close()
+
+
+def test_a_contact_appears_where_the_truth_is_and_disappears(shown: Shown) -> None:
+    places = [contact(SCENE, POSTURE, FOREARM, place, deviation=0.01) for place in PLACES]
+    shown.estimate = None
+    assert until(lambda: shown.share(places[0].point_base, link_colour(FOREARM)) > 0.5, PATIENCE)
+    shown.estimate = estimate(SCENE, places[0])
+    shown.page.wait_for("forearm is touched")
+    assert until(lambda: shown.share(places[0].point_base, CONTACT) > 0.1, PATIENCE)
+    shown.estimate = estimate(SCENE)
+    shown.page.wait_for("Nothing is felt")
+    assert until(lambda: shown.share(places[0].point_base, CONTACT) == 0.0, PATIENCE)
+
+
+def test_the_words_tell_all_explanations(shown: Shown) -> None:
+    shown.estimate = estimate(
+        SCENE,
+        contact(SCENE, POSTURE, FOREARM, PLACES[0], probability=0.6),
+        contact(SCENE, POSTURE, 2, PLACES[1], probability=0.3),
+        status="ambiguous",
+    )
+    shown.page.wait_for("Ambiguous: 2 explanations")
+    text = shown.page.text()
+    for expected in ("60.0 %", "30.0 %", "none of these", "10.0 %", "upper_arm"):
+        assert expected in text
+
+
+def test_a_browser_that_hangs_holds_up_nobody(shown: Shown, tmp_path: Path) -> None:
+    url = f"http://127.0.0.1:{shown.server.get_port()}"
+    with browser_page(url, tmp_path) as (_, process):
+        assert until(lambda: len(shown.server.get_clients()) == 2, PATIENCE)
+        os.killpg(process.pid, signal.SIGSTOP)
+        for link in (1, 2, FOREARM):
+            shown.estimate = estimate(SCENE, contact(SCENE, POSTURE, link, PLACES[0]))
+            shown.page.wait_for(f"{SCENE.link_names[link]} is touched")
+
+
+def test_the_page_needs_no_other_computer_and_reports_no_error(shown: Shown) -> None:
+    assert shown.page.errors() == []
+    assert shown.page.hosts() == {f"127.0.0.1:{shown.server.get_port()}"}
