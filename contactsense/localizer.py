@@ -1,5 +1,6 @@
 """`Localizer`: receives samples, returns estimates. It holds all state that persists between samples."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Literal
 
@@ -54,6 +55,7 @@ Method = Literal["joint", "torques_first"]
 """How link and position are estimated. `joint`: together. `torques_first`: the link from the evidence of base
 wrench and torques alone, then the position on it; a baseline for comparison."""
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
+_NOT_FINITE = "time, positions or velocities are not finite or implausibly large: sample not used"
 _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 
 
@@ -193,15 +195,8 @@ class Localizer:
     def _estimate(self, t: float, flags: int) -> Estimate:
         """The estimate for the sample that `detect` has processed, unless it is simply `none`."""
         self._estimate_builder.detectable = self._detectable.after_change(self._usable())
-        if flags & UNUSABLE:
-            why = self._screening.refused.get(
-                "q", "time, positions or velocities are not finite or implausibly large: sample not used"
-            )
-            return self._estimate_builder.without_contacts(t, "degraded", why)
-        if flags & REPEATED:
-            return self._estimate_builder.without_contacts(
-                t, "degraded", "same time as the previous sample: sample not used"
-            )
+        if flags & (UNUSABLE | REPEATED):
+            return self._not_used(t, flags, self._screening.refused.get("q", _NOT_FINITE))
         if flags & RESTARTED and self._multi_tracker is not None:
             self._multi_tracker.forget()
         count = -1
@@ -233,6 +228,11 @@ class Localizer:
         return self._estimate_builder.contacts(
             t, self._buffers.state, self._rows, count, reason, self._number, _PHASES[self._phase], kinds
         )
+
+    def _not_used(self, t: float, flags: int, why: str) -> Estimate:
+        """The estimate for a sample that is not used; `why`: what is unusable about it."""
+        reason = why if flags & UNUSABLE else "same time as the previous sample: sample not used"
+        return self._estimate_builder.without_contacts(t, "degraded", reason)
 
     def _usable(self) -> tuple[bool, bool, bool]:
         """Which of base wrench, joint torques and wrist wrench can be used in the newest sample."""
@@ -403,12 +403,18 @@ class Localizer:
         for sample in recording:
             yield self.step(sample)
 
-    def run_blocks(self, recording: Iterable[SampleBlock]) -> Iterator[BlockEstimates]:
+    def run_blocks(
+        self, recording: Iterable[SampleBlock], *, estimates: bool = False
+    ) -> Iterator[BlockEstimates]:
         """The estimates of `run` for a whole stream, with samples and estimates as arrays: for recordings, at
         the speed of compiled code.
 
         Blocks of more than a few thousand samples are returned in parts. With `Scene.contacts` above 1, or if
-        the arm picks up payloads, samples with a contact take as long as in `step`.
+        the arm picks up payloads, or with `estimates`, samples with a contact take as long as in `step`.
+
+        Args:
+            recording: The blocks.
+            estimates: Fill in `BlockEstimates.estimates` in any case.
 
         Raises:
             ValueError: a field of a block has the wrong shape; the message names it.
@@ -420,7 +426,7 @@ class Localizer:
             self._block_runner = BlockRunner(
                 self.scene, self._scene_sensors, self._links, first, track.scalars
             )
-        compiled_only = self._multi_tracker is None and self._payload is None
+        compiled_only = self._multi_tracker is None and self._payload is None and not estimates
         settings = (self._bandwidth, self._gate, self._sample_fields.relevant_flags)
         for block in recording:
             whole = self._screening.screened_block(SampleBlock.checked(block, self._joints))
@@ -430,6 +436,26 @@ class Localizer:
                 )
                 self._phase, self._number = int(track.scalars[PHASE]), int(track.scalars[NUMBER])
                 yield found
+
+    def quiet_estimate(self, t: float, flags: int) -> Estimate:
+        """The estimate for a sample of the newest block of `run_blocks` that `BlockEstimates.estimates` does
+        not list: no contact acts or ends in it.
+
+        Args:
+            t: Time of the sample [s].
+            flags: Its `BlockEstimates.flags`.
+
+        Returns:
+            As `step` returns it, with the reasons for inconsistency at the end of the block. `detectable` is
+            that at the end of the block too; infinite if the status is `degraded`.
+        """
+        self._estimate_builder.detectable = math.inf
+        if flags & (UNUSABLE | REPEATED):
+            return self._not_used(t, flags, _NOT_FINITE)
+        if flags & DEGRADED:
+            reason = degraded_reason(flags, self._buffers.state.consistency, {}, 0.0)
+            return self._estimate_builder.without_contacts(t, "degraded", reason)
+        return self._estimate_builder.no_contact(t, self._detectable.after_change(self._usable()))
 
     def _given_sensors(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
         for name, value, in_scene in zip(SENSORS, given, self._scene_sensors, strict=True):

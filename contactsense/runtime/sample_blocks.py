@@ -113,8 +113,8 @@ class BlockEstimates:
     link_probability: np.ndarray
     """Probability of each link, shape (K, links)."""
     estimates: Mapping[int, Estimate]
-    """Sample number -> estimate, for samples that were processed one at a time because of several contacts or
-    a payload."""
+    """Sample number -> estimate, for samples in which a contact acts or ends, if they were processed one at a
+    time: because of several contacts or a payload, or because the estimates were requested."""
 
     def __len__(self) -> int:
         return len(self.t)
