@@ -86,6 +86,14 @@ class Page:
         code = f"[...document.querySelectorAll('button')].find(b => b.innerText.trim() === {label!r}).click()"
         self.evaluate(code)
 
+    def key(self, name: str) -> None:
+        """Press a key, such as Home, in what has the focus."""
+        codes = {"Home": 36, "End": 35, "ArrowRight": 39}
+        for kind in ("keyDown", "keyUp"):
+            self.call(
+                "Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=codes[name]
+            )
+
     def screenshot(self) -> np.ndarray:
         """The page as an image, shape (rows, columns, 3), 0 to 255."""
         import imageio.v3 as iio

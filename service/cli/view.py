@@ -7,10 +7,11 @@ from pathlib import Path
 import click
 
 from contactsense.scene import Scene, SceneError
-from contactsense.service.recordings import RecordingError
+from contactsense.service.recordings import RecordingError, scene_in
 from contactsense.service.viewer import READY
-from contactsense.service.viewer.analysis_source import AnalysisSource
+from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
 from contactsense.service.viewer.live_source import LiveSource
+from contactsense.service.viewer.recorded_source import RecordedSource
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_page
 
@@ -45,8 +46,8 @@ def view(
 ) -> int:
     """Show an arm, its contacts and how certain they are, in a browser.
 
-    Without FILE: those of a running service. With FILE: the contacts.parquet of `contactsense analyze`. Runs
-    until interrupted.
+    Without FILE: those of a running service. With FILE: a recording, which can be played, or the
+    contacts.parquet of `contactsense analyze`. Runs until interrupted.
     """
     if file is not None and (url is not None or token_file is not None or acknowledge):
         raise click.UsageError("FILE: expected no --url, --token-file or --acknowledge beside it")
@@ -62,11 +63,12 @@ def view(
         if file is None:
             _live(url or URL, _token(token_file), acknowledge, scene, host, port, over)
         else:
-            source = AnalysisSource(file, scene)
+            source = _recorded(file, scene)
             page = _page(host, port)
             viewer = Viewer(page, source.scene)
             with viewer.controls:
                 source.add_controls(page.gui)
+            viewer.controls.visible = True
             run(lambda: viewer.draw(source.frame(), source.note()), over)
             viewer.close()
     except (SceneError, LiveError, RecordingError) as error:
@@ -90,6 +92,14 @@ def _live(
         viewer.close()
     finally:
         source.close()
+
+
+def _recorded(file: Path, scene: Scene | None) -> RecordedSource | AnalysisSource:
+    if is_analysis(file):
+        return AnalysisSource(file, scene)
+    scene = scene_in(file) if scene is None else scene
+    click.echo(f"{file}: the estimates are being computed", err=True)
+    return RecordedSource(file, scene)
 
 
 def _token(file: Path | None) -> str | None:

@@ -41,8 +41,9 @@ class PlaybackClock:
     def jump(self, time: float, now: float) -> None:
         """Go to a time [s] in the recording; it runs on if it ran."""
         with self._lock:
+            ran = self._since is not None and self._time(now) < self._duration
             self._at = min(max(time, 0.0), self._duration)
-            self._since = None if self._since is None else now
+            self._since = now if ran else None
 
     def set_speed(self, speed: float, now: float) -> None:
         """Run this many times as fast as the arm did."""

@@ -74,8 +74,8 @@ class Viewer:
         self._note = page.gui.add_markdown("")
         self._words = page.gui.add_markdown("The surface of the arm is being prepared.")
         self._latches = LatchPanel(page.gui, acknowledge)
-        self.controls = page.gui.add_folder(scene.robot.name, visible=False)
-        """Folder for the controls of a source."""
+        self.controls = page.gui.add_folder("Recording", visible=False)
+        """Folder for the controls of a recording; hidden."""
         self._plot = ForcePlot(page.gui, scene.contacts)
         self._arm = ArmNodes(page.scene, scene)
         self._arm.move(usual_posture(len(scene.robot.joints)))
@@ -85,7 +85,7 @@ class Viewer:
         MountingPanel(page.gui, self._arm, scene)
         self._worded = -float("inf")
         middle = scene.orientation.apply([0.0, 0.0, 0.25 * self._arm.reach])
-        page.initial_camera.position = tuple(middle + self._arm.reach * np.array([0.75, -0.85, 0.35]))
+        page.initial_camera.position = tuple(middle + self._arm.reach * np.array([0.6, -0.68, 0.3]))
         page.initial_camera.look_at = tuple(middle)
 
     def draw(self, frame: Frame, note: str = "", latches: tuple[Latch, ...] = ()) -> None:

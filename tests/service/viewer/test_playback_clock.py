@@ -35,3 +35,12 @@ def test_a_jump_stays_within_the_recording(asked: float, found: float) -> None:
     clock = PlaybackClock(10.0)
     clock.jump(asked, 5.0)
     assert clock.time(50.0) == found
+
+
+def test_a_jump_runs_on_only_where_it_ran() -> None:
+    clock = PlaybackClock(10.0)
+    clock.start(0.0)
+    clock.jump(5.0, 1.0)
+    assert clock.time(3.0) == 7.0
+    clock.jump(2.0, 20.0)  # it has stood at the end since 6.0
+    assert clock.time(30.0) == 2.0
