@@ -3,10 +3,13 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check results clean
+.PHONY: demo view test check results clean
 
 demo: $(VENV)/run.stamp  ## a simulated arm is touched, the service says where
 	$(BIN)/contactsense demo
+
+view: $(VENV)/view.stamp  ## the same, shown in a browser
+	$(BIN)/contactsense demo --view
 
 test: $(VENV)/test.stamp  ## the default tests
 	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile --no-loadscope-reorder
@@ -27,8 +30,12 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e .
 	touch $@
 
+$(VENV)/view.stamp: $(VENV)/run.stamp
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[geometry,viewer]"
+	touch $@
+
 $(VENV)/test.stamp: $(VENV)/run.stamp
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[geometry,mcap,notebook,fleet,test,check]"
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[geometry,viewer,mcap,notebook,fleet,test,check]"
 	touch $@
 
 results: $(VENV)/test.stamp  ## measure everything again and write docs/results.md

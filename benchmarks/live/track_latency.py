@@ -16,7 +16,8 @@ import click
 import msgpack
 import numpy as np
 from websockets.exceptions import WebSocketException
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from contactsense.benchmarks.live.echo import Echo, EchoTimes, set_apart
 from contactsense.benchmarks.live.reaction_latency import EDGES
@@ -107,9 +108,7 @@ def _messages(n: int, binary: bool) -> list[bytes]:
     return [msgpack.packb(content) if binary else json.dumps(content).encode() for content in contents]
 
 
-def _exchange(
-    connection: ClientConnection, messages: list[bytes], echo: Echo
-) -> tuple[np.ndarray, np.ndarray]:
+def _exchange(connection: Connection, messages: list[bytes], echo: Echo) -> tuple[np.ndarray, np.ndarray]:
     """Time at which each sample was sent and at which its estimate arrived, NaN if it did not, each (n,)
     [s]."""
     binary = messages[0][:1] != b"{"

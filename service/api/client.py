@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 
 from websockets.exceptions import ConnectionClosed, WebSocketException
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from contactsense.service.api.messages import EstimateOut, HealthOut, LostOut
 
@@ -34,7 +35,7 @@ class Client:
         """URL of its stream."""
         try:
             self._open = ExitStack()
-            self._stream: ClientConnection = self._open.enter_context(
+            self._stream: Connection = self._open.enter_context(
                 connect(self.stream_url, compression=None, close_timeout=0.5)
             )
         except (OSError, WebSocketException) as error:

@@ -143,6 +143,11 @@ class EstimateOut(BaseModel):
         "detected, as with joint torques alone. It tells what the status none rules out.",
     )
     reason: str = Field(description="Why the status is what it is, where that is not plain.")
+    q: list[float | None] | None = Field(
+        None,
+        description="Joint positions of the sample [rad]: they turn points of links into points of the base "
+        "frame. Only in the pipeline's stream, and null where one is unknown.",
+    )
     events: list[ContactEvent] = Field(
         [],
         description="What has happened to contacts since the message before; in a thinned stream also at the "
@@ -351,8 +356,9 @@ def estimate_dict(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def estimate_json(estimate: Estimate) -> bytes:
+def estimate_json(estimate: Estimate, q: np.ndarray | None = None) -> bytes:
     """An estimate as JSON in the form of `EstimateOut`; used on the 500 Hz path, hence without validation.
+    With `q`: the joint positions of its sample, shape (n,) [rad].
 
     It ends with an empty list of events: `contactsense.service.live.hub.with_events` inserts them after the
     journal has numbered them. JSON has no NaN. An estimate with NaN where a number is required would be a
@@ -360,7 +366,10 @@ def estimate_json(estimate: Estimate) -> bytes:
     continues.
     """
     try:
-        return json.dumps(estimate_dict(estimate), allow_nan=False, separators=(",", ":")).encode()
+        fields = estimate_dict(estimate)
+        if q is not None:
+            fields |= {"q": _finite(q), "events": fields.pop("events")}
+        return json.dumps(fields, allow_nan=False, separators=(",", ":")).encode()
     except ValueError:
         return json.dumps(
             {

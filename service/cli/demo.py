@@ -3,6 +3,7 @@
 import signal
 import time
 from contextlib import ExitStack, suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NoReturn
 
@@ -14,12 +15,14 @@ from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.robots.jit.progress_bar import CompilationBar
 from contactsense.service.api.client import Client, ClientError
 from contactsense.service.api.messages import HealthOut
-from contactsense.service.demo.child_process import ChildError
+from contactsense.service.cli.lazy import missing
+from contactsense.service.demo.child_process import ChildError, child
 from contactsense.service.demo.processes import Stage
 from contactsense.service.demo.reaction_table import compare
 from contactsense.service.demo.scoreboard import Scoreboard, Verdict
 from contactsense.service.mock.script import Script, ScriptError
 from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.viewer import READY as VIEWER_READY
 
 COLUMNS = {
     "at": 7,
@@ -41,12 +44,15 @@ BLIND_SHARE = 0.05
     "--script", type=click.Path(path_type=Path), help="What the arm does (YAML); default: the demo's."
 )
 @click.option("--serve", is_flag=True, help="Keep running until interrupted; the motion repeats.")
+@click.option(
+    "--view", is_flag=True, help="Show the arm and its contacts in a browser, until interrupted, as --serve."
+)
 @click.option("--port", default=0, help="Port to serve at.  [default: a free one]")
 @click.option(
     "--react", is_flag=True, help="Move into obstacles without and with a reaction, and compare the forces."
 )
 @click.option("--json", "as_json", is_flag=True, help="With --react: print the comparison as JSON.")
-def demo(script: Path | None, serve: bool, port: int, react: bool, as_json: bool) -> int:
+def demo(script: Path | None, serve: bool, view: bool, port: int, react: bool, as_json: bool) -> int:
     """Touch a simulated UR arm and print where the service finds each contact, next to the ground truth.
 
     Starts the service, and a mock robot with a force/torque sensor that speak the real protocols, each in a
@@ -55,24 +61,28 @@ def demo(script: Path | None, serve: bool, port: int, react: bool, as_json: bool
     """
     signal.signal(signal.SIGTERM, _interrupted)
     if react:
-        if script is not None or serve:
-            raise click.UsageError("--react: expected neither --script nor --serve beside it")
+        if script is not None or serve or view:
+            raise click.UsageError("--react: expected neither --script nor --serve nor --view beside it")
         return _react(port, as_json)
     if as_json:
         raise click.UsageError("--json: expected --react beside it")
+    if view and find_spec("viser") is None:
+        raise click.ClickException(missing("demo --view", "viser"))
+    serve = serve or view
     try:
         played = Script.demo() if script is None else Script.load(script)
         motion = simulate(played)
     except ScriptError as error:
         raise click.ClickException(str(error)) from None
     if serve and not motion.loops:
-        raise click.ClickException("--serve: expected a script that ends where it begins")
+        option = "--view" if view else "--serve"
+        raise click.ClickException(f"{option}: expected a script that ends where it begins")
     more = [] if script is None else ["--script", str(script)]
     more += ["--loop"] if serve else []
     console = Console(highlight=False, soft_wrap=True)
     try:
         with ExitStack() as stack:
-            client = _start(console, stack, played, port, more)
+            client = _start(console, stack, played, port, more, view)
             status = _compare(console, client, Scoreboard(motion), motion)
             if serve:
                 _stay(console, client)
@@ -92,7 +102,9 @@ def _react(port: int, as_json: bool) -> int:
         raise click.Abort from None
 
 
-def _start(console: Console, stack: ExitStack, script: Script, port: int, more: list[str]) -> Client:
+def _start(
+    console: Console, stack: ExitStack, script: Script, port: int, more: list[str], view: bool
+) -> Client:
     noise = script.noise
     console.print(
         f"A simulated {script.robot} is touched {len(script.contacts)} times in {script.duration:g} s.\n"
@@ -104,12 +116,21 @@ def _start(console: Console, stack: ExitStack, script: Script, port: int, more: 
     console.print("The service starts; the very first time it compiles its kernels, two or three minutes.")
     bar = _Loading(console)
     try:
-        client = stage.start_service(on_health=bar.update)
+        client = stage.start_service(
+            on_url=(lambda url: _show(console, stack, url)) if view else (lambda url: None),
+            on_health=bar.update,
+        )
     finally:
         bar.close()
     console.print(f"The service is up after {time.monotonic() - began:.1f} s.")
     stage.start_arm(*more)
     return client
+
+
+def _show(console: Console, stack: ExitStack, url: str) -> None:
+    """Start the viewer, which shows what the service is doing until it has loaded."""
+    page = stack.enter_context(child("view", "--url", url, "--port", "0")).wait_for(VIEWER_READY)
+    console.print(Text(f"Open {page} in a browser.", style="bold"))
 
 
 class _Loading:

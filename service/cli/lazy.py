@@ -5,6 +5,14 @@ from importlib import import_module
 
 import click
 
+EXTRAS = {"viser": "viewer"}
+"""Package -> the extra that installs it, where that is neither `geometry` nor `test`."""
+
+
+def missing(command: str, package: str) -> str:
+    """What a command says where a package is not installed."""
+    return f"{command} needs {package}: pip install contactsense[{EXTRAS.get(package, 'geometry,test')}]"
+
 
 class LazyGroup(click.Group):
     """Imports its commands by name and import path when they are called."""
@@ -29,7 +37,5 @@ class LazyGroup(click.Group):
             package = (error.name or "").split(".")[0]
             if package == "contactsense":
                 raise
-            raise click.ClickException(
-                f"{cmd_name} needs {package}: pip install contactsense[geometry,test]"
-            ) from None
+            raise click.ClickException(missing(cmd_name, package)) from None
         return command

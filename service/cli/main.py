@@ -8,6 +8,7 @@ from contactsense.service.cli.lazy import LazyGroup
 
 COMMANDS = {
     "demo": "contactsense.service.cli.demo:demo",
+    "view": "contactsense.service.cli.view:view",
     "serve": "contactsense.service.cli.serve:serve",
     "mock": "contactsense.service.cli.mock:mock",
     "reactions": "contactsense.service.cli.reactions:reactions",

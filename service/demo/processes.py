@@ -48,12 +48,16 @@ class Stage:
         return self._dashboard
 
     def start_service(
-        self, *more: str, on_health: Callable[[HealthOut], object] = lambda health: None
+        self,
+        *more: str,
+        on_url: Callable[[str], object] = lambda url: None,
+        on_health: Callable[[HealthOut], object] = lambda health: None,
     ) -> Client:
         """Start the service, with additional arguments to `contactsense serve`, and wait until it has loaded.
         Returns a client that has subscribed to its stream.
 
         Args:
+            on_url: Called with the service's URL as soon as it answers, before it has loaded.
             on_health: Called with the service's health while it loads, ten times a second.
 
         Raises:
@@ -69,7 +73,9 @@ class Stage:
                 "--constant-readings",  # a script may be without noise
             )
         )
-        client = self._stack.enter_context(Client(service.wait_for(SERVE_READY)))
+        url = service.wait_for(SERVE_READY)
+        client = self._stack.enter_context(Client(url))
+        on_url(url)
         _until_loaded(service, client, on_health)
         return client
 

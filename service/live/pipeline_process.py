@@ -282,12 +282,12 @@ def run(
             step_time = took if step_time is None else step_time + 0.02 * (took - step_time)
             step_times.add(took)
             listeners.receive(sample, estimate)
-            estimates.append(estimate)
-        for estimate in estimates:  # sent after all reactions
+            estimates.append((sample, estimate))
+        for sample, estimate in estimates:  # sent after all reactions
             for event in summaries.update(estimate, utc_now()):
                 report = {"type": "event", "event": event.model_dump()}
                 outbox.post(REPORT, estimate.t, json.dumps(report).encode())
-            outbox.post(ESTIMATE, estimate.t, estimate_json(estimate))
+            outbox.post(ESTIMATE, estimate.t, estimate_json(estimate, sample.q))
         now = time.monotonic()
         for command in inbox.take() if inbox is not None else ():
             listeners.command(command)

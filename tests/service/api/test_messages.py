@@ -66,6 +66,14 @@ def test_events_ride_on_an_estimate() -> None:
     assert EstimateOut.model_validate_json(message).events == [event, event]
 
 
+def test_joint_positions_ride_on_an_estimate_before_its_events() -> None:
+    event = ContactEvent(id=7, kind="slide", contact=4, t=12.5, link="forearm", force=21.0)
+    message = estimate_json(ESTIMATE, np.array([0.5, np.nan]))
+    read_back = EstimateOut.model_validate_json(with_events(message, [event.model_dump_json().encode()]))
+    assert (read_back.q, read_back.events) == ([0.5, None], [event])
+    assert read(ESTIMATE).q is None
+
+
 def test_what_is_not_bounded_is_null() -> None:
     unbounded = np.diag([np.inf, 1.0, 1.0, 1.0, 1.0, np.nan])
     read_back = read(

@@ -1,0 +1,122 @@
+"""`contactsense view`: the arm and its contacts in a browser, live or from a file."""
+
+import signal
+import threading
+from pathlib import Path
+
+import click
+
+from contactsense.scene import Scene, SceneError
+from contactsense.service.recordings import RecordingError, scene_in
+from contactsense.service.viewer import READY
+from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
+from contactsense.service.viewer.live_source import LiveSource
+from contactsense.service.viewer.recorded_source import RecordedSource
+from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
+from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_page
+
+URL = "http://127.0.0.1:8000"
+LOCAL = ("127.0.0.1", "localhost", "::1")
+"""Addresses that other computers cannot reach."""
+
+
+@click.command()
+@click.argument("file", required=False, type=click.Path(path_type=Path))
+@click.option("--url", help=f"Address of the service.  [default: {URL}]")
+@click.option("--token-file", type=click.Path(path_type=Path), help="File with the service's token.")
+@click.option(
+    "--acknowledge", is_flag=True, help="Show a button that acknowledges the service's latched collisions."
+)
+@click.option(
+    "--scene",
+    "scene_path",
+    type=click.Path(path_type=Path),
+    help="Scene file (YAML).  [default: that of the service or recording]",
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve the page at.")
+@click.option("--port", default=8080, show_default=True, help="Its port; 0 takes a free one.")
+def view(
+    file: Path | None,
+    url: str | None,
+    token_file: Path | None,
+    acknowledge: bool,
+    scene_path: Path | None,
+    host: str,
+    port: int,
+) -> int:
+    """Show an arm, its contacts and how certain they are, in a browser.
+
+    Without FILE: those of a running service. With FILE: a recording, which can be played, or the
+    contacts.parquet of `contactsense analyze`. Runs until interrupted.
+    """
+    if file is not None and (url is not None or token_file is not None or acknowledge):
+        raise click.UsageError("FILE: expected no --url, --token-file or --acknowledge beside it")
+    if acknowledge and host not in LOCAL:
+        raise click.UsageError(
+            "--acknowledge: expected --host 127.0.0.1 beside it: whoever opens the page can press the button"
+        )
+    over = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: over.set())
+    try:
+        scene = None if scene_path is None else Scene.load(scene_path)
+        if file is None:
+            _live(url or URL, _token(token_file), acknowledge, scene, host, port, over)
+        else:
+            source = _recorded(file, scene)
+            page = _page(host, port)
+            viewer = Viewer(page, source.scene)
+            with viewer.controls:
+                source.add_controls(page.gui)
+            viewer.controls.visible = True
+            run(lambda: viewer.draw(source.frame(), source.note()), over)
+            viewer.close()
+    except (SceneError, LiveError, RecordingError) as error:
+        raise click.ClickException(str(error)) from None
+    return 0
+
+
+def _live(
+    url: str,
+    token: str | None,
+    acknowledge: bool,
+    scene: Scene | None,
+    host: str,
+    port: int,
+    over: threading.Event,
+) -> None:
+    source = LiveSource(ServiceCalls(url, token), scene)
+    try:
+        viewer = Viewer(_page(host, port), source.scene, source.acknowledge if acknowledge else None)
+        run(lambda: viewer.draw(source.frame(), source.note(), source.latches), over)
+        viewer.close()
+    finally:
+        source.close()
+
+
+def _recorded(file: Path, scene: Scene | None) -> RecordedSource | AnalysisSource:
+    if is_analysis(file):
+        return AnalysisSource(file, scene)
+    scene = scene_in(file) if scene is None else scene
+    click.echo(f"{file}: the estimates are being computed", err=True)
+    return RecordedSource(file, scene)
+
+
+def _token(file: Path | None) -> str | None:
+    if file is None:
+        return None
+    try:
+        return file.read_text(encoding="utf-8").strip()
+    except OSError as error:
+        raise click.ClickException(f"--token-file: {file}: {error.strerror}") from None
+
+
+def _page(host: str, port: int) -> PageServer:
+    try:
+        page = serve_page(host, port)
+    except OSError as error:
+        raise click.ClickException(
+            f"cannot serve at {host}:{port}: {error.strerror or error}; --port 0 takes a free port"
+        ) from None
+    click.echo(f"{READY}http://{host}:{page.get_port()}")
+    return page

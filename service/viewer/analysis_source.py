@@ -1,0 +1,128 @@
+"""Frames of the contacts that `contactsense analyze` found: one posture each, at the largest force."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+import viser
+
+from contactsense.scene import Scene
+from contactsense.service.analysis.contact_table import SCHEMA
+from contactsense.service.recordings import RecordingError, scene_in
+from contactsense.service.viewer.controls import set_value
+from contactsense.service.viewer.frame import TRACKS, Forces, Frame, Latch
+from contactsense.types import Contact, Estimate
+
+_NEEDED = [field.name for field in SCHEMA if field.name not in ("smoothed",)]
+_NO_FORCES = Forces(np.empty(0), np.empty((0, TRACKS)))
+
+
+def is_analysis(path: Path) -> bool:
+    """Whether a file is a table of contacts, as `contactsense analyze` writes it."""
+    try:
+        names = pa_parquet.read_schema(path).names
+    except (OSError, pa.ArrowInvalid):
+        return False
+    return {"peak_time", "point_base_x", "q"}.issubset(names)
+
+
+class AnalysisSource:
+    """The contacts of a table, one of which is shown."""
+
+    latches: tuple[Latch, ...] = ()
+    """A table has none."""
+
+    def __init__(self, path: Path, scene: Scene | None) -> None:
+        """Read the table.
+
+        Args:
+            path: `contacts.parquet`.
+            scene: The arm; None: that of the recording which the table names.
+
+        Raises:
+            RecordingError: The table cannot be used, or there is no scene.
+        """
+        try:
+            self._rows: list[dict[str, Any]] = pa_parquet.read_table(path, columns=_NEEDED).to_pylist()
+        except (OSError, pa.ArrowInvalid) as error:
+            raise RecordingError(f"{path}: not readable as a table of contacts: {error}") from None
+        if not self._rows:
+            raise RecordingError(f"{path}: expected at least one contact, got none")
+        self.scene = _scene_of(self._rows[0]["recording"], path) if scene is None else scene
+        joints = len(self.scene.robot.joints)
+        if len(self._rows[0]["q"]) != joints:
+            raise RecordingError(
+                f"{path}: q: expected {joints} joints, those of {self.scene.robot.name}, got "
+                f"{len(self._rows[0]['q'])}"
+            )
+        self._frames = [Frame(np.array(row["q"]), _estimate(row), _NO_FORCES) for row in self._rows]
+        self._shown = 0
+
+    def add_controls(self, gui: viser.GuiApi) -> None:
+        """Add the list of contacts."""
+        names = [_name(row) for row in self._rows]
+        chosen = gui.add_dropdown("Contact", names, initial_value=names[0])
+        step = gui.add_button_group("Go to", ("previous", "next"))
+
+        @chosen.on_update
+        def _(_: object) -> None:
+            self._shown = names.index(chosen.value)
+
+        @step.on_click
+        def _(_: object) -> None:
+            by = 1 if step.value == "next" else -1
+            set_value(chosen, names[(self._shown + by) % len(names)])
+
+    def frame(self) -> Frame:
+        """The chosen contact."""
+        return self._frames[self._shown]
+
+    def note(self) -> str:
+        """The chosen contact and its course."""
+        row = self._rows[self._shown]
+        return (
+            f"{Path(row['recording']).name}, from {row['begin']:.2f} s for {row['duration']:.2f} s: largest "
+            f"force {row['peak_force']:.1f} N, impulse {row['impulse']:.1f} N s"
+        )
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def _scene_of(recording: str, table: Path) -> Scene:
+    path = Path(recording)
+    found = next((each for each in (path, table.parent / path.name) if each.is_file()), None)
+    if found is None:
+        raise RecordingError(f"{table}: its recording {recording} is not here; --scene names the scene")
+    return scene_in(found)
+
+
+def _name(row: dict[str, Any]) -> str:
+    return (
+        f"{row['contact']}: {row['begin']:.1f} s {row['link'] or 'no single place'} {row['peak_force']:.0f} N"
+    )
+
+
+def _estimate(row: dict[str, Any]) -> Estimate:
+    def vector(name: str) -> np.ndarray:
+        return np.array([row[f"{name}_{axis}"] for axis in "xyz"], dtype=float)
+
+    xx, xy, xz, yy, yz, zz = (row[f"covariance_{k}"] for k in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    force, point = vector("force_base"), vector("point_base")
+    contact = Contact(
+        row["link"], row["link_index"], 0, row["probability"], vector("point"), point, vector("normal_base"),
+        force, row["torsion"], np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float),
+        row["contact"],
+    )  # fmt: skip
+    known = row["link_index"] >= 0 and np.isfinite(point).all()
+    return Estimate(
+        row["peak_time"],
+        "contact",
+        (contact,) if known else (),
+        np.array(row["link_probability"]),
+        np.concatenate((force, np.cross(point, force))),
+        np.full((6, 6), np.inf),
+        other=1.0 - row["probability"] if known else 1.0,
+    )

@@ -1,0 +1,135 @@
+"""The arm as nodes of a viser scene: links that forward kinematics moves, frames, gravity."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+from scipy.spatial.transform import Rotation
+
+from contactsense.robots.link_poses import link_poses
+from contactsense.scene import Scene
+from contactsense.service.drawing.link_geometry import Mesh, link_meshes
+from contactsense.service.drawing.palette import link_colour, probability_colour, rgb
+
+BASE = "/arm"
+"""The base frame, in a world whose z points up."""
+
+
+def link_node(index: int) -> str:
+    """Name of the node that has the pose of a link."""
+    return f"{BASE}/links/{index}"
+
+
+def quaternion(rotation: np.ndarray) -> np.ndarray:
+    """A rotation matrix (3, 3) as w, x, y, z."""
+    return np.asarray(Rotation.from_matrix(rotation).as_quat(scalar_first=True))
+
+
+class ArmNodes:
+    """Draws an arm and moves it. `reach` [m] is the scale of the picture."""
+
+    def __init__(self, nodes: viser.SceneApi, scene: Scene) -> None:
+        """Add the nodes; no joint is known yet, so the arm is straight."""
+        self._scene = scene
+        joints = scene.robot.joints
+        self.reach = float(sum(np.linalg.norm(joint.translation) for joint in joints))
+        self._base = nodes.add_frame(BASE, show_axes=False)
+        self._links = [nodes.add_frame(link_node(i), show_axes=False) for i in range(len(scene.link_names))]
+        self._skins = {
+            visual: [
+                _add(nodes, f"{link_node(i)}/{'mesh' if visual else 'primitives'}", mesh, i)
+                for i, mesh in enumerate(_meshes(scene, visual))
+            ]
+            for visual in (True, False)
+        }
+        self.poses = np.tile(np.eye(4), (len(scene.link_names), 1, 1))
+        """Poses of the links in the base frame, shape (links, 4, 4)."""
+        self._q: np.ndarray | None = None
+        size = 0.12 * self.reach
+        self._frames = [
+            nodes.add_frame(f"{BASE}/base frame", axes_length=size, axes_radius=0.04 * size),
+            nodes.add_frame(f"{BASE}/sensor frame", axes_length=size, axes_radius=0.04 * size),
+            nodes.add_frame(
+                f"{link_node(len(joints))}/tool frame", axes_length=size, axes_radius=0.04 * size
+            ),
+        ]
+        self._labels = [
+            nodes.add_label(f"{frame.name}/name", text, anchor="top-left")
+            for frame, text in zip(self._frames, ("base", "base sensor", "tool flange"), strict=True)
+        ]
+        nodes.add_grid(
+            f"{BASE}/mounting surface", 2.0 * self.reach, 2.0 * self.reach, cell_size=0.1, section_size=0.5,
+            plane_opacity=0.0,
+        )  # fmt: skip
+        top = np.array([-0.55, -0.55, 0.35]) * self.reach
+        nodes.add_arrows(
+            "/gravity", np.array([[top, top - [0.0, 0.0, 0.25 * self.reach]]]), (60, 60, 60),
+            shaft_radius=0.008 * self.reach, head_radius=0.02 * self.reach, head_length=0.05 * self.reach,
+        )  # fmt: skip
+        nodes.add_label("/gravity/name", "gravity", position=top)
+        self.mount(scene.orientation)
+        sensor = scene.base_wrench
+        if sensor is not None:
+            self.place_sensor(np.array(sensor.translation), sensor.rotation)
+        self.show_frames(False)
+        self.show_meshes(True)
+
+    def move(self, q: np.ndarray) -> None:
+        """Give the links their poses at joint positions `q` (n,) [rad]."""
+        if self._q is not None and np.array_equal(q, self._q):
+            return
+        self._q = q.copy()
+        self.poses[: len(q) + 1] = link_poses(self._scene.robot, q)
+        self.poses[len(q) + 1 :] = self.poses[len(q)]  # the tool is fixed to the last link
+        for node, pose in zip(self._links, self.poses, strict=True):
+            node.wxyz, node.position = quaternion(pose[:3, :3]), pose[:3, 3]
+
+    def mount(self, orientation: Rotation) -> None:
+        """Turn the base frame in the world."""
+        self._base.wxyz = orientation.as_quat(scalar_first=True)
+
+    def place_sensor(self, translation: np.ndarray, rotation: np.ndarray) -> None:
+        """Move the frame of the sensor under the base: origin (3,) [m] and orientation (3, 3) in the base
+        frame."""
+        frame = self._frames[1]
+        frame.position, frame.wxyz = translation, quaternion(rotation)
+
+    def show_frames(self, visible: bool) -> None:
+        """Show or hide the frames of base, sensor and tool flange."""
+        for i, (frame, label) in enumerate(zip(self._frames, self._labels, strict=True)):
+            frame.visible = label.visible = visible and (i != 1 or self._scene.base_wrench is not None)
+
+    def show_meshes(self, visual: bool) -> None:
+        """Show the arm's meshes, where there are any, or its primitives."""
+        for kind, skin in self._skins.items():
+            for mesh in skin:
+                mesh.visible = kind == visual
+        self._hidden = False
+
+    def hide(self) -> None:
+        """Hide the surface; the links' nodes remain."""
+        if self._hidden:
+            return
+        self._hidden = True
+        for skin in self._skins.values():
+            for mesh in skin:
+                mesh.visible = False
+
+    def colour(self, probability: Sequence[float] | None) -> None:
+        """Colour the links by the probability of being touched (links,); None: each has its own colour."""
+        for skin in self._skins.values():
+            for i, mesh in enumerate(skin):
+                colour = rgb(link_colour(i) if probability is None else probability_colour(probability[i]))
+                if tuple(mesh.color) != tuple(colour):
+                    mesh.color = colour
+
+
+def _meshes(scene: Scene, visual: bool) -> tuple[Mesh, ...]:
+    try:
+        return link_meshes(scene, visual)
+    except ImportError:  # without the extra `geometry`
+        return link_meshes(scene, False)
+
+
+def _add(nodes: viser.SceneApi, name: str, mesh: Mesh, index: int) -> viser.MeshHandle:
+    return nodes.add_mesh_simple(name, mesh.vertices, mesh.faces, color=rgb(link_colour(index)))

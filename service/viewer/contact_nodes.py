@@ -1,0 +1,135 @@
+"""Contacts as nodes of a viser scene: arrow of the force, region of the place, label with the probability.
+
+A browser redraws what it is sent, so only what has visibly changed is sent.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import viser
+
+from contactsense.scene import Scene
+from contactsense.service.drawing.contact_shapes import arrow_ends, region_patch
+from contactsense.service.drawing.palette import CONTACT, rgb
+from contactsense.service.viewer.arm_nodes import BASE, link_node
+from contactsense.types import Contact, Estimate
+
+MOST = 8
+"""Explanations that are drawn; further ones are improbable."""
+ARROW = 0.009
+"""Radius of the shaft of an arrow with probability 1 [m]."""
+VISIBLE = 0.001
+"""Movement that is drawn [m]."""
+GROWTH = 0.1
+"""Relative change of a region's standard deviations that is drawn."""
+
+
+@dataclass(slots=True, eq=False)
+class _Mark:
+    """What is drawn of one explanation, and for which values."""
+
+    number: int
+    arrow: viser.ArrowsHandle
+    label: viser.LabelHandle
+    ends: np.ndarray = field(default_factory=lambda: np.full((2, 3), np.inf))
+    region: viser.MeshHandle | None = None
+    place: Contact | None = None
+
+
+class ContactNodes:
+    """Draws the explanations of an estimate: each with an arrow, its 90 % region and a label."""
+
+    def __init__(self, nodes: viser.SceneApi, scene: Scene) -> None:
+        """Add the nodes, hidden."""
+        self._nodes = nodes
+        self._scene = scene
+        self._marks = [
+            _Mark(
+                i,
+                nodes.add_arrows(
+                    f"{BASE}/contacts/{i}", np.zeros((1, 2, 3)), rgb(CONTACT), shaft_radius=ARROW,
+                    head_radius=2.4 * ARROW, head_length=5.0 * ARROW, visible=False,
+                ),
+                nodes.add_label(f"{BASE}/contact labels/{i}", "", anchor="bottom-center", visible=False),
+            )
+            for i in range(MOST)
+        ]  # fmt: skip
+
+    def draw(self, estimate: Estimate | None, poses: np.ndarray) -> None:
+        """Draw the explanations of an estimate.
+
+        Args:
+            estimate: None: there is none, and nothing is drawn.
+            poses: Poses of the links in the base frame, shape (links, 4, 4).
+        """
+        contacts = () if estimate is None else estimate.contacts[:MOST]
+        for mark, contact in zip(self._marks, contacts, strict=False):
+            pose = poses[contact.link_index]
+            self._draw_arrow(mark, contact, pose)
+            if mark.place is None or not _looks_like(contact, mark.place):
+                self._draw_region(mark, contact, pose[:3, :3])
+        for mark in self._marks[len(contacts) :]:
+            if mark.arrow.visible:
+                mark.arrow.visible = mark.label.visible = False
+            self._remove_region(mark)
+
+    def _draw_arrow(self, mark: _Mark, contact: Contact, pose: np.ndarray) -> None:
+        # At the place on the link as it is drawn, which may be a moment ahead of the estimate.
+        point = pose[:3, :3] @ contact.point + pose[:3, 3]
+        ends = np.array(arrow_ends(point, contact.force_base))
+        if not np.abs(ends - mark.ends).max() < VISIBLE:
+            mark.ends = ends
+            mark.arrow.points = ends[None]
+            mark.label.position = ends[0]
+        text = label(contact)
+        if mark.label.text != text:
+            mark.label.text = text
+            mark.arrow.shaft_radius = ARROW * (0.4 + 0.6 * contact.probability)
+        if not mark.arrow.visible:
+            mark.arrow.visible = mark.label.visible = True
+
+    def _draw_region(self, mark: _Mark, contact: Contact, rotation: np.ndarray) -> None:
+        patch = region_patch(
+            self._scene,
+            contact.link_index,
+            contact.point,
+            rotation.T @ contact.normal_base,
+            rotation.T @ contact.covariance @ rotation,
+        )
+        if mark.place is not None and mark.place.link_index != contact.link_index:
+            self._remove_region(mark)
+        mark.place = contact
+        if len(patch.faces) > 0:
+            # A node of the same name replaces the one before.
+            mark.region = self._nodes.add_mesh_simple(
+                f"{link_node(contact.link_index)}/region {mark.number}",
+                patch.vertices,
+                patch.faces,
+                color=rgb(CONTACT),
+                opacity=0.25 + 0.6 * contact.probability,
+                side="double",
+            )
+
+    def _remove_region(self, mark: _Mark) -> None:
+        if mark.region is not None:
+            mark.region.remove()
+        mark.region = mark.place = None
+
+
+def label(contact: Contact) -> str:
+    """Link, force and probability of an explanation, such as `forearm 20 N, 98 %`."""
+    force = float(np.linalg.norm(contact.force_base))
+    return f"{contact.link} {force:.0f} N, {100.0 * contact.probability:.0f} %"
+
+
+def _looks_like(contact: Contact, drawn: Contact) -> bool:
+    """Whether the region of a contact is that which is drawn, as far as one can see."""
+    if contact is drawn:
+        return True
+    if contact.link_index != drawn.link_index or np.abs(contact.point - drawn.point).max() > VISIBLE:
+        return False
+    # The trace does not change with the arm's posture.
+    sizes = np.trace(contact.covariance), np.trace(drawn.covariance)
+    return bool(np.abs(np.sqrt(sizes[0]) - np.sqrt(sizes[1])) <= GROWTH * np.sqrt(sizes[1])) and bool(
+        abs(contact.probability - drawn.probability) < GROWTH
+    )

@@ -1,0 +1,53 @@
+"""The forces of the last seconds as a plot in the panel."""
+
+import numpy as np
+import viser
+from viser import uplot
+
+from contactsense.service.viewer.frame import HISTORY, Forces
+
+INTERVAL = 0.1
+"""Shortest time between two drawings [s]."""
+COLOURS = ("#0072b2", "#d55e00", "#009e73")
+"""Of the contacts that act at the same time; they differ for the colour-blind, too (Okabe and Ito)."""
+
+
+class ForcePlot:
+    """Force over time: the contact's, or those of the contacts that act at the same time."""
+
+    def __init__(self, gui: viser.GuiApi, contacts: int) -> None:
+        """Add an empty plot for at most `contacts` simultaneous contacts."""
+        self._contacts = contacts
+        empty = np.array([-HISTORY, 0.0])
+        self._plot = gui.add_uplot(
+            (empty, *(np.zeros(2) for _ in range(contacts))),
+            (
+                uplot.Series(label="time / s"),
+                *(
+                    uplot.Series(label=f"contact {i + 1} / N", stroke=colour, width=2)
+                    for i, colour in enumerate(COLOURS[:contacts])
+                ),
+            ),
+            title="Force of the contact" if contacts == 1 else "Forces of the contacts",
+            scales={"x": uplot.Scale(time=False, range=(-HISTORY, 0.0)), "y": uplot.Scale(auto=True)},
+            axes=(
+                uplot.Axis(label="time / s", labelSize=18),
+                uplot.Axis(label="force / N", labelSize=18),
+            ),
+            legend=uplot.Legend(show=False),
+            height=190,
+        )
+        self._drawn = -float("inf")
+
+    def draw(self, forces: Forces, now: float) -> None:
+        """Draw these forces, unless others were drawn a moment ago.
+
+        Args:
+            forces: Of the last seconds.
+            now: Time on any clock that does not go back [s].
+        """
+        if now - self._drawn < INTERVAL or len(forces.t) < 2:
+            return
+        self._drawn = now
+        force = np.nan_to_num(forces.force)  # without contact the force is zero
+        self._plot.data = (forces.t - forces.t[-1], *(force[:, i].copy() for i in range(self._contacts)))

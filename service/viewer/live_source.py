@@ -1,0 +1,142 @@
+"""Frames of a running service: its stream, thinned, and its state; both are tried again after a loss.
+
+The service sends at most `RATE` estimates a second and never waits for a reader. Health and latches are
+polled from a thread of their own.
+"""
+
+import json
+import threading
+import time
+
+import numpy as np
+from pydantic import ValidationError
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import connect
+
+from contactsense.scene import Scene
+from contactsense.service.api.messages import EstimateOut
+from contactsense.service.viewer.frame import TRACKS, ForceHistory, Forces, Frame, Latch
+from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
+from contactsense.service.viewer.stream_messages import estimate_of, joints_of
+
+RATE = 30.0
+"""Estimates per second."""
+POLL = 0.5
+"""Time between two requests for health and latches [s]."""
+LONGEST_PAUSE = 2.0
+"""Longest pause before the stream is opened again [s]."""
+STALE = 1.0
+"""An estimate that is older is not shown [s]."""
+
+
+class LiveSource:
+    """Newest estimate and state of a service."""
+
+    def __init__(self, calls: ServiceCalls, scene: Scene | None = None) -> None:
+        """Ask the service for its scene, and begin to read.
+
+        Args:
+            calls: To the service.
+            scene: Used instead of the service's, whose files may not be on this computer.
+
+        Raises:
+            LiveError: The service does not answer, or its scene cannot be used here.
+        """
+        self._calls = calls
+        self.scene = calls.scene() if scene is None else scene
+        self._history = ForceHistory()
+        self._frame = Frame(None, None, Forces(np.empty(0), np.empty((0, TRACKS))))
+        self._arrival = -float("inf")
+        self._lost = ""
+        self._message = ""
+        self._latches: tuple[Latch, ...] = ()
+        self._over = threading.Event()
+        self._threads = [
+            threading.Thread(target=work, name=f"viewer {work.__name__}", daemon=True)
+            for work in (self._read, self._poll)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def frame(self) -> Frame:
+        """The newest estimate; none where it is stale. The posture remains."""
+        frame = self._frame
+        if time.monotonic() - self._arrival > STALE:
+            return Frame(frame.q, None, frame.forces)
+        return frame
+
+    def note(self) -> str:
+        """What the service says of itself, or why it cannot be heard."""
+        return self._lost or self._message
+
+    @property
+    def latches(self) -> tuple[Latch, ...]:
+        """Latched collisions."""
+        return self._latches
+
+    def acknowledge(self) -> str:
+        """Acknowledge all latched collisions; returns what went wrong, empty if nothing did."""
+        try:
+            self._calls.acknowledge()
+        except LiveError as error:
+            return str(error)
+        self._latches = ()
+        return ""
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._over.set()
+        for thread in self._threads:
+            thread.join()
+
+    def _read(self) -> None:
+        address = f"{self._calls.url.replace('http', 'ws', 1)}/v1/stream?rate={RATE:g}"
+        pause = 0.1
+        while not self._over.is_set():
+            try:
+                with connect(
+                    address, additional_headers=self._calls.headers, compression=None, close_timeout=0.2
+                ) as stream:
+                    self._lost, pause = "", 0.1
+                    while not self._over.is_set():
+                        try:
+                            message = stream.recv(timeout=0.2)
+                        except TimeoutError:
+                            continue
+                        self._take(json.loads(message))
+            except (OSError, WebSocketException, ValueError) as error:
+                self._lost = f"the service cannot be heard, trying again: {error}"
+            self._over.wait(pause)
+            pause = min(2.0 * pause, LONGEST_PAUSE)
+
+    def _take(self, content: dict[str, object]) -> None:
+        if "lost" in content:
+            return
+        try:
+            message = EstimateOut.model_validate(content)
+        except ValidationError:
+            raise ValueError("its messages are of another version") from None
+        estimate = estimate_of(message)
+        if len(estimate.link_probability) != len(self.scene.link_names):
+            raise ValueError(
+                f"expected estimates of the {len(self.scene.link_names)} links of "
+                f"{self.scene.robot.name}, got {len(estimate.link_probability)}; it now serves another arm"
+            )
+        self._history.add(estimate)
+        q = joints_of(message, len(self.scene.robot.joints))
+        self._frame = Frame(self._frame.q if q is None else q, estimate, self._history.forces())
+        self._arrival = time.monotonic()
+
+    def _poll(self) -> None:
+        while not self._over.is_set():
+            try:
+                health = self._calls.health()
+                self._message = f"{health.status}: {health.message}"
+                if health.reactions.status != "off":
+                    self._latches = tuple(
+                        Latch(latch.rule, f"{latch.rule}: {latch.force:.0f} N on {latch.link}")
+                        for latch in self._calls.reactions().latched
+                    )
+            except (LiveError, ValidationError) as error:
+                self._message = str(error)
+            self._over.wait(POLL)

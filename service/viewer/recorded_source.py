@@ -1,0 +1,96 @@
+"""Frames of a recording, with controls: play, pause, scrub, speed, and its contacts to jump to."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import viser
+
+from contactsense.scene import Scene
+from contactsense.service.viewer.controls import set_value
+from contactsense.service.viewer.frame import Frame, Latch
+from contactsense.service.viewer.playback import Playback
+from contactsense.service.viewer.playback_clock import SPEEDS, PlaybackClock
+
+LEAD = 0.5
+"""Time before a contact to which a jump leads [s]."""
+FOLLOW = 0.2
+"""Shortest time between two movements of the slider [s]."""
+
+
+class RecordedSource:
+    """A recording that is played."""
+
+    latches: tuple[Latch, ...] = ()
+    """A recording has none."""
+
+    def __init__(self, path: Path, scene: Scene) -> None:
+        """Read and estimate the recording; it stands at its beginning.
+
+        Raises:
+            RecordingError: The file cannot be read.
+        """
+        self.scene = scene
+        self._playback = Playback.open(scene, path)
+        self._clock = PlaybackClock(self._playback.duration)
+        self._name = path.name
+        self._slider: viser.GuiInputHandle[float] | None = None
+        self._button: viser.GuiButtonHandle | None = None
+        self._followed = -float("inf")
+
+    def add_controls(self, gui: viser.GuiApi) -> None:
+        """Add play and pause, slider, speed, and the list of contacts."""
+        duration = self._playback.duration
+        button = self._button = gui.add_button("Play")
+        slider = self._slider = gui.add_slider(
+            "Time, s", min=0.0, max=max(duration, 0.01), step=0.01, initial_value=0.0
+        )
+        speed = gui.add_dropdown("Speed", [f"{s:g} x" for s in SPEEDS], initial_value="1 x")
+
+        @button.on_click
+        def _(_: object) -> None:
+            now = time.monotonic()
+            if self._clock.running(now):
+                self._clock.stop(now)
+            else:
+                self._clock.start(now)
+
+        @slider.on_update
+        def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:  # moved by a person, not by the clock
+                self._clock.jump(slider.value, time.monotonic())
+
+        @speed.on_update
+        def _(_: object) -> None:
+            self._clock.set_speed(float(speed.value.split()[0]), time.monotonic())
+
+        onsets = [event for event in self._playback.events if event.kind == "onset"]
+        names = {f"{event.t:.1f} s {event.link}": event.t for event in onsets}
+        if names:
+            jump = gui.add_dropdown("Contact", ["", *names], initial_value="")
+
+            @jump.on_update
+            def _(_: object) -> None:
+                if jump.value in names:
+                    self._clock.jump(names[jump.value] - LEAD, time.monotonic())
+
+    def frame(self) -> Frame:
+        """The frame at the clock's time."""
+        now = time.monotonic()
+        at = self._clock.time(now)
+        if self._slider is not None and self._button is not None and now - self._followed > FOLLOW:
+            self._followed = now
+            if abs(self._slider.value - at) > 0.02:
+                set_value(self._slider, round(at, 2))
+            label = "Pause" if self._clock.running(now) else "Play"
+            if self._button.label != label:
+                self._button.label = label
+        return self._playback.at(at)
+
+    def note(self) -> str:
+        """Where the playback is."""
+        at = self._clock.time(time.monotonic())
+        return f"{self._name}: {at:.1f} s of {self._playback.duration:.1f} s"
+
+    def close(self) -> None:
+        """Nothing is open."""

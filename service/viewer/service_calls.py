@@ -1,0 +1,107 @@
+"""Requests to a service over HTTP, with errors of one line."""
+
+import json
+import urllib.error
+import urllib.request
+from typing import Any
+from urllib.parse import urlsplit
+
+from pydantic import ValidationError
+
+from contactsense.scene import Scene, SceneError
+from contactsense.service.api.messages import HealthOut, SceneOut
+from contactsense.service.reactions.health import ReactionsOut
+
+TIMEOUT = 5.0
+"""Longest time for an answer [s]."""
+
+
+class LiveError(RuntimeError):
+    """The service cannot be used; the message is one line for a person."""
+
+
+class ServiceCalls:
+    """The requests that a viewer makes."""
+
+    def __init__(self, url: str, token: str | None = None) -> None:
+        """Nothing is sent yet.
+
+        Args:
+            url: Of the service, for example http://127.0.0.1:8000.
+            token: Its token, where it has one.
+
+        Raises:
+            LiveError: This is no URL.
+        """
+        try:
+            parts = urlsplit(url)
+            usable = parts.scheme in ("http", "https") and parts.hostname and (parts.port or True)
+        except ValueError:
+            usable = False
+        if not usable:
+            raise LiveError(f"--url: expected one such as http://127.0.0.1:8000, got {url!r}")
+        self.url = url.rstrip("/")
+        """The service's URL."""
+        self.headers = {} if token is None else {"Authorization": f"Bearer {token}"}
+        """Headers of each request."""
+
+    def scene(self) -> Scene:
+        """The service's scene.
+
+        Raises:
+            LiveError: It does not answer, or names files that are not on this computer.
+        """
+        answer = self._get("/v1/scene")
+        try:
+            return Scene(**SceneOut.model_validate(answer).scene)
+        except ValidationError:
+            raise LiveError(f"{self.url}: this is not a contactsense service") from None
+        except (SceneError, OSError) as error:
+            raise LiveError(
+                f"{self.url}: its scene cannot be used here: {error}; --scene names a copy of it"
+            ) from None
+
+    def health(self) -> HealthOut:
+        """State of the service.
+
+        Raises:
+            LiveError: It does not answer.
+        """
+        return HealthOut.model_validate(self._get("/v1/health"))
+
+    def reactions(self) -> ReactionsOut:
+        """Latched collisions.
+
+        Raises:
+            LiveError: The service does not answer.
+        """
+        return ReactionsOut.model_validate(self._get("/v1/reactions"))
+
+    def acknowledge(self) -> None:
+        """Acknowledge all latched collisions.
+
+        Raises:
+            LiveError: The service refuses, with its reason.
+        """
+        self._get("/v1/reactions/acknowledge", b"{}")
+
+    def _get(self, path: str, body: bytes | None = None) -> Any:
+        request = urllib.request.Request(f"{self.url}{path}", body, self.headers)
+        if body is not None:
+            request.add_header("Content-Type", "application/json")
+        try:
+            with urllib.request.urlopen(request, timeout=TIMEOUT) as answer:
+                return json.loads(answer.read())
+        except urllib.error.HTTPError as error:
+            hint = "; --token-file names the file with its token" if error.code == 401 else ""
+            raise LiveError(f"{self.url}{path}: {error.code} {_reason(error)}{hint}") from None
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "reason", error)
+            raise LiveError(f"{self.url} cannot be reached: {reason}") from None
+
+
+def _reason(error: urllib.error.HTTPError) -> str:
+    try:
+        return "; ".join(str(each["reason"]) for each in json.loads(error.read())["errors"])
+    except (ValueError, KeyError, TypeError, OSError):
+        return str(error.reason)

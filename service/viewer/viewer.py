@@ -1,0 +1,129 @@
+"""The viewer: a web page with the arm, fed thirty times a second from a source.
+
+viser runs the web server in a thread and sends each browser, at its own pace, the newest state of what has
+changed: a browser that hangs delays neither the others nor the source.
+"""
+
+import contextlib
+import io
+import socket
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from contactsense.scene import Scene
+from contactsense.service.cli.joint_angles import usual_posture
+from contactsense.service.viewer.arm_nodes import ArmNodes
+from contactsense.service.viewer.contact_nodes import ContactNodes
+from contactsense.service.viewer.force_plot import ForcePlot
+from contactsense.service.viewer.frame import Frame, Latch
+from contactsense.service.viewer.heat import Heat
+from contactsense.service.viewer.latch_panel import LatchPanel
+from contactsense.service.viewer.view_panel import MountingPanel, ViewPanel
+from contactsense.service.viewer.words import in_words
+
+RATE = 30.0
+"""Pictures per second."""
+WORDS = 0.1
+"""Shortest time between two changes of the text [s]."""
+
+
+class PageServer(viser.ViserServer):
+    """viser's server, which cannot be asked to publish itself on the internet."""
+
+    def request_share_url(self, verbose: bool = True) -> str | None:
+        """Refuse: any page that reaches the server could ask for a tunnel."""
+        return None
+
+
+def serve_page(host: str, port: int) -> PageServer:
+    """Start the web server at an address; port 0: any free port.
+
+    Raises:
+        OSError: The address is not available.
+    """
+    # viser would silently take another port.
+    with socket.create_server((host, port)) as probe:
+        port = probe.getsockname()[1]
+    with contextlib.redirect_stdout(io.StringIO()):
+        page = PageServer(host, port, label="contactsense", verbose=False)
+    if page.get_port() != port:
+        page.stop()
+        raise OSError(f"port {port} is taken")
+    page.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    page.scene.set_up_direction("+z")
+    page.scene.configure_default_lights(cast_shadow=False)  # they tell nothing here, and cost time
+    return page
+
+
+class Viewer:
+    """Draws frames of one arm on a page."""
+
+    def __init__(self, page: PageServer, scene: Scene, acknowledge: Callable[[], str] | None = None) -> None:
+        """Add the arm and the panels.
+
+        Args:
+            page: The web server.
+            scene: The arm in its cell.
+            acknowledge: As for `LatchPanel`.
+        """
+        self._page = page
+        self._note = page.gui.add_markdown("")
+        self._words = page.gui.add_markdown("The surface of the arm is being prepared.")
+        self._latches = LatchPanel(page.gui, acknowledge)
+        self.controls = page.gui.add_folder("Recording", visible=False)
+        """Folder for the controls of a recording; hidden."""
+        self._plot = ForcePlot(page.gui, scene.contacts)
+        self._arm = ArmNodes(page.scene, scene)
+        self._arm.move(usual_posture(len(scene.robot.joints)))
+        self._contacts = ContactNodes(page.scene, scene)
+        self._heat = Heat(page.scene, scene)
+        self._view = ViewPanel(page.gui, self._arm, self._heat)
+        MountingPanel(page.gui, self._arm, scene)
+        self._worded = -float("inf")
+        middle = scene.orientation.apply([0.0, 0.0, 0.25 * self._arm.reach])
+        page.initial_camera.position = tuple(middle + self._arm.reach * np.array([0.6, -0.68, 0.3]))
+        page.initial_camera.look_at = tuple(middle)
+
+    def draw(self, frame: Frame, note: str = "", latches: tuple[Latch, ...] = ()) -> None:
+        """Draw a frame, with what the source says of itself and the latched collisions."""
+        now = time.monotonic()
+        with self._page.atomic():
+            if frame.q is not None:
+                self._arm.move(frame.q)
+                self._heat.move(frame.q)
+            self._contacts.draw(frame.estimate, self._arm.poses)
+            if self._view.by_probability:
+                links = len(self._arm.poses)
+                known = np.zeros(links) if frame.estimate is None else frame.estimate.link_probability
+                self._arm.colour(known.tolist())
+        self._plot.draw(frame.forces, now)
+        if now - self._worded >= WORDS:
+            self._worded = now
+            _set(self._note, note)
+            _set(self._words, in_words(frame.estimate))
+            self._latches.update(latches)
+            self._view.update()
+
+    def close(self) -> None:
+        """End the threads and the server."""
+        self._heat.close()
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints that it has stopped
+            self._page.stop()
+
+
+def run(draw: Callable[[], None], over: threading.Event) -> None:
+    """Call `draw` `RATE` times a second until `over` is set; a late call is not made up for."""
+    due = time.monotonic()
+    while not over.is_set():
+        draw()
+        due = max(due + 1.0 / RATE, time.monotonic())
+        over.wait(due - time.monotonic())
+
+
+def _set(text: viser.GuiMarkdownHandle, content: str) -> None:
+    if text.content != content:
+        text.content = content

@@ -1,0 +1,59 @@
+"""An estimate in words, as Markdown."""
+
+import math
+
+import numpy as np
+
+from contactsense.types import Contact, Estimate
+
+REGION_90 = 4.605
+"""Squared Mahalanobis radius that holds 90 % of a two-dimensional Gaussian."""
+
+
+def in_words(estimate: Estimate | None) -> str:
+    """What an estimate says; None: there is none."""
+    if estimate is None:
+        return "**No current estimate.**"
+    if estimate.contacts:
+        lines = [_headline(estimate), "", *_table(estimate)]
+    elif estimate.other > 0.0:
+        lines = ["**Something acts on the arm; no single push explains it.**"]
+    else:
+        lines = ["**Nothing is felt.**"]
+        if math.isfinite(estimate.detectable):
+            lines += ["", f"A held push of {estimate.detectable:.1f} N would be noticed anywhere."]
+    if estimate.status == "degraded":
+        lines[0] = f"**Degraded.** {lines[0]}"
+    if estimate.reason:
+        lines += ["", estimate.reason]
+    return "\n".join(lines)
+
+
+def _headline(estimate: Estimate) -> str:
+    best = estimate.contacts[0]
+    if estimate.status == "multiple":
+        return f"**{len(estimate.contacts)} contacts at the same time.**"
+    if estimate.status == "ambiguous":
+        count = len(estimate.contacts)
+        return f"**Ambiguous:** {count} explanation{'s' if count > 1 else ''}, none clearly the best."
+    return f"**{best.link}** is touched."
+
+
+def _table(estimate: Estimate) -> list[str]:
+    rows = ["| link | force | place within | probability |", "| --- | --- | --- | --- |"]
+    rows += [
+        f"| {c.link} | {np.linalg.norm(c.force_base):.1f} N | {_within(c)} | {100.0 * c.probability:.1f} % |"
+        for c in estimate.contacts
+    ]
+    if estimate.other >= 0.001:
+        rows.append(f"| none of these | | | {100.0 * estimate.other:.1f} % |")
+    return rows
+
+
+def _within(contact: Contact) -> str:
+    """Longer half axis of the 90 % region in the surface [mm]."""
+    tangential = np.eye(3) - np.outer(contact.normal_base, contact.normal_base)
+    if not np.isfinite(contact.covariance).all():
+        return "unknown"
+    largest = np.linalg.eigvalsh(tangential @ contact.covariance @ tangential)[-1]
+    return f"{1e3 * math.sqrt(REGION_90 * max(largest, 0.0)):.0f} mm"

@@ -1,0 +1,150 @@
+"""A headless browser that tests talk to: Chromium over its DevTools protocol."""
+
+import base64
+import contextlib
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.sync.client import ClientConnection, connect
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+OPTIONS = (
+    "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--remote-debugging-port=0", "--window-size=900,640",
+)  # fmt: skip
+START = 240.0
+"""Time limit for the browser to start, and for each answer; a busy computer draws the first picture for
+minutes [s]."""
+_EVENTS = (
+    "Runtime.exceptionThrown",
+    "Runtime.consoleAPICalled",
+    "Log.entryAdded",
+    "Network.requestWillBeSent",
+)
+
+
+def require_browser() -> str:
+    """Path of a browser; skips the test where there is none."""
+    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if found is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed")
+    return found
+
+
+class Page:
+    """A page in a browser."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self._connection = connection
+        self._count = 0
+        self.events: list[dict[str, Any]] = []
+        """What the page has reported: console, log, requests."""
+        for domain in ("Runtime", "Log", "Network", "Page"):
+            self.call(f"{domain}.enable")
+
+    def call(self, method: str, **parameters: Any) -> Any:
+        """Call a method of the DevTools protocol."""
+        self._count += 1
+        self._connection.send(json.dumps({"id": self._count, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(self._connection.recv(timeout=START))
+            if message.get("method") in _EVENTS:
+                self.events.append(message)
+            if message.get("id") == self._count:
+                assert "error" not in message, message
+                return message["result"]
+
+    def evaluate(self, code: str) -> Any:
+        """The value of a JavaScript expression."""
+        return self.call("Runtime.evaluate", expression=code, returnByValue=True)["result"].get("value")
+
+    def text(self) -> str:
+        """The text that the page shows."""
+        return str(self.evaluate("document.body.innerText"))
+
+    def wait_for(self, text: str, timeout: float = START) -> None:
+        """Wait until the page shows a text."""
+        end = time.monotonic() + timeout
+        while text not in self.text():
+            assert time.monotonic() < end, f"no {text!r} in {self.text()!r}"
+            time.sleep(0.2)
+
+    def press(self, label: str) -> None:
+        """Click the button with this label."""
+        code = f"[...document.querySelectorAll('button')].find(b => b.innerText.trim() === {label!r}).click()"
+        self.evaluate(code)
+
+    def key(self, name: str) -> None:
+        """Press a key, such as Home, in what has the focus."""
+        codes = {"Home": 36, "End": 35, "ArrowRight": 39}
+        for kind in ("keyDown", "keyUp"):
+            self.call(
+                "Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=codes[name]
+            )
+
+    def screenshot(self) -> np.ndarray:
+        """The page as an image, shape (rows, columns, 3), 0 to 255."""
+        import imageio.v3 as iio
+
+        data = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+        return np.asarray(iio.imread(io.BytesIO(data)))[..., :3]
+
+    def errors(self) -> list[str]:
+        """Exceptions and errors that the page has reported so far."""
+        self.evaluate("0")
+        return [json.dumps(event)[:500] for event in self.events if _is_error(event)]
+
+    def hosts(self) -> set[str]:
+        """Addresses that were asked for anything over a network."""
+        urls = [e["params"]["request"]["url"] for e in self.events if e["method"].startswith("Network")]
+        return {url.split("/")[2] for url in urls if not url.startswith(("data:", "blob:"))}
+
+
+def _is_error(event: dict[str, Any]) -> bool:
+    parameters = event["params"]
+    if event["method"] == "Runtime.consoleAPICalled":
+        return bool(parameters["type"] in ("error", "assert"))
+    if event["method"] == "Log.entryAdded":
+        return bool(parameters["entry"]["level"] == "error")
+    return bool(event["method"] == "Runtime.exceptionThrown")
+
+
+@contextlib.contextmanager
+def browser_page(url: str, profile: Path) -> Iterator[tuple[Page, subprocess.Popen[bytes]]]:
+    """Open a page; yields it and the browser's process, which leads a process group."""
+    process = subprocess.Popen(
+        [require_browser(), *OPTIONS, f"--user-data-dir={profile}", "about:blank"],
+        stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    try:
+        port = _port(profile / "DevToolsActivePort")
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=START) as answer:
+            target = next(each for each in json.load(answer) if each["type"] == "page")
+        with connect(target["webSocketDebuggerUrl"], max_size=None, compression=None) as connection:
+            page = Page(connection)
+            page.call("Page.navigate", url=url)
+            yield page, process
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def _port(file: Path) -> int:
+    end = time.monotonic() + START
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError, IndexError, ValueError):
+            return int(file.read_text().split()[0])
+        time.sleep(0.05)
+    raise AssertionError("the browser did not start")

@@ -1,0 +1,89 @@
+"""The viewer in a real browser: it tells what is known, and needs nobody else."""
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contactsense.scene import Scene
+from contactsense.service.viewer.frame import TRACKS, Forces, Frame
+from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_page
+from contactsense.types import Estimate
+from tests.browser import Page, browser_page, require_browser
+from tests.service.loopback import until
+from tests.service.viewer.estimates import POSTURE, contact, estimate
+
+pytestmark = pytest.mark.slow
+SCENE = Scene(robot="ur5e")
+FOREARM = 3
+PLACES = (np.array([-0.2, 0.05, 0.007]), np.array([-0.12, -0.05, 0.007]))
+"""On the forearm, on opposite sides, in its frame [m]."""
+PATIENCE = 240.0
+"""Software draws a picture in seconds on a busy computer [s]."""
+
+
+@dataclass
+class Shown:
+    """A viewer whose frame tests set."""
+
+    page: Page
+    server: PageServer
+    estimate: Estimate | None = None
+    q: np.ndarray = field(default_factory=lambda: POSTURE)
+
+    def frame(self) -> Frame:
+        return Frame(self.q, self.estimate, Forces(np.empty(0), np.empty((0, TRACKS))))
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
+    require_browser()
+    server = serve_page("127.0.0.1", 0)
+    viewer = Viewer(server, SCENE)
+    over = threading.Event()
+    url = f"http://127.0.0.1:{server.get_port()}"
+    with browser_page(url, tmp_path_factory.mktemp("profile")) as (page, _):
+        shown = Shown(page, server)
+        thread = threading.Thread(target=run, args=(lambda: viewer.draw(shown.frame(), "a note"), over))
+        thread.start()
+        try:
+            page.wait_for("a note")
+            assert until(lambda: len(server.get_clients()) == 1, PATIENCE)
+            yield shown
+        finally:
+            over.set()
+            thread.join()
+            viewer.close()
+
+
+def test_the_words_tell_all_explanations(shown: Shown) -> None:
+    shown.estimate = estimate(
+        SCENE,
+        contact(SCENE, POSTURE, FOREARM, PLACES[0], probability=0.6),
+        contact(SCENE, POSTURE, 2, PLACES[1], probability=0.3),
+        status="ambiguous",
+    )
+    shown.page.wait_for("Ambiguous: 2 explanations")
+    text = shown.page.text()
+    for expected in ("60.0 %", "30.0 %", "none of these", "10.0 %", "upper_arm"):
+        assert expected in text
+
+
+def test_a_browser_that_hangs_holds_up_nobody(shown: Shown, tmp_path: Path) -> None:
+    url = f"http://127.0.0.1:{shown.server.get_port()}"
+    with browser_page(url, tmp_path) as (_, process):
+        assert until(lambda: len(shown.server.get_clients()) == 2, PATIENCE)
+        os.killpg(process.pid, signal.SIGSTOP)
+        for link in (1, 2, FOREARM):
+            shown.estimate = estimate(SCENE, contact(SCENE, POSTURE, link, PLACES[0]))
+            shown.page.wait_for(f"{SCENE.link_names[link]} is touched")
+
+
+def test_the_page_needs_no_other_computer_and_reports_no_error(shown: Shown) -> None:
+    assert shown.page.errors() == []
+    assert shown.page.hosts() == {f"127.0.0.1:{shown.server.get_port()}"}

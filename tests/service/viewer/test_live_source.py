@@ -1,0 +1,90 @@
+"""The live source: it draws what a service sends, and tells what it cannot use."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from fastapi import FastAPI, WebSocket
+
+from contactsense.scene import Scene
+from contactsense.service.api.messages import estimate_json
+from contactsense.service.viewer.live_source import LiveSource
+from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
+from contactsense.types import Estimate
+from tests.service.loopback import until
+from tests.service.serving import serving
+from tests.service.viewer.estimates import POSTURE, contact, estimate
+
+SCENE = Scene(robot="ur5e")
+PUSH = estimate(SCENE, contact(SCENE, POSTURE, 3, np.array([-0.2, 0.05, 0.0])), t=4.0)
+
+
+@contextmanager
+def service(*sent: Estimate, scene: Scene = SCENE) -> Iterator[tuple[str, list[int]]]:
+    """A service that sends estimates to each connection and then closes it; yields its URL, and the
+    connections so far."""
+    app, connections = FastAPI(), [0]
+
+    @app.get("/v1/scene")
+    def _() -> dict[str, object]:
+        dumped = scene.model_dump(mode="json")
+        return {"links": scene.link_names, "gravity_base": scene.gravity_base.tolist(), "scene": dumped}
+
+    @app.websocket("/v1/stream")
+    async def _(socket: WebSocket) -> None:
+        assert socket.query_params["rate"] == "30"
+        connections[0] += 1
+        await socket.accept()
+        for each in sent:
+            await socket.send_text(estimate_json(each, POSTURE).decode())
+        await socket.close()
+
+    with serving(app) as address:
+        yield f"http://{address}", connections
+
+
+def test_it_shows_what_the_service_sends_and_comes_back_after_a_loss() -> None:
+    with service(PUSH) as (url, connections):
+        source = LiveSource(ServiceCalls(url))
+        try:
+            assert source.scene.model_dump() == SCENE.model_dump()
+            assert until(lambda: source.frame().estimate is not None)
+            frame = source.frame()
+            assert frame.estimate is not None
+            assert frame.q is not None
+            np.testing.assert_array_equal(frame.q, POSTURE)
+            np.testing.assert_array_equal(frame.estimate.contacts[0].point, PUSH.contacts[0].point)
+            np.testing.assert_allclose(frame.forces.force[-1], [20.0, np.nan, np.nan])
+            assert until(lambda: connections[0] >= 3)
+        finally:
+            source.close()
+
+
+def test_estimates_of_another_arm_are_refused() -> None:
+    foreign = Estimate(0.0, "none", (), np.zeros(4), np.zeros(6), np.eye(6))
+    with service(foreign) as (url, _):
+        source = LiveSource(ServiceCalls(url))
+        try:
+            assert until(lambda: "it now serves another arm" in source.note())
+            assert source.frame().estimate is None
+        finally:
+            source.close()
+
+
+@pytest.mark.parametrize("url", ["", "localhost:8000", "ftp://127.0.0.1", "http://", "http://x:port"])
+def test_what_is_no_url_is_told(url: str) -> None:
+    with pytest.raises(LiveError, match="--url: expected one such as"):
+        ServiceCalls(url)
+
+
+def test_a_service_that_is_not_there_is_told() -> None:
+    with pytest.raises(LiveError, match=r"http://127\.0\.0\.1:9 cannot be reached: "):
+        ServiceCalls("http://127.0.0.1:9").scene()
+
+
+def test_another_kind_of_server_is_told() -> None:
+    app = FastAPI()
+    app.get("/v1/scene")(lambda: {"something": "else"})
+    with serving(app) as address, pytest.raises(LiveError, match="this is not a contactsense service"):
+        ServiceCalls(f"http://{address}").scene()

@@ -1,0 +1,83 @@
+"""`contactsense view` tells in one line what it cannot show; contacts of an analysis."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from contactsense.scene import Scene
+from contactsense.service.analysis.contact_summary import ContactSummary
+from contactsense.service.analysis.contact_table import contact_table, write_contacts
+from contactsense.service.cli.lazy import missing
+from contactsense.service.cli.view import view
+from contactsense.service.recordings import RecordingError
+from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
+from tests.service.viewer.estimates import POSTURE, contact
+
+SCENE = Scene(robot="ur5e")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (
+            ("--url", "localhost:8000"),
+            "--url: expected one such as http://127.0.0.1:8000, got 'localhost",
+        ),
+        (("--url", "http://127.0.0.1:9"), "http://127.0.0.1:9 cannot be reached: "),
+        (("nowhere.parquet",), "nowhere.parquet"),
+        (("--scene", "nowhere.yaml"), "nowhere.yaml: cannot read the scene"),
+        (("--token-file", "nowhere"), "--token-file: nowhere: No such file or directory"),
+        (("a.parquet", "--url", "http://x"), "FILE: expected no --url, --token-file or --acknowledge"),
+        (("--acknowledge", "--host", "0.0.0.0"), "--acknowledge: expected --host 127.0.0.1 beside it"),
+    ],
+)
+def test_what_cannot_be_shown_is_told(
+    arguments: tuple[str, ...], complaint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(view, arguments)
+    assert result.exit_code in (1, 2)
+    assert complaint in result.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_missing_extra_is_named() -> None:
+    assert missing("view", "viser") == "view needs viser: pip install contactsense[viewer]"
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    """The table of an analysis with two contacts."""
+    found = []
+    for number, link in ((1, 3), (2, 2)):
+        push = contact(SCENE, POSTURE, link, np.array([-0.2, 0.05, 0.1 * number]), probability=0.75)
+        shares = np.zeros(7)
+        shares[link] = 0.75
+        found.append(
+            ContactSummary(
+                "demo.parquet", 0, 9, number, 3.0 * number, 0.5, True, push.link, link, 0.75, shares,
+                push.point, push.point_base, push.normal_base, push.covariance, push.force_base, 20.0,
+                3.0 * number + 0.2, 20.0, 0.0, 8.0, 0.0, 0.1, False, 50.0, POSTURE,
+            )
+        )  # fmt: skip
+    write_contacts(contact_table(found), tmp_path)
+    return tmp_path / "contacts.parquet"
+
+
+def test_contacts_of_an_analysis_are_shown_as_they_were_found(table: Path) -> None:
+    assert is_analysis(table)
+    frame = AnalysisSource(table, SCENE).frame()
+    truth = contact(SCENE, POSTURE, 3, np.array([-0.2, 0.05, 0.1]), probability=0.75)
+    assert frame.estimate is not None
+    (shown,) = frame.estimate.contacts
+    assert (shown.link, shown.probability, frame.estimate.other) == ("forearm", 0.75, 0.25)
+    for name in ("point", "point_base", "normal_base", "force_base", "covariance"):
+        np.testing.assert_array_equal(getattr(shown, name), getattr(truth, name))
+    np.testing.assert_array_equal(frame.q, POSTURE)
+
+
+def test_a_table_without_its_recording_needs_a_scene(table: Path) -> None:
+    with pytest.raises(RecordingError, match=r"demo\.parquet is not here; --scene names the scene"):
+        AnalysisSource(table, None)

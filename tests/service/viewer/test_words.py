@@ -1,0 +1,46 @@
+"""Estimates in words, and controls as lines of a scene."""
+
+import numpy as np
+import yaml
+
+from contactsense.scene import Scene
+from contactsense.service.viewer.view_panel import scene_lines
+from contactsense.service.viewer.words import in_words
+from tests.service.viewer.estimates import POSTURE, contact, estimate
+
+SCENE = Scene(robot="ur5e")
+POINT = np.array([-0.2, 0.05, 0.0])
+
+
+def test_without_contact_they_tell_what_would_be_noticed() -> None:
+    assert (
+        in_words(estimate(SCENE)) == "**Nothing is felt.**\n\nA held push of 3.2 N would be noticed anywhere."
+    )
+
+
+def test_the_place_is_within_the_ninety_percent_radius() -> None:
+    # 90 % of a two-dimensional Gaussian lie within 2.146 standard deviations.
+    words = in_words(estimate(SCENE, contact(SCENE, POSTURE, 3, POINT, deviation=0.01)))
+    assert "| forearm | 20.0 N | 21 mm | 100.0 % |" in words
+
+
+def test_an_unbounded_place_is_unknown() -> None:
+    words = in_words(estimate(SCENE, contact(SCENE, POSTURE, 3, POINT, deviation=np.inf)))
+    assert "| forearm | 20.0 N | unknown | 100.0 % |" in words
+
+
+def test_all_explanations_and_none_of_them_add_up() -> None:
+    both = [contact(SCENE, POSTURE, link, POINT, probability=p) for link, p in ((3, 0.6), (2, 0.3))]
+    words = in_words(estimate(SCENE, *both, status="ambiguous"))
+    shares = [float(line.split("|")[4].strip(" %")) for line in words.splitlines()[4:]]
+    assert shares == [60.0, 30.0, 10.0]
+
+
+def test_lines_of_the_scene_make_the_scene_that_is_drawn() -> None:
+    rpy, translation = np.array([0.0, 0.1, 1.0]), np.array([0.0, 0.01, -0.02])
+    text = scene_lines(np.array([np.pi / 2, 0.0, 0.25]), rpy, translation, sensor=True)
+    scene = Scene(robot="ur5e", **yaml.safe_load(text.split("```yaml\n")[1].split("```")[0]))
+    np.testing.assert_allclose(scene.mounting, [np.pi / 2, 0.0, 0.25], atol=1e-3)
+    assert scene.base_wrench is not None
+    np.testing.assert_allclose(scene.base_wrench.rpy, rpy)
+    np.testing.assert_allclose(scene.base_wrench.translation, translation)
