@@ -2,7 +2,7 @@
 or by its status."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -24,8 +24,6 @@ from contactsense.solvers import (
     Surface,
 )
 
-DIGITS = 50
-
 
 @dataclass(frozen=True)
 class Case:
@@ -43,6 +41,8 @@ class Case:
     """Outward normal of that contact."""
     torsion: float = 0.0
     """Torsion of that contact."""
+    same: Surface | None = None
+    """The same body with a reference, for a surface without one."""
     decided_by_rounding: bool = False
     """Whether the force is so nearly tangential that the rounding of its moment decides whether it enters,
     touches or misses."""
@@ -262,7 +262,8 @@ def _edges() -> Iterator[Case]:
         force = (-2.0, -3.0, -4.0)
         for body in (Box(0.1, 0.2, 0.3, r), Polytope(corners, r)):
             name = f"{type(body).__name__} corner, rounding 1e-{power}"
-            yield _contact("edges", name, body, at, _vector(slant), force, 0.3 * r)
+            case = _contact("edges", name, body, at, _vector(slant), force, 0.3 * r)
+            yield replace(case, same=Box(0.1, 0.2, 0.3, r))
         n = np.array((0.6, 0.8, 0.0))
         edge = _vector(np.array((0.1, 0.2, 0.05)) + r * n)
         yield _contact(

@@ -23,7 +23,7 @@ def _show(bar: Any, name: str, step: str) -> None:
     default=1_000_000,
     show_default=True,
     type=click.IntRange(1000),
-    help="Wrenches a surface; a tenth of them for iterations and speed.",
+    help="Wrenches a surface; a tenth of them for iterations and speed, a 10,000th for the sweep.",
 )
 @click.option(
     "--only",

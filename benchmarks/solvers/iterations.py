@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from contactsense.benchmarks.solvers.sampling import Contacts, press, unit
-from contactsense.solvers import Ellipsoid, Paraboloid, Sphere, Superquadric, Surface
+from contactsense.solvers import Paraboloid, Superquadric, Surface
 from contactsense.solvers.general import solve_smooth_counted
 from contactsense.solvers.implicit_surfaces import evaluate
 from contactsense.solvers.surface import Problem
@@ -31,9 +31,6 @@ class Row:
 
 
 BODIES: dict[str, Surface] = {
-    "sphere": Sphere(0.05),
-    "ellipsoid 1 : 2 : 4": Ellipsoid(0.05, 0.1, 0.2),
-    "ellipsoid 1 : 1 : 20": Ellipsoid(0.05, 0.05, 1.0),
     "superquadric, exponents 2.5, 3": Superquadric(0.05, 0.07, 0.1, 2.5, 3.0),
     "superquadric, exponents 4, 2": Superquadric(0.05, 0.07, 0.1, 4.0, 2.0),
     "superquadric, exponent 4": Superquadric(0.05, 0.07, 0.1, 4.0, 4.0),

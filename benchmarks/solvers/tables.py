@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Any
 
-from contactsense.benchmarks.solvers import accuracy, iterations, seams, speed
+from contactsense.benchmarks.solvers import accuracy, iterations, seams, speed, sweep
 from contactsense.benchmarks.solvers.cases import catalogue
 from contactsense.benchmarks.solvers.judge import Verdict, judge
 
@@ -67,6 +67,17 @@ def accuracy_table(count: int, tick: Tick) -> Table:
         )
         for row in found
     ]
+    return Table(head, rows, [_plain(row) for row in found])
+
+
+def sweep_table(count: int, tick: Tick) -> Table:
+    """Errors against exact arithmetic."""
+    found = list(sweep.rows(max(count // 10_000, 1), tick))
+    rows = [
+        (row.surface, _count(row.wrenches), _count(row.failures), number(row.worst), f"{row.condition:.3f}")
+        for row in found
+    ]
+    head = ("surface", "wrenches", "not answered", "worst", "condition, true to reported")
     return Table(head, rows, [_plain(row) for row in found])
 
 
@@ -171,6 +182,7 @@ def speed_table(count: int, tick: Tick) -> Table:
 
 TABLES: dict[str, Callable[[int, Tick], Table]] = {
     "accuracy": accuracy_table,
+    "sweep": sweep_table,
     "cases": cases_table,
     "seams": seams_table,
     "iterations": iterations_table,

@@ -18,6 +18,7 @@ from contactsense.solvers.solution import (
     SMALL,
     Answer,
     input_status,
+    invariant,
     make_answer,
     no_contact,
     rescaled,
@@ -32,9 +33,6 @@ _PATCH_TOLERANCE = 1e-9
 
 _BOX = 2
 """Index of this kind in `contactsense.robots.surface.convex_primitives`."""
-
-_ZERO_TORSION = 1e-12
-"""Torsion per force and moment below which a wrench that misses counts as a pure force."""
 
 _FAR = 1e300
 
@@ -114,6 +112,7 @@ def _corners(
     x = y = z = nx = ny = nz = 0.0
     ux, uy, uz = r * fx, r * fy, r * fz
     uu = ux * ux + uy * uy + uz * uz
+    tau = r * invariant(fx, fy, fz, mx, my, mz)
     likely = (1 if fx > 0.0 else 0) + (2 if fy > 0.0 else 0) + (4 if fz > 0.0 else 0)
     for turn in range(8):
         k = likely ^ turn
@@ -122,7 +121,7 @@ def _corners(
         lx = mx - (py * fz - pz * fy)
         ly = my - (pz * fx - px * fz)
         lz = mz - (px * fy - py * fx)
-        status, ex, ey, ez, _ = unit_sphere(ux, uy, uz, lx, ly, lz, uu, lx * lx + ly * ly + lz * lz)
+        status, ex, ey, ez, _ = unit_sphere(ux, uy, uz, lx, ly, lz, uu, lx * lx + ly * ly + lz * lz, tau)
         outside = -reach * min(sx * ex, sy * ey, sz * ez)
         if status == OK and outside < lowest:
             lowest, x, y, z, nx, ny, nz = outside, px, py, pz, ex, ey, ez
@@ -228,10 +227,7 @@ def _box(
         answer = enter(_BOX, size, reach, fx, fy, fz, mx, my, mz)
         return (SHARP, *answer[1:]) if answer[0] == OK else answer
     answer = nearest_to_line(_BOX, size, reach, fx, fy, fz, mx, my, mz)
-    t = fx * mx + fy * my + fz * mz
-    ff = fx * fx + fy * fy + fz * fz
-    mm = mx * mx + my * my + mz * mz
-    if t * t > _ZERO_TORSION * _ZERO_TORSION * ff * (mm + reach * reach * ff):
+    if invariant(fx, fy, fz, mx, my, mz) != 0.0:
         return NOT_CONVERGED, *answer[1:]
     return answer
 

@@ -7,7 +7,7 @@ If rounding errors place the contact outside both, the nearer patch is used, so 
 
 from math import ldexp, sqrt
 
-from contactsense.solvers.cylinder import directions, height, on_lateral
+from contactsense.solvers.cylinder import directions, height, lateral_frame, on_lateral
 from contactsense.solvers.ellipsoid import unit_sphere
 from contactsense.solvers.nearest_point import TAPERED, nearest_to_line
 from contactsense.solvers.solution import (
@@ -16,10 +16,12 @@ from contactsense.solvers.solution import (
     SMALL,
     Answer,
     input_status,
+    invariant,
     make_answer,
     no_contact,
     rescaled,
     scaled,
+    sum_error,
     unit_exponents,
 )
 from contactsense.solvers.typed_kernel import kernel
@@ -35,7 +37,9 @@ def ball(
     """Contact on a ball with centre (0, 0, at): status, outward normal, torsion."""
     lx, ly = mx + at * fy, my - at * fx
     ux, uy, uz = radius * fx, radius * fy, radius * fz
-    return unit_sphere(ux, uy, uz, lx, ly, mz, ux * ux + uy * uy + uz * uz, lx * lx + ly * ly + mz * mz)
+    uu, vv = ux * ux + uy * uy + uz * uz, lx * lx + ly * ly + mz * mz
+    tau = radius * invariant(fx, fy, fz, mx, my, mz)
+    return unit_sphere(ux, uy, uz, lx, ly, mz, uu, vv, tau)
 
 
 @kernel
@@ -50,27 +54,38 @@ def _tapered_capsule(
     radius_a: float,
     radius_b: float,
 ) -> Answer:
-    sin_beta = (radius_a - radius_b) / (2.0 * half)
-    cos_beta = sqrt((1.0 - sin_beta) * (1.0 + sin_beta))
-    taper = sin_beta / cos_beta
-    radius = 0.5 * (radius_a + radius_b) / cos_beta
-    low, high = radius_a * sin_beta - half, radius_b * sin_beta + half
-    best, patch = 1e300, 0
-    ex = ey = z = nx = ny = nz = xi = 0.0
-    disc, a, b, u, v = directions(fx, fy, mx, my, mz, radius, taper)
+    # 1 - sin_beta as the one exact difference that a steep side needs.
+    length, drop = 2.0 * half, radius_a - radius_b
+    error = sum_error(radius_a, -radius_b, drop)
+    less, more = (length - drop) - error, (length + drop) + error
+    sin_beta, cos_beta = drop / length, sqrt(less * more) / length
+    taper = drop / sqrt(less * more)
+    mean = 0.5 * (radius_a + radius_b)
+    radius = mean / cos_beta
+    apex = mean / sin_beta if sin_beta != 0.0 else 0.0
+    lx, ly, base, below = lateral_frame(fx, fy, mx, my, radius, taper, apex)
+    best, patch, high = 1e300, 0, True
+    ex = ey = z = rho = nx = ny = nz = xi = 0.0
+    disc, a, b, u, v = directions(fx, fy, lx, ly, mz, base, taper)
     if disc > 0.0:
         for sign in (-1.0, 1.0):
             ax, ay = a + sign * u, b + sign * v
-            at, push = height(fx, fy, fz, mx, my, ax, ay, radius, taper)
+            at, push = height(fx, fy, fz, lx, ly, ax, ay, base, taper)
             if push < 0.0:
-                outside = max(at - high, low - at)
+                # Along the side, from the circle about the middle; a steep side is measured by its radius.
+                if below == 0.0:
+                    along = (at - mean * sin_beta) / cos_beta
+                else:
+                    along = (mean * cos_beta + taper * at) / sin_beta
+                outside = abs(along) - half * cos_beta
                 if outside < best:
                     best, patch = outside, 1
-                    ex, ey, z = ax, ay, at
+                    ex, ey, z, rho = ax, ay, at + below, base - taper * at
+                    high = along > 0.0
             if best <= 0.0 or taper == 0.0:
                 break
     if best > 0.0:
-        upper = patch == 0 or z > 0.5 * (low + high)
+        upper = high
         for turn in range(2):
             top = upper == (turn == 0)
             at, r = (half, radius_b) if top else (-half, radius_a)
@@ -81,11 +96,11 @@ def _tapered_capsule(
                 nx, ny, nz, xi = sx, sy, sz, k
             if best <= 0.0:
                 break
-    if best > PATCH_TOLERANCE * (half + radius):
+    if best > PATCH_TOLERANCE * (half + max(radius_a, radius_b)):
         size = (half, radius_a, radius_b, 0.0)
         return nearest_to_line(TAPERED, size, half + max(radius_a, radius_b), fx, fy, fz, mx, my, mz)
     if patch == 1:
-        return on_lateral(OK, fx, fy, fz, mx, my, mz, ex, ey, z, radius, taper)
+        return on_lateral(OK, fx, fy, fz, mx, my, mz, ex, ey, z, rho, taper)
     at, r = (half, radius_b) if patch == 3 else (-half, radius_a)
     bend = 1.0 / r
     return make_answer(

@@ -7,6 +7,8 @@ height:
     e.p = m_z,      p = (R f_y + tan(beta) m_x, -R f_x + tan(beta) m_y)
     z = (m_theta + R f_z) / (f_rho + tan(beta) f_z)
 
+A steep cone (tan(beta) > 1) is described about its apex, where R = 0: else R and tan(beta) z cancel near it.
+
 For beta = 0 this is the paper's cylinder (section 5.1.2) without its division by the torsion: where the
 contact lies around the axis does not depend on it.
 """
@@ -19,6 +21,7 @@ from contactsense.solvers.solution import (
     OK,
     PARALLEL,
     PULLING,
+    SHARP,
     SMALL,
     TANGENT,
     TINY,
@@ -32,6 +35,9 @@ from contactsense.solvers.solution import (
     unit_exponents,
 )
 from contactsense.solvers.typed_kernel import kernel
+
+_AT_APEX = 1e-15
+"""Moment about the apex, relative to that about the origin, that is rounding."""
 
 
 @kernel
@@ -74,6 +80,25 @@ def height(
 
 
 @kernel
+def lateral_frame(
+    fx: float, fy: float, mx: float, my: float, radius: float, taper: float, apex: float
+) -> tuple[float, float, float, float]:
+    """Where the side is described: about the origin, or about the apex if it is steep.
+
+    Args:
+        fx, fy, mx, my: Of the wrench about the origin.
+        radius, taper: Of the side at the origin.
+        apex: Height of the apex; of use if the side is steep.
+
+    Returns:
+        m_x and m_y about that point, radius there, and the point's height.
+    """
+    if abs(taper) <= 1.0:
+        return mx, my, radius, 0.0
+    return mx + apex * fy, my - apex * fx, 0.0, apex
+
+
+@kernel
 def on_lateral(
     status: int,
     fx: float,
@@ -85,11 +110,10 @@ def on_lateral(
     ex: float,
     ey: float,
     z: float,
-    radius: float,
+    rho: float,
     taper: float,
 ) -> Answer:
-    """Answer for a contact at height `z` in the radial direction (ex, ey)."""
-    rho = radius - taper * z
+    """Answer for a contact at height `z` in the radial direction (ex, ey), `rho` from the axis."""
     cos_beta = 1.0 / sqrt(1.0 + taper * taper)
     nx, ny, nz = cos_beta * ex, cos_beta * ey, cos_beta * taper
     cx, cy, xi = rho * ex, rho * ey, 0.0
@@ -147,24 +171,58 @@ def solve_cylinder(fx: float, fy: float, fz: float, mx: float, my: float, mz: fl
 
 
 @kernel
+def _at_apex(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, apex: float, taper: float
+) -> Answer:
+    """Answer at the apex, taken as a ball without radius.
+
+    A moment about it is a torsion there, so it gives the normal, which must be one of the ball's. Without it
+    the force must enter the body there, or push against one of these normals.
+    """
+    lx, ly, lz = mx + apex * fy, my - apex * fx, mz
+    mm = mx * mx + my * my + mz * mz
+    ll = lx * lx + ly * ly + lz * lz
+    ff = fx * fx + fy * fy + fz * fz
+    up = 1.0 if taper > 0.0 else -1.0
+    steep = abs(taper)
+    across = sqrt(fx * fx + fy * fy)
+    if ll <= _AT_APEX * _AT_APEX * (mm + apex * apex * ff):
+        if not (up * fz < 0.0 and (across < -steep * up * fz or steep * across < -up * fz)):
+            return no_contact(MISS)
+        force = sqrt(ff)
+        nx, ny, nz, xi = -fx / force, -fy / force, -fz / force, 0.0
+    else:
+        xi = sqrt(ll)
+        if lx * fx + ly * fy + lz * fz > 0.0:
+            xi = -xi
+        nx, ny, nz = lx / xi, ly / xi, lz / xi
+        if not (steep * sqrt(nx * nx + ny * ny) <= up * nz and nx * fx + ny * fy + nz * fz < 0.0):
+            return no_contact(MISS)
+    return make_answer(SHARP, fx, fy, fz, mx, my, mz, 0.0, 0.0, apex, nx, ny, nz, xi, 0.0, 0.0)
+
+
+@kernel
 def _cone(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float, taper: float
 ) -> Answer:
-    disc, a, b, u, v = directions(fx, fy, mx, my, mz, radius, taper)
-    if disc <= 0.0:
-        return no_contact(MISS)
-    ex = ey = z = 0.0
+    apex = radius / taper
+    lx, ly, base, below = lateral_frame(fx, fy, mx, my, radius, taper, apex)
+    disc, a, b, u, v = directions(fx, fy, lx, ly, mz, base, taper)
+    ex = ey = z = rho = 0.0
     status = MISS
-    for sign in (-1.0, 1.0):
-        ax, ay = a + sign * u, b + sign * v
-        at, push = height(fx, fy, fz, mx, my, ax, ay, radius, taper)
-        # The mirrored cone beyond the apex does not belong to the body.
-        if push != 0.0 and radius - taper * at > 0.0 and status != OK:
-            ex, ey, z = ax, ay, at
-            status = OK if push < 0.0 else PULLING
-    if status == MISS:
-        return no_contact(MISS)
-    return on_lateral(status, fx, fy, fz, mx, my, mz, ex, ey, z, radius, taper)
+    if disc > 0.0:
+        for sign in (-1.0, 1.0):
+            ax, ay = a + sign * u, b + sign * v
+            at, push = height(fx, fy, fz, lx, ly, ax, ay, base, taper)
+            # The mirrored cone beyond the apex does not belong to the body.
+            if push != 0.0 and base - taper * at > 0.0 and status != OK:
+                ex, ey, z, rho = ax, ay, at + below, base - taper * at
+                status = OK if push < 0.0 else PULLING
+    if status != OK:
+        answer = _at_apex(fx, fy, fz, mx, my, mz, apex, taper)
+        if answer[0] == SHARP or status == MISS:
+            return answer
+    return on_lateral(status, fx, fy, fz, mx, my, mz, ex, ey, z, rho, taper)
 
 
 @kernel
@@ -179,7 +237,7 @@ def solve_cone(
         taper: Tangent of the angle between side and axis, not zero.
 
     Returns:
-        See `contactsense.solvers.solution`; where no contact exists, or only one that pulls, no nearest
+        See `contactsense.solvers.solution`; `SHARP` where the wrench acts on the apex. A miss has no nearest
         point.
     """
     ff = fx * fx + fy * fy + fz * fz

@@ -20,6 +20,7 @@ from contactsense.solvers.solution import (
     TANGENT,
     Answer,
     input_status,
+    invariant,
     make_answer,
     no_contact,
     rescaled,
@@ -34,18 +35,18 @@ _MAX_UNSCALED_SIZE = 1e6
 
 @kernel
 def unit_sphere(
-    ux: float, uy: float, uz: float, vx: float, vy: float, vz: float, uu: float, vv: float
+    ux: float, uy: float, uz: float, vx: float, vy: float, vz: float, uu: float, vv: float, tau: float
 ) -> tuple[int, float, float, float, float]:
     """Solve v = K x + x x u, |x| = 1, u.x < 0.
 
     Args:
         ux, uy, uz, vx, vy, vz: The wrench, u not zero.
         uu, vv: Their squares.
+        tau: u.v, from the wrench before its units were changed, so that its sign is right.
 
     Returns:
         Status (`OK`, `MISS`, `TANGENT`), x, y, z, K. On a miss the point nearest to the line, and K = 0.
     """
-    tau = ux * vx + uy * vy + uz * vz
     size = abs(tau)
     sigma = vv - uu
     # The maximum preserves the torsion if its square underflows.
@@ -78,11 +79,12 @@ def _ellipsoid(
     vx, vy, vz = a * mx, b * my, c * mz
     uu = ux * ux + uy * uy + uz * uz
     vv = vx * vx + vy * vy + vz * vz
-    status, x, y, z, k = unit_sphere(ux, uy, uz, vx, vy, vz, uu, vv)
+    volume = a * bc
+    tau = volume * invariant(fx, fy, fz, mx, my, mz)
+    status, x, y, z, k = unit_sphere(ux, uy, uz, vx, vy, vz, uu, vv, tau)
     nx, ny, nz = bc * x, ca * y, ab * z
     slope = sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / slope, ny / slope, nz / slope
-    volume = a * bc
     # (1 - n1^2) etc. as sums: no cancellation in the mean curvature of a needle.
     xx, yy, zz = nx * nx, ny * ny, nz * nz
     trace = (bc * bc * (yy + zz) + ca * ca * (zz + xx) + ab * ab * (xx + yy)) / (volume * slope)
@@ -98,7 +100,8 @@ def _sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, ra
     ux, uy, uz = radius * fx, radius * fy, radius * fz
     uu = ux * ux + uy * uy + uz * uz
     vv = mx * mx + my * my + mz * mz
-    status, x, y, z, xi = unit_sphere(ux, uy, uz, mx, my, mz, uu, vv)
+    tau = radius * invariant(fx, fy, fz, mx, my, mz)
+    status, x, y, z, xi = unit_sphere(ux, uy, uz, mx, my, mz, uu, vv, tau)
     cx, cy, cz = radius * x, radius * y, radius * z
     bend = 1.0 / radius
     return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, x, y, z, xi, 2.0 * bend, bend * bend)

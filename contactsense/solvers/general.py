@@ -6,14 +6,20 @@ method for the remaining ones, and the answer if there is no contact.
 
 from collections.abc import Callable
 from functools import lru_cache
-from math import sqrt
+from math import ldexp, sqrt
 from types import FunctionType
 from typing import Any
 
 from numba import njit
 
 from contactsense.solvers.ellipsoid_method import bracket_contact
-from contactsense.solvers.implicit_surfaces import evaluate
+from contactsense.solvers.implicit_surfaces import (
+    evaluate,
+    resized,
+    unit_exponent,
+    unresized,
+    unscaled_exponent,
+)
 from contactsense.solvers.initial_guess import ellipsoid_guess, unmodified_step
 from contactsense.solvers.level_set import Point, enter_level, line_entry, ray_entry
 from contactsense.solvers.newton import newton_iteration
@@ -24,6 +30,7 @@ from contactsense.solvers.solution import (
     OK,
     Answer,
     input_status,
+    invariant,
     make_answer,
     no_contact,
     rescaled,
@@ -32,9 +39,7 @@ from contactsense.solvers.solution import (
 )
 from contactsense.solvers.typed_kernel import kernel
 
-_FAINT, _HEAVY = 1e-100, 1e100
-_ZERO_TORSION = 1e-12
-"""Torsion per force and moment below which a wrench that misses counts as a pure force."""
+_FAINT, _HEAVY = 1e-30, 1e30
 
 
 @kernel
@@ -61,6 +66,12 @@ def miss_at(
 
 
 @kernel
+def _resized(point: Point, k: int) -> Point:
+    """A point in the unit of length 2^k."""
+    return ldexp(point[0], -k), ldexp(point[1], -k), ldexp(point[2], -k)
+
+
+@kernel
 def solve_smooth_counted(
     fx: float,
     fy: float,
@@ -78,13 +89,21 @@ def solve_smooth_counted(
     if status != OK:
         return no_contact(status), 0
     reach = max(extent[0], extent[1], extent[2])
+    k = unit_exponent(size, reach)
+    if k != 0:
+        size, inner, extent, reach = (
+            resized(size, k),
+            _resized(inner, k),
+            _resized(extent, k),
+            ldexp(reach, -k),
+        )
     lever = reach + sqrt(inner[0] * inner[0] + inner[1] * inner[1] + inner[2] * inner[2])
     large = max(abs(fx), abs(fy), abs(fz))
     e = g = 0
-    plain = _FAINT < large < _HEAVY and max(abs(mx), abs(my), abs(mz)) < _HEAVY * large * lever
+    plain = k == 0 and _FAINT < large < _HEAVY and max(abs(mx), abs(my), abs(mz)) < _HEAVY * large * lever
     if not plain:
-        e, g, _ = unit_exponents(fx, fy, fz, mx, my, mz, lever)
-        fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, 0)
+        e, g, _ = unit_exponents(fx, fy, fz, mx, my, mz, ldexp(lever, k))
+        fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     converged, steps, x, y, z, nx, ny, nz, xi, trace, det = osculating_iteration(
         size, gauge, inner, extent, fx, fy, fz, mx, my, mz
     )
@@ -94,13 +113,10 @@ def solve_smooth_counted(
         )
         steps += extra_steps
     if not converged:
-        t = fx * mx + fy * my + fz * mz
-        ff = fx * fx + fy * fy + fz * fz
-        mm = mx * mx + my * my + mz * mz
-        if t * t <= _ZERO_TORSION * _ZERO_TORSION * ff * (mm + lever * lever * ff):
+        if invariant(fx, fy, fz, mx, my, mz) == 0.0:
             entered, x, y, z = enter_level(size, inner, reach, fx, fy, fz, mx, my, mz)
             if entered == MISS:
-                return rescaled(miss_at(size, inner, fx, fy, fz, mx, my, mz, x, y, z), e, g, 0), steps
+                return rescaled(miss_at(size, inner, fx, fy, fz, mx, my, mz, x, y, z), e, g, k), steps
         else:
             extra_steps, x, y, z = bracket_contact(size, inner, reach, fx, fy, fz, mx, my, mz)
             steps += extra_steps
@@ -110,7 +126,7 @@ def solve_smooth_counted(
         steps += extra_steps
     status = OK if converged else NOT_CONVERGED
     answer = make_answer(status, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, xi, trace, det)
-    return (answer if plain else rescaled(answer, e, g, 0)), steps
+    return (answer if plain else rescaled(answer, e, g, k)), steps
 
 
 @kernel
@@ -159,8 +175,10 @@ def wrench_axis_smooth(
     if status != OK:
         return no_contact(status)
     reach = max(extent[0], extent[1], extent[2])
+    k = unit_exponent(size, reach)
     e, g, _ = unit_exponents(fx, fy, fz, mx, my, mz, reach)
-    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, 0)
+    size, inner, reach = resized(size, k), _resized(inner, k), ldexp(reach, -k)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     status, x, y, z = enter_level(size, inner, reach, fx, fy, fz, mx, my, mz)
     if status == OK:
         level = evaluate(size, x, y, z)
@@ -169,7 +187,7 @@ def wrench_axis_smooth(
         answer = make_answer(OK, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, 0.0, 0.0, 0.0)
     else:
         answer = miss_at(size, inner, fx, fy, fz, mx, my, mz, x, y, z)
-    return rescaled(answer, e, g, 0)
+    return rescaled(answer, e, g, k)
 
 
 @lru_cache(maxsize=64)
@@ -182,6 +200,8 @@ def solvers_for(function: Callable[..., Any]) -> tuple[Callable[..., Answer], Ca
         "evaluate": function,
         "initial_guess": ellipsoid_guess,
         "warped_step": unmodified_step,
+        "unit_exponent": unscaled_exponent,
+        "resized": unresized,
     }
     for part in (
         line_entry,

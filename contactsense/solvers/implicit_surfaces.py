@@ -5,7 +5,8 @@ The functions of the packaged bodies are gauges minus one: homogeneous of degree
 that c / (1 + value) lies on the surface for any c. The paraboloid, open at one end, is an exception.
 """
 
-from math import copysign, sqrt
+from math import copysign, frexp, ldexp, sqrt
+from typing import Any
 
 from contactsense.solvers.typed_kernel import kernel
 
@@ -134,3 +135,34 @@ def evaluate(size: Size, x: float, y: float, z: float) -> Level:
     k1, k2 = size[1], size[2]
     value = z + 0.5 * (k1 * x * x + k2 * y * y)
     return value, k1 * x, k2 * y, 1.0, k1, k2, 0.0, 0.0, 0.0, 0.0
+
+
+_ORDINARY = 1e15
+"""Sizes between one over this and this need no other unit of length."""
+
+
+@kernel
+def unit_exponent(size: Size, reach: float) -> int:
+    """Exponent of the unit of length in which a body of that size is solved; zero for ordinary sizes."""
+    if reach * _ORDINARY > 1.0 and reach < _ORDINARY:
+        return 0
+    return int(frexp(reach)[1])
+
+
+@kernel
+def resized(size: Size, k: int) -> Size:
+    """The body in the unit of length 2^k."""
+    kind, a, b, c, p, q = size
+    return kind, ldexp(a, k), ldexp(b, k), ldexp(c, k), p, q
+
+
+@kernel
+def unscaled_exponent(size: Any, reach: float) -> int:
+    """`unit_exponent` of a user's function, whose unit is not known here."""
+    return 0
+
+
+@kernel
+def unresized(size: Any, k: int) -> Any:
+    """`resized` for a user's function."""
+    return size

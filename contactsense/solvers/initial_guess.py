@@ -27,7 +27,8 @@ _MIDDLE = 1e-3
 def ellipsoid_guess(size: Any, ux: float, uy: float, uz: float, vx: float, vy: float, vz: float) -> Point:
     """Contact on the ellipsoid of the body's extent; nearer to the centre if the line misses that."""
     uu = ux * ux + uy * uy + uz * uz
-    _, x, y, z, _ = unit_sphere(ux, uy, uz, vx, vy, vz, uu, vx * vx + vy * vy + vz * vz)
+    tau = ux * vx + uy * vy + uz * vz
+    _, x, y, z, _ = unit_sphere(ux, uy, uz, vx, vy, vz, uu, vx * vx + vy * vy + vz * vz, tau)
     return x, y, z
 
 

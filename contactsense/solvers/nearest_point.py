@@ -4,18 +4,19 @@ body.
 Both need only the projection onto the body: the nearest surface point to a point, and the signed distance.
 """
 
-from math import sqrt
+from math import ldexp, sqrt
 
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.solvers.solution import (
-    LARGE,
     MISS,
-    NOT_FINITE,
     OK,
     Answer,
     input_status,
     make_answer,
     no_contact,
+    rescaled,
+    scaled,
+    unit_exponents,
 )
 from contactsense.solvers.typed_kernel import kernel
 
@@ -99,6 +100,35 @@ def nearest_to_line(
 
 
 @kernel
+def _enter(
+    kind: int,
+    size: Size,
+    reach: float,
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+) -> Answer:
+    ff = fx * fx + fy * fy + fz * fz
+    px, py, pz = (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
+    # In units of the force: the line is p + s f, and outside of the ball before s = -reach / |f|.
+    at = -2.0 * reach / sqrt(ff)
+    cx = cy = cz = nx = ny = nz = 0.0
+    for _ in range(_STEPS):
+        distance, cx, cy, cz, nx, ny, nz = project_body(kind, size, px + at * fx, py + at * fy, pz + at * fz)
+        push = nx * fx + ny * fy + nz * fz
+        if push >= 0.0:
+            return nearest_to_line(kind, size, reach, fx, fy, fz, mx, my, mz)
+        step = -distance / push
+        at += step
+        if step <= 4e-16 * (2.0 * reach + abs(at)):
+            break
+    return make_answer(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
+
+
+@kernel
 def enter(
     kind: int,
     size: Size,
@@ -123,22 +153,7 @@ def enter(
     status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
         return no_contact(status)
-    large = max(abs(fx), abs(fy), abs(fz))
-    fx, fy, fz, mx, my, mz = fx / large, fy / large, fz / large, mx / large, my / large, mz / large
-    if not max(abs(mx), abs(my), abs(mz)) < LARGE:
-        return no_contact(NOT_FINITE)
-    ff = fx * fx + fy * fy + fz * fz
-    px, py, pz = (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
-    # In units of the force: the line is p + s f, and outside of the ball before s = -reach / |f|.
-    at = -2.0 * reach / sqrt(ff)
-    cx = cy = cz = nx = ny = nz = 0.0
-    for _ in range(_STEPS):
-        distance, cx, cy, cz, nx, ny, nz = project_body(kind, size, px + at * fx, py + at * fy, pz + at * fz)
-        push = nx * fx + ny * fy + nz * fz
-        if push >= 0.0:
-            return nearest_to_line(kind, size, reach, fx, fy, fz, mx, my, mz)
-        step = -distance / push
-        at += step
-        if step <= 4e-16 * (2.0 * reach + abs(at)):
-            break
-    return make_answer(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, reach)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
+    own = (ldexp(size[0], -k), ldexp(size[1], -k), ldexp(size[2], -k), ldexp(size[3], -k))
+    return rescaled(_enter(kind, own, ldexp(reach, -k), fx, fy, fz, mx, my, mz), e, g, k)

@@ -10,6 +10,7 @@ from math import sqrt
 from typing import Any
 
 from contactsense.solvers.level_set import Point, line_entry, ray_entry, tangent_quantities, tangents
+from contactsense.solvers.solution import invariant, is_contact
 from contactsense.solvers.typed_kernel import kernel
 
 _STEPS = 40
@@ -184,7 +185,9 @@ def newton_iteration(
                         break
             if improved:
                 break
-    converged = hit and push < 0.0 and squared_residual <= 1e4 * tolerance
+    t = invariant(fx, fy, fz, mx, my, mz)
+    det = waa * wbb - wab * wab
+    converged = hit and squared_residual <= 1e4 * tolerance and is_contact(t, xi, push, det)
     if push * push > 1e-3 * force * force:
-        xi = (fx * mx + fy * my + fz * mz) / push
-    return converged, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, waa * wbb - wab * wab
+        xi = t / push
+    return converged, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, det

@@ -21,6 +21,7 @@ from typing import Any
 from contactsense.solvers.implicit_surfaces import evaluate
 from contactsense.solvers.initial_guess import initial_guess, warped_step
 from contactsense.solvers.level_set import Point, tangent_quantities
+from contactsense.solvers.solution import invariant, is_contact
 from contactsense.solvers.typed_kernel import kernel
 
 _STEPS = 12
@@ -219,7 +220,7 @@ def osculating_iteration(
             cx, cy, cz = ix + a * x, iy + b * y, iz + c * z
             ia, ib, ic = 1.0 / a, 1.0 / b, 1.0 / c
             # Along the tangents Q is the gauge's own Hessian.
-            nx, ny, nz, _, _, _, _, _, _, _, _, waa, wab, wbb, xi, fn = tangent_quantities(
+            nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, fn = tangent_quantities(
                 fx,
                 fy,
                 fz,
@@ -239,9 +240,24 @@ def osculating_iteration(
                 ia * ic * qxz,
                 ib * ic * qyz,
             )
+            t = invariant(fx, fy, fz, mx, my, mz)
+            det = waa * wbb - wab * wab
+            found = is_contact(t, xi, fn, det)
+            # One Newton step: rounding errors of Q, which grow with the exponent, do not enter it.
+            inverse = 1.0 / (fn * fn + xi * xi * det)
+            va = (xi * wbb * fa - (fn + xi * wab) * fb) * inverse
+            vb = (xi * waa * fb + (fn - xi * wab) * fa) * inverse
+            wa, wb = waa * va + wab * vb, wab * va + wbb * vb
+            px, py, pz = cx + va * ax + vb * bx, cy + va * ay + vb * by, cz + va * az + vb * bz
+            ex, ey, ez = nx + wa * ax + wb * bx, ny + wa * ay + wb * by, nz + wa * az + wb * bz
+            rx, ry, rz = mx - (py * fz - pz * fy), my - (pz * fx - px * fz), mz - (px * fy - py * fx)
+            sx, sy, sz = ey * rz - ez * ry, ez * rx - ex * rz, ex * ry - ey * rx
+            if sx * sx + sy * sy + sz * sz < fa * fa + fb * fb:
+                cx, cy, cz, nx, ny, nz = px, py, pz, ex, ey, ez
+                xi, fn = ex * rx + ey * ry + ez * rz, ex * fx + ey * fy + ez * fz
             if fn * fn > 1e-3 * (fx * fx + fy * fy + fz * fz):
-                xi = (fx * mx + fy * my + fz * mz) / fn
-            return True, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, waa * wbb - wab * wab
+                xi = t / fn
+            return found, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, det
         if step == _STEPS:
             break
         previous = squared_residual

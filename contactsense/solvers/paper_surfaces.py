@@ -10,7 +10,10 @@ import numpy as np
 from contactsense.solvers import cylinder, ellipsoid, general, plane, wrench_axis
 from contactsense.solvers import gradient_descent as descent
 from contactsense.solvers.implicit_surfaces import ELLIPSOID
-from contactsense.solvers.surface import Problem, Surface, around_axis, positive, tangential
+from contactsense.solvers.surface import Problem, Surface, around_axis, positive, same_fields, tangential
+
+_SKEW = 1e-9
+"""How far the axes of a pose may be from orthonormal."""
 
 
 @dataclass(frozen=True)
@@ -147,12 +150,16 @@ class Plane:
     offset: float
     """Distance from the origin along the normal [m]."""
 
+    def __post_init__(self) -> None:
+        if np.shape(self.normal) != (3,) or not np.all(np.isfinite(self.normal)) or not np.any(self.normal):
+            raise ValueError(f"Plane: normal must be three finite numbers, not all zero, not {self.normal}")
+        if not np.isfinite(self.offset):
+            raise ValueError(f"Plane: offset must be finite, not {self.offset}")
+
     def problem(self) -> Problem:
         """Closed form."""
-        size = float(np.linalg.norm(self.normal))
-        if not 0.0 < size < np.inf:
-            raise ValueError(f"Plane: normal must not be zero, not {self.normal}")
-        nx, ny, nz = (float(component) / size for component in self.normal)
+        direction = np.asarray(self.normal, dtype=float) / np.abs(self.normal).max()
+        nx, ny, nz = (float(component) for component in direction / np.linalg.norm(direction))
         return plane.solve_plane, (nx, ny, nz, float(self.offset))
 
     def line_problem(self) -> Problem:
@@ -164,7 +171,7 @@ class Plane:
         return np.zeros((3, 3))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Placed:
     """A surface at a given pose."""
 
@@ -173,7 +180,24 @@ class Placed:
     origin: np.ndarray
     """Origin of the surface's frame [m], shape (3,)."""
     rotation: np.ndarray
-    """Axes of the surface's frame as columns, shape (3, 3)."""
+    """Axes of the surface's frame as columns, shape (3, 3): orthonormal and right-handed."""
+
+    def __post_init__(self) -> None:
+        origin, rotation = np.array(self.origin, dtype=float), np.array(self.rotation, dtype=float)
+        if origin.shape != (3,) or not np.all(np.isfinite(origin)):
+            raise ValueError(f"Placed: origin must be finite and of shape (3,), not {self.origin}")
+        if rotation.shape != (3, 3) or not np.all(np.isfinite(rotation)):
+            raise ValueError(f"Placed: rotation must be finite and of shape (3, 3), not {self.rotation}")
+        skew = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+        if skew > _SKEW or np.linalg.det(rotation) < 0.0:
+            raise ValueError("Placed: rotation must be orthonormal and right-handed")
+        object.__setattr__(self, "origin", origin)
+        object.__setattr__(self, "rotation", rotation)
+
+    def __eq__(self, other: object) -> bool:
+        return same_fields(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
 
     def problem(self) -> Problem:
         """That of the surface, in its own frame."""

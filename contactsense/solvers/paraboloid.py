@@ -25,6 +25,7 @@ from contactsense.solvers.solution import (
     TANGENT,
     Answer,
     input_status,
+    invariant,
     make_answer,
     no_contact,
     rescaled,
@@ -112,16 +113,16 @@ def solve_paraboloid(
     mm = mx * mx + my * my + mz * mz
     plain = min(k1, k2) > _FLAT and max(k1, k2) < _SHARP
     if plain and SMALL < ff < LARGE and mm < LARGE:
-        return _paraboloid(fx, fy, fz, mx, my, mz, fx * mx + fy * my + fz * mz, k1, k2)
+        return _paraboloid(fx, fy, fz, mx, my, mz, invariant(fx, fy, fz, mx, my, mz), k1, k2)
     status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
         return no_contact(status)
-    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, 1.0 / sqrt(k1 * k2))
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, 1.0 / sqrt(k1) / sqrt(k2))
     # An even exponent has an exact root.
     k -= k & 1
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
     k1, k2 = ldexp(k1, k), ldexp(k2, k)
-    return rescaled(_paraboloid(fx, fy, fz, mx, my, mz, fx * mx + fy * my + fz * mz, k1, k2), e, g, k)
+    return rescaled(_paraboloid(fx, fy, fz, mx, my, mz, invariant(fx, fy, fz, mx, my, mz), k1, k2), e, g, k)
 
 
 @kernel
@@ -132,7 +133,7 @@ def wrench_axis_paraboloid(
     status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
         return no_contact(status)
-    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, 1.0 / sqrt(k1 * k2))
+    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, 1.0 / sqrt(k1) / sqrt(k2))
     # An even exponent has an exact root.
     k -= k & 1
     fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)

@@ -4,7 +4,7 @@ Exactly one patch contains the contact. The kernel tests them, faces first, and 
 comparison.
 """
 
-from math import sqrt
+from math import frexp, ldexp, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -13,17 +13,19 @@ from scipy.spatial import ConvexHull
 
 from contactsense.solvers.ellipsoid import unit_sphere
 from contactsense.solvers.solution import (
-    LARGE,
     MISS,
     NOT_CONVERGED,
     OK,
     SHARP,
-    SMALL,
     Answer,
     input_status,
+    invariant,
     make_answer,
     no_contact,
+    rescaled,
+    scaled,
     torsion,
+    unit_exponents,
 )
 from contactsense.solvers.typed_kernel import kernel
 from contactsense.solvers.wrench_axis import line_moment
@@ -31,46 +33,55 @@ from contactsense.solvers.wrench_axis import line_moment
 _PATCH_TOLERANCE = 1e-9
 """How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
 
-_ZERO_TORSION = 1e-12
-"""Torsion per force and moment below which a wrench that misses counts as a pure force."""
-
 _FAR = 1e300
 
 
 class Hull(NamedTuple):
-    """A convex polytope in contiguous arrays."""
+    """A convex polytope in contiguous arrays, about its middle and in its own unit of length, a power of
+    two."""
 
     normal: np.ndarray
     """Outward unit normals of the faces, shape (F, 3)."""
     offset: np.ndarray
-    """Distances of their planes from the origin [m], shape (F,)."""
+    """Distances of their planes from the middle, shape (F,)."""
     face_start: np.ndarray
     """First side of each face, and their number at the end, shape (F + 1,)."""
     side: np.ndarray
     """For each side of each face the unit vector in the face that points out across it, shape (K, 3)."""
     side_offset: np.ndarray
-    """Largest value of side . p in the face [m], shape (K,)."""
+    """Largest value of side . p in the face, shape (K,)."""
     edge: np.ndarray
     """Start, direction, and the two faces' side vectors of each edge, shape (E, 4, 3)."""
     length: np.ndarray
-    """Lengths of the edges [m], shape (E,)."""
+    """Lengths of the edges, shape (E,)."""
     vertex: np.ndarray
-    """Vertices [m], shape (V, 3)."""
+    """Vertices, shape (V, 3)."""
     vertex_start: np.ndarray
     """First outgoing edge of each vertex, and their number at the end, shape (V + 1,)."""
     outgoing: np.ndarray
     """Unit vectors along the edges that leave each vertex, shape (2 E, 3)."""
     reach: float
-    """Radius of the ball about the origin that holds the hull [m]."""
+    """Radius of the ball about the middle that holds the hull."""
+    middle: np.ndarray
+    """Middle in the frame of the points, in that unit, shape (3,)."""
+    unit: float
+    """Unit of length [m]."""
 
 
 def hull_of(points: ArrayLike) -> Hull:
-    """The convex hull of points, shape (N, 3), not all in one plane, as the kernel takes it.
+    """The convex hull of points [m], shape (N, 3), not all in one plane, as the kernel takes it.
 
     Raises:
+        ValueError: The points have another shape, or are not finite.
         scipy.spatial.QhullError: The points span no volume.
     """
-    cloud = np.asarray(points, dtype=float).reshape(-1, 3)
+    cloud = np.asarray(points, dtype=float)
+    if cloud.ndim != 2 or cloud.shape[1] != 3 or not np.all(np.isfinite(cloud)):
+        raise ValueError(f"Polytope: points must be finite and of shape (N, 3), not {cloud.shape}")
+    k = int(np.frexp(np.ptp(cloud, axis=0).max())[1]) if len(cloud) else 0
+    cloud = np.ldexp(cloud, -k)
+    middle = 0.5 * (cloud.min(axis=0) + cloud.max(axis=0))
+    cloud -= middle
     found = ConvexHull(cloud)
     size = float(np.abs(cloud).max())
     faces: list[tuple[np.ndarray, set[int]]] = []
@@ -115,6 +126,8 @@ def hull_of(points: ArrayLike) -> Hull:
         vertex_start=np.concatenate(([0], np.cumsum([len(leaving[corner]) for corner in corners_of]))),
         outgoing=np.array([along for corner in corners_of for along in leaving[corner]]),
         reach=float(np.linalg.norm(cloud[corners_of], axis=1).max()),
+        middle=middle,
+        unit=float(np.ldexp(1.0, k)),
     )
 
 
@@ -132,10 +145,35 @@ def _ring(cloud: np.ndarray, normal: np.ndarray, members: list[int]) -> list[int
 
 
 @kernel
+def _entry(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull
+) -> tuple[bool, float, float, float, float, float, float]:
+    """Whether the force's line enters the hull, where, and the normal of the face there."""
+    ff = fx * fx + fy * fy + fz * fz
+    px, py, pz = (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
+    first, last = -_FAR, _FAR
+    nx = ny = nz = 0.0
+    for i in range(hull.offset.shape[0]):
+        ax, ay, az = hull.normal[i, 0], hull.normal[i, 1], hull.normal[i, 2]
+        push = ax * fx + ay * fy + az * fz
+        gap = hull.offset[i] - (ax * px + ay * py + az * pz)
+        if push < 0.0:
+            at = gap / push
+            if at > first:
+                first, nx, ny, nz = at, ax, ay, az
+        elif push > 0.0:
+            last = min(last, gap / push)
+        elif gap < 0.0:
+            last = -_FAR
+    return first < last, px + first * fx, py + first * fy, pz + first * fz, nx, ny, nz
+
+
+@kernel
 def _polytope(
     fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull, r: float
 ) -> Answer:
     reach = hull.reach + r
+    t = invariant(fx, fy, fz, mx, my, mz)
     best = _FAR
     px = py = pz = nx = ny = nz = 0.0
     bends = 0
@@ -190,7 +228,9 @@ def _polytope(
         for i in range(hull.vertex.shape[0]):
             ox, oy, oz = hull.vertex[i, 0], hull.vertex[i, 1], hull.vertex[i, 2]
             lx, ly, lz = mx - (oy * fz - oz * fy), my - (oz * fx - ox * fz), mz - (ox * fy - oy * fx)
-            status, ax, ay, az, _ = unit_sphere(ux, uy, uz, lx, ly, lz, uu, lx * lx + ly * ly + lz * lz)
+            status, ax, ay, az, _ = unit_sphere(
+                ux, uy, uz, lx, ly, lz, uu, lx * lx + ly * ly + lz * lz, r * t
+            )
             outside = -_FAR
             for k in range(hull.vertex_start[i], hull.vertex_start[i + 1]):
                 over = ax * hull.outgoing[k, 0] + ay * hull.outgoing[k, 1] + az * hull.outgoing[k, 2]
@@ -203,17 +243,45 @@ def _polytope(
     cx, cy, cz = px + r * nx, py + r * ny, pz + r * nz
     status = OK
     if best > _PATCH_TOLERANCE * reach:
-        t = fx * mx + fy * my + fz * mz
-        ff = fx * fx + fy * fy + fz * fz
-        mm = mx * mx + my * my + mz * mz
-        pure = t * t <= _ZERO_TORSION * _ZERO_TORSION * ff * (mm + reach * reach * ff)
-        status = MISS if pure else (SHARP if r == 0.0 else NOT_CONVERGED)
+        status = MISS if t == 0.0 or r == 0.0 else NOT_CONVERGED
         if best == _FAR:
             return no_contact(status)
+        if r == 0.0:
+            entered, ax, ay, az, ux, uy, uz = _entry(fx, fy, fz, mx, my, mz, hull)
+            if entered:
+                status, cx, cy, cz, nx, ny, nz = SHARP, ax, ay, az, ux, uy, uz
     bend = 1.0 / r if bends > 0 else 0.0
     xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
     det = bend * bend if bends == 2 else 0.0
     return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, bends * bend, det)
+
+
+@kernel
+def _size(fx: float, fy: float, fz: float) -> float:
+    return sqrt(fx * fx + fy * fy + fz * fz)
+
+
+@kernel
+def _in_its_frame(
+    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull
+) -> tuple[int, int, int, float, float, float, float, float, float]:
+    """The wrench about the hull's middle, in units of order one, and the exponents of these units."""
+    ox, oy, oz = hull.middle[0], hull.middle[1], hull.middle[2]
+    k = frexp(hull.unit)[1] - 1
+    far = 1.0 + max(abs(ox), abs(oy), abs(oz))
+    e, g, _ = unit_exponents(fx, fy, fz, mx, my, mz, hull.unit * far)
+    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
+    mx, my, mz = mx - (oy * fz - oz * fy), my - (oz * fx - ox * fz), mz - (ox * fy - oy * fx)
+    return e, g, k, fx, fy, fz, mx, my, mz
+
+
+@kernel
+def _placed(answer: Answer, hull: Hull, e: int, g: int, k: int) -> Answer:
+    """An answer in that frame and those units, in the frame of the points."""
+    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = answer
+    if nx != 0.0 or ny != 0.0 or nz != 0.0:
+        cx, cy, cz = cx + hull.middle[0], cy + hull.middle[1], cz + hull.middle[2]
+    return rescaled((status, cx, cy, cz, nx, ny, nz, xi, residual, condition), e, g, k)
 
 
 @kernel
@@ -226,7 +294,7 @@ def solve_polytope(
         fx, fy, fz, mx, my, mz: Wrench on the body.
         hull: The polytope.
         rounding: Radius of the ball. May be zero: the status is `SHARP` for a wrench that enters no face,
-            with the point of the face whose patch it is nearest to.
+            where its axis enters.
 
     Returns:
         See `contactsense.solvers.solution`. A miss returns a point on the patch with the smallest
@@ -235,18 +303,9 @@ def solve_polytope(
     status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
         return no_contact(status)
-    size = max(abs(fx), abs(fy), abs(fz))
-    ux, uy, uz, vx, vy, vz = fx / size, fy / size, fz / size, mx / size, my / size, mz / size
-    lever = max(abs(vx), abs(vy), abs(vz))
-    if not (size > SMALL and lever < LARGE):
-        # Below the range of floats: the smallest force that is distinguished from zero.
-        lever = max(lever, 1.0)
-        if not lever < LARGE:
-            return no_contact(MISS)
-        answer = _polytope(ux, uy, uz, vx, vy, vz, hull, rounding)
-        status, cx, cy, cz, nx, ny, nz, xi, residual, condition = answer
-        return status, cx, cy, cz, nx, ny, nz, xi * size, residual, condition
-    return _polytope(fx, fy, fz, mx, my, mz, hull, rounding)
+    e, g, k, fx, fy, fz, mx, my, mz = _in_its_frame(fx, fy, fz, mx, my, mz, hull)
+    answer = _polytope(fx, fy, fz, mx, my, mz, hull, ldexp(rounding, -k))
+    return _placed(answer, hull, e, g, k)
 
 
 @kernel
@@ -258,13 +317,14 @@ def wrench_axis_polytope(
     status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
         return no_contact(status)
-    size = max(abs(fx), abs(fy), abs(fz))
-    fx, fy, fz, mx, my, mz = fx / size, fy / size, fz / size, mx / size, my / size, mz / size
+    e, g, k, fx, fy, fz, mx, my, mz = _in_its_frame(fx, fy, fz, mx, my, mz, hull)
+    rounding = ldexp(rounding, -k)
     lx, ly, lz = line_moment(fx, fy, fz, mx, my, mz)
-    status, cx, cy, cz, nx, ny, nz, xi, _, _ = solve_polytope(fx, fy, fz, lx, ly, lz, hull, rounding)
-    if status == OK and abs(xi) > _PATCH_TOLERANCE * (hull.reach + rounding):
+    status, cx, cy, cz, nx, ny, nz, xi, _, _ = _polytope(fx, fy, fz, lx, ly, lz, hull, rounding)
+    if status != OK or abs(xi) > _PATCH_TOLERANCE * (hull.reach + rounding) * _size(fx, fy, fz):
         # A contact at the rim would need a torsion that the wrench does not have.
         status = MISS
     if nx == 0.0 and ny == 0.0 and nz == 0.0:
-        return no_contact(status)
-    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
+        return no_contact(MISS)
+    answer = make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
+    return _placed(answer, hull, e, g, k)

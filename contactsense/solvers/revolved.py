@@ -6,10 +6,10 @@ and two rims: balls in closed form if a cap has no radius, else parts of a torus
 the contact outside every patch, the nearest is used.
 """
 
-from math import ldexp, sqrt
+from math import atan2, ldexp, pi, sqrt
 
 from contactsense.solvers.capsule import ball
-from contactsense.solvers.cylinder import directions, height, on_lateral
+from contactsense.solvers.cylinder import directions, height, lateral_frame, on_lateral
 from contactsense.solvers.nearest_point import nearest_to_line
 from contactsense.solvers.solution import (
     LARGE,
@@ -18,6 +18,7 @@ from contactsense.solvers.solution import (
     SMALL,
     Answer,
     input_status,
+    invariant,
     make_answer,
     no_contact,
     rescaled,
@@ -25,7 +26,7 @@ from contactsense.solvers.solution import (
     torsion,
     unit_exponents,
 )
-from contactsense.solvers.torus_rim import refine_rim, search_rim, start_rim
+from contactsense.solvers.torus_rim import bisect_rim, refine_rim, search_rim, start_rim
 from contactsense.solvers.typed_kernel import kernel
 
 _PATCH_TOLERANCE = 1e-9
@@ -33,9 +34,6 @@ _PATCH_TOLERANCE = 1e-9
 
 _REVOLVED = 0
 """Number of this kind in `contactsense.robots.surface.convex_primitives`."""
-
-_ZERO_TORSION = 1e-12
-"""Torsion per force and moment below which a wrench that misses counts as a pure force."""
 
 _FAR = 1e300
 
@@ -86,25 +84,27 @@ def _side(
     mz: float,
     radius: float,
     taper: float,
+    apex: float,
     low: float,
     high: float,
-) -> tuple[float, float, float, float]:
-    """Contact on the side, between the heights `low` and `high`: radial direction, height, and how far
-    outside."""
-    ex = ey = z = 0.0
+) -> tuple[float, float, float, float, float]:
+    """Contact on the side, between the heights `low` and `high`: radial direction, height, distance from the
+    axis, and how far outside."""
+    ex = ey = z = rho = 0.0
     lowest = _FAR
-    disc, a, b, u, v = directions(fx, fy, mx, my, mz, radius, taper)
+    lx, ly, base, below = lateral_frame(fx, fy, mx, my, radius, taper, apex)
+    disc, a, b, u, v = directions(fx, fy, lx, ly, mz, base, taper)
     if disc > 0.0:
         # On a cylinder the force pushes on the first of the two directions only; on a cone on either or both.
         for sign in (-1.0, 1.0):
             ax, ay = a + sign * u, b + sign * v
-            at, push = height(fx, fy, fz, mx, my, ax, ay, radius, taper)
-            outside = max(at - high, low - at)
+            at, push = height(fx, fy, fz, lx, ly, ax, ay, base, taper)
+            outside = max(below + at - high, low - below - at)
             if push < 0.0 and outside < lowest:
-                ex, ey, z, lowest = ax, ay, at, outside
+                ex, ey, z, rho, lowest = ax, ay, below + at, base - taper * at, outside
             if taper == 0.0:
                 break
-    return ex, ey, z, lowest
+    return ex, ey, z, rho, lowest
 
 
 @kernel
@@ -135,6 +135,34 @@ def _end(
 
 
 @kernel
+def _bisected(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    half: float,
+    lower: float,
+    upper: float,
+    r: float,
+    cos_beta: float,
+    sin_beta: float,
+) -> tuple[bool, float, float, float, float, float, float]:
+    """The contact on either rim, by bisection: whether it is found, height and radius of the circle, radial
+    direction, cosine and sine of the elevation."""
+    seam = atan2(sin_beta, cos_beta)
+    for side in (1.0, -1.0):
+        at, ring = side * half, upper if side > 0.0 else lower
+        if ring > 0.0:
+            lx, ly = mx + at * fy, my - at * fx
+            found, ex, ey, ca, sa = bisect_rim(fx, fy, fz, lx, ly, mz, ring, r, seam, side * 0.5 * pi)
+            if found:
+                return True, at, ring, ex, ey, ca, sa
+    return False, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0
+
+
+@kernel
 def _global_search(
     fx: float,
     fy: float,
@@ -159,10 +187,7 @@ def _global_search(
                 return _on_end(fx, fy, fz, mx, my, mz, at, ring, r, ex, ey, ca, sa)
     size = (half, lower, upper, r)
     answer = nearest_to_line(_REVOLVED, size, reach, fx, fy, fz, mx, my, mz)
-    t = fx * mx + fy * my + fz * mz
-    ff = fx * fx + fy * fy + fz * fz
-    mm = mx * mx + my * my + mz * mz
-    if t * t > _ZERO_TORSION * _ZERO_TORSION * ff * (mm + reach * reach * ff):
+    if invariant(fx, fy, fz, mx, my, mz) != 0.0:
         return NOT_CONVERGED, *answer[1:]
     return answer
 
@@ -194,15 +219,18 @@ def _revolved(
         if over_cap <= 0.0:
             return _on_cap(fx, fy, fz, mx, my, mz, cap_x, cap_y, top)
     # The side.
-    side_x = side_y = side_z = taper = radius = 0.0
+    side_x = side_y = side_z = side_rho = taper = 0.0
     over_side = _FAR
     if cos_beta > 0.0 and half > 0.0:
         taper = sin_beta / cos_beta
         radius = 0.5 * (lower + upper) + r / cos_beta
         low, high = r * sin_beta - half, r * sin_beta + half
-        side_x, side_y, side_z, over_side = _side(fx, fy, fz, mx, my, mz, radius, taper, low, high)
+        apex = (0.5 * (lower + upper) * cos_beta + r) / sin_beta if sin_beta != 0.0 else 0.0
+        side_x, side_y, side_z, side_rho, over_side = _side(
+            fx, fy, fz, mx, my, mz, radius, taper, apex, low, high
+        )
         if over_side <= 0.0:
-            return on_lateral(OK, fx, fy, fz, mx, my, mz, side_x, side_y, side_z, radius, taper)
+            return on_lateral(OK, fx, fy, fz, mx, my, mz, side_x, side_y, side_z, side_rho, taper)
     best = min(over_cap, over_side)
     # The ends: first the one that the side, or else the cap, points at.
     first = side_z > r * sin_beta if over_side < _FAR else up
@@ -237,13 +265,20 @@ def _revolved(
         if found and outside < best:
             best, on_end = outside, True
             at, ring, ex, ey, ca, sa = a_at, a_ring, ax, ay, ac, as_
+    if best > 0.0:
+        # The iteration failed, or rounding errors put the contact beside a seam.
+        found, a_at, a_ring, ax, ay, ac, as_ = _bisected(
+            fx, fy, fz, mx, my, mz, half, lower, upper, r, cos_beta, sin_beta
+        )
+        if found:
+            return _on_end(fx, fy, fz, mx, my, mz, a_at, a_ring, r, ax, ay, ac, as_)
     if best > _PATCH_TOLERANCE * reach:
         return _global_search(fx, fy, fz, mx, my, mz, half, lower, upper, r, cos_beta, sin_beta)
     if on_end:
         return _on_end(fx, fy, fz, mx, my, mz, at, ring, r, ex, ey, ca, sa)
     if over_cap <= over_side:
         return _on_cap(fx, fy, fz, mx, my, mz, cap_x, cap_y, top)
-    return on_lateral(OK, fx, fy, fz, mx, my, mz, side_x, side_y, side_z, radius, taper)
+    return on_lateral(OK, fx, fy, fz, mx, my, mz, side_x, side_y, side_z, side_rho, taper)
 
 
 @kernel

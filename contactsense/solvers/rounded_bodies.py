@@ -191,7 +191,7 @@ class Polytope:
         """The surface's shape operator there [1/m], shape (3, 3)."""
         if self.rounding == 0.0:
             return np.zeros((3, 3))
-        core = point - self.rounding * normal
+        core = (point - self.rounding * normal) / self.hull.unit - self.hull.middle
         touching = self.hull.normal[
             np.abs(self.hull.normal @ core - self.hull.offset) < 1e-9 * self.hull.reach
         ]

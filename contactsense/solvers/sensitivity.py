@@ -4,13 +4,14 @@ form."""
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from contactsense.solvers.level_set import tangents
-from contactsense.solvers.solve import Solution
+from contactsense.solvers.solve import Solution, solve
 from contactsense.solvers.surface import Surface
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Sensitivity:
     """Derivatives of a contact centroid, in its tangent plane."""
 
@@ -20,18 +21,36 @@ class Sensitivity:
     """Derivative of the shift along them with respect to the force [m/N], shape (2, 3)."""
     by_moment: np.ndarray
     """Derivative of the shift along them with respect to the moment [m/Nm], shape (2, 3)."""
+    twin: np.ndarray | None
+    """From the contact to its twin [m], shape (3,): the contact if f.m had the other sign, where the force's
+    line misses the body. None where the line enters, so that the contact moves continuously."""
+    invariant: float
+    """f.m [N^2 m]; the contact is where its twin is now as soon as it changes its sign."""
+    by_wrench: np.ndarray
+    """Derivative of f.m with respect to force and moment, shape (6,)."""
 
     def covariance(self, wrench: np.ndarray) -> np.ndarray:
-        """Covariance of the centroid [m^2], shape (3, 3), from that of the wrench, force first, shape (6,
-        6)."""
+        """Covariance of the centroid [m^2], shape (3, 3), from that of the wrench, force first, shape (6, 6).
+
+        It is the mean square about the centroid: with the probability that noise turns the sign of f.m, the
+        error is the distance to the twin.
+        """
         shift = self.tangents @ np.hstack((self.by_force, self.by_moment))
-        return np.asarray(shift @ wrench @ shift.T)
+        covariance = np.asarray(shift @ wrench @ shift.T)
+        if self.twin is None:
+            return covariance
+        deviation = float(np.sqrt(max(self.by_wrench @ wrench @ self.by_wrench, 0.0)))
+        turned = float(ndtr(-abs(self.invariant) / deviation)) if deviation > 0.0 else 0.0
+        return covariance + turned * np.outer(self.twin, self.twin)
 
 
 def sensitivity(surface: Surface, solution: Solution) -> Sensitivity:
     """Derivatives of a contact centroid with respect to force and moment.
 
-    With M = fn J - xi W as in the Newton step, M dv = T^T (c x df - dm).
+    With M = fn J - xi W as in the Newton step, M dv = T^T (c x df - dm). Without torsion (method
+    `wrench_axis`) m is
+    first freed of its part along the force, p f with the pitch p = f.m / |f|^2, so that dm becomes
+    dm - p df - dp f.
 
     Args:
         surface: The touched surface.
@@ -42,10 +61,40 @@ def sensitivity(surface: Surface, solution: Solution) -> Sensitivity:
     """
     if not solution.ok:
         raise ValueError(f"no derivatives of a solution that is {solution.status.name}")
-    c, n, f, xi = solution.centroid, solution.normal, solution.force, solution.torsion
+    c, n, f, m, xi = solution.centroid, solution.normal, solution.force, solution.moment, solution.torsion
     T = np.array(tangents(float(n[0]), float(n[1]), float(n[2]))).reshape(2, 3).T
-    W = T.T @ surface.shape_operator(c, n) @ T
     push = float(f @ n)
-    M = push * np.array(((0.0, -1.0), (1.0, 0.0))) - xi * W
+    J = np.array(((0.0, -1.0), (1.0, 0.0)))
     cross = np.array(((0.0, -c[2], c[1]), (c[2], 0.0, -c[0]), (-c[1], c[0], 0.0)))
-    return Sensitivity(T, np.linalg.solve(M, T.T @ cross), -np.linalg.solve(M, T.T))
+    size = float(np.linalg.norm(f))
+    u = f / size
+    t = float(f @ m)
+    if solution.method == "wrench_axis":
+        pitch = float(u @ m) / size
+        by_force = cross + pitch * np.eye(3) + np.outer(u, m / size - 2.0 * pitch * u)
+        by_moment = np.outer(u, u) - np.eye(3)
+        M = push * J
+        twin = None
+    else:
+        by_force, by_moment = cross, -np.eye(3)
+        M = push * J - xi * (T.T @ surface.shape_operator(c, n) @ T)
+        twin = _twin(surface, solution)
+    return Sensitivity(
+        T,
+        np.linalg.solve(M, T.T @ by_force),
+        np.linalg.solve(M, T.T @ by_moment),
+        twin,
+        t,
+        np.concatenate((m, f)),
+    )
+
+
+def _twin(surface: Surface, solution: Solution) -> np.ndarray | None:
+    """From a contact to its twin, shape (3,), if the force's line misses the body."""
+    f, m = solution.force, solution.moment
+    u = f / np.linalg.norm(f)
+    along = float(u @ m) * u
+    if solve(surface, f, m, "wrench_axis").ok:
+        return None
+    other = solve(surface, f, m - 2.0 * along, solution.method)
+    return other.centroid - solution.centroid if other.ok else None

@@ -107,7 +107,9 @@ class Convex:
 
     def problem(self) -> Problem:
         """Newton's method."""
-        return general.solvers_for(self.function)[0], (self.size, self.inner, self.extent, False)
+        inner = tuple(float(x) for x in self.inner)
+        extent = tuple(float(x) for x in self.extent)
+        return general.solvers_for(self.function)[0], (self.size, inner, extent, False)
 
     def newton_problem(self) -> Problem:
         """The same: there is no closed form."""

@@ -49,6 +49,12 @@ SMALL, LARGE = 1e-120, 1e120
 
 TINY = 1e-300
 
+_SPLIT = 134217729.0
+"""2^27 + 1 splits a float into two halves whose products are exact."""
+
+_CANCELLED = 1e-3
+"""Sum relative to its terms below which its rounding errors are added."""
+
 
 @kernel
 def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float:
@@ -58,13 +64,71 @@ def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float
     M = fn J - xi W with the shape operator W, trace and determinant given (theory, section 4). It is 1
     for a contact perpendicular to a flat surface, 1 / cos(angle between force and normal) without
     torsion, and it diverges if the force grazes.
+
+    Where xi^2 det W > fn^2, M is regular even at fn = 0. But as f.m changes its sign, which takes a shift of
+    the line by |xi fn| / |f|^2, the contact jumps to its twin on the other side of the line. On a sphere with
+    that
+    Gaussian curvature the twin is 2 (s / (det W (s + |f|^2)))^(1/2) away, with s = xi^2 det W - fn^2. The
+    condition number is the larger of both ratios.
     """
     bend = xi * trace
     spread = xi * xi * (trace * trace - 4.0 * det)
     stretch = 0.5 * (sqrt(4.0 * fn * fn + bend * bend) + sqrt(max(spread, 0.0)))
-    volume = fn * fn + xi * xi * det
-    condition = sqrt(ff) * stretch / volume
+    torsional = xi * xi * det
+    condition = sqrt(ff) * stretch / (fn * fn + torsional)
+    beyond = torsional - fn * fn
+    if beyond > 0.0:
+        jump = 2.0 * sqrt(beyond / (beyond + ff)) / sqrt(det)
+        condition = max(condition, jump / abs(xi) * (ff / abs(fn)))
     return condition if condition >= 0.0 else inf
+
+
+@kernel
+def _product_error(x: float, y: float, product: float) -> float:
+    """x y - product, exactly (Dekker 1971), unless it leaves the range of floats."""
+    a = _SPLIT * x
+    a = a - (a - x)
+    b = _SPLIT * y
+    b = b - (b - y)
+    return ((a * b - product) + a * (y - b) + (x - a) * b) + (x - a) * (y - b)
+
+
+@kernel
+def sum_error(x: float, y: float, total: float) -> float:
+    """x + y - total, exactly (Knuth 1969)."""
+    back = total - x
+    return (x - (total - back)) + (y - back)
+
+
+@kernel
+def invariant(fx: float, fy: float, fz: float, mx: float, my: float, mz: float) -> float:
+    """f.m = xi (f.n), which is the same about any origin.
+
+    Its sign decides between a contact and its twin, and zero is a pure force. So where the products cancel,
+    it is summed as in twice the precision (Ogita, Rump & Oishi 2005).
+    """
+    x, y, z = fx * mx, fy * my, fz * mz
+    half = x + y
+    total = half + z
+    if abs(total) > _CANCELLED * (abs(x) + abs(y) + abs(z)):
+        return total
+    error = _product_error(fx, mx, x) + _product_error(fy, my, y) + _product_error(fz, mz, z)
+    return total + (error + (sum_error(x, y, half) + sum_error(half, z, total)))
+
+
+@kernel
+def is_contact(t: float, xi: float, fn: float, det: float) -> bool:
+    """Whether a balanced wrench pushes, decided by the larger of the two that obey xi fn = t.
+
+    Args:
+        t: `invariant` of the wrench.
+        xi: Torsion, from the normal's part of the moment.
+        fn: f.n.
+        det: Determinant of the shape operator.
+    """
+    if fn * fn > xi * xi * det:
+        return fn < 0.0
+    return (t > 0.0 and xi < 0.0) or (t < 0.0 and xi > 0.0)
 
 
 @kernel
@@ -88,7 +152,7 @@ def torsion(
     """
     push = fx * nx + fy * ny + fz * nz
     if push * push > 1e-3 * (fx * fx + fy * fy + fz * fz):
-        return (fx * mx + fy * my + fz * mz) / push
+        return invariant(fx, fy, fz, mx, my, mz) / push
     return nx * (mx - (cy * fz - cz * fy)) + ny * (my - (cz * fx - cx * fz)) + nz * (mz - (cx * fy - cy * fx))
 
 

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.solution import Status
-from contactsense.solvers.surface import Kernel, Problem, Surface
+from contactsense.solvers.surface import Kernel, Problem, Surface, same_fields
 
 Method = Literal["exact", "wrench_axis", "newton", "descent"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """A soft-finger contact that balances a wrench, or the nearest surface point."""
 
@@ -26,21 +26,30 @@ class Solution:
     """Outward unit normal there, shape (3,)."""
     force: np.ndarray
     """Force on the body, as measured [N], shape (3,)."""
+    moment: np.ndarray
+    """Moment on the body about the frame's origin, as measured [Nm], shape (3,)."""
     torsion: float
     """Moment on the body about the outward normal [Nm]."""
     residual: float
     """Unbalanced moment, relative to moment and lever."""
     condition: float
-    """Shift on the surface for a small shift of the force's line: 1 for a normal force on a plane, infinite
-    for a tangential one."""
+    """Shift on the surface per shift of the force's line: 1 for a normal force on a plane, infinite for a
+    tangential one. The shift is small, or that to the twin contact (`contactsense.solvers.solution`)."""
+    method: Method = "exact"
+    """How it was found."""
 
     @property
     def ok(self) -> bool:
         """Whether this is a contact."""
         return self.status == Status.OK
 
+    def __eq__(self, other: object) -> bool:
+        return same_fields(self, other)
 
-@dataclass(frozen=True, slots=True)
+    __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Solutions:
     """One solution per row."""
 
@@ -52,17 +61,26 @@ class Solutions:
     """Outward unit normals, shape (N, 3)."""
     force: np.ndarray
     """Forces on the body [N], shape (N, 3)."""
+    moment: np.ndarray
+    """Moments on the body about the frame's origin [Nm], shape (N, 3)."""
     torsion: np.ndarray
     """Moments about the normals [Nm], shape (N,)."""
     residual: np.ndarray
     """Relative residuals, shape (N,)."""
     condition: np.ndarray
     """Condition numbers, shape (N,)."""
+    method: Method = "exact"
+    """How they were found."""
 
     @property
     def ok(self) -> np.ndarray:
         """Which rows are contacts, shape (N,)."""
         return np.asarray(self.status == Status.OK)
+
+    def __eq__(self, other: object) -> bool:
+        return same_fields(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -86,6 +104,15 @@ def problem_of(surface: Surface, method: Method) -> Problem:
     return found
 
 
+def _vectors(name: str, values: ArrayLike, dimensions: int) -> np.ndarray:
+    """A copy of one vector or of rows of them."""
+    array = np.array(values, dtype=float)
+    if array.ndim != dimensions or array.shape[-1] != 3:
+        expected = "(3,)" if dimensions == 1 else "(N, 3)"
+        raise ValueError(f"{name}: expected shape {expected}, not {array.shape}")
+    return array
+
+
 def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solution:
     """Find where a wrench enters a surface.
 
@@ -101,20 +128,19 @@ def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method 
         The solution, in the frame of the wrench. No measurement makes this raise.
 
     Raises:
-        ValueError: The method is unknown, or cannot solve this surface.
+        ValueError: The method is unknown, or cannot solve this surface; force or moment has another shape.
     """
-    f = np.asarray(force, dtype=float).reshape(3)
-    m = np.asarray(moment, dtype=float).reshape(3)
+    f, m = _vectors("force", force, 1), _vectors("moment", moment, 1)
     if isinstance(surface, Placed):
         R, p = surface.rotation, surface.origin
         local = solve(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
-        return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f)
+        return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f, moment=m)
     solver, size = problem_of(surface, method)
     status, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(
         float(f[0]), float(f[1]), float(f[2]), float(m[0]), float(m[1]), float(m[2]), *size
     )
     return Solution(
-        Status(status), np.array((cx, cy, cz)), np.array((nx, ny, nz)), f, xi, residual, condition
+        Status(status), np.array((cx, cy, cz)), np.array((nx, ny, nz)), f, m, xi, residual, condition, method
     )
 
 
@@ -145,16 +171,20 @@ def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: M
 
     Returns:
         One solution per row, in the frame of the wrenches.
+
+    Raises:
+        ValueError: As for `solve`; or there are not as many moments as forces.
     """
-    f = np.asarray(force, dtype=float).reshape(-1, 3)
-    m = np.asarray(moment, dtype=float).reshape(-1, 3)
+    f, m = _vectors("force", force, 2), _vectors("moment", moment, 2)
+    if len(f) != len(m):
+        raise ValueError(f"moment: expected {len(f)} rows, as many as of force, not {len(m)}")
     if isinstance(surface, Placed):
         R, p = surface.rotation, surface.origin
         local = solve_batch(surface.surface, f @ R, (m - np.cross(p, f)) @ R, method)
-        return replace(local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f)
+        return replace(local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f, moment=m)
     solver, size = problem_of(surface, method)
     wrenches = np.concatenate((f, m), axis=1)
     status = np.empty(len(wrenches), dtype=np.int64)
     out = np.empty((len(wrenches), 9))
     run_kernel(solver, wrenches, size, status, out)
-    return Solutions(status, out[:, :3], out[:, 3:6], f, out[:, 6], out[:, 7], out[:, 8])
+    return Solutions(status, out[:, :3], out[:, 3:6], f, m, out[:, 6], out[:, 7], out[:, 8], method)

@@ -1,6 +1,7 @@
 """Interface and helpers common to all surfaces."""
 
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -35,6 +36,19 @@ class Surface(Protocol):
             W with dn = W dc [1/m], shape (3, 3), symmetric, W n = 0.
         """
         ...
+
+
+def same_fields(one: Any, other: object) -> bool:
+    """Whether two dataclasses are of one type and have equal fields, arrays among them; NaN equals NaN."""
+    names = [field.name for field in fields(one)]
+    if type(one) is not type(other):
+        return False
+    return all(
+        np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
+        if isinstance(getattr(one, name), np.ndarray | float)
+        else bool(getattr(one, name) == getattr(other, name))
+        for name in names
+    )
 
 
 def positive(surface: object, **lengths: float) -> None:

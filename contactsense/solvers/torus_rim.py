@@ -12,8 +12,9 @@ a line search, which has no local minima, because the Jacobian is regular wherev
 because the whole outer half belongs to a convex body, the disc plus the ball.
 """
 
-from math import inf, pi, sqrt
+from math import cos, inf, pi, sin, sqrt
 
+from contactsense.solvers.solution import invariant, is_contact
 from contactsense.solvers.typed_kernel import kernel
 
 _STEPS = 40
@@ -22,6 +23,13 @@ _BEYOND = 1e-3
 cap."""
 
 _HALVINGS = 20
+_FLOOR = 4e-16
+"""Rounding error of the tangential moment, relative to moment and lever."""
+
+_BISECTIONS = 60
+_SEGMENTS = 8
+"""Parts of the elevation in which a change of sign is looked for."""
+
 _STARTS_AROUND = 16
 _STARTS_ACROSS = 24
 _HEIGHTS = 3
@@ -62,6 +70,28 @@ def _tangential_moment(
 
 
 @kernel
+def pushes_at(
+    t: float,
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    ring: float,
+    r: float,
+    ex: float,
+    ey: float,
+    ca: float,
+    sa: float,
+) -> bool:
+    """Whether a wrench with the invariant `t`, balanced at this place of the rim, pushes there."""
+    f_rho, f_theta = ex * fx + ey * fy, ex * fy - ey * fx
+    xi = ca * (ex * mx + ey * my) + sa * (mz - ring * f_theta)
+    return is_contact(t, xi, ca * f_rho + sa * fz, max(ca, 0.0) / (r * (ring + r * ca)))
+
+
+@kernel
 def refine_rim(
     fx: float,
     fy: float,
@@ -84,17 +114,19 @@ def refine_rim(
         ex, ey, ca, sa: Start: radial direction, cosine and sine of the elevation.
 
     Returns:
-        Whether it is found, radial direction, cosine and sine of the elevation (on the outer half of the
-        torus), and the number of steps.
+        Whether a contact is found, radial direction, cosine and sine of the elevation (on the outer half of
+        the torus), and the number of steps.
     """
     around, across, push = _tangential_moment(fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa)
     size = around * around + across * across
+    step = 0
     ff = fx * fx + fy * fy + fz * fz
+    t = invariant(fx, fy, fz, mx, my, mz)
     # Rounding error of the moment.
-    floor = 4e-16 * (sqrt(mx * mx + my * my + mz * mz) + (ring + r) * sqrt(ff))
+    floor = _FLOOR * (sqrt(mx * mx + my * my + mz * mz) + (ring + r) * sqrt(ff))
     for step in range(_STEPS):
         if size <= floor * floor:
-            return True, ex, ey, ca, sa, step
+            return pushes_at(t, fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa), ex, ey, ca, sa, step
         f_rho, f_theta = ex * fx + ey * fy, ex * fy - ey * fx
         m_rho, m_theta = ex * mx + ey * my, ex * my - ey * mx
         tt = -m_rho - r * sa * f_theta
@@ -122,11 +154,12 @@ def refine_rim(
                 break
             share *= 0.5
         if not better:
-            # No decrease: the solution at the limit of rounding, else there is none on this rim.
-            return size <= 1e6 * floor * floor, ex, ey, ca, sa, step
+            break
         ex, ey, ca, sa = ux, uy, uc, us
         around, across, push, size = new_around, new_across, new_push, new_size
-    return size <= 1e6 * floor * floor, ex, ey, ca, sa, _STEPS
+    # No decrease: the solution at the limit of rounding, else there is none on this rim.
+    found = size <= 100.0 * floor * floor and pushes_at(t, fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa)
+    return found, ex, ey, ca, sa, step
 
 
 @kernel
@@ -211,6 +244,94 @@ def start_rim(
             if squared_residual < lowest:
                 best_x, best_y, best_c, best_s, lowest = ex, ey, tc, ts, squared_residual
     return lowest < inf, best_x, best_y, best_c, best_s
+
+
+@kernel
+def _at_elevation(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    ring: float,
+    r: float,
+    angle: float,
+    sign: float,
+) -> tuple[bool, float, float, float, float, float]:
+    """One of the two radial directions that make F_theta zero at an elevation: whether it exists, direction,
+    cosine and sine of the elevation, F_a."""
+    ca, sa = cos(angle), sin(angle)
+    px, py, along = my - r * sa * fx, -mx - r * sa * fy, -(ring + r * ca) * fz
+    pp = px * px + py * py
+    disc = pp - along * along
+    if not disc >= 0.0 or pp == 0.0:
+        return False, 1.0, 0.0, ca, sa, 0.0
+    root = sign * sqrt(disc)
+    ex, ey = (along * px - root * py) / pp, (along * py + root * px) / pp
+    f_theta = ex * fy - ey * fx
+    across = ca * (mz - ring * f_theta) - sa * (ex * mx + ey * my) - r * f_theta
+    return True, ex, ey, ca, sa, across
+
+
+@kernel
+def bisect_rim(
+    fx: float,
+    fy: float,
+    fz: float,
+    mx: float,
+    my: float,
+    mz: float,
+    ring: float,
+    r: float,
+    low: float,
+    high: float,
+) -> tuple[bool, float, float, float, float]:
+    """The contact between two elevations of the rim, by bisection; however sharp it is.
+
+    At each elevation F_theta = 0 is linear in the radial direction, with two solutions or none. Along
+    either, F_a changes its sign at a contact.
+
+    Args:
+        fx, fy, fz, mx, my, mz: Wrench, moment about the circle's centre.
+        ring, r: Radii of the circle and of the ball.
+        low, high: Angles of elevation where the patch ends.
+
+    Returns:
+        Whether it is found, radial direction, cosine and sine of the elevation.
+    """
+    for k in range(2 * _SEGMENTS):
+        branch = 1.0 if k % 2 == 0 else -1.0
+        a = low + (high - low) * (k // 2) / _SEGMENTS
+        b = low + (high - low) * (k // 2 + 1) / _SEGMENTS
+        at_a, _, _, _, _, first = _at_elevation(fx, fy, fz, mx, my, mz, ring, r, a, branch)
+        at_b, ex, ey, ca, sa, last = _at_elevation(fx, fy, fz, mx, my, mz, ring, r, b, branch)
+        if at_a != at_b:
+            # Both solutions begin or end here, at the same direction.
+            inside, outside = (a, b) if at_a else (b, a)
+            for _ in range(_BISECTIONS):
+                middle = 0.5 * (inside + outside)
+                if _at_elevation(fx, fy, fz, mx, my, mz, ring, r, middle, branch)[0]:
+                    inside = middle
+                else:
+                    outside = middle
+            end = _at_elevation(fx, fy, fz, mx, my, mz, ring, r, inside, branch)[5]
+            if at_a:
+                b, last = inside, end
+            else:
+                a, first = inside, end
+        if (at_a or at_b) and (first < 0.0) != (last < 0.0):
+            for _ in range(_BISECTIONS):
+                middle = 0.5 * (a + b)
+                _, ex, ey, ca, sa, value = _at_elevation(fx, fy, fz, mx, my, mz, ring, r, middle, branch)
+                if (value < 0.0) == (first < 0.0):
+                    a = middle
+                else:
+                    b = middle
+            found, px, py, pc, ps, _ = refine_rim(fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa)
+            if found:
+                return True, px, py, pc, ps
+    return False, 1.0, 0.0, 1.0, 0.0
 
 
 @kernel

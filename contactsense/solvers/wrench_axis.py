@@ -13,6 +13,7 @@ from contactsense.solvers.solution import (
     LARGE,
     MISS,
     OK,
+    SHARP,
     SMALL,
     Answer,
     input_status,
@@ -23,6 +24,9 @@ from contactsense.solvers.solution import (
     unit_exponents,
 )
 from contactsense.solvers.typed_kernel import kernel
+
+_SMALLEST, _LARGEST = 1e-30, 1e30
+"""Semi-axes between these need no other unit of length."""
 
 _REVOLVED, _BOX = 0, 2
 """Numbers of kinds in `contactsense.robots.surface.convex_primitives`."""
@@ -76,7 +80,8 @@ def wrench_axis_ellipsoid(
     """
     ff = fx * fx + fy * fy + fz * fz
     mm = mx * mx + my * my + mz * mz
-    if SMALL < ff < LARGE and mm < LARGE:
+    ordinary = min(a, b, c) > _SMALLEST and max(a, b, c) < _LARGEST
+    if ordinary and SMALL < ff < LARGE and mm < LARGE:
         return _ellipsoid(fx, fy, fz, mx, my, mz, a, b, c)
     status = input_status(fx, fy, fz, mx, my, mz)
     if status != OK:
@@ -102,6 +107,9 @@ def _without_torsion(
     status, cx, cy, cz, nx, ny, nz, _, _, _ = answer
     if nx == 0.0 and ny == 0.0 and nz == 0.0:
         return answer
+    if status == SHARP:
+        # Without torsion a corner is as good as any place.
+        status = OK
     return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
 
 

@@ -197,4 +197,4 @@ def _polytope(surface: Polytope, rng: np.random.Generator, count: int) -> tuple[
         on = np.all(np.abs(hull.vertex @ hull.normal[faces].T - hull.offset[faces]) < 1e-10, axis=1)
         core[row] = rng.dirichlet(np.ones(np.count_nonzero(on))) @ hull.vertex[on]
         normal[row] = unit(rng.dirichlet(np.ones(len(faces))) @ hull.normal[faces])
-    return core + surface.rounding * normal, normal
+    return (core + hull.middle) * hull.unit + surface.rounding * normal, normal

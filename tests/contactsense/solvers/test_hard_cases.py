@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contactsense.benchmarks.solvers import accuracy, iterations, seams
+from contactsense.benchmarks.solvers import accuracy, iterations, seams, sweep
 from contactsense.benchmarks.solvers.cases import Case, catalogue
 from contactsense.benchmarks.solvers.command import solvers
 from contactsense.benchmarks.solvers.judge import judge
@@ -44,6 +44,22 @@ def test_a_million_random_contacts_to_the_last_digits() -> None:
     for row in accuracy.rows(1_000_000, lambda name: None):
         assert row.failures == 0
         assert row.worst <= ULPS
+
+
+def _check_sweep(count: int) -> None:
+    for row in sweep.rows(count, lambda name: None):
+        assert row.failures == 0, row
+        assert row.worst <= ULPS, row
+        assert row.condition < 1.0 + 1e-6, row
+
+
+def test_solutions_agree_with_exact_arithmetic() -> None:
+    _check_sweep(4)
+
+
+@pytest.mark.slow
+def test_solutions_agree_with_exact_arithmetic_often() -> None:
+    _check_sweep(100)
 
 
 def test_seams_have_one_answer() -> None:

@@ -30,6 +30,7 @@ def touched_edges(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.
         points[row] = hull.edge[k, 0] + rng.uniform(0.1, 0.9) * hull.length[k] * hull.edge[k, 1]
         faces = np.flatnonzero(np.abs(hull.normal @ points[row] - hull.offset) < 1e-10)
         assert len(faces) == 2
+        points[row] = (points[row] + hull.middle) * hull.unit
         forces[row] = -rng.uniform(0.5, 5.0, 2) @ hull.normal[faces]
     return points, forces, np.cross(points, forces)
 

@@ -1,0 +1,77 @@
+"""What `solve`, `solve_batch` and the surfaces accept, and what they return."""
+
+import numpy as np
+import pytest
+
+from contactsense.solvers import Ellipsoid, Placed, Plane, Polytope, Sphere, solve, solve_batch
+
+BALL = Sphere(0.1)
+
+
+@pytest.mark.parametrize("shape", [(3, 5), (3,), (6, 1), (2, 3, 3), (0,)])
+def test_a_batch_of_another_shape_is_rejected(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match=r"force: expected shape \(N, 3\)"):
+        solve_batch(BALL, np.ones(shape), np.ones(shape))
+
+
+def test_rows_must_match() -> None:
+    with pytest.raises(ValueError, match="moment: expected 4 rows"):
+        solve_batch(BALL, np.ones((4, 3)), np.ones((1, 3)))
+    with pytest.raises(ValueError, match=r"moment: expected shape \(3,\)"):
+        solve(BALL, np.ones(3), np.ones((1, 3)))
+
+
+def test_an_empty_batch_has_no_solutions() -> None:
+    assert solve_batch(BALL, np.empty((0, 3)), np.empty((0, 3))).status.shape == (0,)
+
+
+def test_a_solution_keeps_its_wrench() -> None:
+    force, moment = np.array((0.0, 0.0, -1.0)), np.array((0.01, 0.0, 0.0))
+    one, many = solve(BALL, force, moment), solve_batch(BALL, force[None], moment[None])
+    force[:] = moment[:] = 7.0
+    np.testing.assert_array_equal(one.force, (0.0, 0.0, -1.0))
+    np.testing.assert_array_equal(one.moment, (0.01, 0.0, 0.0))
+    np.testing.assert_array_equal(many.force, [(0.0, 0.0, -1.0)])
+
+
+def test_solutions_and_places_compare_by_value() -> None:
+    wrench = ((0.0, 0.0, -1.0), (0.01, 0.0, 0.0))
+    assert solve(BALL, *wrench) == solve(BALL, *wrench)
+    assert solve(BALL, *wrench) != solve(Sphere(0.2), *wrench)
+    assert solve(BALL, *wrench) != solve(BALL, *wrench, "wrench_axis")
+    rows = ([wrench[0]], [wrench[1]])
+    assert solve_batch(BALL, *rows) == solve_batch(BALL, *rows)
+    turned = Placed(BALL, np.ones(3), np.eye(3))
+    assert turned == Placed(BALL, np.ones(3), np.eye(3))
+    assert turned != Placed(BALL, np.zeros(3), np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("origin", "rotation", "said"),
+    [
+        (np.zeros(2), np.eye(3), "origin must be finite and of shape"),
+        (np.array((0.0, np.nan, 0.0)), np.eye(3), "origin must be finite"),
+        (np.zeros(3), np.eye(4), "rotation must be finite and of shape"),
+        (np.zeros(3), 2.0 * np.eye(3), "orthonormal and right-handed"),
+        (np.zeros(3), np.diag((1.0, 1.0, -1.0)), "orthonormal and right-handed"),
+    ],
+)
+def test_a_pose_is_checked(origin: np.ndarray, rotation: np.ndarray, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        Placed(Ellipsoid(0.1, 0.2, 0.3), origin, rotation)
+
+
+def test_a_placed_surface_does_not_follow_the_array_it_was_made_from() -> None:
+    origin = np.zeros(3)
+    placed = Placed(BALL, origin, np.eye(3))
+    origin[:] = 1.0
+    np.testing.assert_array_equal(placed.origin, np.zeros(3))
+
+
+def test_planes_and_points_are_checked() -> None:
+    with pytest.raises(ValueError, match="Plane: normal"):
+        Plane((0.0, 0.0, 0.0), 0.1)
+    with pytest.raises(ValueError, match="Plane: offset"):
+        Plane((0.0, 0.0, 1.0), np.nan)
+    with pytest.raises(ValueError, match="Polytope: points"):
+        Polytope(np.zeros((4, 2)), 0.1)
