@@ -3,6 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
+# Matrices are small: threads of the linear algebra library cost more than they save.
+export OPENBLAS_NUM_THREADS ?= 1
+
 .PHONY: demo view test check results clean
 
 demo: $(VENV)/run.stamp  ## a simulated arm is touched, the service says where

@@ -29,6 +29,18 @@ from contactsense.runtime.constants import build_constants
 
 TOLERANCE = 0.2
 """Relative difference up to which a prediction counts as right."""
+PROBABILITY_TOLERANCE = 0.1
+"""Difference of probabilities up to which a prediction counts as right."""
+WRIST = "wrist"
+"""Besides the keys of `SENSORS`: joint torques and a wrist sensor, which feels `ROD`."""
+ROD: dict[str, Any] = {
+    "name": "rod",
+    "mass": 0.5,
+    "com": (0.0, 0.0, 0.1),
+    "tensor": (1e-3, 0.0, 0.0, 1e-3, 0.0, 1e-3),
+    "primitives": [{"kind": "capsule", "a": (0.0, 0.0, 0.03), "b": (0.0, 0.0, 0.2), "radius": 0.02}],
+}
+"""A tool with a surface."""
 MULTIPLES = np.linspace(1.0 - TOLERANCE, 1.0 + TOLERANCE, 5)
 """Forces at which detection is simulated, relative to the predicted smallest force."""
 
@@ -76,10 +88,12 @@ def surface_map(
 
     Pushes act at every place of the map along the inward normal, and inclined with --friction. The readings
     get the noise of the sensors. Shown is the share of the surface on which the simulated smallest force and
-    median error differ by at most 20 % from the prediction, and the mean difference of the probability of
-    naming the link.
+    median error differ by at most 20 % from the prediction, and the same for the probability of naming the
+    link with a difference of at most 0.1.
     """
-    cases = [(name, noise, sensors) for name in names for noise in COLUMNS[1:] for sensors in SENSORS]
+    cases = [
+        (name, noise, sensors) for name in names for noise in COLUMNS[1:] for sensors in (*SENSORS, WRIST)
+    ]
     rows: list[dict[str, Any]] = []
     try:
         for name, noise, sensors in track(cases, console=Console(stderr=True), description="cases"):
@@ -99,12 +113,18 @@ def surface_map(
 
 
 def scene_of(robot: str, noise: Noise, sensors: str) -> Scene:
-    """An arm with that noise and a set of sensors, a key of `SENSORS`."""
-    has_base, has_torque = SENSORS[sensors]
-    return Scene(
-        robot=robots.load(robot),
-        base_wrench=WrenchSensor(force_noise=noise.force, moment_noise=noise.moment) if has_base else None,
-        joint_torque=JointTorqueSensor(noise=noise.torque) if has_torque else None,
+    """An arm with that noise and a set of sensors, a key of `SENSORS` or `WRIST`."""
+    wrist = sensors == WRIST
+    has_base, has_torque = (False, True) if wrist else SENSORS[sensors]
+    wrench = WrenchSensor(force_noise=noise.force, moment_noise=noise.moment)
+    return Scene.model_validate(
+        {
+            "robot": robots.load(robot),
+            "base_wrench": wrench if has_base else None,
+            "joint_torque": JointTorqueSensor(noise=noise.torque) if has_torque else None,
+            "wrist_wrench": wrench if wrist else None,
+            "tool": ROD if wrist else None,
+        }
     )
 
 
@@ -127,7 +147,7 @@ def compare(
     """Predictions against simulation at all places of one posture.
 
     Args:
-        scene: With base wrench, joint torques, or both.
+        scene: Sensors and their noise.
         q: Joint positions, shape (n,) [rad].
         force: For errors and probability of the link [N].
         friction: Coefficient of friction of the pushes for these.
@@ -135,11 +155,7 @@ def compare(
         rng: Source of noise and inclinations.
         every: Only one of so many places is simulated.
     """
-    whole = detectability(scene, q, force=force, friction=friction)
-    thinned: dict[str, Any] = {
-        name: value[::every] for name, value in whole._asdict().items() if isinstance(value, np.ndarray)
-    }
-    predicted = whole._replace(**thinned)
+    predicted = detectability(scene, q, force=force, friction=friction, every=every)
     simulation = _Simulation(scene, q, predicted, draws, rng)
     answers = simulation.answers(np.full(len(predicted.link), force), friction)
     right = answers.link == predicted.link[:, None]
@@ -159,7 +175,10 @@ def compare(
         share=predicted.share,
         # No crossing within the simulated multiples is a difference of more than 20 %.
         force_ratio=np.where(told, np.nan_to_num(found, nan=0.0), np.nan),
-        error_ratio=np.where(np.isfinite(predicted.error), error / predicted.error, np.nan),
+        # Nor does an error agree for which no answer was on the link.
+        error_ratio=np.where(
+            np.isfinite(predicted.error), np.nan_to_num(error, nan=0.0) / predicted.error, np.nan
+        ),
         link_difference=right.mean(axis=1) - predicted.link_probability,
     )
 
@@ -177,10 +196,12 @@ class _Simulation:
             scene.model_copy(update={"touchable": scene.link_names[:1]}), progress=False
         )
         joints = len(scene.robot.joints)
-        self._sensors = build_constants(scene).sensors
         motion = empty_motion(joints)
         forward_kinematics(build_model(scene.robot), q, motion)
         self._screw = motion.screw
+        constants = build_constants(scene)
+        self._sensors = constants.sensors
+        wrist = motion.origin[-1] + motion.rotation[-1] @ constants.wrist_origin
         self._shape = (len(places.link), draws)
         self._q = np.broadcast_to(q, (self._shape[0] * draws, joints)).copy()
         # The same noise at every force, so that detection rises with the force.
@@ -190,6 +211,10 @@ class _Simulation:
         self._torque_noise = rng.standard_normal((*self._shape, joints)) * np.sqrt(
             self._sensors.torque_variance
         )
+        noise = rng.standard_normal((*self._shape, 2, 3)) * np.sqrt(self._sensors.wrist_variance)[:, None]
+        # The sensor's moment is about its own origin.
+        noise[..., 1, :] += np.cross(wrist, noise[..., 0, :])
+        self._wrist_noise = noise.reshape(*self._shape, 6)
 
     def answers(self, force: np.ndarray, friction: float) -> Batch:
         """Answers for pushes of a normal force at each place, shape (N,) [N]; leading axes (N, draws)."""
@@ -215,10 +240,12 @@ class _Simulation:
         proximal = np.arange(len(self._screw)) < self._sensors.depth[places.link][:, None]
         torque = -(wrench @ self._screw.T) * proximal[:, None] + self._torque_noise
         base = wrench + self._base_noise
+        wrist = wrench * self._sensors.beyond_wrist[places.link][:, None, None] + self._wrist_noise
         batch = localizer.locate_batch(
             self._q,
             base_wrench=base.reshape(-1, 6) if scene.base_wrench is not None else None,
             joint_torque=torque.reshape(len(self._q), -1) if scene.joint_torque is not None else None,
+            wrist_wrench=wrist.reshape(-1, 6) if scene.wrist_wrench is not None else None,
         )
         return Batch(*(values.reshape(*self._shape, *values.shape[1:]) for values in batch))
 
@@ -234,6 +261,7 @@ def summary(parts: list[Agreement]) -> dict[str, Any]:
         "error_told": float(weight[told].sum()),
         "error_within": joined.within(joined.error_ratio),
         "error_ratio": quantiles,
+        "link_within": float(weight[np.abs(joined.link_difference) <= PROBABILITY_TOLERANCE].sum()),
         "link_difference": float(weight @ np.abs(joined.link_difference)),
     }
 
@@ -242,7 +270,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("arm", "noise", "sensors"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("force %", "error %", "told %", "link"):
+    for heading in ("force %", "error %", "told %", "named %", "named"):
         table.add_column(heading, justify="right")
     for row in rows:
         table.add_row(
@@ -254,11 +282,14 @@ def _print(rows: list[dict[str, Any]]) -> None:
                 for key in ("force_within", "error_within")
             ),
             f"{100 * row['error_told']:.0f}",
+            f"{100 * row['link_within']:.0f}",
             f"{row['link_difference']:.3f}",
         )
     Console().print(table)
     click.echo(
         "force, error: surface on which simulation and map differ by at most 20 %\n"
         "told: surface on which the map predicts an error\n"
-        "link: mean difference of the probability of naming the link"
+        "named: surface on which the probabilities of naming the link differ by at most 0.1, and their mean "
+        "difference\n"
+        "wrist: joint torques and a wrist sensor, with a tool"
     )

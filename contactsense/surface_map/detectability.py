@@ -6,15 +6,26 @@ import numpy as np
 
 from contactsense.detection.detectable_force import DETECTION
 from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.kinematics.model import empty_motion
-from contactsense.runtime.constants import build_constants
+from contactsense.kinematics.model import Motion, empty_motion
+from contactsense.runtime.constants import Constants, build_constants
 from contactsense.scene import Scene
 from contactsense.sensors.validation import checked_vector
-from contactsense.surface_map.link_naming import link_probabilities
-from contactsense.surface_map.place_error import place_covariance, radius_of_share
-from contactsense.surface_map.places import touchable_places
-from contactsense.surface_map.sensor_response import sensor_response, wrench
+from contactsense.surface_map.cell_evidence import CellEvidence, cell_evidence
+from contactsense.surface_map.expected_answers import expected_answers
+from contactsense.surface_map.noise_points import readings
+from contactsense.surface_map.place_error import (
+    line_of_action_known,
+    place_covariance,
+    place_gain,
+    push_jacobian,
+    radius_of_share,
+)
+from contactsense.surface_map.places import Places, on_surface, touchable_places
+from contactsense.surface_map.sensor_response import sensor_response
 from contactsense.surface_map.smallest_force import detected_size, smallest_force
+
+MIN_NAMED = 0.2
+"""Share of answers on the link below which the map tells no error: a dozen answers have no median."""
 
 
 class LinkDetectability(NamedTuple):
@@ -49,15 +60,15 @@ class Detectability(NamedTuple):
     """Smallest force along the inward normal that is detected, shape (N,) [N]."""
     error: np.ndarray
     """Radius around the place that holds half of the localizer's answers on this link, shape (N,) [m];
-    infinite where the sensors do not determine the wrench, or the radius exceeds the link."""
+    infinite where no sensor measures the push, or fewer than `MIN_NAMED` of the answers are on the link."""
     error_95: np.ndarray
     """Radius that holds 95 % of them, shape (N,) [m]."""
     link_probability: np.ndarray
-    """Probability of naming the link, shape (N,)."""
+    """Probability that the localizer's answer is on the link, shape (N,)."""
     force: float
     """Force to which `error`, `error_95` and `link_probability` refer [N]."""
     friction: float
-    """Coefficient of friction of the pushes to which the errors refer; 0: along the inward normal."""
+    """Coefficient of friction of these pushes; 0: along the inward normal."""
     detection: float
     """Probability with which `smallest_force` is detected in one measurement."""
     false_alarms_per_hour: float
@@ -93,6 +104,7 @@ def detectability(
     force: float | None = None,
     detection: float = DETECTION,
     friction: float = 0.0,
+    every: int = 1,
 ) -> Detectability:
     """What the sensors of a scene can tell about a push on each place of the arm, from covariances.
 
@@ -105,8 +117,10 @@ def detectability(
         q: Joint positions, shape (n,) [rad].
         force: Normal force for errors and link probability [N]; None: the scene's usual force.
         detection: Probability with which the smallest force is detected in one measurement.
-        friction: Coefficient of friction of the pushes for the errors: their inclinations are uniform in the
-            friction cone, with the scene's torsion; 0: along the inward normal, without torsion.
+        friction: Coefficient of friction of the pushes for errors and link probability: their inclinations
+            are uniform in the friction cone, with the scene's torsion; 0: along the inward normal, without
+            torsion.
+        every: Only one of so many places: a coarser map in less time.
 
     Raises:
         ValueError: an argument is wrong; the message names the field.
@@ -118,32 +132,40 @@ def detectability(
         raise ValueError(f"detection: expected a probability between 0 and 1, got {detection!r}")
     if not (np.isfinite(friction) and friction >= 0.0):
         raise ValueError(f"friction: expected a coefficient of at least 0, got {friction!r}")
+    if every < 1:
+        raise ValueError(f"every: expected at least 1, got {every!r}")
     joints = len(scene.robot.joints)
     q = checked_vector("q", q, joints, "rad")
     constants, motion = build_constants(scene), empty_motion(joints)
     forward_kinematics(constants.model, q, motion)
-    places = touchable_places(constants, motion, constants.samples)
-    cells = touchable_places(constants, motion, constants.subsamples)
     response = sensor_response(scene, constants, motion)
+    coarse, fine = (
+        cell_evidence(response[cells.link], cells, constants.prior, force)
+        for cells in (
+            touchable_places(constants, motion, constants.samples),
+            touchable_places(constants, motion, constants.subsamples),
+        )
+    )
+    places = Places(*(values[::every] for values in coarse.cells))
     at_place = response[places.link]
-    found, stated = place_covariance(at_place, places, constants.prior, force, friction)
-    extent = _extents(cells.link, cells.point, len(response))[places.link]
-    # Fewer than six independent readings leave the wrench open: the answers then lie on several distant
-    # places, which no covariance describes.
-    determined = np.linalg.matrix_rank(response) == 6
-    unknown = ~determined[places.link] | (radius_of_share(stated, 0.5) > extent)
-    mean = np.einsum("nij,nj->ni", at_place, wrench(-force * places.normal, places.point))
-    probability = link_probabilities(mean, response[cells.link], cells, constants.prior, force, len(response))
+    weakest = smallest_force(at_place, detected_size(scene, detection), places.point, places.normal)
+    named, error, error_95 = _expected(constants, motion, coarse, fine, places, at_place, force, friction)
+    # Where the line of action is known the answer is one mode, whose covariance is exact for small noise.
+    known = line_of_action_known(response, motion.origin[constants.sensors.depth], force)[places.link]
+    covariance = place_covariance(at_place, places, constants.prior, force, friction)[0]
+    error = np.where(known, radius_of_share(covariance, 0.5), error)
+    error_95 = np.where(known, radius_of_share(covariance, 0.95), error_95)
+    unknown = np.isinf(weakest) | (named < MIN_NAMED)
     return Detectability(
         link_names=scene.link_names,
         link=places.link,
         point_base=places.point,
         normal_base=places.normal,
-        share=places.share,
-        smallest_force=smallest_force(at_place, detected_size(scene, detection), places.point, places.normal),
-        error=np.where(unknown, np.inf, radius_of_share(found, 0.5)),
-        error_95=np.where(unknown, np.inf, radius_of_share(found, 0.95)),
-        link_probability=probability[np.arange(len(places.link)), places.link],
+        share=places.share / places.share.sum(),
+        smallest_force=weakest,
+        error=np.where(unknown, np.inf, error),
+        error_95=np.where(unknown, np.inf, error_95),
+        link_probability=named,
         force=float(force),
         friction=float(friction),
         detection=float(detection),
@@ -151,14 +173,40 @@ def detectability(
     )
 
 
-def _extents(link: np.ndarray, point: np.ndarray, links: int) -> np.ndarray:
-    """Largest distance of each link's places from their centre, shape (links,) [m].
+def _expected(
+    constants: Constants,
+    motion: Motion,
+    coarse: CellEvidence,
+    fine: CellEvidence,
+    places: Places,
+    response: np.ndarray,
+    force: float,
+    friction: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Share of the answers that name the link, and the radii that hold half and 95 % of these, shapes (N,);
+    the radii are NaN without such answers.
 
-    An error above it tells nothing about the place on the link.
+    Args:
+        constants, motion: Of the scene.
+        coarse, fine: Cells and subcells of the surface.
+        places: N places.
+        response: `sensor_response` of each place's link, shape (N, rows, 6).
+        force, friction: As for `detectability`.
     """
-    extents = np.zeros(links)
-    for index in range(links):
-        on = point[link == index]
-        if len(on):
-            extents[index] = np.linalg.norm(on - on.mean(axis=0), axis=1).max()
-    return extents
+    pushes = push_jacobian(response, places, constants.prior, force)
+    gains = place_gain(response, places, constants.prior, force)
+    inclination = friction / constants.prior.friction_ratio
+    answers = [
+        expected_answers(coarse, fine, push[:, 0], readings(push, gain, inclination))
+        for push, gain in zip(pushes, gains, strict=True)
+    ]
+    link = np.stack([answer.link for answer in answers])
+    point = on_surface(constants, motion, link, np.stack([answer.point for answer in answers]))
+    right = link == places.link[:, None]
+    distance = np.linalg.norm(point - places.point[:, None], axis=2)
+    radii = [
+        np.quantile(d[r], (0.5, 0.95)) if r.any() else (np.nan, np.nan)
+        for d, r in zip(distance, right, strict=True)
+    ]
+    half, most = np.array(radii).T
+    return right.mean(axis=1), half, most

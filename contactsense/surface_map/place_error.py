@@ -18,6 +18,7 @@ such a push.
 import numpy as np
 
 from contactsense.localization.posterior import STUDENT_DOF, Prior
+from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
 from contactsense.surface_map.places import Places
 from contactsense.surface_map.sensor_response import wrench
 
@@ -71,6 +72,20 @@ def step_jacobian(response: np.ndarray, places: Places, force: float, turning: b
     return np.asarray(np.einsum("nri,kni->nrk", response, np.stack(columns)))
 
 
+def place_gain(response: np.ndarray, places: Places, prior: Prior, force: float) -> np.ndarray:
+    """Change of the localizer's place along the tangents per change of the readings, to first order.
+
+    Args:
+        response, places, prior, force: As for `push_jacobian`.
+
+    Returns:
+        Shape (N, 2, rows) [m].
+    """
+    jacobian = _jacobian(response, places, prior, force)
+    information = np.einsum("nik,nil->nkl", jacobian, jacobian) + _prior_information(np.zeros(len(jacobian)))
+    return np.asarray(np.linalg.solve(information, jacobian.transpose(0, 2, 1))[:, 4:])
+
+
 def place_covariance(
     response: np.ndarray, places: Places, prior: Prior, force: float, friction: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -84,9 +99,7 @@ def place_covariance(
     Returns:
         Two covariances along the tangents, shape (N, 2, 2) each [m^2].
     """
-    jacobian = np.concatenate(
-        (push_jacobian(response, places, prior, force), step_jacobian(response, places, force)), axis=2
-    )
+    jacobian = _jacobian(response, places, prior, force)
     measured = np.einsum("nik,nil->nkl", jacobian, jacobian)
     # A uniform distribution on a disc has half its radius as standard deviation along each axis.
     inclination = (friction / 2.0 / prior.friction_ratio) ** 2
@@ -102,6 +115,30 @@ def place_covariance(
         squared_ratio = 2.0 * inclination + inclined
     found = stated @ (measured + of_prior @ actual @ of_prior) @ stated
     return found[:, 4:, 4:], stated[:, 4:, 4:]
+
+
+def line_of_action_known(response: np.ndarray, origin: np.ndarray, force: float) -> np.ndarray:
+    """Whether the localizer takes the line of action of a push on each link for known, shape (links,), bool.
+
+    It then answers with a mode (`contactsense.localization.ranking`).
+
+    Args:
+        response: `sensor_response`, shape (links, rows, 6).
+        origin: Origins of the links, base frame, shape (links, 3) [m].
+        force: Normal force [N].
+    """
+    known = np.linalg.matrix_rank(response) == 6
+    for link in np.flatnonzero(known):
+        about_origin = np.concatenate((np.cross(np.eye(3), origin[link]).T, np.eye(3)), axis=1)
+        covariance = about_origin @ np.linalg.inv(response[link].T @ response[link]) @ about_origin.T
+        known[link] = np.trace(covariance) < (LINE_OF_ACTION_DEVIATION * force) ** 2
+    return np.asarray(known)
+
+
+def _jacobian(response: np.ndarray, places: Places, prior: Prior, force: float) -> np.ndarray:
+    """Derivative of the residuals by all six unknowns, shape (N, rows, 6)."""
+    columns = push_jacobian(response, places, prior, force), step_jacobian(response, places, force)
+    return np.concatenate(columns, axis=2)
 
 
 def _prior_information(squared_ratio: np.ndarray) -> np.ndarray:

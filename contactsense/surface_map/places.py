@@ -15,6 +15,8 @@ from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.robots.surface.union import distances
 from contactsense.runtime.constants import Constants
 
+_PROJECTIONS = 2
+
 
 class Places(NamedTuple):
     """N places, base frame."""
@@ -72,6 +74,31 @@ def touchable_places(
         spread=samples.spread[free],
         share=share / share.sum(),
     )
+
+
+def on_surface(constants: Constants, motion: Motion, link: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Nearest points on the surfaces of links, base frame.
+
+    Args:
+        constants, motion: Of the scene, and the poses of its links.
+        link: Index of each point's link; -1 leaves the point as it is, shape (...).
+        point: Base frame, shape (..., 3) [m].
+
+    Returns:
+        Shape (..., 3) [m].
+    """
+    found = point.copy()
+    for index, body in enumerate(constants.sensors.depth):
+        on = link == index
+        if on.any():
+            rotation, origin = motion.rotation[body], motion.origin[body]
+            place = (point[on] - origin) @ rotation
+            # At a concave edge, the nearest point of one primitive may lie inside another.
+            for _ in range(_PROJECTIONS):
+                distance, _, normal = distances(constants.surfaces, place, index)
+                place -= distance[:, None] * normal
+            found[on] = place @ rotation.T + origin
+    return found
 
 
 def _tangents(normal: np.ndarray) -> np.ndarray:

@@ -67,8 +67,8 @@ def _explain(found: Detectability) -> None:
         f"  of the arm at rest, at {found.false_alarms_per_hour:g} false alarms per hour\n"
         f"error: of the place, for {found.force:g} N along the inward normal; median of the answers\n"
         "named: probability of naming the link for that push\n"
-        f"-: cannot tell: no force up to {LARGEST_FORCE:g} N is detected; fewer than six readings,\n"
-        "  or a place anywhere on the link"
+        f"-: cannot tell: no force up to {LARGEST_FORCE:g} N is detected; or fewer\n"
+        "  than one in five answers is on the link"
     )
 
 

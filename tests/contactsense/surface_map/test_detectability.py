@@ -69,9 +69,11 @@ def test_joint_torques_make_no_error_larger(both: Detectability, torques: Detect
     alone = inclined(scene(base_wrench=BASE, joint_torque=None))
     assert (both.error <= alone.error * (1.0 + 1e-9)).all()
     assert (both.error < 0.99 * alone.error).any()
-    # Five torques leave a wrench of six components open.
-    assert np.isinf(torques.error[torques.link < 6]).all()
     assert np.isfinite(both.error).all()
+    # Without a base sensor at most six torques are left, and the place is open.
+    told = np.isfinite(torques.error)
+    assert told.any()
+    assert np.median(torques.error[told]) > 3.0 * np.median(both.error[told])
 
 
 def test_joints_measure_nothing_of_a_push_on_the_base(torques: Detectability) -> None:
@@ -87,7 +89,9 @@ def test_the_map_turns_with_the_arm(both: Detectability) -> None:
         scene(base_wrench=BASE, joint_torque=TORQUE), Q + np.array([1.1, 0.0, 0.0, 0.0, 0.0, 0.0])
     )
     np.testing.assert_allclose(turned.smallest_force, both.smallest_force, rtol=1e-9)
-    np.testing.assert_allclose(turned.error, both.error, rtol=1e-6)
+    # The points at which the noise is evaluated do not turn with it.
+    assert np.median(turned.error / both.error) == pytest.approx(1.0, abs=0.02)
+    assert np.mean(np.abs(turned.error / both.error - 1.0) < 0.2) > 0.95
 
 
 def test_a_wrist_sensor_feels_the_tool_only() -> None:
@@ -107,6 +111,14 @@ def test_a_wrist_sensor_feels_the_tool_only() -> None:
     felt = ~on_tool & np.isfinite(wrist.smallest_force)
     # The threshold is higher, the signal the same.
     assert (wrist.smallest_force[felt] > without.smallest_force[felt]).all()
+
+
+def test_a_coarser_map_has_some_of_the_places(both: Detectability) -> None:
+    of = scene(base_wrench=BASE, joint_torque=TORQUE)
+    some = detectability(of, Q, friction=of.friction, every=50)
+    assert some.share.sum() == pytest.approx(1.0)
+    for field in ("point_base", "smallest_force", "error", "error_95", "link_probability"):
+        np.testing.assert_allclose(getattr(some, field), getattr(both, field)[::50], rtol=1e-6)
 
 
 def test_the_detected_size_is_detected_as_often() -> None:
@@ -134,9 +146,10 @@ def test_the_radius_holds_its_share() -> None:
         ({"force": 0.0}, "force: expected a positive number of newtons, got 0.0"),
         ({"detection": 1.0}, "detection: expected a probability between 0 and 1, got 1.0"),
         ({"friction": -0.1}, "friction: expected a coefficient of at least 0, got -0.1"),
+        ({"every": 0}, "every: expected at least 1, got 0"),
     ],
 )
-def test_wrong_arguments_are_told(fields: dict[str, float], message: str) -> None:
+def test_wrong_arguments_are_told(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         detectability(scene(), Q, **fields)
 
@@ -151,3 +164,17 @@ def test_the_map_agrees_with_the_localizer() -> None:
         assert agreement is not None
         assert agreement >= 0.9
     assert found.share @ np.abs(found.link_difference) < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sensors", "at_least"), [("all", 0.8), ("torques", 0.6)])
+def test_the_map_agrees_where_the_place_is_open(sensors: str, at_least: float) -> None:
+    # Errors of a centimetre and more: a covariance agrees on two thirds of the surface with all sensors, and
+    # tells nothing with torques alone.
+    found = compare(
+        scene_of("ur5e", Noise(1.0, 0.2, 3.0), sensors), Q, 20.0, 0.0, 150, np.random.default_rng(0), every=8
+    )
+    agreement = found.within(found.error_ratio)
+    assert agreement is not None
+    assert agreement >= at_least
+    assert found.share @ np.abs(found.link_difference) < 0.15
