@@ -116,10 +116,6 @@ class Estimate:
     [N, Nm], shape (6,)."""
     covariance: np.ndarray
     """Covariance of `wrench`, shape (6, 6)."""
-    detectable: float = math.inf
-    """Smallest force that the usable sensors detect with probability 0.9, wherever and in whichever direction
-    it acts on the arm, while it is held [N]; infinite where no force is sure to be detected, as with joint
-    torques alone. Where the status is `none`, no such force acts."""
     other: float = 0.0
     """Probability of none of `contacts`: no single push, or a candidate too improbable to be reported."""
     reason: str = ""
@@ -129,3 +125,7 @@ class Estimate:
     explanations: tuple[Explanation, ...] = ()
     """With several contacts enabled: sets of simultaneous contacts, most probable first; with `other` their
     probabilities add up to one."""
+    detectable: float = math.inf
+    """Smallest force that the usable sensors detect with probability 0.9, wherever and in whichever direction
+    it acts on the arm, while it is held [N]; infinite where no force is sure to be detected, as with joint
+    torques alone. It tells what the status `none` rules out."""

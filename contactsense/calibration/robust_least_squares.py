@@ -70,6 +70,7 @@ def fit_robust(
         H, g = _normal_equations(rows, weights, sigma, tau, k)
         precision = 1.0 / prior**2
         A = (H + np.diag(precision))[np.ix_(free, free)]
+        _require_regular(A)
         step = np.zeros(k)
         step[free] = np.linalg.solve(A, -(g + precision * offset)[free])
         residuals = [row.residual + row.slope @ step[row.columns] for row in rows]
@@ -180,3 +181,13 @@ def _correlation_time(covariance: np.ndarray) -> float:
     if covariance[0] <= 0.0:
         return 1.0
     return float(max(1.0, (covariance[0] + 2.0 * covariance[1:].sum()) / covariance[0]))
+
+
+def _require_regular(A: np.ndarray) -> None:
+    """Raise a LinAlgError if a symmetric matrix is singular up to rounding, whatever the units of its rows:
+    whether a factorization notices that depends on the order of its sums."""
+    size = np.sqrt(np.diag(A))
+    if len(size) and not (size > 0.0).all():
+        raise np.linalg.LinAlgError("Singular matrix")
+    if len(size) and np.linalg.eigvalsh(A / np.outer(size, size))[0] < len(size) * np.finfo(float).eps:
+        raise np.linalg.LinAlgError("Singular matrix")

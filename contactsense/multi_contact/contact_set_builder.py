@@ -101,11 +101,11 @@ class ContactSetBuilder:
             np.array(link_probability),
             wrench.copy(),
             covariance.copy(),
-            self._estimate_builder.detectable,
             max(1.0 - sum(e.probability for e in sets), 0.0),
             "; ".join(parts),
             events,
             sets,
+            self._estimate_builder.detectable,
         )
 
     @staticmethod

@@ -42,7 +42,7 @@ class EstimateBuilder:
 
     def no_contact(self, t: float, detectable: float) -> Estimate:
         """Estimate without contact. These estimates share their arrays, which are read-only."""
-        estimate = _new_estimate(t, "none", (), *self._zeros, detectable)
+        estimate = _new_estimate(t, "none", (), *self._zeros, detectable=detectable)
         estimate.__class__ = Estimate
         return estimate
 
@@ -50,7 +50,7 @@ class EstimateBuilder:
         self, t: float, status: Status, reason: str = "", events: tuple[Event, ...] = ()
     ) -> Estimate:
         """Estimate without contacts: none present, or none can be estimated."""
-        return Estimate(t, status, (), *self._zeros, self.detectable, reason=reason, events=events)
+        return Estimate(t, status, (), *self._zeros, reason=reason, events=events, detectable=self.detectable)
 
     def contacts(
         self,
@@ -89,10 +89,10 @@ class EstimateBuilder:
             state.link_probability.copy(),
             state.hypotheses.wrench[link].copy(),
             state.hypotheses.covariance[link].copy(),
-            self.detectable,
             max(other, 0.0),
             reason,
             tuple([Event(kind, number, t, name) for kind in kinds]) if kinds else (),
+            detectable=self.detectable,
         )
         estimate.__class__ = Estimate
         return estimate

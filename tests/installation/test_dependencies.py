@@ -22,7 +22,7 @@ NAMED = {
     "httptools": ("service/api/connections.py", r"httptools_impl import"),
     "websockets": ("service/api/connections.py", r"websockets_sansio_impl import"),
     "dask": ("service/analysis/fleet/worker_pool.py", r"from distributed import"),
-    "mpmath": ("benchmarks/solvers/judge.py", r'import_module\("mpmath"\)'),
+    "mpmath": ("benchmarks/solvers/reference.py", r'import_module\("mpmath"\)'),
     "pycollada": ("robots/library.py", r'"\.dae"'),
     "rtree": ("benchmarks/accuracy/geometry.py", r"trimesh\.proximity\.closest_point"),
     "fast-simplification": ("service/drawing/visual_meshes.py", r"\.simplify_quadric_decimation"),
