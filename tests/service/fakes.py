@@ -86,7 +86,7 @@ class Crashing(Steady):
     """Dies after a while without a word, as a process does that a foreign library aborts."""
 
     def poll(self, timeout: float) -> list[Sample]:
-        if self._count == 100:
+        if self._count == _FREE + 100:
             os._exit(3)
         return super().poll(timeout)
 
@@ -95,7 +95,7 @@ class Hanging(Steady):
     """Gets stuck after a while."""
 
     def poll(self, timeout: float) -> list[Sample]:
-        if self._count == 100:
+        if self._count == _FREE + 100:
             time.sleep(3600.0)
         return super().poll(timeout)
 
