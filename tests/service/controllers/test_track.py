@@ -28,6 +28,7 @@ SLOW = 250  # a process that loads its kernels on a busy machine
 def pushed() -> Sample:
     """What an arm that is pushed at its forearm measures."""
     source = fakes.Steady(Scene(robot="ur5e"))
+    source.poll(0.0)  # the samples before the push
     return source.poll(0.0)[0]
 
 
