@@ -36,8 +36,8 @@ COLUMNS = {
 }
 """Heading and width of the columns; `share`: fraction of the samples under full force with the true link."""
 BLIND_SHARE = 0.3
-"""With a larger share of samples that lack the base sensor's reading, the demo says so; some lack it until the
-sensors' clocks are aligned."""
+"""With a larger share of samples that lack the base sensor's reading, the demo says so; some lack it until
+the sensors' clocks are aligned."""
 
 
 @click.command()
