@@ -50,7 +50,7 @@ def _check_sweep(count: int) -> None:
     for row in sweep.rows(count, lambda name: None):
         assert row.failures == 0, row
         assert row.worst <= ULPS, row
-        # Rounding errors of the point turn the normal of a rim of 1e-10 m, and so change its condition number.
+        # Rounding errors of the point turn the normal of a rim of 1e-10 m, and with it change the condition.
         assert row.condition < 1.0 + 1e-3, row
 
 
