@@ -12,7 +12,7 @@ from contactsense.scene import Scene
 from contactsense.service.analysis.contact_table import SCHEMA
 from contactsense.service.recordings import RecordingError, scene_in
 from contactsense.service.viewer.controls import set_value
-from contactsense.service.viewer.frame import TRACKS, Forces, Frame, Latch
+from contactsense.service.viewer.frame import TRACKS, Forces, Frame
 from contactsense.types import Contact, Estimate
 
 _NEEDED = [field.name for field in SCHEMA if field.name not in ("smoothed",)]
@@ -30,9 +30,6 @@ def is_analysis(path: Path) -> bool:
 
 class AnalysisSource:
     """The contacts of a table, one of which is shown."""
-
-    latches: tuple[Latch, ...] = ()
-    """A table has none."""
 
     def __init__(self, path: Path, scene: Scene | None) -> None:
         """Read the table.
@@ -86,9 +83,6 @@ class AnalysisSource:
             f"{Path(row['recording']).name}, from {row['begin']:.2f} s for {row['duration']:.2f} s: largest "
             f"force {row['peak_force']:.1f} N, impulse {row['impulse']:.1f} N s"
         )
-
-    def close(self) -> None:
-        """Nothing is open."""
 
 
 def _scene_of(recording: str, table: Path) -> Scene:

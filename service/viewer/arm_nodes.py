@@ -6,10 +6,10 @@ import numpy as np
 import viser
 from scipy.spatial.transform import Rotation
 
-from contactsense.robots.link_poses import link_poses
 from contactsense.scene import Scene
 from contactsense.service.drawing.link_geometry import Mesh, link_meshes
 from contactsense.service.drawing.palette import link_colour, probability_colour, rgb
+from contactsense.service.scene.summary import link_places
 
 BASE = "/arm"
 """The base frame, in a world whose z points up."""
@@ -43,14 +43,18 @@ class ArmNodes:
             for visual in (True, False)
         }
         self.poses = np.tile(np.eye(4), (len(scene.link_names), 1, 1))
-        """Poses of the links in the base frame, shape (links, 4, 4)."""
+        """Poses of the links in the base frame, that of a tool being the flange, shape (links, 4, 4)."""
         self._q: np.ndarray | None = None
         size = 0.12 * self.reach
         self._frames = [
             nodes.add_frame(f"{BASE}/base frame", axes_length=size, axes_radius=0.04 * size),
             nodes.add_frame(f"{BASE}/sensor frame", axes_length=size, axes_radius=0.04 * size),
             nodes.add_frame(
-                f"{link_node(len(joints))}/tool frame", axes_length=size, axes_radius=0.04 * size
+                f"{link_node(len(joints))}/tool frame",
+                axes_length=size,
+                axes_radius=0.04 * size,
+                wxyz=quaternion(scene.robot.flange_rotation),
+                position=scene.robot.flange_translation,
             ),
         ]
         self._labels = [
@@ -79,8 +83,7 @@ class ArmNodes:
         if self._q is not None and np.array_equal(q, self._q):
             return
         self._q = q.copy()
-        self.poses[: len(q) + 1] = link_poses(self._scene.robot, q)
-        self.poses[len(q) + 1 :] = self.poses[len(q)]  # the tool is fixed to the last link
+        self.poses[:] = link_places(self._scene, q)
         for node, pose in zip(self._links, self.poses, strict=True):
             node.wxyz, node.position = quaternion(pose[:3, :3]), pose[:3, 3]
 

@@ -1,12 +1,10 @@
-"""What the viewer shows at one instant, and where it comes from."""
+"""What the viewer shows at one instant."""
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from contactsense.scene import Scene
 from contactsense.types import Estimate
 
 HISTORY = 10.0
@@ -44,22 +42,6 @@ class Latch:
     rule: str
     text: str
     """What happened, for a person."""
-
-
-class Source(Protocol):
-    """Where frames come from. Its methods return at once."""
-
-    scene: Scene
-    """The arm in its cell."""
-
-    def frame(self) -> Frame:
-        """What is to be shown now."""
-
-    def note(self) -> str:
-        """State of the source in one sentence, such as what the service is doing; may be empty."""
-
-    def close(self) -> None:
-        """Release all that is open."""
 
 
 class ForceHistory:

@@ -13,6 +13,7 @@ from contactsense.runtime.constants import build_constants
 from contactsense.scene import Scene
 from contactsense.service.drawing.link_geometry import link_meshes
 from contactsense.service.drawing.palette import heat_colours
+from contactsense.service.scene.summary import link_places
 from contactsense.service.viewer.arm_nodes import link_node
 from contactsense.surface_map.sensor_response import sensor_response
 from contactsense.surface_map.smallest_force import detected_size, smallest_force
@@ -85,10 +86,9 @@ class Heat:
             motion = empty_motion(len(q))
             forward_kinematics(constants.model, q, motion)
             response = sensor_response(self._scene, constants, motion)
-            forces = []
+            forces, poses = [], link_places(self._scene, q)
             for i, mesh in enumerate(meshes):
-                at = min(i, len(q))
-                turn, origin = motion.rotation[at], motion.origin[at]
+                turn, origin = poses[i, :3, :3], poses[i, :3, 3]
                 points, normals = mesh.vertices @ turn.T + origin, mesh.vertex_normals @ turn.T
                 each = np.broadcast_to(response[i], (len(points), *response[i].shape))
                 forces.append(smallest_force(each, size, points, normals))

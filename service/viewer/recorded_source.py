@@ -8,7 +8,7 @@ import viser
 
 from contactsense.scene import Scene
 from contactsense.service.viewer.controls import set_value
-from contactsense.service.viewer.frame import Frame, Latch
+from contactsense.service.viewer.frame import Frame
 from contactsense.service.viewer.playback import Playback
 from contactsense.service.viewer.playback_clock import SPEEDS, PlaybackClock
 
@@ -20,9 +20,6 @@ FOLLOW = 0.2
 
 class RecordedSource:
     """A recording that is played."""
-
-    latches: tuple[Latch, ...] = ()
-    """A recording has none."""
 
     def __init__(self, path: Path, scene: Scene) -> None:
         """Read and estimate the recording; it stands at its beginning.
@@ -91,6 +88,3 @@ class RecordedSource:
         """Where the playback is."""
         at = self._clock.time(time.monotonic())
         return f"{self._name}: {at:.1f} s of {self._playback.duration:.1f} s"
-
-    def close(self) -> None:
-        """Nothing is open."""

@@ -4,10 +4,8 @@ import math
 
 import numpy as np
 
+from contactsense.service.drawing.contact_shapes import REGION_90
 from contactsense.types import Contact, Estimate
-
-REGION_90 = 4.605
-"""Squared Mahalanobis radius that holds 90 % of a two-dimensional Gaussian."""
 
 
 def in_words(estimate: Estimate | None) -> str:
@@ -18,6 +16,8 @@ def in_words(estimate: Estimate | None) -> str:
         lines = [_headline(estimate), "", *_table(estimate)]
     elif estimate.other > 0.0:
         lines = ["**Something acts on the arm; no single push explains it.**"]
+    elif estimate.status == "degraded":
+        lines = ["**The sensors cannot tell.**"]
     else:
         lines = ["**Nothing is felt.**"]
         if math.isfinite(estimate.detectable):

@@ -1,5 +1,7 @@
 """Estimates in words, and controls as lines of a scene."""
 
+from dataclasses import replace
+
 import numpy as np
 import yaml
 
@@ -16,6 +18,11 @@ def test_without_contact_they_tell_what_would_be_noticed() -> None:
     assert (
         in_words(estimate(SCENE)) == "**Nothing is felt.**\n\nA held push of 3.2 N would be noticed anywhere."
     )
+
+
+def test_blind_is_not_nothing() -> None:
+    blind = replace(estimate(SCENE), status="degraded", reason="no sensor has a value in this sample")
+    assert in_words(blind).startswith("**Degraded.** **The sensors cannot tell.**\n\nno sensor has a value")
 
 
 def test_the_place_is_within_the_ninety_percent_radius() -> None:
