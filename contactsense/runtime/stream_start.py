@@ -50,7 +50,7 @@ class StreamStart:
 
     def reset(self) -> None:
         """A new stream begins."""
-        self._seen, self._begin, self._free_since = 0, math.nan, math.nan
+        self._seen, self._begin, self._free_since = 0, math.nan, math.inf
         self._decided = self._was_touched = False
         self.doubtful = False
         """Whether the readings have not fitted a free arm so far."""
@@ -89,7 +89,7 @@ class StreamStart:
         elif flags & INCONSISTENT:
             self.doubtful = age <= _CONSISTENCY_TIME
         self._decided = self._was_touched or (not self.doubtful and age > _CONSISTENCY_TIME)
-        self._free_since = math.nan
+        self._free_since = math.inf
         return self.doubtful
 
     def update_block(self, t: np.ndarray, flags: np.ndarray) -> None:
@@ -103,12 +103,11 @@ class StreamStart:
                 self.update(float(t[i]), int(flags[i]))
 
     def _goes_on(self, t: float, flags: int) -> bool:
-        if self._free_since == self._free_since and t - self._free_since >= _FREE_TIME:
+        if t - self._free_since >= _FREE_TIME:
             self.doubtful, self._decided = False, True
             return False
         if flags & _UNFIT:
-            self._free_since = math.nan
+            self._free_since = math.inf
             return True
-        if self._free_since != self._free_since:
-            self._free_since = t
+        self._free_since = min(self._free_since, t)
         return False

@@ -32,7 +32,7 @@ def show_map(scene: Scene, found: Detectability) -> None:
             link.link,
             f"{100 * link.share:.0f} %",
             *(_force(value) for value in link.smallest_force),
-            *(_millimetres(value) for value in link.error),
+            *_errors(link),
             *_named(link),
         )
     Console(width=WIDTH).print(table)
@@ -53,7 +53,7 @@ def compare_maps(titles: Sequence[str], scenes: Sequence[Scene], found: Sequence
     for name in dict.fromkeys(name for one in maps for name in one):
         links = [one.get(name) for one in maps]
         cells = [link and _force(link.smallest_force[0]) for link in links]
-        cells += [link and _millimetres(link.error[0]) for link in links]
+        cells += [link and _errors(link)[0] for link in links]
         cells += [link and _named(link)[0] for link in links]
         table.add_row(name, *cells)
     Console(width=WIDTH).print(table)
@@ -91,11 +91,17 @@ def _force(value: float) -> str:
     return f"{value:.3g}" if value <= LARGEST_FORCE else "-"
 
 
+def _errors(link: LinkDetectability) -> tuple[str, ...]:
+    """Errors in millimetres, unless most of the link is not felt at all."""
+    felt = _is_felt(link)
+    return tuple(f"{1e3 * value:.1f}" if felt and isfinite(value) else "-" for value in link.error)
+
+
 def _named(link: LinkDetectability) -> tuple[str, ...]:
     """Probabilities of naming the link, unless most of it is not felt at all."""
-    felt = link.smallest_force[0] <= LARGEST_FORCE
+    felt = _is_felt(link)
     return tuple(f"{value:.2f}" if felt else "-" for value in link.link_probability)
 
 
-def _millimetres(value: float) -> str:
-    return f"{1e3 * value:.1f}" if isfinite(value) else "-"
+def _is_felt(link: LinkDetectability) -> bool:
+    return link.smallest_force[0] <= LARGEST_FORCE
