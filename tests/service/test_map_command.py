@@ -21,8 +21,9 @@ def call(*arguments: str) -> Result:
 def scenes(tmp_path: Path) -> tuple[str, str]:
     """A scene with a base sensor, and the same arm without."""
     base, torques = tmp_path / "base.yaml", tmp_path / "torques.yaml"
-    base.write_text("robot: ur5e\ndetail: coarse\nmounting: ceiling\n")
-    torques.write_text("robot: ur5e\ndetail: coarse\nbase_wrench: null\n")
+    arm = "robot: ur5e\ndetail: coarse\ntouchable: [base, shoulder, forearm, wrist_1]\n"
+    base.write_text(f"{arm}mounting: ceiling\n")
+    torques.write_text(f"{arm}base_wrench: null\n")
     return str(base), str(torques)
 
 

@@ -66,6 +66,7 @@ def test_the_finger_is_on_the_surface_and_the_wrench_is_its_push(finger: Finger)
     np.testing.assert_allclose(w[3:], np.cross(point, w[:3]), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_command_prints_and_draws(tmp_path: Path) -> None:
     path = tmp_path / "hold.png"
     result = CliRunner().invoke(hold, ["--runs", "1", "--picture", str(path), "--json"])

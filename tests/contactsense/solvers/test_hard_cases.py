@@ -109,6 +109,7 @@ def test_tables_are_written_to_a_page() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_the_command_prints_its_tables() -> None:
     shown = CliRunner().invoke(solvers, ["--count", "1000", "--only", "cases"])
     assert shown.exit_code == 0
