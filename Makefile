@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 
 # Matrices are small: threads of the linear algebra library cost more than they save.
 export OPENBLAS_NUM_THREADS ?= 1
+# Commands that start Python often must not compile all modules each time.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo view test check results clean
 

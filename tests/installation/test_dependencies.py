@@ -1,6 +1,7 @@
 """Whatever is declared is used, by an import or by a name that another library resolves."""
 
 import ast
+import functools
 import re
 from pathlib import Path
 
@@ -39,7 +40,9 @@ NAMED = {
 """Distribution -> file and text that call for it by a name other than an import."""
 
 
-def _imported() -> set[str]:
+@functools.cache
+def _imported() -> frozenset[str]:
+    """All modules that some file imports."""
     found: set[str] = set()
     for folder in ("robots", "kinematics", "contactsense", "service", "benchmarks", "tests"):
         for path in (ROOT / folder).rglob("*.py"):
@@ -48,10 +51,7 @@ def _imported() -> set[str]:
                     found |= {alias.name.split(".")[0] for alias in node.names}
                 elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
                     found.add(node.module.split(".")[0])
-    return found
-
-
-IMPORTED = _imported()
+    return frozenset(found)
 
 
 @pytest.mark.parametrize("name", sorted({requirement.name for requirement in declared("*")}))
@@ -61,7 +61,7 @@ def test_a_declared_dependency_is_used(name: str) -> None:
         text = (ROOT / path).read_text(encoding="utf-8")
         assert re.search(pattern, text, re.MULTILINE), f"{path} does not call for {name} any more"
     else:
-        assert MODULES.get(name, name) in IMPORTED, f"{name} is declared and never imported"
+        assert MODULES.get(name, name) in _imported(), f"{name} is declared and never imported"
 
 
 def test_the_tables_name_what_is_declared() -> None:

@@ -48,7 +48,7 @@ SCRIPT = Script.model_validate(
 )
 HOLD = 1.5
 """For how long a fault stays at least [s]."""
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Time to be told of, and to recover [s]: for a computer that is busy with other things."""
 
 
