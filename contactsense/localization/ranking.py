@@ -18,13 +18,13 @@ from contactsense.kinematics.model import Motion
 from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_of_action_search import moment_variance, search_along_line_of_action
-from contactsense.localization.posterior import Prior, SearchBuffers
-from contactsense.localization.posterior_mode import ENERGY_CUTOFF
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.localization.surface_search import search_surface
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.solvers.posterior import Prior, SearchBuffers
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LINE_OF_ACTION_DEVIATION = 0.008
 """The line of action counts as known if its position has a smaller standard deviation than this [m]."""

@@ -5,6 +5,7 @@ f.n(c) < 0.
 """
 
 from contactsense.solvers.compound_bodies import Compound, Part
+from contactsense.solvers.most_probable import ContactPrior, ProbableContact
 from contactsense.solvers.packed_primitive import solve_primitive
 from contactsense.solvers.paper_surfaces import Cone, Cylinder, Ellipsoid, Placed, Plane, Sphere
 from contactsense.solvers.rounded_bodies import (
@@ -19,7 +20,8 @@ from contactsense.solvers.rounded_bodies import (
 from contactsense.solvers.sensitivity import Sensitivity, sensitivity
 from contactsense.solvers.smooth_bodies import Convex, Paraboloid, Superquadric
 from contactsense.solvers.solution import Status
-from contactsense.solvers.solve import METHODS, Method, Solution, Solutions, solve, solve_batch
+from contactsense.solvers.solve import solve
+from contactsense.solvers.solve_wrench import METHODS, Method, Solution, Solutions, solve_batch
 from contactsense.solvers.surface import Surface
 
 __all__ = [
@@ -28,6 +30,7 @@ __all__ = [
     "Capsule",
     "Compound",
     "Cone",
+    "ContactPrior",
     "Convex",
     "Cylinder",
     "Ellipsoid",
@@ -38,6 +41,7 @@ __all__ = [
     "Placed",
     "Plane",
     "Polytope",
+    "ProbableContact",
     "Revolved",
     "Sensitivity",
     "Solution",

@@ -1,190 +1,62 @@
-"""`solve` and `solve_batch`: the contact on a surface from a wrench."""
+"""`solve`: the contact on a surface from a wrench, exact or noisy."""
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import overload
 
-import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
-from contactsense.solvers.paper_surfaces import Placed
-from contactsense.solvers.solution import Status
-from contactsense.solvers.surface import Kernel, Problem, Surface, same_fields
-
-Method = Literal["exact", "wrench_axis", "newton", "descent"]
+from contactsense.solvers.most_probable import ContactPrior, ProbableContact, most_probable_contact
+from contactsense.solvers.solve_wrench import Method, Solution, solve_wrench
+from contactsense.solvers.surface import Surface
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Solution:
-    """A soft-finger contact that balances a wrench, or the nearest surface point."""
-
-    status: Status
-    """Validity of the other fields."""
-    centroid: np.ndarray
-    """Contact centroid [m], shape (3,)."""
-    normal: np.ndarray
-    """Outward unit normal there, shape (3,)."""
-    force: np.ndarray
-    """Force on the body, as measured [N], shape (3,)."""
-    moment: np.ndarray
-    """Moment on the body about the frame's origin, as measured [Nm], shape (3,)."""
-    torsion: float
-    """Moment on the body about the outward normal [Nm]."""
-    residual: float
-    """Unbalanced moment, relative to moment and lever."""
-    condition: float
-    """Shift on the surface per shift of the force's line: 1 for a normal force on a plane, infinite for a
-    tangential one. The shift is small, or that to the twin contact (`contactsense.solvers.solution`)."""
-    method: Method = "exact"
-    """How it was found."""
-
-    @property
-    def ok(self) -> bool:
-        """Whether this is a contact."""
-        return self.status == Status.OK
-
-    def __eq__(self, other: object) -> bool:
-        return same_fields(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
+@overload
+def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solution: ...
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Solutions:
-    """One solution per row."""
-
-    status: np.ndarray
-    """Numbers of `Status`, shape (N,)."""
-    centroid: np.ndarray
-    """Contact centroids [m], shape (N, 3)."""
-    normal: np.ndarray
-    """Outward unit normals, shape (N, 3)."""
-    force: np.ndarray
-    """Forces on the body [N], shape (N, 3)."""
-    moment: np.ndarray
-    """Moments on the body about the frame's origin [Nm], shape (N, 3)."""
-    torsion: np.ndarray
-    """Moments about the normals [Nm], shape (N,)."""
-    residual: np.ndarray
-    """Relative residuals, shape (N,)."""
-    condition: np.ndarray
-    """Condition numbers, shape (N,)."""
-    method: Method = "exact"
-    """How they were found."""
-
-    @property
-    def ok(self) -> np.ndarray:
-        """Which rows are contacts, shape (N,)."""
-        return np.asarray(self.status == Status.OK)
-
-    def __eq__(self, other: object) -> bool:
-        return same_fields(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
+@overload
+def solve(
+    surface: Surface,
+    force: ArrayLike,
+    moment: ArrayLike,
+    *,
+    covariance: ArrayLike,
+    prior: ContactPrior | None = None,
+) -> ProbableContact: ...
 
 
-METHODS: tuple[Method, ...] = get_args(Method)
-
-
-def problem_of(surface: Surface, method: Method) -> Problem:
-    """The kernel that solves a surface by a method, and its arguments after the wrench.
-
-    Raises:
-        ValueError: The method is unknown, or cannot solve this surface.
-    """
-    if method == "exact":
-        return surface.problem()
-    if method == "wrench_axis":
-        return surface.line_problem()
-    if method not in METHODS:
-        raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
-    found: Problem | None = getattr(surface, f"{method}_problem", lambda: None)()
-    if found is None:
-        raise ValueError(f"{type(surface).__name__} cannot be solved by {method}")
-    return found
-
-
-def _vectors(name: str, values: ArrayLike, dimensions: int) -> np.ndarray:
-    """A copy of one vector or of rows of them."""
-    array = np.array(values, dtype=float)
-    if array.ndim != dimensions or array.shape[-1] != 3:
-        expected = "(3,)" if dimensions == 1 else "(N, 3)"
-        raise ValueError(f"{name}: expected shape {expected}, not {array.shape}")
-    return array
-
-
-def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solution:
+def solve(
+    surface: Surface,
+    force: ArrayLike,
+    moment: ArrayLike,
+    method: Method = "exact",
+    *,
+    covariance: ArrayLike | None = None,
+    prior: ContactPrior | None = None,
+) -> Solution | ProbableContact:
     """Find where a wrench enters a surface.
 
     Args:
         surface: The surface.
         force: Force on the body [N], shape (3,).
         moment: Moment on the body about the frame's origin [Nm], shape (3,).
-        method: `exact`, with torsion; `wrench_axis`, the paper's section 4, as if there were none; on
-            spheres, ellipsoids and smooth bodies also `newton`; on spheres and ellipsoids also `descent`, the
-            paper's section 6.
+        method: As for `contactsense.solvers.solve_wrench.solve_wrench`; `exact` with a covariance.
+        covariance: Covariance of the measured wrench, force first, shape (6, 6); None: the wrench is exact.
+        prior: With a covariance: what is known of contacts beforehand; None: the defaults.
 
     Returns:
-        The solution, in the frame of the wrench. No measurement makes this raise.
+        The contact that balances the wrench, or the nearest surface point; with a covariance, the most
+        probable contact with its covariance and evidence. In the frame of the wrench. No measurement makes
+        this raise.
 
     Raises:
-        ValueError: The method is unknown, or cannot solve this surface; force or moment has another shape.
+        ValueError: The method is unknown, or cannot solve this surface or with a covariance; a shape is
+            wrong; the covariance is not symmetric and positive definite; a prior comes without a
+            covariance.
     """
-    f, m = _vectors("force", force, 1), _vectors("moment", moment, 1)
-    if isinstance(surface, Placed):
-        R, p = surface.rotation, surface.origin
-        local = solve(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
-        return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f, moment=m)
-    solver, size = problem_of(surface, method)
-    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(
-        float(f[0]), float(f[1]), float(f[2]), float(m[0]), float(m[1]), float(m[2]), *size
-    )
-    return Solution(
-        Status(status), np.array((cx, cy, cz)), np.array((nx, ny, nz)), f, m, xi, residual, condition, method
-    )
-
-
-# Not cached: Numba cannot cache functions that take compiled functions.
-@njit(error_model="numpy")
-def run_kernel(
-    solver: Kernel, wrenches: np.ndarray, size: tuple[Any, ...], status: np.ndarray, out: np.ndarray
-) -> None:
-    """Solve rows of wrenches (N, 6) into `status` (N,) and `out` (N, 9), the other fields of each answer."""
-    for i in range(wrenches.shape[0]):
-        w = wrenches[i]
-        s, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(w[0], w[1], w[2], w[3], w[4], w[5], *size)
-        status[i] = s
-        row = out[i]
-        row[0], row[1], row[2] = cx, cy, cz
-        row[3], row[4], row[5] = nx, ny, nz
-        row[6], row[7], row[8] = xi, residual, condition
-
-
-def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solutions:
-    """Find where many wrenches enter a surface.
-
-    Args:
-        surface: The surface.
-        force: Forces on the body [N], shape (N, 3).
-        moment: Moments on the body about the frame's origin [Nm], shape (N, 3).
-        method: As for `solve`.
-
-    Returns:
-        One solution per row, in the frame of the wrenches.
-
-    Raises:
-        ValueError: As for `solve`; or there are not as many moments as forces.
-    """
-    f, m = _vectors("force", force, 2), _vectors("moment", moment, 2)
-    if len(f) != len(m):
-        raise ValueError(f"moment: expected {len(f)} rows, as many as of force, not {len(m)}")
-    if isinstance(surface, Placed):
-        R, p = surface.rotation, surface.origin
-        local = solve_batch(surface.surface, f @ R, (m - np.cross(p, f)) @ R, method)
-        return replace(local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f, moment=m)
-    solver, size = problem_of(surface, method)
-    wrenches = np.concatenate((f, m), axis=1)
-    status = np.empty(len(wrenches), dtype=np.int64)
-    out = np.empty((len(wrenches), 9))
-    run_kernel(solver, wrenches, size, status, out)
-    return Solutions(status, out[:, :3], out[:, 3:6], f, m, out[:, 6], out[:, 7], out[:, 8], method)
+    if covariance is None:
+        if prior is not None:
+            raise ValueError("prior: only with a covariance; an exact wrench needs no prior")
+        return solve_wrench(surface, force, moment, method)
+    if method != "exact":
+        raise ValueError(f"method: with a covariance only 'exact', not {method!r}")
+    return most_probable_contact(surface, force, moment, covariance, prior)

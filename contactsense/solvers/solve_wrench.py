@@ -1,0 +1,181 @@
+"""The contact on a surface that balances a wrench, one or many."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from contactsense.solvers.paper_surfaces import Placed
+from contactsense.solvers.solution import Status
+from contactsense.solvers.surface import Kernel, Problem, Surface, same_fields, vectors
+
+Method = Literal["exact", "wrench_axis", "newton", "descent"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """A soft-finger contact that balances a wrench, or the nearest surface point."""
+
+    status: Status
+    """Validity of the other fields."""
+    centroid: np.ndarray
+    """Contact centroid [m], shape (3,)."""
+    normal: np.ndarray
+    """Outward unit normal there, shape (3,)."""
+    force: np.ndarray
+    """Force on the body, as measured [N], shape (3,)."""
+    moment: np.ndarray
+    """Moment on the body about the frame's origin, as measured [Nm], shape (3,)."""
+    torsion: float
+    """Moment on the body about the outward normal [Nm]."""
+    residual: float
+    """Unbalanced moment, relative to moment and lever."""
+    condition: float
+    """Shift on the surface per shift of the force's line: 1 for a normal force on a plane, infinite for a
+    tangential one. The shift is small, or that to the twin contact (`contactsense.solvers.solution`)."""
+    method: Method = "exact"
+    """How it was found."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether this is a contact."""
+        return self.status == Status.OK
+
+    def __eq__(self, other: object) -> bool:
+        return same_fields(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solutions:
+    """One solution per row."""
+
+    status: np.ndarray
+    """Numbers of `Status`, shape (N,)."""
+    centroid: np.ndarray
+    """Contact centroids [m], shape (N, 3)."""
+    normal: np.ndarray
+    """Outward unit normals, shape (N, 3)."""
+    force: np.ndarray
+    """Forces on the body [N], shape (N, 3)."""
+    moment: np.ndarray
+    """Moments on the body about the frame's origin [Nm], shape (N, 3)."""
+    torsion: np.ndarray
+    """Moments about the normals [Nm], shape (N,)."""
+    residual: np.ndarray
+    """Relative residuals, shape (N,)."""
+    condition: np.ndarray
+    """Condition numbers, shape (N,)."""
+    method: Method = "exact"
+    """How they were found."""
+
+    @property
+    def ok(self) -> np.ndarray:
+        """Which rows are contacts, shape (N,)."""
+        return np.asarray(self.status == Status.OK)
+
+    def __eq__(self, other: object) -> bool:
+        return same_fields(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+METHODS: tuple[Method, ...] = get_args(Method)
+
+
+def problem_of(surface: Surface, method: Method) -> Problem:
+    """The kernel that solves a surface by a method, and its arguments after the wrench.
+
+    Raises:
+        ValueError: The method is unknown, or cannot solve this surface.
+    """
+    if method == "exact":
+        return surface.problem()
+    if method == "wrench_axis":
+        return surface.line_problem()
+    if method not in METHODS:
+        raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
+    found: Problem | None = getattr(surface, f"{method}_problem", lambda: None)()
+    if found is None:
+        raise ValueError(f"{type(surface).__name__} cannot be solved by {method}")
+    return found
+
+
+def solve_wrench(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solution:
+    """Find where a wrench enters a surface.
+
+    Args:
+        surface: The surface.
+        force: Force on the body [N], shape (3,).
+        moment: Moment on the body about the frame's origin [Nm], shape (3,).
+        method: `exact`, with torsion; `wrench_axis`, the paper's section 4, as if there were none; on
+            spheres, ellipsoids and smooth bodies also `newton`; on spheres and ellipsoids also `descent`, the
+            paper's section 6.
+
+    Returns:
+        The solution, in the frame of the wrench. No measurement makes this raise.
+
+    Raises:
+        ValueError: The method is unknown, or cannot solve this surface; force or moment has another shape.
+    """
+    f, m = vectors("force", force, 1), vectors("moment", moment, 1)
+    if isinstance(surface, Placed):
+        R, p = surface.rotation, surface.origin
+        local = solve_wrench(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
+        return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f, moment=m)
+    solver, size = problem_of(surface, method)
+    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(
+        float(f[0]), float(f[1]), float(f[2]), float(m[0]), float(m[1]), float(m[2]), *size
+    )
+    return Solution(
+        Status(status), np.array((cx, cy, cz)), np.array((nx, ny, nz)), f, m, xi, residual, condition, method
+    )
+
+
+# Not cached: Numba cannot cache functions that take compiled functions.
+@njit(error_model="numpy")
+def run_kernel(
+    solver: Kernel, wrenches: np.ndarray, size: tuple[Any, ...], status: np.ndarray, out: np.ndarray
+) -> None:
+    """Solve rows of wrenches (N, 6) into `status` (N,) and `out` (N, 9), the other fields of each answer."""
+    for i in range(wrenches.shape[0]):
+        w = wrenches[i]
+        s, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(w[0], w[1], w[2], w[3], w[4], w[5], *size)
+        status[i] = s
+        row = out[i]
+        row[0], row[1], row[2] = cx, cy, cz
+        row[3], row[4], row[5] = nx, ny, nz
+        row[6], row[7], row[8] = xi, residual, condition
+
+
+def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solutions:
+    """Find where many wrenches enter a surface.
+
+    Args:
+        surface: The surface.
+        force: Forces on the body [N], shape (N, 3).
+        moment: Moments on the body about the frame's origin [Nm], shape (N, 3).
+        method: As for `solve_wrench`.
+
+    Returns:
+        One solution per row, in the frame of the wrenches.
+
+    Raises:
+        ValueError: As for `solve_wrench`; or there are not as many moments as forces.
+    """
+    f, m = vectors("force", force, 2), vectors("moment", moment, 2)
+    if len(f) != len(m):
+        raise ValueError(f"moment: expected {len(f)} rows, as many as of force, not {len(m)}")
+    if isinstance(surface, Placed):
+        R, p = surface.rotation, surface.origin
+        local = solve_batch(surface.surface, f @ R, (m - np.cross(p, f)) @ R, method)
+        return replace(local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f, moment=m)
+    solver, size = problem_of(surface, method)
+    wrenches = np.concatenate((f, m), axis=1)
+    status = np.empty(len(wrenches), dtype=np.int64)
+    out = np.empty((len(wrenches), 9))
+    run_kernel(solver, wrenches, size, status, out)
+    return Solutions(status, out[:, :3], out[:, 3:6], f, m, out[:, 6], out[:, 7], out[:, 8], method)
