@@ -1,21 +1,16 @@
 """`Localizer`: receives samples, returns estimates. It holds all state that persists between samples."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from contactsense.detection.thresholds import SampleThresholds
-from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.kernels import explain_contact_sets
-from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.tracker import MultiContactTracker
-from contactsense.output.batch import Batch, batch_of
 from contactsense.output.degraded_reason import degraded_reason
-from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.residuals.bias_filter import restart as restart_bias_filter
 from contactsense.residuals.noise_scale import restart as restart_noise_scale
 from contactsense.residuals.sensor_consistency import restart as restart_consistency
@@ -23,21 +18,13 @@ from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.robots.jit.kernel import disable_compilation
 from contactsense.robots.jit.progress_bar import shown_compilation
 from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
-from contactsense.runtime.buffers import KernelBuffers
-from contactsense.runtime.constants import build_constants
-from contactsense.runtime.detectable import DetectableForce
 from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
 from contactsense.runtime.kernels import batch, detect, localize, locate_once
 from contactsense.runtime.picked_up_payload import PickedUpPayload
-from contactsense.runtime.plausibility import PlausibleLimits
-from contactsense.runtime.result_rows import WIDTH
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
-from contactsense.runtime.skin_grids import skin_of
-from contactsense.runtime.state import empty_state
 from contactsense.runtime.stream_screening import StreamScreening
 from contactsense.runtime.stream_start import FROM_START, StreamStart
 from contactsense.scene import Scene
-from contactsense.sensors.sample_fields import SENSORS, SampleFields
 from contactsense.sensors.stream_state import (
     DEGRADED,
     REPEATED,
@@ -50,15 +37,10 @@ from contactsense.sensors.stream_state import (
 )
 from contactsense.sensors.stream_state import restart as restart_stream
 from contactsense.sensors.timing import reset_timing
-from contactsense.sensors.validation import checked_rows
+from contactsense.static_localizer import Method, StaticLocalizer
 from contactsense.tracking.contact_tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, end_contact
-from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Sample
+from contactsense.types import Estimate, Event, EventKind, Phase, Sample
 
-Method = Literal["joint", "torques_first", "intrinsic"]
-"""How link and position are estimated. `joint`: together. `torques_first`: the link from the evidence of base
-wrench and torques alone, then the position on it. `intrinsic`: the link likewise (Eberman & Salisbury 1989),
-then the closed form of Bicchi, Salisbury & Brock (1993) on its primitives; it needs a base sensor and knows
-no probabilities. The last two are baselines for comparison."""
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
 _NOT_FINITE = "time, positions or velocities are not finite or implausibly large: sample not used"
 _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
@@ -72,7 +54,7 @@ def kernels_of(scene: Scene, method: Method = "joint") -> tuple[Any, ...]:
     return (*kernels, explain_contact_sets) if scene.contacts > 1 else kernels
 
 
-class Localizer:
+class Localizer(StaticLocalizer):
     """Localizes contacts on the arm of one scene.
 
     One instance serves one stream and one thread; instances are independent. The first one after installation
@@ -94,51 +76,15 @@ class Localizer:
             progress: Whether a bar on stderr shows the progress of the compilation; None: on a terminal and
                 in a notebook. A function is called with the progress instead.
         """
-        if not isinstance(scene, Scene):
-            raise TypeError(
-                f"scene: expected a Scene, as in Localizer(Scene(robot='ur5e')), got {scene!r:.60}"
-            )
-        if method == "intrinsic" and (scene.base_wrench is None or scene.contacts > 1):
-            raise ValueError(
-                "method: 'intrinsic' needs base_wrench and contacts: 1 in the scene, got "
-                f"{'no base_wrench' if scene.base_wrench is None else f'contacts: {scene.contacts}'}"
-            )
-        self.scene = scene
-        self._gate = method != "joint"
-        self._intrinsic = method == "intrinsic"
-        constants = build_constants(scene)
-        self._buffers = KernelBuffers(constants, empty_state(constants))
-        self._buffer_args = (self._buffers.floats, self._buffers.integers, self._buffers.sizes)
-        skin = skin_of(scene)
-        self._batch_args, self._sample_args = (*self._buffer_args, skin), (*self._buffer_args, *skin)
-        self._plausible = PlausibleLimits(scene)
+        super().__init__(scene, method)
         self._screening = StreamScreening(scene, self._plausible)
         self._start = StreamStart(scene.bandwidth)
         self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
-        self._joints, self._links, primitives, _, _ = self._buffers.sizes
-        self._rows = np.zeros((max(primitives, MAX_CANDIDATES), WIDTH))
-        self._estimate_builder = EstimateBuilder(scene, constants, self._buffers.state.motion)
-        self._locator: MultiContactLocator | None = None
         self._multi_tracker: MultiContactTracker | None = None
-        if scene.contacts > 1:
-            self._locator = MultiContactLocator(
-                scene, self._buffers, self._batch_args, self._estimate_builder
-            )
+        if self._locator is not None:
             self._multi_tracker = MultiContactTracker(
                 scene, self._buffers, self._locator, ContactSetBuilder(scene, self._estimate_builder)
             )
-        self._scene_sensors = (
-            scene.base_wrench is not None,
-            scene.joint_torque is not None,
-            scene.wrist_wrench is not None,
-        )
-        self._sensor_sizes = (6, self._joints, 6)
-        self._sample_fields = SampleFields(self._scene_sensors, self._joints)
-        self._zeros = tuple(np.zeros(size) for size in self._sensor_sizes)
-        self._thresholds = SampleThresholds(scene, self._sensor_sizes)
-        self._detectable = DetectableForce(
-            constants, self._buffers.state, self._sensor_sizes, self._thresholds
-        )
         self._payload = PickedUpPayload(scene, self._buffers) if scene.picks_up else None
         self._block_runner: BlockRunner | None = None
         self.reset()
@@ -292,158 +238,6 @@ class Localizer:
             self._number = int(scalars[NUMBER])
         return (_EVENTS[phase],), ()
 
-    def locate(
-        self,
-        q: np.ndarray,
-        *,
-        base_wrench: np.ndarray | None = None,
-        joint_torque: np.ndarray | None = None,
-        wrist_wrench: np.ndarray | None = None,
-        external: bool = True,
-        detect: bool = True,
-        contacts: int = 1,
-        known: Sequence[Contact] = (),
-        drift: float | None = None,
-    ) -> Estimate:
-        """Explain one measurement of an arm at rest, independent of other samples.
-
-        Args:
-            q: Joint positions, shape (n,) [rad].
-            base_wrench: Wrench of the arm on the base sensor, base axes, about the base origin, shape (6,)
-                [N, Nm].
-            joint_torque: Torque of each actuator, shape (n,) [Nm].
-            wrist_wrench: Wrench on the wrist sensor of everything distal to it, base axes, base origin, shape
-                (6,) [N, Nm].
-            external: Whether the arm's weight has been subtracted from the measurements already (a contact
-                wrench w leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is subtracted
-                here.
-            detect: Return `none` if noise alone explains the measurement; False: a contact is known to be
-                present, and whether the measurement can be is not checked.
-            contacts: Largest number of simultaneous contacts, 1 to 3. With more than one, the status is
-                `multiple` if several explain the measurement better than one.
-            known: Contacts that are already present, from an estimate in the same posture: their positions
-                have their covariances as prior. They count towards `contacts`.
-            drift: Standard deviation of the change of each component of their forces since then [N]; None:
-                their forces are free. The smaller, the better a new contact is distinguished from them.
-
-        Raises:
-            ValueError: an argument has the wrong shape, is not finite or cannot be (units mistaken, values
-                beyond the joints' or the sensor's limits, `external` mistaken), or the scene has no such
-                sensor.
-        """
-        usable = self._given_sensors((base_wrench, joint_torque, wrist_wrench))
-        look_for_sets = contacts != 1 or len(known) > 0
-        if look_for_sets:
-            self._locator = self._locator or MultiContactLocator(
-                self.scene, self._buffers, self._batch_args, self._estimate_builder
-            )
-            self._locator.check(contacts, known, drift)
-        threshold = self._thresholds.threshold(usable) if detect else -1.0
-        count, no_contact_energy = self._locate_once(
-            self._sample_fields.values(q, joint_torque, base_wrench, wrist_wrench),
-            external,
-            usable,
-            threshold,
-        )
-        self._estimate_builder.detectable = self._detectable.of_measurement(usable)
-        if detect:
-            self._refuse_implausible("", q, (base_wrench, joint_torque, wrist_wrench), external)
-        if no_contact_energy <= threshold:
-            return self._estimate_builder.without_contacts(0.0, "none")
-        estimate = self._estimate_builder.contacts(0.0, self._buffers.state, self._rows, count)
-        if look_for_sets and self._locator is not None:
-            multiple = self._locator.explain(usable, contacts, known, drift)
-            if known or len(multiple.contacts) > 1:
-                return multiple
-        return estimate
-
-    def _refuse_implausible(
-        self, row: str, q: np.ndarray, sensors: Sequence[np.ndarray | None], external: bool
-    ) -> None:
-        """Raise a ValueError if a measurement cannot be; `row` is added to the name of its field."""
-        base, torque, wrist = (None if value is None else np.asarray(value) for value in sensors)
-        found = self._plausible.request(np.asarray(q), base, torque, wrist, external)
-        if found is not None:
-            raise ValueError(f"{found.field}{row}: {found.reason}")
-
-    def _locate_once(
-        self,
-        values: tuple[np.ndarray, ...],
-        external: bool,
-        usable: tuple[bool, bool, bool],
-        threshold: float,
-    ) -> tuple[int, float]:
-        """`contactsense.runtime.kernels.locate_once`; values of other array types are converted.
-
-        Raises:
-            ValueError: a value cannot be converted; the message names the argument.
-        """
-        if self._intrinsic:
-            return self._locate_once_intrinsic(values, external, usable)
-        options = (external, *usable, self._gate, threshold, self._rows)
-        try:
-            count, no_contact_energy = locate_once(*self._sample_args, *values, *options)
-        except TypeError:
-            count = -1
-        if count < 0:
-            count, no_contact_energy = locate_once(
-                *self._sample_args, *self._sample_fields.checked(*values), *options
-            )
-        return count, no_contact_energy
-
-    def _locate_once_intrinsic(
-        self, values: tuple[np.ndarray, ...], external: bool, usable: tuple[bool, bool, bool]
-    ) -> tuple[int, float]:
-        q, torque, base, wrist = (value[None] for value in self._sample_fields.checked(*values))
-        energy, link_probability = np.empty(1), np.empty((1, self._links))
-        batch_intrinsic(
-            *self._batch_args, q, torque, base, wrist, external, *usable[1:], energy, link_probability,
-            self._rows[:1],
-        )  # fmt: skip
-        return int(self._rows[0, 0] >= 0.0), float(energy[0])
-
-    def locate_batch(
-        self,
-        q: np.ndarray,
-        *,
-        base_wrench: np.ndarray | None = None,
-        joint_torque: np.ndarray | None = None,
-        wrist_wrench: np.ndarray | None = None,
-        external: bool = True,
-    ) -> Batch:
-        """Explain N measurements of an arm at rest, each by its most probable contact.
-
-        The arguments are those of `locate` with a leading axis N. `detected` reports whether a sample shows a
-        contact; the best candidate is returned in any case.
-        """
-        q = checked_rows("q", q, None, self._joints, "rad")
-        n = len(q)
-        given = (base_wrench, joint_torque, wrist_wrench)
-        usable = self._given_sensors(given)
-        values = [
-            np.zeros((n, self._sensor_sizes[i]))
-            if value is None
-            else checked_rows(SENSORS[i], value, n, self._sensor_sizes[i], "N, Nm")
-            for i, value in enumerate(given)
-        ]
-        rows = [None if value is None else values[k] for k, value in enumerate(given)]
-        base, torque, wrist = rows
-        for i in self._plausible.suspects(q, base, torque, wrist, external):
-            row = [None if value is None else value[i] for value in rows]
-            self._refuse_implausible(f"[{i}]", q[i], row, external)
-        no_contact_energy, link_probability, best = (
-            np.empty(n),
-            np.empty((n, self._links)),
-            np.empty((n, WIDTH)),
-        )
-        measured = (q, values[1], values[0], values[2], external)
-        found = (no_contact_energy, link_probability, best)
-        if self._intrinsic:
-            batch_intrinsic(*self._batch_args, *measured, *usable[1:], *found)
-        else:
-            batch(*self._batch_args, *measured, *usable, self._gate, *found, self._rows)
-        return batch_of(best, link_probability, no_contact_energy > self._thresholds.threshold(usable))
-
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a whole stream of samples, from its start."""
         self.reset()
@@ -505,16 +299,6 @@ class Localizer:
             reason = degraded_reason(flags, self._buffers.state.consistency, {}, 0.0)
             return self._estimate_builder.without_contacts(t, "degraded", reason)
         return self._estimate_builder.no_contact(t, self._detectable.after_change(self._usable()))
-
-    def _given_sensors(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
-        for name, value, in_scene in zip(SENSORS, given, self._scene_sensors, strict=True):
-            if value is not None and not in_scene:
-                raise ValueError(f"{name}: the scene has no such sensor, got a value")
-        if self._intrinsic and given[0] is None:
-            raise ValueError("base_wrench: expected a value, which method 'intrinsic' needs, got none")
-        if given[0] is None and given[1] is None:
-            raise ValueError("base_wrench, joint_torque: expected at least one of the two, got none")
-        return given[0] is not None, given[1] is not None, given[2] is not None
 
     def _warm_up(self) -> None:
         """Compile the sample path before the first sample."""

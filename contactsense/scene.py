@@ -103,7 +103,8 @@ class Scene(BaseModel):
     """Force/torque sensor between tool flange and tool; None: there is none. Its frame is given in the
     flange's frame."""
     touchable: tuple[str, ...] | None = None
-    """Names of the links that can be touched; None: all. The others take no computing time."""
+    """Names of the links that can be touched; None: all. The others take no computing time, and a touch there
+    is explained by none of these."""
     detail: Literal["coarse", "fine", "skin"] = "fine"
     """Level of detail of the surface. `coarse`: one or two bodies per link; `fine`: the fitted union of
     primitives; `skin`: the same, then the contact is moved onto the links' meshes."""

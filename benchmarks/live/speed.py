@@ -13,9 +13,11 @@ from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.benchmarks import options
+from contactsense.runtime.parallel_batch import usable_cores
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
 
+LARGE_BATCH = 100_000
 ROUNDS = 5
 """Number of alternating repetitions of each measurement and the reference; the median of all calls counts."""
 
@@ -41,13 +43,16 @@ def speed(as_json: bool) -> None:
     for touch in motion.touches:
         touched[touch.first : touch.last] = True
     times: dict[str, list[float]] = {"rnea": [], "step": [], "step in contact": [], "locate": [], "batch": []}
+    large, speedup = np.resize(np.flatnonzero(touched), LARGE_BATCH), []
     for _ in track(range(ROUNDS), description="timing", console=Console(stderr=True), transient=True):
         times["rnea"] += _each(yardstick, 20_000)
         steps = _steps(localizer, motion)
         times["step"] += steps
         times["step in contact"] += [s for s, hit in zip(steps, touched, strict=True) if hit]
         times["locate"] += _locates(localizer, motion, np.flatnonzero(touched)[::5])
-        times["batch"].append(_batch(localizer, motion, touched))
+        one_core = _batch(localizer, motion, large, 1)
+        times["batch"].append(one_core)
+        speedup.append(one_core / _batch(localizer, motion, large, None))
     p50 = {name: float(np.median(values)) for name, values in times.items()}
     p99 = {name: float(np.quantile(values, 0.99)) for name, values in times.items()}
     result = {
@@ -55,6 +60,8 @@ def speed(as_json: bool) -> None:
         "microseconds_p99": {name: 1e6 * value for name, value in p99.items()},
         "multiple_of_rnea_p50": {name: value / p50["rnea"] for name, value in p50.items()},
         "batch_samples_per_second": 1.0 / p50["batch"],
+        "cores": usable_cores(),
+        "batch_speedup_on_all_cores": float(np.median(speedup)),
     }
     if as_json:
         click.echo(json.dumps(result, indent=1))
@@ -68,7 +75,10 @@ def speed(as_json: bool) -> None:
         )
     console = Console(width=100)
     console.print(table)
-    console.print(f"locate_batch: {1.0 / p50['batch']:,.0f} samples a second on one core")
+    console.print(
+        f"locate_batch, {LARGE_BATCH:,} samples: {1.0 / p50['batch']:,.0f} a second on one core, "
+        f"{np.median(speedup):.2f} times as many on {usable_cores()}"
+    )
 
 
 def _yardstick() -> Callable[[], object]:
@@ -122,8 +132,8 @@ def _locates(localizer: Localizer, motion: Motion, rows: np.ndarray) -> list[flo
     return result
 
 
-def _batch(localizer: Localizer, motion: Motion, rows: np.ndarray) -> float:
+def _batch(localizer: Localizer, motion: Motion, rows: np.ndarray, jobs: int | None) -> float:
     q, wrench, torque = motion.q[rows], motion.base_wrench[rows], motion.joint_torque[rows]
     start = time.perf_counter()
-    localizer.locate_batch(q, base_wrench=wrench, joint_torque=torque, external=False)
+    localizer.locate_batch(q, base_wrench=wrench, joint_torque=torque, external=False, jobs=jobs)
     return (time.perf_counter() - start) / len(q)

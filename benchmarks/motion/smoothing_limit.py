@@ -19,12 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense.benchmarks.motion.streams import Stream
-from contactsense.localization.posterior import Prior
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.place_search import LinkMeasurement
 from contactsense.service.analysis.summarize import Summarizer
+from contactsense.solvers.posterior import Prior
 
 
 @dataclass(frozen=True)

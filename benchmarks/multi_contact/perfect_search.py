@@ -10,7 +10,6 @@ import numpy as np
 
 from contactsense import Contact, Estimate, Scene
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES
-from contactsense.localization.posterior import pushing_force
 from contactsense.multi_contact.buffers import MultiContactBuffers, PrimitiveFrames
 from contactsense.multi_contact.contact_set_search import (
     initialize_known_contact,
@@ -29,6 +28,7 @@ from contactsense.runtime.kernels import locate_once
 from contactsense.runtime.result_rows import WIDTH
 from contactsense.runtime.skin_grids import skin_of
 from contactsense.runtime.state import empty_state
+from contactsense.solvers.posterior import pushing_force
 
 MAX_RESTARTS = 10
 """Maximum number of restarts of the optimization from where it stopped, so that its step limit does not

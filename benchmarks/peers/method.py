@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from contactsense import Localizer, Scene
-from contactsense.localizer import Method as Decision
+from contactsense.static_localizer import Method as Decision
 
 
 class Answers(NamedTuple):
@@ -55,7 +55,7 @@ class Located:
     def __call__(
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
     ) -> Answers:
-        batch = self._localizer.locate_batch(q, base_wrench=base_wrench, joint_torque=joint_torque)
+        batch = self._localizer.locate_batch(q, base_wrench=base_wrench, joint_torque=joint_torque, jobs=1)
         return Answers(
             batch.link, batch.point_base, batch.force_base, batch.probability, batch.link_probability
         )

@@ -29,7 +29,7 @@ from contactsense.solvers import (
     TaperedCapsule,
 )
 from contactsense.solvers.gradient_descent import descend
-from contactsense.solvers.solve import problem_of, run_kernel
+from contactsense.solvers.solve_wrench import problem_of, run_kernel
 from contactsense.solvers.surface import Problem
 
 _ROUNDS = 12

@@ -6,9 +6,9 @@ face of the base cannot.
 
 import math
 
-from contactsense.localization.posterior import STUDENT_DOF, tangents
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import out_of_reach, project
+from contactsense.solvers.posterior import STUDENT_DOF, tangents
 
 QUADRATURE_RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
 """Radii (in standard deviations) and weights of a quadrature for a normal distribution on a plane.

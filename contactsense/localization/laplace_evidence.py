@@ -21,7 +21,7 @@ A block of cells is processed in parallel, one cell per SIMD lane
 
 import math
 
-from contactsense.localization.posterior import STUDENT_DOF, tangents
+from contactsense.solvers.posterior import STUDENT_DOF, tangents
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,

@@ -5,10 +5,10 @@ import math
 
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.candidate_buffers import store_candidate
-from contactsense.localization.line_of_action import enter_surface
-from contactsense.localization.posterior import energy_at, inflate_by_surface_deviation, pushing_force
-from contactsense.localization.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.line_of_action import enter_surface
+from contactsense.solvers.posterior import energy_at, inflate_by_surface_deviation, pushing_force
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
 
 
 @fused_kernel

@@ -5,7 +5,7 @@ it (`contactsense.localization.line_of_action_search`). Otherwise the whole surf
 (`contactsense.localization.surface_search`). The candidates on all links compete by log evidence: fit of
 the torques and of the base wrench, prior of force and torsion, and the width of the posterior (theory,
 sections 3 to 5). So does "none of these": a wrench that is not caused by a single push on a touchable
-link.
+link, but by a pull, a couple, several contacts, or a touch on a link that the scene leaves out.
 """
 
 import math
@@ -18,13 +18,13 @@ from contactsense.kinematics.model import Motion
 from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_of_action_search import moment_variance, search_along_line_of_action
-from contactsense.localization.posterior import Prior, SearchBuffers
-from contactsense.localization.posterior_mode import ENERGY_CUTOFF
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.localization.surface_search import search_surface
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.solvers.posterior import Prior, SearchBuffers
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LINE_OF_ACTION_DEVIATION = 0.008
 """The line of action counts as known if its position has a smaller standard deviation than this [m]."""
@@ -45,6 +45,7 @@ def locate_contacts(
     surfaces: Surfaces,
     samples: SurfaceSamples,
     subsamples: SurfaceSubsamples,
+    searched: np.ndarray,
     touchable: np.ndarray,
     depth: np.ndarray,
     motion: Motion,
@@ -61,7 +62,9 @@ def locate_contacts(
     Args:
         surfaces: Primitives in the frames of their links.
         samples, subsamples: Samples of their surface.
-        touchable: 1 for links that can be touched, else 0, shape (links,), int64.
+        searched: 1 for links that are searched, else 0, shape (links,), int64.
+        touchable: 1 for links that can be touched in the scene, else 0, shape (links,), int64. A touch on
+            another link is "none of these".
         depth: Number of joints between the base and each link, shape (links,), int64.
         motion: Poses, see `contactsense.kinematics.forward_kinematics.forward_kinematics`.
         hypotheses: One fused wrench per link, see `contactsense.isolation.link_hypotheses.isolate`.
@@ -75,7 +78,7 @@ def locate_contacts(
     Returns:
         Number of candidates; 0 if no link can explain the measurement by a push.
     """
-    link = _best_link(touchable, hypotheses)
+    link = _best_link(searched, 1, hypotheses)
     if link < 0:
         link_probability[:] = 0.0
         return 0
@@ -83,7 +86,13 @@ def locate_contacts(
     line_of_action_known = wrench_measured and _is_line_of_action_known(
         hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]
     )
-    none_evidence = _none_of_these_evidence(hypotheses, link, prior, buffers)
+    other_link = _best_link(touchable, 0, hypotheses)
+    if other_link < 0 or hypotheses.energy[link] <= hypotheses.energy[other_link]:
+        other_link = link
+    none_evidence = _none_of_these_evidence(hypotheses, other_link, prior, buffers)
+    if _is_hopeless(hypotheses.energy[link], 0.0, none_evidence):
+        link_probability[:] = 0.0
+        return 0
     surface_deviation, log_share = prior.surface_deviation, 0.0
     for _ in range(2):
         assumed = Prior(
@@ -95,7 +104,7 @@ def locate_contacts(
             prior.area,
         )
         if line_of_action_known:
-            count = search_along_line_of_action(surfaces, touchable, hypotheses, assumed, buffers, candidates)
+            count = search_along_line_of_action(surfaces, searched, hypotheses, assumed, buffers, candidates)
             _apply_accessibility(surfaces, candidates, count, assumed)
             cells.unassigned_evidence[:] = -math.inf
         else:
@@ -103,7 +112,7 @@ def locate_contacts(
                 surfaces,
                 samples,
                 subsamples,
-                touchable,
+                searched,
                 depth,
                 motion,
                 hypotheses,
@@ -117,6 +126,8 @@ def locate_contacts(
         if _add_log_prior(candidates, count, cells.unassigned_evidence, log_share) >= none_evidence:
             break
         # Not explained with the usual surface deviation: assume a rough surface.
+        if _is_hopeless(hypotheses.energy[link], math.log(ROUGH_SURFACE_PROBABILITY), none_evidence):
+            break
         surface_deviation, log_share = (
             ROUGH_SURFACE_FACTOR * prior.surface_deviation,
             math.log(ROUGH_SURFACE_PROBABILITY),
@@ -134,6 +145,13 @@ def locate_contacts(
 
 
 @fused_kernel
+def _is_hopeless(link_energy, log_share, none_evidence):  # type: ignore[no-untyped-def]
+    """Whether no contact on the best link can reach the evidence of "none of these": its prior integrates to
+    one, and the likelihood on a link is at most exp(-link_energy)."""
+    return log_share - link_energy < none_evidence - ENERGY_CUTOFF
+
+
+@fused_kernel
 def _add_log_prior(candidates, count, unassigned_evidence, log_share):  # type: ignore[no-untyped-def]
     """Add a log prior to the evidence of all candidates; returns the best evidence."""
     best = -math.inf
@@ -147,11 +165,11 @@ def _add_log_prior(candidates, count, unassigned_evidence, log_share):  # type: 
 
 
 @fused_kernel
-def _best_link(touchable, hypotheses):  # type: ignore[no-untyped-def]
-    """Touchable link with the lowest energy, -1 if there is none."""
+def _best_link(marks, mark, hypotheses):  # type: ignore[no-untyped-def]
+    """Link with the lowest energy among those with that mark, -1 if there is none."""
     best = -1
-    for link in range(touchable.shape[0]):
-        if touchable[link] and (best < 0 or hypotheses.energy[link] < hypotheses.energy[best]):
+    for link in range(marks.shape[0]):
+        if marks[link] == mark and (best < 0 or hypotheses.energy[link] < hypotheses.energy[best]):
             best = link
     return best
 

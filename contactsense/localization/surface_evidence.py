@@ -13,9 +13,9 @@ from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.energy_bound import exclude_cells
 from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
 from contactsense.localization.line_of_action_search import moment_variance
-from contactsense.localization.posterior_mode import ENERGY_CUTOFF
 from contactsense.localization.simd_layout import EXCLUDED, LANES, NX, NY, NZ, SPREAD, VARIANCE, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 SUBDIVIDE_WITHIN = 3.0
 """Cells whose log evidence is within this of the best are replaced by their subsamples ..."""

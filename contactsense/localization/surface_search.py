@@ -8,12 +8,12 @@ import math
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.accessibility import accessible_share, clearance
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, rotate_into, store_candidate
-from contactsense.localization.posterior import pushing_force
-from contactsense.localization.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
 from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.surface.union import nearest
+from contactsense.solvers.posterior import pushing_force
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
 
 MERGE_DISTANCE = 0.04
 """Cells within this distance of a candidate's point belong to the candidate [m]."""

@@ -9,13 +9,13 @@ import math
 
 from contactsense.kinematics.linalg.cholesky import invert_factored
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
-from contactsense.localization.posterior import STUDENT_DOF, Prior, pushing_force
-from contactsense.localization.posterior_mode import ENERGY_CUTOFF
 from contactsense.multi_contact.buffers import UNKNOWNS, MultiContactBuffers, PrimitiveFrames
 from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
 from contactsense.multi_contact.seeding import find_seeds, initial_forces, initialize_seeding
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.solvers.posterior import STUDENT_DOF, Prior, pushing_force
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 FURTHER_CONTACT_ODDS = 0.02
 """Prior odds of one more contact."""

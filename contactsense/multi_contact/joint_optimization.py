@@ -1,7 +1,7 @@
 """Joint optimization of several simultaneous contacts: points, forces and torsions, by damped
 Gauss-Newton.
 
-The energy is that of `contactsense.localization.posterior`, with one measurement for all contacts:
+The energy is that of `contactsense.solvers.posterior`, with one measurement for all contacts:
 
     E = 1/2 |y - sum_i A_i w_i|^2 + sum_i [ priors of force, friction ratio, torsion and surface offset ]
 
@@ -16,10 +16,10 @@ prior. A tracked contact also has a prior of its point, and may have one of its 
 import math
 
 from contactsense.kinematics.linalg.cholesky import solve_in_place
-from contactsense.localization.posterior import STUDENT_DOF, tangents
 from contactsense.multi_contact.buffers import UNKNOWNS
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import curvature, project
+from contactsense.solvers.posterior import STUDENT_DOF, tangents
 
 MAX_ITERATIONS = 20
 """Maximum number of Gauss-Newton steps."""

@@ -7,7 +7,6 @@ from contactsense.detection.thresholds import LONGEST_STEP_MS
 from contactsense.isolation.link_hypotheses import Hypotheses, SensorModel
 from contactsense.kinematics.model import Model, Motion
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
-from contactsense.localization.posterior import Prior, SearchBuffers
 from contactsense.localization.simd_layout import LANES, LENGTH
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
@@ -24,6 +23,7 @@ from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import StreamState
+from contactsense.solvers.posterior import Prior, SearchBuffers
 from contactsense.tracking.contact_tracker import WINDOWS, ContactTrack
 
 

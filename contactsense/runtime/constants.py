@@ -8,7 +8,6 @@ import numpy as np
 from contactsense.detection.thresholds import stream_thresholds
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Model, build_model
-from contactsense.localization.posterior import Prior
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots import Inertia, Link, Robot
@@ -17,6 +16,7 @@ from contactsense.robots.tool import join_inertia, move_inertia
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
+from contactsense.solvers.posterior import Prior
 
 
 class Constants(NamedTuple):

@@ -156,6 +156,7 @@ def explain(
         constants.samples,
         constants.subsamples,
         state.candidate_links,
+        constants.touchable,
         constants.sensors.depth,
         state.motion,
         state.hypotheses,

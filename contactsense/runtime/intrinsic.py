@@ -6,7 +6,7 @@ import numpy as np
 from contactsense.kinematics.spatial import add, cross, rotate, rotate_back, subtract, vector
 from contactsense.localization.intrinsic_contact import centroid_covariance, contact_on_link
 from contactsense.robots.jit.array_views import copy
-from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.runtime.buffer_views import buffer_views
 from contactsense.runtime.constants import Constants
@@ -97,7 +97,7 @@ def localize_intrinsic(
     return count
 
 
-@kernel
+@nogil_kernel
 def batch_intrinsic(
     floats: np.ndarray,
     integers: np.ndarray,

@@ -8,7 +8,7 @@ import numpy as np
 from contactsense.residuals.bias_filter import TIME_SINCE_CONTACT
 from contactsense.residuals.equations_of_motion import wrench_difference
 from contactsense.robots.jit.array_views import copy
-from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.runtime.buffer_views import buffer_views
 from contactsense.runtime.constants import Constants
@@ -257,7 +257,7 @@ def locate_once(
     return write_candidates(constants, state, skin, count, rows), no_contact_energy
 
 
-@kernel
+@nogil_kernel
 def batch(
     floats: np.ndarray,
     integers: np.ndarray,

@@ -8,7 +8,6 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import Hypotheses, empty_hypotheses
 from contactsense.kinematics.model import Model, Motion, empty_motion
 from contactsense.localization.candidate_buffers import Candidates, empty_candidates
-from contactsense.localization.posterior import SearchBuffers, empty_search_buffers
 from contactsense.localization.surface_cells import SurfaceCells, empty_surface_cells
 from contactsense.residuals.bias_filter import BiasFilter, empty_bias_filter
 from contactsense.residuals.friction_at_rest import FrictionAtRest, empty_friction_at_rest
@@ -19,6 +18,7 @@ from contactsense.residuals.sensor_consistency import SensorConsistency, empty_c
 from contactsense.residuals.timing_error import TimingError, empty_timing_error
 from contactsense.runtime.constants import Constants
 from contactsense.sensors.stream_state import StreamState, empty_stream_state
+from contactsense.solvers.posterior import SearchBuffers, empty_search_buffers
 from contactsense.tracking.contact_tracker import ContactTrack, empty_contact_track
 
 

@@ -4,52 +4,56 @@ Given force and moment (f, m) on a convex body, find its contact centroid c: m =
 f.n(c) < 0.
 """
 
-from contactsense.solvers.compound_bodies import Compound, Part
-from contactsense.solvers.packed_primitive import solve_primitive
-from contactsense.solvers.paper_surfaces import Cone, Cylinder, Ellipsoid, Placed, Plane, Sphere
-from contactsense.solvers.rounded_bodies import (
-    Box,
-    Capsule,
-    Fingertip,
-    Polytope,
-    Revolved,
-    TaperedCapsule,
-    place,
-)
-from contactsense.solvers.sensitivity import Sensitivity, sensitivity
-from contactsense.solvers.smooth_bodies import Convex, Paraboloid, Superquadric
-from contactsense.solvers.solution import Status
-from contactsense.solvers.solve import METHODS, Method, Solution, Solutions, solve, solve_batch
-from contactsense.solvers.surface import Surface
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "METHODS",
-    "Box",
-    "Capsule",
-    "Compound",
-    "Cone",
-    "Convex",
-    "Cylinder",
-    "Ellipsoid",
-    "Fingertip",
-    "Method",
-    "Paraboloid",
-    "Part",
-    "Placed",
-    "Plane",
-    "Polytope",
-    "Revolved",
-    "Sensitivity",
-    "Solution",
-    "Solutions",
-    "Sphere",
-    "Status",
-    "Superquadric",
-    "Surface",
-    "TaperedCapsule",
-    "place",
-    "sensitivity",
-    "solve",
-    "solve_batch",
-    "solve_primitive",
-]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "compound_bodies": ["Compound", "Part"],
+        "most_probable": ["ContactPrior", "ProbableContact"],
+        "packed_primitive": ["solve_primitive"],
+        "paper_surfaces": ["Cone", "Cylinder", "Ellipsoid", "Placed", "Plane", "Sphere"],
+        "rounded_bodies": ["Box", "Capsule", "Fingertip", "Polytope", "Revolved", "TaperedCapsule", "place"],
+        "centroid_sensitivity": ["Sensitivity", "sensitivity"],
+        "smooth_bodies": ["Convex", "Paraboloid", "Superquadric"],
+        "solution": ["Status"],
+        "solve_contact": ["solve"],
+        "solve_wrench": ["METHODS", "Method", "Solution", "Solutions", "solve_batch"],
+        "surface": ["Surface"],
+    },
+)
+
+if TYPE_CHECKING:
+    from contactsense.solvers.centroid_sensitivity import Sensitivity as Sensitivity
+    from contactsense.solvers.centroid_sensitivity import sensitivity as sensitivity
+    from contactsense.solvers.compound_bodies import Compound as Compound
+    from contactsense.solvers.compound_bodies import Part as Part
+    from contactsense.solvers.most_probable import ContactPrior as ContactPrior
+    from contactsense.solvers.most_probable import ProbableContact as ProbableContact
+    from contactsense.solvers.packed_primitive import solve_primitive as solve_primitive
+    from contactsense.solvers.paper_surfaces import Cone as Cone
+    from contactsense.solvers.paper_surfaces import Cylinder as Cylinder
+    from contactsense.solvers.paper_surfaces import Ellipsoid as Ellipsoid
+    from contactsense.solvers.paper_surfaces import Placed as Placed
+    from contactsense.solvers.paper_surfaces import Plane as Plane
+    from contactsense.solvers.paper_surfaces import Sphere as Sphere
+    from contactsense.solvers.rounded_bodies import Box as Box
+    from contactsense.solvers.rounded_bodies import Capsule as Capsule
+    from contactsense.solvers.rounded_bodies import Fingertip as Fingertip
+    from contactsense.solvers.rounded_bodies import Polytope as Polytope
+    from contactsense.solvers.rounded_bodies import Revolved as Revolved
+    from contactsense.solvers.rounded_bodies import TaperedCapsule as TaperedCapsule
+    from contactsense.solvers.rounded_bodies import place as place
+    from contactsense.solvers.smooth_bodies import Convex as Convex
+    from contactsense.solvers.smooth_bodies import Paraboloid as Paraboloid
+    from contactsense.solvers.smooth_bodies import Superquadric as Superquadric
+    from contactsense.solvers.solution import Status as Status
+    from contactsense.solvers.solve_contact import solve as solve
+    from contactsense.solvers.solve_wrench import METHODS as METHODS
+    from contactsense.solvers.solve_wrench import Method as Method
+    from contactsense.solvers.solve_wrench import Solution as Solution
+    from contactsense.solvers.solve_wrench import Solutions as Solutions
+    from contactsense.solvers.solve_wrench import solve_batch as solve_batch
+    from contactsense.solvers.surface import Surface as Surface

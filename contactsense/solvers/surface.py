@@ -5,6 +5,7 @@ from dataclasses import fields
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from contactsense.robots.surface.convex_primitives import curvature
 from contactsense.solvers.solution import Answer
@@ -49,6 +50,19 @@ def same_fields(one: Any, other: object) -> bool:
         else bool(getattr(one, name) == getattr(other, name))
         for name in names
     )
+
+
+def vectors(name: str, values: ArrayLike, dimensions: int) -> np.ndarray:
+    """A copy of one vector (`dimensions` 1) or of rows of them (2).
+
+    Raises:
+        ValueError: It has another shape; the message names it.
+    """
+    array = np.array(values, dtype=float)
+    if array.ndim != dimensions or array.shape[-1] != 3:
+        expected = "(3,)" if dimensions == 1 else "(N, 3)"
+        raise ValueError(f"{name}: expected shape {expected}, not {array.shape}")
+    return array
 
 
 def positive(surface: object, **lengths: float) -> None:

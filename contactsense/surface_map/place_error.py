@@ -17,8 +17,8 @@ such a push.
 
 import numpy as np
 
-from contactsense.localization.posterior import STUDENT_DOF, Prior
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
+from contactsense.solvers.posterior import STUDENT_DOF, Prior
 from contactsense.surface_map.places import Places
 from contactsense.surface_map.sensor_response import wrench
 

@@ -1,4 +1,4 @@
-"""Six linear equations by L D L^T, for the Newton step of `contactsense.localization.posterior_mode`; and the
+"""Six linear equations by L D L^T, for the Newton step of `contactsense.solvers.posterior_mode`; and the
 inverse of a covariance."""
 
 import math

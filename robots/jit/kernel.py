@@ -19,6 +19,7 @@ from numba.core.caching import IndexDataCacheFile
 _FUSED = frozenset({"contract", "reassoc", "nsz", "arcp"})
 _INLINED = "inlined"
 _ALLOCATING = "allocating"
+_NOGIL = "nogil"
 _ROOT = str(Path(__file__).parents[2])
 _SOURCES: dict[Any, tuple[Callable[..., Any], frozenset[str]]] = {}
 """Compiled function -> its source and its compile options."""
@@ -63,6 +64,11 @@ def inlined_fused_kernel(function: Callable[..., Any]) -> Any:
     return _compile(function, _FUSED | {_INLINED})
 
 
+def nogil_kernel(function: Callable[..., Any]) -> Any:
+    """Like `kernel`, but other threads run Python meanwhile: for calls that take milliseconds."""
+    return _compile(function, frozenset({_NOGIL}))
+
+
 def allocating_kernel(function: Callable[..., Any]) -> Any:
     """Like `kernel`, but may allocate arrays and draw random numbers: for benchmarks and offline work."""
     return _compile(function, frozenset({_ALLOCATING}))
@@ -85,6 +91,7 @@ def _compile(function: Callable[..., Any], compile_options: frozenset[str]) -> A
         "error_model": "numpy",
         "fastmath": set(compile_options & _FUSED) or False,
         "forceinline": _INLINED in compile_options,
+        "nogil": _NOGIL in compile_options,
         # Numba's run-time, which allocates and counts references.
         "_nrt": _ALLOCATING in compile_options,
     }

@@ -13,10 +13,10 @@ from contactsense.localization.accessibility import (
     clearance,
     is_mounting_face,
 )
-from contactsense.localization.posterior import Prior
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
+from contactsense.solvers.posterior import Prior
 
 _RADII, _WEIGHTS = (np.repeat(column, len(HEXAGON)) for column in zip(*QUADRATURE_RINGS, strict=True))
 _UNIT = _RADII[:, None] * np.tile(np.array(HEXAGON), (len(QUADRATURE_RINGS), 1))

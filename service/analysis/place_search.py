@@ -3,7 +3,7 @@
 In each window the force f and the torsion xi are free; the path of the place (one knot: a fixed place), the
 offset h of the real surface at its knots and the biases b of the sensors are shared.
 `contactsense.service.analysis.path_elimination` eliminates force and torsion; Gauss-Newton runs on what is
-shared. The priors are those of `contactsense.localization.posterior`; those of lean and torsion count once
+shared. The priors are those of `contactsense.solvers.posterior`; those of lean and torsion count once
 for the whole contact, as what a contact patch does in one window it does in the next.
 """
 
@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.localization.posterior import STUDENT_DOF, Prior
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.service.analysis.path_elimination import eliminate_forces, project_knots
+from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 ITERATIONS = 25
 FIRST_STEPS = 3

@@ -25,6 +25,7 @@ BENCHES = {
     "cells": "contactsense.benchmarks.accuracy.cells:cells",
     "franka": "contactsense.benchmarks.franka.command:franka",
     "map": "contactsense.benchmarks.accuracy.surface_map:surface_map",
+    "pruning": "contactsense.benchmarks.accuracy.pruning:pruning",
 }
 """Name -> import path of its click command."""
 

@@ -9,11 +9,11 @@ from contactsense import Scene
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.localization.accessibility import accessible_share, apply_accessibility, clearance
 from contactsense.localization.candidate_buffers import store_candidate
-from contactsense.localization.posterior import empty_search_buffers, tangents
 from contactsense.localization.ranking import place_primitives
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
+from contactsense.solvers.posterior import empty_search_buffers, tangents
 
 TRIALS = 4000
 

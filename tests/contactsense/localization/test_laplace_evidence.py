@@ -7,7 +7,6 @@ from scipy.special import logsumexp
 
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
-from contactsense.localization.posterior import STUDENT_DOF, Prior
 from contactsense.localization.simd_layout import (
     A00,
     A55,
@@ -22,6 +21,7 @@ from contactsense.localization.simd_layout import (
     W5,
     X,
 )
+from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 PRIOR = Prior(
     friction_ratio=0.25, torsion_lever=0.0025, surface_deviation=0.002, force=20.0, clearance=0.005, area=1.0

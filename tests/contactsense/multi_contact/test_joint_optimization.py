@@ -9,7 +9,6 @@ from scipy.optimize import least_squares
 from contactsense import Scene, robots
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
 from contactsense.kinematics.linalg.cholesky import invert_factored, solve_in_place
-from contactsense.localization.posterior import STUDENT_DOF
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact import joint_optimization
 from contactsense.multi_contact.buffers import UNKNOWNS, MultiContactBuffers, empty_multi_contact_buffers
@@ -19,6 +18,7 @@ from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.explanation import take_static_sample
 from contactsense.runtime.state import State, empty_state
+from contactsense.solvers.posterior import STUDENT_DOF
 from tests.plain_arm import plain_ur5e
 
 SHAPES: tuple[Primitive, ...] = (

@@ -7,9 +7,9 @@ from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.accuracy.surface_map import scene_of
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
-from contactsense.localization.posterior import STUDENT_DOF
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
 from contactsense.runtime.constants import build_constants
+from contactsense.solvers.posterior import STUDENT_DOF
 from contactsense.surface_map.cell_evidence import cell_evidence, posterior
 from contactsense.surface_map.expected_answers import expected_answers
 from contactsense.surface_map.noise_points import readings

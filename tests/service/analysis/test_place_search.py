@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contactsense.localization.posterior import Prior
 from contactsense.robots.primitives import Box
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
 from contactsense.service.analysis.place_accessibility import log_accessible_share
 from contactsense.service.analysis.place_search import LinkMeasurement, PlaceSearch, WindowSums
+from contactsense.solvers.posterior import Prior
 
 PRIOR = Prior(
     friction_ratio=0.25, torsion_lever=0.0025, surface_deviation=5e-4, force=20.0, clearance=0.02, area=1.0

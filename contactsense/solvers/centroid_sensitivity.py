@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from contactsense.solvers.level_set import tangents
-from contactsense.solvers.solve import Solution, solve
+from contactsense.solvers.solve_wrench import Solution, solve_wrench
 from contactsense.solvers.surface import Surface
 
 
@@ -94,7 +94,7 @@ def _twin(surface: Surface, solution: Solution) -> np.ndarray | None:
     f, m = solution.force, solution.moment
     u = f / np.linalg.norm(f)
     along = float(u @ m) * u
-    if solve(surface, f, m, "wrench_axis").ok:
+    if solve_wrench(surface, f, m, "wrench_axis").ok:
         return None
-    other = solve(surface, f, m - 2.0 * along, solution.method)
+    other = solve_wrench(surface, f, m - 2.0 * along, solution.method)
     return other.centroid - solution.centroid if other.ok else None

@@ -1,12 +1,12 @@
 """Most probable contact on one primitive, by Gauss-Newton on the surface; see
-`contactsense.localization.posterior`."""
+`contactsense.solvers.posterior`."""
 
 import math
 
 from contactsense.kinematics.linalg.ldl import ldl_solve
-from contactsense.localization.posterior import energy_at, inflate_by_surface_deviation, linearize, log_prior
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import curvature, project
+from contactsense.solvers.posterior import energy_at, inflate_by_surface_deviation, linearize, log_prior
 
 MAX_ITERATIONS = 12
 """Maximum number of Gauss-Newton steps."""

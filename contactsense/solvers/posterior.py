@@ -112,7 +112,7 @@ def energy_at(w, L, prior, inflation, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  
     """Energy of a contact; infinite if the force does not push.
 
     `inflation` is the result of `inflate_by_surface_deviation`. Other arguments as in
-    `contactsense.localization.posterior_mode.find_posterior_mode`.
+    `contactsense.solvers.posterior_mode.find_posterior_mode`.
     """
     normal_force = -(fx * nx + fy * ny + fz * nz)
     if normal_force <= 0.0:

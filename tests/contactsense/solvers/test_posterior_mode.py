@@ -5,8 +5,11 @@ import pytest
 from scipy.optimize import minimize
 
 from contactsense.kinematics.wrench_information import to_body_frame
-from contactsense.localization.line_of_action import enter_surface
-from contactsense.localization.posterior import (
+from contactsense.robots import Inertia, Link
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
+from contactsense.robots.surface.convex_primitives import pack, project
+from contactsense.solvers.line_of_action import enter_surface
+from contactsense.solvers.posterior import (
     STUDENT_DOF,
     Prior,
     empty_search_buffers,
@@ -14,10 +17,7 @@ from contactsense.localization.posterior import (
     inflate_by_surface_deviation,
     pushing_force,
 )
-from contactsense.localization.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, find_posterior_mode
-from contactsense.robots import Inertia, Link
-from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
-from contactsense.robots.surface.convex_primitives import pack, project
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, find_posterior_mode
 
 SHAPES: tuple[Primitive, ...] = (
     Sphere(center=(0, 0, 0), radius=0.05),

@@ -1,4 +1,4 @@
-"""`solve` and `solve_batch`: the contact on a surface from a wrench."""
+"""The contact on a surface that balances a wrench, one or many."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.solution import Status
-from contactsense.solvers.surface import Kernel, Problem, Surface, same_fields
+from contactsense.solvers.surface import Kernel, Problem, Surface, same_fields, vectors
 
 Method = Literal["exact", "wrench_axis", "newton", "descent"]
 
@@ -104,16 +104,7 @@ def problem_of(surface: Surface, method: Method) -> Problem:
     return found
 
 
-def _vectors(name: str, values: ArrayLike, dimensions: int) -> np.ndarray:
-    """A copy of one vector or of rows of them."""
-    array = np.array(values, dtype=float)
-    if array.ndim != dimensions or array.shape[-1] != 3:
-        expected = "(3,)" if dimensions == 1 else "(N, 3)"
-        raise ValueError(f"{name}: expected shape {expected}, not {array.shape}")
-    return array
-
-
-def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solution:
+def solve_wrench(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solution:
     """Find where a wrench enters a surface.
 
     Args:
@@ -130,10 +121,10 @@ def solve(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method 
     Raises:
         ValueError: The method is unknown, or cannot solve this surface; force or moment has another shape.
     """
-    f, m = _vectors("force", force, 1), _vectors("moment", moment, 1)
+    f, m = vectors("force", force, 1), vectors("moment", moment, 1)
     if isinstance(surface, Placed):
         R, p = surface.rotation, surface.origin
-        local = solve(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
+        local = solve_wrench(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
         return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f, moment=m)
     solver, size = problem_of(surface, method)
     status, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(
@@ -167,15 +158,15 @@ def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: M
         surface: The surface.
         force: Forces on the body [N], shape (N, 3).
         moment: Moments on the body about the frame's origin [Nm], shape (N, 3).
-        method: As for `solve`.
+        method: As for `solve_wrench`.
 
     Returns:
         One solution per row, in the frame of the wrenches.
 
     Raises:
-        ValueError: As for `solve`; or there are not as many moments as forces.
+        ValueError: As for `solve_wrench`; or there are not as many moments as forces.
     """
-    f, m = _vectors("force", force, 2), _vectors("moment", moment, 2)
+    f, m = vectors("force", force, 2), vectors("moment", moment, 2)
     if len(f) != len(m):
         raise ValueError(f"moment: expected {len(f)} rows, as many as of force, not {len(m)}")
     if isinstance(surface, Placed):

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactsense.localization.line_of_action import ENTRY_TOLERANCE, enter_surface
 from contactsense.robots import Inertia, Link
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import Surfaces, pack, project
+from contactsense.solvers.line_of_action import ENTRY_TOLERANCE, enter_surface
 
 SHAPES: tuple[Primitive, ...] = (
     Sphere(center=(0, 0, 0), radius=0.05),

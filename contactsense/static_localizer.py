@@ -1,0 +1,247 @@
+"""`StaticLocalizer`: explains measurements of an arm at rest, each independent of all others."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from contactsense.detection.thresholds import SampleThresholds
+from contactsense.localization.candidate_buffers import MAX_CANDIDATES
+from contactsense.multi_contact.locator import MultiContactLocator
+from contactsense.output.batch import Batch, batch_of
+from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.runtime.buffers import KernelBuffers
+from contactsense.runtime.constants import build_constants
+from contactsense.runtime.detectable import DetectableForce
+from contactsense.runtime.intrinsic import batch_intrinsic
+from contactsense.runtime.kernels import batch, locate_once
+from contactsense.runtime.parallel_batch import explain_rows
+from contactsense.runtime.plausibility import PlausibleLimits
+from contactsense.runtime.result_rows import WIDTH
+from contactsense.runtime.skin_grids import skin_of
+from contactsense.runtime.state import empty_state
+from contactsense.scene import Scene
+from contactsense.sensors.sample_fields import SENSORS, SampleFields
+from contactsense.sensors.validation import checked_rows
+from contactsense.types import Contact, Estimate
+
+Method = Literal["joint", "torques_first", "intrinsic"]
+"""How link and position are estimated. `joint`: together. `torques_first`: the link from the evidence of base
+wrench and torques alone, then the position on it. `intrinsic`: the link likewise (Eberman & Salisbury 1989),
+then the closed form of Bicchi, Salisbury & Brock (1993) on its primitives; it needs a base sensor and knows
+no probabilities. The last two are baselines for comparison."""
+
+
+class StaticLocalizer:
+    """The part of `contactsense.Localizer` that explains single measurements. It holds what both parts need:
+    constants, state and work space of the kernels."""
+
+    def __init__(self, scene: Scene, method: Method) -> None:
+        """Build everything that does not depend on a stream. Arguments and errors as for
+        `contactsense.Localizer`."""
+        if not isinstance(scene, Scene):
+            raise TypeError(
+                f"scene: expected a Scene, as in Localizer(Scene(robot='ur5e')), got {scene!r:.60}"
+            )
+        if method == "intrinsic" and (scene.base_wrench is None or scene.contacts > 1):
+            raise ValueError(
+                "method: 'intrinsic' needs base_wrench and contacts: 1 in the scene, got "
+                f"{'no base_wrench' if scene.base_wrench is None else f'contacts: {scene.contacts}'}"
+            )
+        self.scene = scene
+        self._gate = method != "joint"
+        self._intrinsic = method == "intrinsic"
+        constants = build_constants(scene)
+        self._buffers = KernelBuffers(constants, empty_state(constants))
+        self._buffer_args = (self._buffers.floats, self._buffers.integers, self._buffers.sizes)
+        skin = skin_of(scene)
+        self._batch_args, self._sample_args = (*self._buffer_args, skin), (*self._buffer_args, *skin)
+        self._plausible = PlausibleLimits(scene)
+        self._joints, self._links, primitives, _, _ = self._buffers.sizes
+        self._rows = np.zeros((max(primitives, MAX_CANDIDATES), WIDTH))
+        self._estimate_builder = EstimateBuilder(scene, constants, self._buffers.state.motion)
+        self._locator: MultiContactLocator | None = None
+        if scene.contacts > 1:
+            self._locator = MultiContactLocator(
+                scene, self._buffers, self._batch_args, self._estimate_builder
+            )
+        self._scene_sensors = (
+            scene.base_wrench is not None,
+            scene.joint_torque is not None,
+            scene.wrist_wrench is not None,
+        )
+        self._sensor_sizes = (6, self._joints, 6)
+        self._sample_fields = SampleFields(self._scene_sensors, self._joints)
+        self._zeros = tuple(np.zeros(size) for size in self._sensor_sizes)
+        self._thresholds = SampleThresholds(scene, self._sensor_sizes)
+        self._detectable = DetectableForce(
+            constants, self._buffers.state, self._sensor_sizes, self._thresholds
+        )
+
+    def locate(
+        self,
+        q: np.ndarray,
+        *,
+        base_wrench: np.ndarray | None = None,
+        joint_torque: np.ndarray | None = None,
+        wrist_wrench: np.ndarray | None = None,
+        external: bool = True,
+        detect: bool = True,
+        contacts: int = 1,
+        known: Sequence[Contact] = (),
+        drift: float | None = None,
+    ) -> Estimate:
+        """Explain one measurement of an arm at rest, independent of other samples.
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+            base_wrench: Wrench of the arm on the base sensor, base axes, about the base origin, shape (6,)
+                [N, Nm].
+            joint_torque: Torque of each actuator, shape (n,) [Nm].
+            wrist_wrench: Wrench on the wrist sensor of everything distal to it, base axes, base origin, shape
+                (6,) [N, Nm].
+            external: Whether the arm's weight has been subtracted from the measurements already (a contact
+                wrench w leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is subtracted
+                here.
+            detect: Return `none` if noise alone explains the measurement; False: a contact is known to be
+                present, and whether the measurement can be is not checked.
+            contacts: Largest number of simultaneous contacts, 1 to 3. With more than one, the status is
+                `multiple` if several explain the measurement better than one.
+            known: Contacts that are already present, from an estimate in the same posture: their positions
+                have their covariances as prior. They count towards `contacts`.
+            drift: Standard deviation of the change of each component of their forces since then [N]; None:
+                their forces are free. The smaller, the better a new contact is distinguished from them.
+
+        Raises:
+            ValueError: an argument has the wrong shape, is not finite or cannot be (units mistaken, values
+                beyond the joints' or the sensor's limits, `external` mistaken), or the scene has no such
+                sensor.
+        """
+        usable = self._given_sensors((base_wrench, joint_torque, wrist_wrench))
+        look_for_sets = contacts != 1 or len(known) > 0
+        if look_for_sets:
+            self._locator = self._locator or MultiContactLocator(
+                self.scene, self._buffers, self._batch_args, self._estimate_builder
+            )
+            self._locator.check(contacts, known, drift)
+        threshold = self._thresholds.threshold(usable) if detect else -1.0
+        count, no_contact_energy = self._locate_once(
+            self._sample_fields.values(q, joint_torque, base_wrench, wrist_wrench),
+            external,
+            usable,
+            threshold,
+        )
+        self._estimate_builder.detectable = self._detectable.of_measurement(usable)
+        if detect:
+            self._refuse_implausible("", q, (base_wrench, joint_torque, wrist_wrench), external)
+        if no_contact_energy <= threshold:
+            return self._estimate_builder.without_contacts(0.0, "none")
+        estimate = self._estimate_builder.contacts(0.0, self._buffers.state, self._rows, count)
+        if look_for_sets and self._locator is not None:
+            multiple = self._locator.explain(usable, contacts, known, drift)
+            if known or len(multiple.contacts) > 1:
+                return multiple
+        return estimate
+
+    def _refuse_implausible(
+        self, row: str, q: np.ndarray, sensors: Sequence[np.ndarray | None], external: bool
+    ) -> None:
+        """Raise a ValueError if a measurement cannot be; `row` is added to the name of its field."""
+        base, torque, wrist = (None if value is None else np.asarray(value) for value in sensors)
+        found = self._plausible.request(np.asarray(q), base, torque, wrist, external)
+        if found is not None:
+            raise ValueError(f"{found.field}{row}: {found.reason}")
+
+    def _locate_once(
+        self,
+        values: tuple[np.ndarray, ...],
+        external: bool,
+        usable: tuple[bool, bool, bool],
+        threshold: float,
+    ) -> tuple[int, float]:
+        """`contactsense.runtime.kernels.locate_once`; values of other array types are converted.
+
+        Raises:
+            ValueError: a value cannot be converted; the message names the argument.
+        """
+        if self._intrinsic:
+            return self._locate_once_intrinsic(values, external, usable)
+        options = (external, *usable, self._gate, threshold, self._rows)
+        try:
+            count, no_contact_energy = locate_once(*self._sample_args, *values, *options)
+        except TypeError:
+            count = -1
+        if count < 0:
+            count, no_contact_energy = locate_once(
+                *self._sample_args, *self._sample_fields.checked(*values), *options
+            )
+        return count, no_contact_energy
+
+    def _locate_once_intrinsic(
+        self, values: tuple[np.ndarray, ...], external: bool, usable: tuple[bool, bool, bool]
+    ) -> tuple[int, float]:
+        q, torque, base, wrist = (value[None] for value in self._sample_fields.checked(*values))
+        energy, link_probability = np.empty(1), np.empty((1, self._links))
+        batch_intrinsic(
+            *self._batch_args, q, torque, base, wrist, external, *usable[1:], energy, link_probability,
+            self._rows[:1],
+        )  # fmt: skip
+        return int(self._rows[0, 0] >= 0.0), float(energy[0])
+
+    def locate_batch(
+        self,
+        q: np.ndarray,
+        *,
+        base_wrench: np.ndarray | None = None,
+        joint_torque: np.ndarray | None = None,
+        wrist_wrench: np.ndarray | None = None,
+        external: bool = True,
+        jobs: int | None = None,
+    ) -> Batch:
+        """Explain N measurements of an arm at rest, each by its most probable contact.
+
+        The arguments are those of `locate` with a leading axis N; `jobs` is the number of threads, one per
+        core if None. `detected` reports whether a sample shows a contact; the best candidate is returned in
+        any case.
+        """
+        q = checked_rows("q", q, None, self._joints, "rad")
+        n = len(q)
+        given = (base_wrench, joint_torque, wrist_wrench)
+        usable = self._given_sensors(given)
+        values = [
+            np.zeros((n, self._sensor_sizes[i]))
+            if value is None
+            else checked_rows(SENSORS[i], value, n, self._sensor_sizes[i], "N, Nm")
+            for i, value in enumerate(given)
+        ]
+        rows = [None if value is None else values[k] for k, value in enumerate(given)]
+        base, torque, wrist = rows
+        for i in self._plausible.suspects(q, base, torque, wrist, external):
+            row = [None if value is None else value[i] for value in rows]
+            self._refuse_implausible(f"[{i}]", q[i], row, external)
+        no_contact_energy, link_probability = np.empty(n), np.empty((n, self._links))
+        best = np.empty((n, WIDTH))
+        measured = (q, values[1], values[0], values[2])
+        found = (no_contact_energy, link_probability, best)
+        sizes, skin = self._batch_args[2:]
+
+        def explain(floats: np.ndarray, integers: np.ndarray, part: slice) -> None:
+            inputs = (floats, integers, sizes, skin, *(array[part] for array in measured), external)
+            outputs = tuple(array[part] for array in found)
+            if self._intrinsic:
+                batch_intrinsic(*inputs, *usable[1:], *outputs)
+            else:
+                batch(*inputs, *usable, self._gate, *outputs, np.zeros_like(self._rows))
+
+        explain_rows(explain, n, self._buffers, jobs)
+        return batch_of(best, link_probability, no_contact_energy > self._thresholds.threshold(usable))
+
+    def _given_sensors(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
+        for name, value, in_scene in zip(SENSORS, given, self._scene_sensors, strict=True):
+            if value is not None and not in_scene:
+                raise ValueError(f"{name}: the scene has no such sensor, got a value")
+        if self._intrinsic and given[0] is None:
+            raise ValueError("base_wrench: expected a value, which method 'intrinsic' needs, got none")
+        if given[0] is None and given[1] is None:
+            raise ValueError("base_wrench, joint_torque: expected at least one of the two, got none")
+        return given[0] is not None, given[1] is not None, given[2] is not None
