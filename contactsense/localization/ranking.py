@@ -66,7 +66,7 @@ def locate_contacts(
         motion: Poses, see `contactsense.kinematics.forward_kinematics.forward_kinematics`.
         hypotheses: One fused wrench per link, see `contactsense.isolation.link_hypotheses.isolate`.
         wrench_measured: Whether all six components of the wrench were measured.
-        prior: Prior of contacts.
+        prior: Prior of contacts. Links are weighed by `Prior.log_link_density`; "none of these" is not.
         buffers, cells: Scratch.
         candidates: Filled; `order` lists the ranked candidates.
         link_probability: Filled: probability that each link is touched, shape (links,). One minus their
@@ -84,6 +84,7 @@ def locate_contacts(
         hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]
     )
     none_evidence = _none_of_these_evidence(hypotheses, link, prior, buffers)
+    with_prior = _with_link_prior(hypotheses, prior, cells)
     surface_deviation, log_share = prior.surface_deviation, 0.0
     for _ in range(2):
         assumed = Prior(
@@ -93,9 +94,10 @@ def locate_contacts(
             prior.force,
             prior.clearance,
             prior.area,
+            prior.log_link_density,
         )
         if line_of_action_known:
-            count = search_along_line_of_action(surfaces, touchable, hypotheses, assumed, buffers, candidates)
+            count = search_along_line_of_action(surfaces, touchable, with_prior, assumed, buffers, candidates)
             _apply_accessibility(surfaces, candidates, count, assumed)
             cells.unassigned_evidence[:] = -math.inf
         else:
@@ -106,7 +108,7 @@ def locate_contacts(
                 touchable,
                 depth,
                 motion,
-                hypotheses,
+                with_prior,
                 wrench_measured,
                 assumed,
                 buffers,
@@ -131,6 +133,21 @@ def locate_contacts(
         link_probability,
     )
     return ranked
+
+
+@fused_kernel
+def _with_link_prior(hypotheses, prior, cells):  # type: ignore[no-untyped-def]
+    """The hypotheses with the prior over links in their energies: the searches then treat improbable links as
+    they treat badly fitting ones."""
+    for link in range(hypotheses.energy.shape[0]):
+        cells.link_energy[link] = hypotheses.energy[link] - prior.log_link_density[link]
+    return Hypotheses(
+        hypotheses.wrench,
+        hypotheses.covariance,
+        hypotheses.information,
+        cells.link_energy,
+        hypotheses.log_evidence,
+    )
 
 
 @fused_kernel

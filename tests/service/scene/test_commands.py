@@ -21,7 +21,7 @@ def test_options_become_fields(tmp_path: Path) -> None:
         "new", path, "--robot", "ur10e", "--mounting", "0,0.5236,0", "--tool-mass", 1.2,
         "--tool-com", "0,0,0.06", "--base-sign", "sensor_on_arm", "--base-noise", "0.3,0.05",
         "--base-range", "2000,400", "--torque-signal", "actual_current", "--torque-noise", "2",
-        "--touchable", "forearm, wrist_3",
+        "--touchable", "forearm, wrist_3", "--link-prior", "equal",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     scene = Scene.load(path)
@@ -34,6 +34,7 @@ def test_options_become_fields(tmp_path: Path) -> None:
     assert scene.joint_torque is not None
     assert scene.joint_torque.noise == 2.0
     assert scene.touchable == ("forearm", "wrist_3")
+    assert scene.link_prior == "equal"
 
 
 def test_the_robot_alone_gives_the_default_scene(tmp_path: Path) -> None:

@@ -42,6 +42,17 @@ def test_absent_parts_are_said_to_be_absent() -> None:
     assert "touchable forearm; not: base, shoulder, upper_arm, wrist_1, wrist_2, wrist_3" in text
 
 
+def test_the_prior_over_links_is_said_in_percent() -> None:
+    links = ("forearm", "wrist_3")
+    arm = {"robot": plain_ur5e(), "touchable": links}
+    assert "link_prior equal: forearm 50 %, wrist_3 50 %" in _text(Scene(**arm, link_prior="equal"))
+    weights = {"forearm": 1.0, "wrist_3": 3.0}
+    assert "link_prior weights: forearm 25 %, wrist_3 75 %" in _text(Scene(**arm, link_prior=weights))
+    by_area = as_plain(Scene(**arm), Q)["link_probability_before"]
+    assert by_area["forearm"] > 0.8
+    assert sum(by_area.values()) == pytest.approx(1.0)
+
+
 def test_a_range_that_the_arms_own_weight_or_motion_exceeds_is_warned_of() -> None:
     def warnings(*limits: float) -> list[str]:
         return list(scene_warnings(Scene(robot="ur10e", base_wrench=WrenchSensor(range=limits))))
