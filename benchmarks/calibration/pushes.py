@@ -228,7 +228,7 @@ def _cells(summary: dict[str, Any]) -> dict[str, str]:
     for force, (found, made) in summary["pushes"].items():
         cells[f"pushes of {force} found"] = f"{found} of {made}"
     for size, (found, made) in summary["pushes_by_torque"].items():
-        cells[f"pushes of {size} of a joint's limit found"] = f"{found} of {made}"
+        cells[f"{size} of a joint's limit"] = f"{found} of {made}"
     cells["other stretches left out"] = str(summary["false_in_touched"])
     cells["motions refused"] = str(summary["refused"])
     for name, text in (("free", "no pushes"), ("left_out", "pushes left out"), ("kept", "pushes kept")):
