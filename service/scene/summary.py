@@ -42,7 +42,6 @@ def summarize(scene: Scene, q: np.ndarray) -> tuple[Line, ...]:
         Line("joint_torque", _torque(scene)),
         *_wrist_sensor(scene),
         Line("touchable", _touchable(scene)),
-        Line("link_prior", _link_prior(scene)),
         Line("surface", f"detail {scene.detail}, within {1e3 * scene.surface_deviation:g} mm (one sigma)"),
         Line(
             "contacts",
@@ -59,7 +58,6 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
     return {
         "scene": scene.model_dump(mode="json"),
         "links": list(scene.link_names),
-        "link_probability_before": prior_of_links(scene),
         "mass": weight.mass,
         "gravity_base": scene.gravity_base.tolist(),
         "q": q.tolist(),
@@ -182,16 +180,20 @@ def _touchable(scene: Scene) -> str:
 def prior_of_links(scene: Scene) -> dict[str, float]:
     """Prior probability of a contact on each link that can be touched."""
     surfaces = scene_surfaces(scene)
-    samples, _, _ = sample_surface(surfaces)
-    share = area_share(surfaces, samples, len(scene.link_names))
+    share = np.sign(np.diff(surfaces.start)).astype(float)
+    if scene.link_prior == "area":
+        # Measuring the surface takes a second; the other priors need to know only where there is one.
+        samples, _, _ = sample_surface(surfaces)
+        share = area_share(surfaces, samples, len(scene.link_names))
     probability = link_probability(scene, share)
     return {name: float(p) for name, p in zip(scene.link_names, probability, strict=True) if p > 0.0}
 
 
-def _link_prior(scene: Scene) -> str:
+def link_prior_line(scene: Scene) -> Line:
+    """What `link_prior` means for each link."""
     kind = scene.link_prior if isinstance(scene.link_prior, str) else "weights"
     parts = ", ".join(f"{name} {100.0 * p:.3g} %" for name, p in prior_of_links(scene).items())
-    return f"{kind}: {parts}"
+    return Line("link_prior", f"{kind}: {parts}")
 
 
 def _direction(axis: np.ndarray) -> str:

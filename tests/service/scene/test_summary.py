@@ -9,7 +9,13 @@ from contactsense.runtime.weight import ArmWeight
 from contactsense.service.cli.joint_angles import usual_posture
 from contactsense.service.drawing.palette import link_colour, rgb
 from contactsense.service.scene.picture import draw_scene
-from contactsense.service.scene.summary import as_plain, scene_warnings, summarize
+from contactsense.service.scene.summary import (
+    as_plain,
+    link_prior_line,
+    prior_of_links,
+    scene_warnings,
+    summarize,
+)
 from tests.plain_arm import plain_ur5e
 
 Q = usual_posture(6)
@@ -45,10 +51,10 @@ def test_absent_parts_are_said_to_be_absent() -> None:
 def test_the_prior_over_links_is_said_in_percent() -> None:
     links = ("forearm", "wrist_3")
     arm = {"robot": plain_ur5e(), "touchable": links}
-    assert "link_prior equal: forearm 50 %, wrist_3 50 %" in _text(Scene(**arm, link_prior="equal"))
+    assert link_prior_line(Scene(**arm, link_prior="equal")).text == "equal: forearm 50 %, wrist_3 50 %"
     weights = {"forearm": 1.0, "wrist_3": 3.0}
-    assert "link_prior weights: forearm 25 %, wrist_3 75 %" in _text(Scene(**arm, link_prior=weights))
-    by_area = as_plain(Scene(**arm), Q)["link_probability_before"]
+    assert link_prior_line(Scene(**arm, link_prior=weights)).text == "weights: forearm 25 %, wrist_3 75 %"
+    by_area = prior_of_links(Scene(**arm))
     assert by_area["forearm"] > 0.8
     assert sum(by_area.values()) == pytest.approx(1.0)
 
