@@ -7,6 +7,7 @@ import click
 
 from contactsense.benchmarks.accuracy.static_cases import SENSORS, Detail
 from contactsense.benchmarks.accuracy.static_points import HALVES
+from contactsense.scene import LinkPrior
 
 FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
@@ -36,5 +37,12 @@ half = click.option(
     default="both",
     show_default=True,
     help="Which of the contacts: tune on one half, judge on the other.",
+)
+link_prior = click.option(
+    "--link-prior",
+    type=click.Choice(get_args(LinkPrior)),
+    default="area",
+    show_default=True,
+    help="Prior over links: in proportion to their surface, or the same for each.",
 )
 as_json = click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")

@@ -1,7 +1,7 @@
 """The scene: arm, mounting, tool, sensors and their noise."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 import yaml
@@ -37,6 +37,7 @@ _MOUNTINGS: dict[str, Vector] = {
     "ceiling": (np.pi, 0.0, 0.0),
     "wall": (0.0, np.pi / 2, 0.0),
 }
+LinkPrior = Literal["area", "equal"]
 SURFACE_ERROR = {"coarse": 0.004, "fine": 0.0005, "skin": 0.0005}
 """Level of detail -> standard deviation of the primitives' distance from the real surface [m]: a Gaussian
 with the same 90 % quantile as measured (`contactsense bench geometry --json`: 6.5 and 0.8 mm). In most places
@@ -105,6 +106,11 @@ class Scene(BaseModel):
     touchable: tuple[str, ...] | None = None
     """Names of the links that can be touched; None: all. The others take no computing time, and a touch there
     is explained by none of these."""
+    link_prior: LinkPrior | dict[str, NonNegativeFloat] = "area"
+    """How probable a contact on each link is before any measurement. `area`: in proportion to its surface;
+    `equal`: the same for each link; or weights of all touchable links by name, such as how often each is
+    touched. On a link, all places are equally probable. A tool counts as a link, a pedestal as part of the
+    base link; a link of weight 0 cannot be touched."""
     detail: Literal["coarse", "fine", "skin"] = "fine"
     """Level of detail of the surface. `coarse`: one or two bodies per link; `fine`: the fitted union of
     primitives; `skin`: the same, then the contact is moved onto the links' meshes."""
@@ -160,6 +166,13 @@ class Scene(BaseModel):
                 f"expected {', '.join(_MOUNTINGS)} or roll, pitch, yaw in rad, got {mounting!r}"
             ) from None
 
+    @field_validator("link_prior", mode="before")
+    @classmethod
+    def _is_link_prior(cls, prior: Any) -> Any:
+        if isinstance(prior, dict) or prior in get_args(LinkPrior):
+            return prior
+        raise ValueError(f"expected area, equal or a weight of each link by name, got {prior!r}")
+
     @model_validator(mode="before")
     @classmethod
     def _is_current(cls, fields: Any) -> Any:
@@ -190,6 +203,7 @@ class Scene(BaseModel):
             if name not in self.link_names:
                 raise ValueError(f"touchable: expected links of {', '.join(self.link_names)}, got {name!r}")
         self._has_surface()
+        self._has_weights()
         for name in self.inertia or ():
             if name not in self.robot.link_names:
                 raise ValueError(
@@ -239,6 +253,28 @@ class Scene(BaseModel):
                 "`contactsense decompose` makes surfaces from meshes"
             )
 
+    def _has_weights(self) -> None:
+        """Raise a ValueError if the weights of the prior over links are not those of the touchable links."""
+        if isinstance(self.link_prior, str):
+            return
+        bare = {link.name for link in self.robot.links if not link.primitives}
+        touchable = [name for name in self.touchable or self.link_names if name not in bare]
+        base = self.link_names[0]
+        if base not in touchable and any(body.role == "pedestal" for body in self.bodies):
+            touchable.insert(0, base)
+        for name in self.link_prior:
+            if name not in touchable:
+                raise ValueError(
+                    f"link_prior: expected touchable links of {', '.join(touchable)}, got {name!r}"
+                )
+        missing = [name for name in touchable if name not in self.link_prior]
+        if missing:
+            raise ValueError(
+                f"link_prior: expected a weight of each touchable link, got none of {missing[0]}"
+            )
+        if not any(self.link_prior.values()):
+            raise ValueError("link_prior: expected a weight above 0, got none")
+
     def _has_bodies(self) -> None:
         """Raise a ValueError if name or angles of a body cannot be, or a pedestal has no sensor below it."""
         names = list(self.link_names)
@@ -269,6 +305,13 @@ class Scene(BaseModel):
         """Names of all links: the arm's, base first, then the tool if it has a surface."""
         tool = (self.tool.name,) if self.tool is not None and self.tool.primitives else ()
         return self.robot.link_names + tool
+
+    @property
+    def touchable_links(self) -> tuple[str, ...]:
+        """Names of the links that can be touched: those of `touchable` with a weight that is not 0."""
+        weights = {} if isinstance(self.link_prior, str) else self.link_prior
+        names = self.link_names if self.touchable is None else self.touchable
+        return tuple(name for name in names if weights.get(name, 1.0) > 0.0)
 
     @property
     def gravity_base(self) -> np.ndarray:

@@ -18,6 +18,7 @@ from contactsense.benchmarks.accuracy.credible_regions import distance, level, m
 from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
+from contactsense.scene import LinkPrior
 
 NEAR = 0.02
 """Distance within which a position counts as found [m]."""
@@ -53,6 +54,7 @@ class Verdict(NamedTuple):
 @options.detail
 @options.meshes
 @options.half
+@options.link_prior
 @click.option("--brief", is_flag=True, help="Leave the reliability tables out.")
 @options.as_json
 def calibration(
@@ -62,6 +64,7 @@ def calibration(
     detail: Detail,
     meshes: Path | None,
     half: str,
+    link_prior: LinkPrior,
     brief: bool,
     as_json: bool,
 ) -> None:
@@ -82,7 +85,7 @@ def calibration(
     points = {robot: select(read(folder, robot), HALVES[half]) for robot in robots}
     cases = [(robot, kind, noise) for robot in robots for kind in kinds for noise in COLUMNS]
     results = [
-        summarize(robot, kind, noise, judge(points[robot], noise, kind, detail, meshes))
+        summarize(robot, kind, noise, judge(points[robot], noise, kind, detail, meshes, link_prior))
         for robot, kind, noise in track(
             cases, description="locating", console=Console(stderr=True), transient=True
         )
@@ -102,9 +105,10 @@ def judge(
     sensors: str = "all",
     detail: Detail = "fine",
     meshes: Path | None = None,
+    link_prior: LinkPrior = "area",
 ) -> list[Verdict | None]:
     """Locate all points with that noise and judge every estimate; None if there is no answer."""
-    localizer = Localizer(scene_of(points, noise, sensors, detail, meshes))
+    localizer = Localizer(scene_of(points, noise, sensors, detail, meshes, link_prior))
     wrench, torque = measured(points, noise, sensors)
     verdicts = []
     for i, (q, link, point) in enumerate(zip(points.q, points.link, points.point_base, strict=True)):

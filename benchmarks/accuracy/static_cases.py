@@ -7,6 +7,7 @@ import numpy as np
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_points import StaticPoints
+from contactsense.scene import LinkPrior
 
 SENSORS = {
     "all": (True, True),
@@ -47,6 +48,7 @@ def scene_of(
     sensors: str = "all",
     detail: Detail = "fine",
     meshes: Path | None = None,
+    link_prior: LinkPrior = "area",
 ) -> Scene:
     """The scene of the contacts, with their noise.
 
@@ -56,6 +58,7 @@ def scene_of(
         sensors: Set of sensors, a key of `SENSORS`.
         detail: Level of detail of the surface.
         meshes: For `detail` skin: folder with ROBOT/LINK.ply.
+        link_prior: See `Scene`.
     """
     stated = Noise(*(max(level, floor) for level, floor in zip(noise, EXACT, strict=True)))
     has_base, has_torque = SENSORS[sensors]
@@ -66,6 +69,7 @@ def scene_of(
         meshes=meshes / points.robot if detail == "skin" and meshes is not None else None,
         base_wrench=WrenchSensor(force_noise=stated.force, moment_noise=stated.moment) if has_base else None,
         joint_torque=JointTorqueSensor(noise=stated.torque) if has_torque else None,
+        link_prior=link_prior,
     )
 
 

@@ -25,6 +25,7 @@ from contactsense.calibration import FreeMotion
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.runtime.result_rows import PROBABILITY
+from contactsense.scene import LinkPrior
 
 Draw = Literal["area", "link"]
 FORCES = (20.0, 150.0)
@@ -136,23 +137,6 @@ def _joint_torques(motion: Motion, point: np.ndarray, link: int, force: np.ndarr
     return torques
 
 
-def with_equal_links(touches: list[Touch], samples: Samples) -> list[Touch]:
-    """The touches with the probabilities that follow if links are equally probable before the measurement,
-    instead of places. `clear` depends on the single candidates: no answer counts as clear."""
-    area = np.diff(samples.start).astype(float)
-    weight = np.ones(len(area))
-    weight[NOT_FELT:] = area[NOT_FELT:].mean() / area[NOT_FELT:]
-    found = []
-    for item in touches:
-        if item.probability is not None:
-            probability = np.array(item.probability)
-            power = probability * weight
-            power /= power.sum() + max(1.0 - probability.sum(), 0.0)
-            item = item._replace(probability=tuple(map(float, power)), clear=False)
-        found.append(item)
-    return found
-
-
 def summarize(touches: list[Touch]) -> dict[str, Any]:
     """Shares, calibration error and scores of the touches that were answered."""
     answered = [found for found in touches if found.probability is not None]
@@ -196,13 +180,14 @@ def summarize(touches: list[Touch]) -> dict[str, Any]:
     show_default=True,
     help="Places uniform by area, or links equally frequent.",
 )
+@options.link_prior
 @click.option("--seeds", default=4, show_default=True, help="Passes over the recordings.")
 @options.as_json
-def touches(folder: Path, draw: Draw, seeds: int, as_json: bool) -> None:
+def touches(folder: Path, draw: Draw, link_prior: LinkPrior, seeds: int, as_json: bool) -> None:
     """Add known touches to the recordings of free motion in FOLDER that calibration has not seen, and test
     the stated probability of the touched link."""
     try:
-        scene = calibrated_scene(folder)
+        scene = calibrated_scene(folder).model_copy(update={"link_prior": link_prior})
         recordings = [read(folder / f"{name}.csv.gz", scene)[0] for name in JOINTWISE + FREE]
     except FileNotFoundError as error:
         raise click.ClickException(f"{error.filename}: no such recording") from None
@@ -215,20 +200,17 @@ def touches(folder: Path, draw: Draw, seeds: int, as_json: bool) -> None:
         found += touch(localizer, recording, samples, draw, k)
     if not any(item.probability for item in found):
         raise click.ClickException(f"--seeds {seeds}: expected touches that are felt, got none")
-    results = {"as stated": summarize(found)}
-    if draw == "link":
-        results["links equally probable before"] = summarize(with_equal_links(found, samples))
+    summary = summarize(found)
     if as_json:
-        click.echo(json.dumps(results, indent=1))
+        click.echo(json.dumps(summary, indent=1))
         return
-    for title, summary in results.items():
-        _print(title, summary)
+    _print(summary)
 
 
-def _print(title: str, summary: dict[str, Any]) -> None:
+def _print(summary: dict[str, Any]) -> None:
     console, trust, sure = Console(width=110), summary["calibration"], summary["above_0.9"]
     console.print(
-        f"probabilities {title}: {summary['touches']} touches, {summary['answered']} felt; "
+        f"{summary['touches']} touches, {summary['answered']} felt; "
         f"the most probable link is touched in {100 * summary['right'] / summary['answered']:.1f} %, "
         f"stated {100 * summary['stated']:.1f} %\n"
         f"calibration error {100 * trust['error']:.1f} %; true probabilities: "

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import click
@@ -31,7 +32,21 @@ FORCES = (10.0, 20.0, 40.0, 80.0)
 _RIPPLE = 0.01
 """Amplitude of a torque that varies with the joint's position, which no parameter describes, in units of the
 joint's limit: an RMS of 0.7 %, as the UR10e of `contactsense bench recordings` has."""
+SIZES = (0.02, 0.04, 0.06, 1.0)
+"""Upper edges of the sizes by torque, in units of the joint's limit."""
 _SECONDS, _RATE = 20.0, 250.0
+
+
+@dataclass(frozen=True)
+class Made:
+    """One push."""
+
+    force: float
+    """[N]"""
+    torque: float
+    """Torque of the joint that feels it most, mean over the push, in units of that joint's limit."""
+    found: bool
+    """Whether a stretch that was left out overlaps it."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +57,7 @@ class Run:
     """Stretches left out of the motion without pushes."""
     false_in_touched: int
     """Stretches left out of the motion with pushes that overlap none."""
-    pushes: tuple[tuple[float, bool], ...]
-    """Force [N] of each push, and whether a stretch that was left out overlaps it."""
+    pushes: tuple[Made, ...]
     scores: dict[str, list[float]] | None
     """Errors in units of the standard deviation without pushes: `free`, `left_out`, `kept`; None if the
     motion was refused."""
@@ -69,21 +83,26 @@ def measure(seed: int, base_sensor: bool, touched: bool = True) -> Run:
     wave, phase = rng.uniform(3.0, 9.0, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
     pushes = draw_pushes(rng)
 
+    limits = np.array([joint.torque_limit for joint in truth.robot.joints])
+
     def recorded(which: tuple[Push, ...]) -> FreeMotion:
         made = simulate(truth, motion, seed, _RATE, gain, which)
         assert made.torque is not None
-        limits = np.array([joint.torque_limit for joint in truth.robot.joints])
         return replace(made, torque=made.torque + _RIPPLE * limits * np.sin(wave * made.q + phase) / gain)
 
     settings = Settings(groups, widths=False)
-    free = calibrate(start, [recorded(())], settings)
+    untouched = recorded(())
+    free = calibrate(start, [untouched], settings)
     if not touched:
         return Run(len(free.contacts), 0, (), None)
+    recording = recorded(pushes)
+    sizes = [_torque(push, untouched, recording, limits / gain) for push in pushes]
     try:
-        left_out = calibrate(start, [recorded(pushes)], settings)
+        left_out = calibrate(start, [recording], settings)
     except CalibrationError:
-        return Run(len(free.contacts), 0, tuple((_size(push), True) for push in pushes), None)
-    kept = calibrate(start, [recorded(pushes)], replace(settings, leave_out_contacts=False))
+        made = tuple(Made(_force(push), size, True) for push, size in zip(pushes, sizes, strict=True))
+        return Run(len(free.contacts), 0, made, None)
+    kept = calibrate(start, [recording], replace(settings, leave_out_contacts=False))
     contacts = left_out.contacts
 
     def overlap(push: Push, contact: SuspectedContact) -> bool:
@@ -92,7 +111,10 @@ def measure(seed: int, base_sensor: bool, touched: bool = True) -> Run:
     return Run(
         len(free.contacts),
         sum(not any(overlap(push, contact) for push in pushes) for contact in contacts),
-        tuple((_size(push), any(overlap(push, contact) for contact in contacts)) for push in pushes),
+        tuple(
+            Made(_force(push), size, any(overlap(push, contact) for contact in contacts))
+            for push, size in zip(pushes, sizes, strict=True)
+        ),
         _scores(truth, gain, {"free": free, "left_out": left_out, "kept": kept}),
     )
 
@@ -113,8 +135,18 @@ def draw_pushes(rng: np.random.Generator) -> tuple[Push, ...]:
         t = stop
 
 
-def _size(push: Push) -> float:
+def _force(push: Push) -> float:
     return float(round(np.linalg.norm(push.force), 6))
+
+
+def _torque(push: Push, untouched: FreeMotion, touched: FreeMotion, limits: np.ndarray) -> float:
+    """`Made.torque` from the recordings of one motion, whose noise is the same; `limits`: in units of the
+    recorded torque, shape (n,)."""
+    assert untouched.torque is not None
+    assert touched.torque is not None
+    during = (touched.t >= push.start) & (touched.t < push.stop)
+    added = np.abs(touched.torque[during] - untouched.torque[during])
+    return float((added.mean(axis=0) / limits).max())
 
 
 def _scores(truth: Scene, gain: np.ndarray, found: dict[str, Calibration]) -> dict[str, list[float]]:
@@ -144,10 +176,17 @@ def summarize(runs: list[Run]) -> dict[str, Any]:
         "false_in_touched": sum(run.false_in_touched for run in runs),
         "pushes": {
             f"{force:g} N": [
-                sum(hit for run in runs for size, hit in run.pushes if size == force),
-                sum(size == force for run in runs for size, _ in run.pushes),
+                sum(push.found for run in runs for push in run.pushes if push.force == force),
+                sum(push.force == force for run in runs for push in run.pushes),
             ]
             for force in FORCES
+        },
+        "pushes_by_torque": {
+            f"{100.0 * low:g} to {100.0 * high:g} %": [
+                sum(push.found for run in runs for push in run.pushes if low <= push.torque < high),
+                sum(low <= push.torque < high for run in runs for push in run.pushes),
+            ]
+            for low, high in pairwise((0.0, *SIZES))
         },
         "error": {
             name: {"rms": float(np.sqrt(np.mean(e**2))), "q95": float(np.quantile(e, 0.95))}
@@ -188,6 +227,8 @@ def _cells(summary: dict[str, Any]) -> dict[str, str]:
     }
     for force, (found, made) in summary["pushes"].items():
         cells[f"pushes of {force} found"] = f"{found} of {made}"
+    for size, (found, made) in summary["pushes_by_torque"].items():
+        cells[f"{size} of a joint's limit"] = f"{found} of {made}"
     cells["other stretches left out"] = str(summary["false_in_touched"])
     cells["motions refused"] = str(summary["refused"])
     for name, text in (("free", "no pushes"), ("left_out", "pushes left out"), ("kept", "pushes kept")):

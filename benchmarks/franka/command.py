@@ -11,10 +11,12 @@ from rich.table import Table
 from scipy.stats import binomtest, norm
 
 from contactsense import Localizer, Scene
+from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
 from contactsense.benchmarks.franka import panda
 from contactsense.benchmarks.franka.touches import LOADED, Touches, last_joint_above, loaded, read
 from contactsense.detection.false_alarm_rate import HOUR
+from contactsense.scene import LinkPrior
 
 BANDWIDTH = Scene.model_fields["bandwidth"].default
 FIXED_THRESHOLD = 0.2
@@ -40,8 +42,8 @@ class Answers(NamedTuple):
     """The same with a threshold of its own for each joint, `LOADED` times its drift, shape (N,), bool."""
 
 
-def answer(touches: Touches) -> Answers:
-    """Locate each touch from its torques, and apply the rule.
+def answer(touches: Touches, link_prior: LinkPrior = "area") -> Answers:
+    """Locate each touch from its torques, with that prior over links, and apply the rule.
 
     That there is a touch is known, by the same criterion for both: some joint above `LOADED`. The localizer's
     false alarms are those of that criterion, as single measurements.
@@ -49,7 +51,7 @@ def answer(touches: Touches) -> Answers:
     joints = touches.q.shape[1]
     false_alarm = 1.0 - (1.0 - 2.0 * norm.sf(LOADED)) ** joints
     decisions_per_hour = HOUR * 2.0 * np.pi * BANDWIDTH
-    localizer = Localizer(panda.scene(false_alarm * decisions_per_hour))
+    localizer = Localizer(panda.scene(false_alarm * decisions_per_hour, link_prior))
     estimates = [
         localizer.locate(q, joint_torque=torque) for q, torque in zip(touches.q, touches.torque, strict=True)
     ]
@@ -83,14 +85,15 @@ def drift_beyond(touches: Touches) -> np.ndarray:
 
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
-def franka(folder: Path, as_json: bool) -> None:
+@options.link_prior
+@options.as_json
+def franka(folder: Path, link_prior: LinkPrior, as_json: bool) -> None:
     """Name the touched link of the touches in FOLDER/franka_links.npz, beside the rule "last joint above its
     threshold"."""
     try:
         every = read(folder)
         touches = loaded(every)
-        answers = answer(touches)
+        answers = answer(touches, link_prior)
     except FileNotFoundError as error:
         raise click.ClickException(f"{error.filename}: no such recording") from None
     except panda.NoPandaError as error:

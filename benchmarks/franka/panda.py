@@ -6,6 +6,7 @@ from pathlib import Path
 from contactsense import JointTorqueSensor, Scene, robots
 from contactsense.robots import Robot
 from contactsense.robots.yaml_schema import with_surface
+from contactsense.scene import LinkPrior
 
 DRIFT = (0.2, 0.2, 0.1, 0.05, 0.02, 0.01, 0.01)
 """Standard deviation of the change of each joint's external torque over seconds without contact [Nm]: that of
@@ -37,11 +38,11 @@ def load() -> Robot:
     return with_surface(robots.load(urdf()), SURFACE)
 
 
-def scene(false_alarms_per_hour: float) -> Scene:
+def scene(false_alarms_per_hour: float, link_prior: LinkPrior = "area") -> Scene:
     """The arm with its external joint torques alone. The base link cannot be touched: no joint feels it.
 
     Args:
-        false_alarms_per_hour: See `Scene`.
+        false_alarms_per_hour, link_prior: See `Scene`.
     """
     arm = load()
     return Scene(
@@ -54,4 +55,5 @@ def scene(false_alarms_per_hour: float) -> Scene:
             noise=DRIFT,
         ),
         false_alarms_per_hour=false_alarms_per_hour,
+        link_prior=link_prior,
     )

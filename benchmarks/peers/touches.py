@@ -72,7 +72,7 @@ class Toucher:
             seed: Random seed.
         """
         arm = build_constants(scene)
-        whole = build_constants(scene.model_copy(update={"touchable": None}))
+        whole = build_constants(scene.model_copy(update={"touchable": None, "link_prior": "area"}))
         self._rng = np.random.default_rng(seed)
         self._scene, self._model, self._surfaces = scene, arm.model, whole.surfaces
         self._motion = empty_motion(arm.model.joints)

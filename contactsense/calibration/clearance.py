@@ -25,7 +25,7 @@ class Clearance:
                 are adjacent by construction and ignored.
             min_distance: Distance to keep [m].
         """
-        constants = build_constants(scene.model_copy(update={"touchable": None}))
+        constants = build_constants(scene.model_copy(update={"touchable": None, "link_prior": "area"}))
         self._model, self._surfaces, self._depth = (
             constants.model,
             constants.surfaces,

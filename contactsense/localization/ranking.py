@@ -69,7 +69,7 @@ def locate_contacts(
         motion: Poses, see `contactsense.kinematics.forward_kinematics.forward_kinematics`.
         hypotheses: One fused wrench per link, see `contactsense.isolation.link_hypotheses.isolate`.
         wrench_measured: Whether all six components of the wrench were measured.
-        prior: Prior of contacts.
+        prior: Prior of contacts. Links are weighed by `Prior.log_link_density`; "none of these" is not.
         buffers, cells: Scratch.
         candidates: Filled; `order` lists the ranked candidates.
         link_probability: Filled: probability that each link is touched, shape (links,). One minus their
@@ -86,11 +86,13 @@ def locate_contacts(
     line_of_action_known = wrench_measured and _is_line_of_action_known(
         hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]
     )
+    with_prior = _with_link_prior(hypotheses, prior, cells)
+    lowest_energy = with_prior.energy[_best_link(searched, 1, with_prior)]
     other_link = _best_link(touchable, 0, hypotheses)
     if other_link < 0 or hypotheses.energy[link] <= hypotheses.energy[other_link]:
         other_link = link
     none_evidence = _none_of_these_evidence(hypotheses, other_link, prior, buffers)
-    if _is_hopeless(hypotheses.energy[link], 0.0, none_evidence):
+    if _is_hopeless(lowest_energy, 0.0, none_evidence):
         link_probability[:] = 0.0
         return 0
     surface_deviation, log_share = prior.surface_deviation, 0.0
@@ -102,9 +104,10 @@ def locate_contacts(
             prior.force,
             prior.clearance,
             prior.area,
+            prior.log_link_density,
         )
         if line_of_action_known:
-            count = search_along_line_of_action(surfaces, searched, hypotheses, assumed, buffers, candidates)
+            count = search_along_line_of_action(surfaces, searched, with_prior, assumed, buffers, candidates)
             _apply_accessibility(surfaces, candidates, count, assumed)
             cells.unassigned_evidence[:] = -math.inf
         else:
@@ -115,7 +118,7 @@ def locate_contacts(
                 searched,
                 depth,
                 motion,
-                hypotheses,
+                with_prior,
                 wrench_measured,
                 assumed,
                 buffers,
@@ -126,7 +129,7 @@ def locate_contacts(
         if _add_log_prior(candidates, count, cells.unassigned_evidence, log_share) >= none_evidence:
             break
         # Not explained with the usual surface deviation: assume a rough surface.
-        if _is_hopeless(hypotheses.energy[link], math.log(ROUGH_SURFACE_PROBABILITY), none_evidence):
+        if _is_hopeless(lowest_energy, math.log(ROUGH_SURFACE_PROBABILITY), none_evidence):
             break
         surface_deviation, log_share = (
             ROUGH_SURFACE_FACTOR * prior.surface_deviation,
@@ -145,10 +148,28 @@ def locate_contacts(
 
 
 @fused_kernel
-def _is_hopeless(link_energy, log_share, none_evidence):  # type: ignore[no-untyped-def]
-    """Whether no contact on the best link can reach the evidence of "none of these": its prior integrates to
-    one, and the likelihood on a link is at most exp(-link_energy)."""
-    return log_share - link_energy < none_evidence - ENERGY_CUTOFF
+def _is_hopeless(lowest_energy, log_share, none_evidence):  # type: ignore[no-untyped-def]
+    """Whether no contact can reach the evidence of "none of these".
+
+    The prior on a link integrates to at most the density's factor, which `lowest_energy` contains (the lowest
+    of `_with_link_prior`), and the likelihood is at most exp(-energy) of the link.
+    """
+    return log_share - lowest_energy < none_evidence - ENERGY_CUTOFF
+
+
+@fused_kernel
+def _with_link_prior(hypotheses, prior, cells):  # type: ignore[no-untyped-def]
+    """The hypotheses with the prior over links in their energies: the searches then treat improbable links as
+    they treat badly fitting ones."""
+    for link in range(hypotheses.energy.shape[0]):
+        cells.link_energy[link] = hypotheses.energy[link] - prior.log_link_density[link]
+    return Hypotheses(
+        hypotheses.wrench,
+        hypotheses.covariance,
+        hypotheses.information,
+        cells.link_energy,
+        hypotheses.log_evidence,
+    )
 
 
 @fused_kernel

@@ -28,6 +28,8 @@ class SurfaceCells(NamedTuple):
     """Its information matrix, shape (6, 6)."""
     unassigned_evidence: np.ndarray
     """Log evidence on each link that is not part of any candidate, shape (links,)."""
+    link_energy: np.ndarray
+    """Energy of each link's hypothesis less the log density of places on it, shape (links,)."""
     bound_block: np.ndarray
     """Block of cells for `contactsense.localization.energy_bound`, shape (LENGTH,)."""
     mode_block: np.ndarray
@@ -55,6 +57,7 @@ def empty_surface_cells(samples: int, subsamples: int, links: int) -> SurfaceCel
         wrench=np.zeros(6),
         information=np.zeros((6, 6)),
         unassigned_evidence=np.zeros(links),
+        link_energy=np.zeros(links),
         bound_block=np.zeros(LENGTH),
         mode_block=np.zeros(LENGTH),
         bound_sample=np.zeros(LANES, dtype=np.int64),

@@ -129,7 +129,7 @@ def search_contact_sets(
 def known_evidence(surfaces, prior, frames, rows, known_count, optimizer):  # type: ignore[no-untyped-def]
     """Log evidence of the known contacts before the measurement.
 
-    The optimization uses the same priors for every contact: uniform over the surface, log-normal force.
+    The optimization uses the same priors for every contact: of its link and place, and of its force.
     The priors of known contacts are additional factors exp(-d^2 / 2) and not normalized. Subtracting this
     log evidence normalizes them, so that explanations with different known contacts are comparable.
     """

@@ -118,7 +118,10 @@ def find_joint_mode(surfaces, frames, rows, m, prior, count, limit, optimizer): 
         log_det, _ = solve_in_place(H, g, size)
     if log_det == math.inf or energy > limit:
         return math.inf, -math.inf
-    return energy, count * math.log(2.0 * math.pi / prior.area) - energy - 0.5 * log_det
+    log_density = count * math.log(2.0 * math.pi / prior.area)
+    for i in range(count):
+        log_density += prior.log_link_density[surfaces.link[optimizer.primitive[i]]]
+    return energy, log_density - energy - 0.5 * log_det
 
 
 @fused_kernel

@@ -98,7 +98,8 @@ def _cells(f, i, a, b, r, links):  # type: ignore[no-untyped-def]
     spread, a = _take1(f, a, r)
     wrench, a = _take1(f, a, 6)
     information, a = _take2(f, a, 6, 6)
-    rest, a = _take1(f, a, links)
+    unassigned_evidence, a = _take1(f, a, links)
+    link_energy, a = _take1(f, a, links)
     looked, a = _take1(f, a, LENGTH)
     weighed, a = _take1(f, a, LENGTH)
     looked_number, b = _take1(i, b, LANES)
@@ -106,8 +107,8 @@ def _cells(f, i, a, b, r, links):  # type: ignore[no-untyped-def]
     primitive, b = _take1(i, b, r)
     place, b = _take1(i, b, r)
     cells = SurfaceCells(
-        score, point, normal, force, variance, spread, wrench, information, rest, looked, weighed,
-        looked_number, weighed_number, primitive, place,
+        score, point, normal, force, variance, spread, wrench, information, unassigned_evidence, link_energy,
+        looked, weighed, looked_number, weighed_number, primitive, place,
     )  # fmt: skip
     return cells, a, b
 
@@ -153,9 +154,14 @@ def _constants(f, i, n, links, p, s, t):  # type: ignore[no-untyped-def]
     samples, a, b = _samples(f, i, a, b, p, s)
     subsamples, a, b = _subsamples(f, i, a, b, s, t)
     sensors, a, b = _sensors(f, i, a, b, n, links)
-    prior = Prior(f[a], f[a + 1], f[a + 2], f[a + 3], f[a + 4], f[a + 5])
+    scalars = a
+    log_link_density, a = _take1(f, a + 6, links)
+    prior = Prior(
+        f[scalars], f[scalars + 1], f[scalars + 2], f[scalars + 3], f[scalars + 4], f[scalars + 5],
+        log_link_density,
+    )  # fmt: skip
     touchable, b = _take1(i, b, links)
-    gravity, a = _take1(f, a + 6, 3)
+    gravity, a = _take1(f, a, 3)
     tool_mass = f[a]
     tool_com, a = _take1(f, a + 1, 3)
     tool_inertia, a = _take2(f, a, 3, 3)

@@ -13,6 +13,7 @@ from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque
 from contactsense.robots import Inertia, Link, Robot
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia, move_inertia
+from contactsense.runtime.link_prior import area_share, log_link_density
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
@@ -78,6 +79,7 @@ def build_constants(scene: Scene) -> Constants:
             force=scene.force,
             clearance=scene.clearance,
             area=area,
+            log_link_density=log_link_density(scene, area_share(surfaces, samples, len(scene.link_names))),
         ),
         touchable=touchable_links(scene),
         gravity=scene.gravity_base,

@@ -35,18 +35,15 @@ def scene_surfaces(scene: Scene) -> Surfaces:
 
 def touchable_links(scene: Scene) -> np.ndarray:
     """1 for links that can be touched, else 0, shape (links,), int64; a pedestal is part of the base link."""
-    pedestal = any(body.role == "pedestal" for body in scene.bodies)
-    return np.array(
-        [
-            scene.touchable is None or name in scene.touchable or (index == 0 and pedestal)
-            for index, name in enumerate(scene.link_names)
-        ],
-        dtype=np.int64,
-    )
+    touchable = {*scene.touchable_links}
+    base, weights = scene.link_names[0], {} if isinstance(scene.link_prior, str) else scene.link_prior
+    if any(body.role == "pedestal" for body in scene.bodies) and weights.get(base, 1.0) > 0.0:
+        touchable.add(base)
+    return np.array([name in touchable for name in scene.link_names], dtype=np.int64)
 
 
 def _at_detail(link: Link, scene: Scene) -> Link:
-    if scene.touchable is not None and link.name not in scene.touchable:
+    if link.name not in scene.touchable_links:
         return Link(link.name, link.inertia)
     if scene.detail == "coarse" and link.coarse:
         return Link(link.name, link.inertia, link.coarse)

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from contactsense.robots.primitives import Vector
 
-_UNION_BRANCH = re.compile(r"^(constrained-|literal\[|tuple\[|float$|str$|function-)")
+_UNION_BRANCH = re.compile(r"^(constrained-|literal\[|tuple\[|dict\[|float$|str$|function-)")
 """Parts of pydantic's locations that name a branch of a union of types, not a field."""
 
 

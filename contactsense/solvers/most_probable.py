@@ -169,6 +169,7 @@ class _Search:
             force=given.force,
             clearance=0.0,
             area=1.0,
+            log_link_density=np.zeros(1),
         )
         self.buffers: SearchBuffers = empty_search_buffers()
 

@@ -49,7 +49,10 @@ class Prior(NamedTuple):
     clearance: float
     """Free height above the surface that a touching object needs [m]."""
     area: float
-    """Area of the touchable surface, over which the place is uniform [m^2]."""
+    """Area of the touchable surface [m^2]."""
+    log_link_density: np.ndarray
+    """Log of the density of places on each link relative to 1 / `area`, that of places uniform by area, shape
+    (links,). It is the same on the whole surface of a link."""
 
 
 class SearchBuffers(NamedTuple):
@@ -100,7 +103,8 @@ def inflate_by_surface_deviation(L, prior, nx, ny, nz, fx, fy, fz):  # type: ign
 def log_prior(prior, normal_force):  # type: ignore[no-untyped-def]
     """Log of the prior density at its peak for a normal force [N], times (2 pi)^3.
 
-    The factor is that of Laplace's integral over force, torsion and place.
+    The place is uniform by area here: `Prior.log_link_density` belongs to the link. The factor is that of
+    Laplace's integral over force, torsion and place.
     """
     return math.log(
         2.0 * math.pi / (prior.friction_ratio * prior.friction_ratio * prior.torsion_lever * prior.area)

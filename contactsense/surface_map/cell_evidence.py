@@ -34,7 +34,8 @@ class CellEvidence(NamedTuple):
     origin: np.ndarray
     """Their values for the cell's expected readings, shape (C, _COLUMNS)."""
     log_prior: np.ndarray
-    """Logarithms of share and posterior width, minus half the squared expected readings, shape (C,)."""
+    """Logarithms of prior probability and posterior width, minus half the squared expected readings, shape
+    (C,)."""
     measured: np.ndarray
     """Effective number of unknowns that the sensors measure, rather than the priors, shape (C,)."""
     variance: np.ndarray
@@ -88,7 +89,10 @@ def cell_evidence(response: np.ndarray, cells: Places, prior: Prior, force: floa
         cells=cells,
         projection=projection,
         origin=origin,
-        log_prior=np.log(cells.share) - width - 0.5 * (expected**2).sum(axis=1),
+        log_prior=np.log(cells.share)
+        + prior.log_link_density[cells.link]
+        - width
+        - 0.5 * (expected**2).sum(axis=1),
         measured=6.0 - np.einsum("ckl,kl->c", covariance, of_prior),
         variance=(covariance[:, 4, 4] + covariance[:, 5, 5]) * cells.spread**2,
         gain=place_gain(response, cells, prior, force),

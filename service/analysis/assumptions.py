@@ -31,9 +31,20 @@ def assumptions(scene: Scene) -> list[str]:
         f"Forces are low-passed at {scene.bandwidth:g} Hz: shorter impacts appear smaller and longer.",
         f"False alarms from noise alone: {scene.false_alarms_per_hour:g} per hour.",
     ]
-    if scene.touchable is not None:
-        found.append(f"Only these links can be touched: {', '.join(scene.touchable)}.")
+    if scene.touchable_links != scene.link_names:
+        found.append(f"Only these links can be touched: {', '.join(scene.touchable_links)}.")
+    found.append(_link_prior(scene))
     return found
+
+
+def _link_prior(scene: Scene) -> str:
+    """How probable a contact on each link is before any measurement."""
+    if scene.link_prior == "area":
+        return "Before any measurement, contacts are equally probable everywhere on the surface."
+    if scene.link_prior == "equal":
+        return "Before any measurement, all links are equally probable."
+    weights = ", ".join(f"{name} {weight:g}" for name, weight in scene.link_prior.items())
+    return f"Before any measurement, links are probable in proportion to these weights: {weights}."
 
 
 def _numbers(value: object) -> str:

@@ -301,7 +301,8 @@ class PlaceSearch:
                 - 0.5 * np.log(F / prior.force) ** 2
             )
         )
-        # Laplace's integral over the first place (uniform over the surface), increments and offsets.
+        # Laplace's integral over the first place (uniform over the link), increments and offsets.
+        log_prior += prior.log_link_density[self._link]
         log_prior += np.log(2.0 * np.pi / prior.area) - 2.0 * (K - 1) * np.log(self._sigma)
         log_prior += K * (LOG_PEAK - np.log(SURFACE_SCALE * prior.surface_deviation))
         evidence = log_prior - state.energy - 0.5 * log_det - 0.5 * log_det_force

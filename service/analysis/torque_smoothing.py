@@ -58,8 +58,9 @@ class TorqueSmoother:
         self._motion = empty_motion(len(localizer.scene.robot.joints))
         samples, surfaces = self._constants.samples, self._constants.surfaces
         links = len(localizer.scene.link_names)
-        share = np.bincount(surfaces.link[samples.primitive], np.exp(samples.log_share), minlength=links)
-        self._prior = share + UNLISTED
+        link = surfaces.link[samples.primitive]
+        of_sample = np.exp(samples.log_share + self._constants.prior.log_link_density[link])
+        self._prior = np.bincount(link, of_sample, minlength=links) + UNLISTED
 
     def smooth(self, history: ContactHistory, windows: ContactWindows) -> SmoothedContact | None:
         """Smooth a contact; None if one contact does not explain it."""

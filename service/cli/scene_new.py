@@ -9,7 +9,7 @@ from typing import Any, get_args
 import click
 
 from contactsense import robots
-from contactsense.scene import Scene, SceneError
+from contactsense.scene import LinkPrior, Scene, SceneError
 from contactsense.sensors.settings import JointTorqueSignal
 from contactsense.service.scene.commented_yaml import commented_yaml
 from contactsense.service.scene.summary import scene_warnings
@@ -74,6 +74,11 @@ class Mounting(click.ParamType):  # type: ignore[type-arg]  # generic for mypy o
 @click.option("--torque-constants", type=Numbers(), help="Torque per current of each joint in Nm/A.")
 @click.option("--torque-noise", type=Numbers(), help="Noise in Nm, one number or one per joint.")
 @click.option("--touchable", help="Links that can be touched, separated by commas.  [default: all]")
+@click.option(
+    "--link-prior",
+    type=click.Choice(get_args(LinkPrior)),
+    help="Whether contacts are equally probable per area or per link.  [default: area]",
+)
 @click.option("--force", is_flag=True, help="Overwrite FILE.")
 def new(path: Path, force: bool, **given: Any) -> None:
     """Write a scene into FILE, every field with a comment.
@@ -133,6 +138,8 @@ def scene_content(given: dict[str, Any]) -> dict[str, Any]:
         content["joint_torque"] = {"signal": given["torque_signal"] or _SIGNALS[0], **torque}
     if given["touchable"]:
         content["touchable"] = _names(given["touchable"])
+    if given["link_prior"]:
+        content["link_prior"] = given["link_prior"]
     return content
 
 

@@ -10,7 +10,13 @@ from rich.table import Table
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.joint_angles import joint_angles, usual_posture
 from contactsense.service.cli.picture_file import picture_file
-from contactsense.service.scene.summary import as_plain, scene_warnings, summarize
+from contactsense.service.scene.summary import (
+    as_plain,
+    link_prior_line,
+    prior_of_links,
+    scene_warnings,
+    summarize,
+)
 
 
 @click.command()
@@ -32,11 +38,11 @@ def show(path: Path, picture: Path | None, pose: str | None, as_json: bool) -> N
 
             draw_scene(scene, q, picture)
     if as_json:
-        click.echo(json.dumps(as_plain(scene, q), indent=1))
+        click.echo(json.dumps({**as_plain(scene, q), "link_prior": prior_of_links(scene)}, indent=1))
         return
     console = Console()
     table = Table.grid(padding=(0, 2))
-    for line in summarize(scene, q):
+    for line in (*summarize(scene, q), link_prior_line(scene)):
         table.add_row(line.subject, line.text)
     console.print(table, highlight=False)
     for warning in scene_warnings(scene):

@@ -45,7 +45,7 @@ def draw_scene(scene: Scene, q: np.ndarray, path: Path) -> None:
             _draw_frame(plot, camera, name, to_world @ rotation, to_world @ origin, 0.12 * size)
         plot.set_aspect("equal")
         plot.set_axis_off()
-    touchable = scene.link_names if scene.touchable is None else scene.touchable
+    touchable = scene.touchable_links
     legend = [Patch(color=_colour(scene, i), label=name) for i, name in enumerate(scene.link_names)]
     for patch in legend:
         if patch.get_label() not in touchable:
@@ -60,8 +60,7 @@ def draw_scene(scene: Scene, q: np.ndarray, path: Path) -> None:
 
 
 def _colour(scene: Scene, link: int) -> str:
-    touchable = scene.touchable is None or scene.link_names[link] in scene.touchable
-    return link_colour(link) if touchable else UNTOUCHED
+    return link_colour(link) if scene.link_names[link] in scene.touchable_links else UNTOUCHED
 
 
 def _triangles(scene: Scene, to_world: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

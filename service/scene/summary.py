@@ -6,8 +6,11 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from contactsense.localization.surface_samples import sample_surface
 from contactsense.robots.link_poses import link_poses
 from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_in_motion
+from contactsense.runtime.link_prior import area_share, link_probability
+from contactsense.runtime.scene_surfaces import scene_surfaces
 from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
@@ -169,9 +172,28 @@ def _torque(scene: Scene) -> str:
 
 
 def _touchable(scene: Scene) -> str:
-    names = scene.link_names if scene.touchable is None else scene.touchable
+    names = scene.touchable_links
     others = [name for name in scene.link_names if name not in names]
     return ", ".join(names) + (f"; not: {', '.join(others)}" if others else "")
+
+
+def prior_of_links(scene: Scene) -> dict[str, float]:
+    """Prior probability of a contact on each link that can be touched."""
+    surfaces = scene_surfaces(scene)
+    share = np.sign(np.diff(surfaces.start)).astype(float)
+    if scene.link_prior == "area":
+        # Measuring the surface takes a second; the other priors need to know only where there is one.
+        samples, _, _ = sample_surface(surfaces)
+        share = area_share(surfaces, samples, len(scene.link_names))
+    probability = link_probability(scene, share)
+    return {name: float(p) for name, p in zip(scene.link_names, probability, strict=True) if p > 0.0}
+
+
+def link_prior_line(scene: Scene) -> Line:
+    """What `link_prior` means for each link."""
+    kind = scene.link_prior if isinstance(scene.link_prior, str) else "weights"
+    parts = ", ".join(f"{name} {100.0 * p:.3g} %" for name, p in prior_of_links(scene).items())
+    return Line("link_prior", f"{kind}: {parts}")
 
 
 def _direction(axis: np.ndarray) -> str:

@@ -4,7 +4,7 @@ probabilities."""
 import numpy as np
 import pytest
 
-from contactsense import Localizer, Scene, robots
+from contactsense import Localizer, robots
 from contactsense.benchmarks.calibration.known_touches import (
     Touch,
     _joint_torques,
@@ -12,7 +12,6 @@ from contactsense.benchmarks.calibration.known_touches import (
     read,
     summarize,
     touch,
-    with_equal_links,
 )
 from contactsense.benchmarks.posterior.samples import of_primitives
 from contactsense.kinematics.forward_kinematics import forward_kinematics
@@ -55,14 +54,6 @@ def test_true_probabilities_are_told_from_overconfident_ones() -> None:
     assert boastful["calibration"]["error"] > 2.0 * boastful["calibration"]["by_chance_95"]
     assert max(boastful["log_score"], key=boastful["log_score"].get) == 0.5
     assert boastful["right"] == honest["right"]
-
-
-def test_equal_links_replace_the_prior_of_the_area() -> None:
-    """Three patches of link 2, one of link 3: without evidence both are equally probable."""
-    samples = of_primitives(Scene(robot="ur5e"), 0.05)._replace(start=np.array([0, 2, 4, 7, 8]))
-    (found,) = with_equal_links([Touch("r", 2, 50.0, (0.0, 0.0, 0.6, 0.2), True)], samples)
-    np.testing.assert_allclose(found.probability, (0.0, 0.0, 0.4, 0.4))
-    assert with_equal_links([Touch("r", 2, 50.0, None, False)], samples)[0].probability is None
 
 
 @pytest.mark.slow

@@ -24,7 +24,13 @@ from contactsense.localization.simd_layout import (
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 PRIOR = Prior(
-    friction_ratio=0.25, torsion_lever=0.0025, surface_deviation=0.002, force=20.0, clearance=0.005, area=1.0
+    friction_ratio=0.25,
+    torsion_lever=0.0025,
+    surface_deviation=0.002,
+    force=20.0,
+    clearance=0.005,
+    area=1.0,
+    log_link_density=np.zeros(1),
 )
 PLACE = np.array([0.1, -0.05, 0.3])
 NORMAL = np.array([0.48, 0.6, 0.64])

@@ -228,3 +228,25 @@ def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
     invert_factored(optimizer, UNKNOWNS)
     assert optimizer.inverse[4, 4] < 1.0 / information
     assert optimizer.inverse[5, 5] < 1.0 / information
+
+
+def test_the_prior_over_links_adds_to_the_evidence_once_per_contact(case: Case) -> None:
+    density = np.linspace(-1.0, 2.0, len(SHAPES))
+    found, links = [], np.zeros(2, dtype=np.int64)
+    for log_link_density in (np.zeros(len(SHAPES)), density):
+        trial = Trials(SCENE, seed=3).draw(2, 20.0, "different", "cone")
+        m = _take(case, trial, 0.01, 3)
+        prior, optimizer = (
+            case.constants.prior._replace(log_link_density=log_link_density),
+            case.buffers.optimizer,
+        )
+        surfaces = case.constants.surfaces
+        found.append(
+            joint_optimization.find_joint_mode(
+                surfaces, case.state.candidates, case.buffers.rows, m, prior, 2, np.inf, optimizer
+            )
+        )
+        links = surfaces.link[optimizer.primitive[:2]]
+    assert links[0] != links[1]
+    assert found[1][0] == found[0][0]
+    assert found[1][1] - found[0][1] == pytest.approx(density[links].sum(), abs=1e-9)

@@ -87,7 +87,7 @@ def test_it_is_the_mode_that_the_localization_finds(
     """The localization's search on a primitive stops a tenth of a standard deviation before the mode."""
     rng = np.random.default_rng(2)
     packed, buffers = np.array((*size, 0.0, 0.0, 0.0, 0.0)), empty_search_buffers()
-    prior = Prior(PRIOR.friction / 2.0, PRIOR.torsion, 0.0, PRIOR.force, 0.0, 1.0)
+    prior = Prior(PRIOR.friction / 2.0, PRIOR.torsion, 0.0, PRIOR.force, 0.0, 1.0, np.zeros(1))
     for _ in range(15):
         w = draw(surface, rng)[1] + rng.standard_normal(6) * np.sqrt(np.diag(NOISE))
         found = solve(surface, w[:3], w[3:], covariance=NOISE)

@@ -27,7 +27,13 @@ SHAPES: tuple[Primitive, ...] = (
     Box(center=(0, 0, 0), half=(0.1, 0.06, 0.05), rounding=0.02),
 )
 PRIOR = Prior(
-    friction_ratio=0.25, torsion_lever=0.0025, surface_deviation=0.0, force=20.0, clearance=0.005, area=1.0
+    friction_ratio=0.25,
+    torsion_lever=0.0025,
+    surface_deviation=0.0,
+    force=20.0,
+    clearance=0.005,
+    area=1.0,
+    log_link_density=np.zeros(1),
 )
 FAR = 1e9
 
@@ -159,7 +165,7 @@ def test_the_surface_deviation_adds_to_the_covariance() -> None:
     rng = np.random.default_rng(5)
     information = np.linalg.inv(np.diag([0.1] * 3 + [0.02] * 3))
     wrench, n, f = rng.standard_normal(6), np.array([0.0, 0.6, 0.8]), np.array([3.0, -5.0, -8.0])
-    c, xi, prior = np.array([0.1, 0.2, 0.05]), 0.02, Prior(0.25, 0.0025, 0.004, 20.0, 0.005, 1.0)
+    c, xi, prior = np.array([0.1, 0.2, 0.05]), 0.02, PRIOR._replace(surface_deviation=0.004)
     u = np.concatenate((np.zeros(3), np.cross(n, f)))
     covariance = np.linalg.inv(information) + prior.surface_deviation**2 * np.outer(u, u)
     d = np.concatenate((f, np.cross(c, f) + xi * n)) - wrench

@@ -13,7 +13,13 @@ from contactsense.service.analysis.place_search import LinkMeasurement, PlaceSea
 from contactsense.solvers.posterior import Prior
 
 PRIOR = Prior(
-    friction_ratio=0.25, torsion_lever=0.0025, surface_deviation=5e-4, force=20.0, clearance=0.02, area=1.0
+    friction_ratio=0.25,
+    torsion_lever=0.0025,
+    surface_deviation=5e-4,
+    force=20.0,
+    clearance=0.02,
+    area=1.0,
+    log_link_density=np.zeros(2),
 )
 NOISE = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.01])
 BODY = Inertia(1.0, np.zeros(3), np.eye(3))
@@ -144,3 +150,16 @@ def test_a_place_that_another_link_covers_is_inaccessible() -> None:
 
     assert log_share(0.3) == pytest.approx(0.0, abs=1e-6)
     assert log_share(0.11) < -10.0
+
+
+def test_the_prior_over_links_adds_to_the_evidence_of_a_place() -> None:
+    begin = np.array([0.01, 0.02, TOP])
+    data = measured(contact(np.random.default_rng(5), begin, begin))
+    found = [
+        PlaceSearch(surfaces(), 0, prior, data, 1).run(begin)
+        for prior in (PRIOR, PRIOR._replace(log_link_density=np.array([0.7, -2.0])))
+    ]
+    assert found[0] is not None
+    assert found[1] is not None
+    assert found[1].log_evidence == pytest.approx(found[0].log_evidence + 0.7, abs=1e-9)
+    np.testing.assert_array_equal(found[1].point, found[0].point)

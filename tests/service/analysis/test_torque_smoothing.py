@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, SampleBlock, Scene
+from contactsense.kinematics.model import build_model
 from contactsense.runtime.result_rows import LINK
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
 from contactsense.service.analysis.smoothing import ContactSmoother
-from contactsense.service.analysis.torque_smoothing import _magnitudes
+from contactsense.service.analysis.torque_smoothing import UNLISTED, TorqueSmoother, _magnitudes
 from contactsense.service.mock.simulated_arm import Touch
+from tests.plain_arm import plain_ur5e
 from tests.service.analysis.recordings import demo
 
 SCENE = Scene(robot="ur5e", base_wrench=None)
@@ -76,3 +78,11 @@ def test_torques_in_one_direction_are_one_reading() -> None:
     # Another direction in the second half.
     torque[5:] = force[5:, None] * direction[::-1]
     assert not _magnitudes(torque, samples)[1]
+
+
+def test_the_prior_over_links_is_that_of_the_scene() -> None:
+    """The evidence of each stretch is relative to it."""
+    arm = plain_ur5e()
+    localizer = Localizer(Scene(robot=arm, base_wrench=None, link_prior="equal"))
+    smoother = TorqueSmoother(localizer, build_model(arm))
+    np.testing.assert_allclose(smoother._prior, 1.0 / 7.0 + UNLISTED, atol=1e-12)

@@ -21,7 +21,7 @@ def test_options_become_fields(tmp_path: Path) -> None:
         "new", path, "--robot", "ur10e", "--mounting", "0,0.5236,0", "--tool-mass", 1.2,
         "--tool-com", "0,0,0.06", "--base-sign", "sensor_on_arm", "--base-noise", "0.3,0.05",
         "--base-range", "2000,400", "--torque-signal", "actual_current", "--torque-noise", "2",
-        "--touchable", "forearm, wrist_3",
+        "--touchable", "forearm, wrist_3", "--link-prior", "equal",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     scene = Scene.load(path)
@@ -34,6 +34,7 @@ def test_options_become_fields(tmp_path: Path) -> None:
     assert scene.joint_torque is not None
     assert scene.joint_torque.noise == 2.0
     assert scene.touchable == ("forearm", "wrist_3")
+    assert scene.link_prior == "equal"
 
 
 def test_the_robot_alone_gives_the_default_scene(tmp_path: Path) -> None:
@@ -104,6 +105,7 @@ def test_show_prints_what_was_understood(tmp_path: Path) -> None:
     assert "warning: base_wrench.range: expected more than" in result.output
     plain = json.loads(_run("show", path, "--json", "--pose", "0,-90,0,0,0,0").stdout)
     assert plain["gravity_base"] == pytest.approx([9.81, 0.0, 0.0])
+    assert plain["link_prior"]["upper_arm"] > 0.3 > 0.1 > plain["link_prior"]["wrist_3"]
     assert plain["base_reading_at_rest"][0] == pytest.approx(9.81 * plain["mass"])
 
 

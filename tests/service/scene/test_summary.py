@@ -9,7 +9,13 @@ from contactsense.runtime.weight import ArmWeight
 from contactsense.service.cli.joint_angles import usual_posture
 from contactsense.service.drawing.palette import link_colour, rgb
 from contactsense.service.scene.picture import draw_scene
-from contactsense.service.scene.summary import as_plain, scene_warnings, summarize
+from contactsense.service.scene.summary import (
+    as_plain,
+    link_prior_line,
+    prior_of_links,
+    scene_warnings,
+    summarize,
+)
 from tests.plain_arm import plain_ur5e
 
 Q = usual_posture(6)
@@ -40,6 +46,17 @@ def test_absent_parts_are_said_to_be_absent() -> None:
     text = _text(Scene(robot="ur5e", base_wrench=None, touchable=("forearm",)))
     assert "base_wrench none" in text
     assert "touchable forearm; not: base, shoulder, upper_arm, wrist_1, wrist_2, wrist_3" in text
+
+
+def test_the_prior_over_links_is_said_in_percent() -> None:
+    links = ("forearm", "wrist_3")
+    arm = {"robot": plain_ur5e(), "touchable": links}
+    assert link_prior_line(Scene(**arm, link_prior="equal")).text == "equal: forearm 50 %, wrist_3 50 %"
+    weights = {"forearm": 1.0, "wrist_3": 3.0}
+    assert link_prior_line(Scene(**arm, link_prior=weights)).text == "weights: forearm 25 %, wrist_3 75 %"
+    by_area = prior_of_links(Scene(**arm))
+    assert by_area["forearm"] > 0.8
+    assert sum(by_area.values()) == pytest.approx(1.0)
 
 
 def test_a_range_that_the_arms_own_weight_or_motion_exceeds_is_warned_of() -> None:
