@@ -86,6 +86,34 @@ class Page:
         code = f"[...document.querySelectorAll('button')].find(b => b.innerText.trim() === {label!r}).click()"
         self.evaluate(code)
 
+    def expand(self, folder: str) -> None:
+        """Open the folder of controls with this name, or close it."""
+        names = f"[...document.querySelectorAll('*')].filter(e => e.innerText?.trim() === {folder!r})"
+        self.evaluate(f"{names}.at(-1).click()")
+
+    def click(self, label: str) -> None:
+        """Click the checkbox, or open the list, with this label."""
+        self.evaluate(f"{_control(label)}.click()")
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose an option of the list with this label."""
+        self.click(label)
+        found = (
+            f"[...document.querySelectorAll('[role=option]')].find(o => o.innerText.trim() === {option!r})"
+        )
+        end = time.monotonic() + START
+        while not self.evaluate(f"!!{found}"):
+            assert time.monotonic() < end, f"no {option!r} in {label!r}"
+            time.sleep(0.1)
+        self.evaluate(f"{found}.click()")
+
+    def enter(self, label: str, number: int, text: str) -> None:
+        """Write into one of the numbers with this label, counted from 0."""
+        field = f"{_control(label)}.closest('.mantine-NumberInput-root').parentElement"
+        field = f"{field}.querySelectorAll('input')[{number}]"
+        self.evaluate(f"{field}.focus(), {field}.select()")
+        self.call("Input.insertText", text=text)
+
     def key(self, name: str) -> None:
         """Press a key, such as Home, in what has the focus."""
         codes = {"Home": 36, "End": 35, "ArrowRight": 39}
@@ -110,6 +138,12 @@ class Page:
         """Addresses that were asked for anything over a network."""
         urls = [e["params"]["request"]["url"] for e in self.events if e["method"].startswith("Network")]
         return {url.split("/")[2] for url in urls if not url.startswith(("data:", "blob:"))}
+
+
+def _control(label: str) -> str:
+    """JavaScript expression of the control with a label."""
+    found = f"[...document.querySelectorAll('label')].find(l => l.innerText.trim() === {label!r})"
+    return f"document.getElementById({found}.htmlFor)"
 
 
 def _is_error(event: dict[str, Any]) -> bool:

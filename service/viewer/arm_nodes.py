@@ -71,10 +71,7 @@ class ArmNodes:
             shaft_radius=0.008 * self.reach, head_radius=0.02 * self.reach, head_length=0.05 * self.reach,
         )  # fmt: skip
         nodes.add_label("/gravity/name", "gravity", position=top)
-        self.mount(scene.orientation)
-        sensor = scene.base_wrench
-        if sensor is not None:
-            self.place_sensor(np.array(sensor.translation), sensor.rotation)
+        self.mount_as(scene)
         self.show_frames(False)
         self.show_meshes(True)
 
@@ -86,6 +83,13 @@ class ArmNodes:
         self.poses[:] = link_places(self._scene, q)
         for node, pose in zip(self._links, self.poses, strict=True):
             node.wxyz, node.position = quaternion(pose[:3, :3]), pose[:3, 3]
+
+    def mount_as(self, scene: Scene) -> None:
+        """Turn the base frame and place the frame of the sensor under it as a scene says."""
+        self.mount(scene.orientation)
+        sensor = scene.base_wrench
+        if sensor is not None:
+            self.place_sensor(np.array(sensor.translation), sensor.rotation)
 
     def mount(self, orientation: Rotation) -> None:
         """Turn the base frame in the world."""
