@@ -15,7 +15,7 @@ import numpy as np
 import viser
 
 from contactsense.scene import Scene
-from contactsense.service.cli.joint_angles import usual_posture
+from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.viewer.arm_nodes import ArmNodes
 from contactsense.service.viewer.contact_nodes import ContactNodes
 from contactsense.service.viewer.force_plot import ForcePlot
