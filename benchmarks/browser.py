@@ -1,4 +1,4 @@
-"""A headless browser that tests talk to: Chromium over its DevTools protocol."""
+"""A headless browser for tests, benchmarks and screenshots: Chromium over its DevTools protocol."""
 
 import base64
 import contextlib
@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (
     "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--remote-debugging-port=0", "--window-size=900,640",
+    "--disable-component-update", "--disable-sync", "--remote-debugging-port=0",
 )  # fmt: skip
 START = 240.0
 """Time limit for the browser to start, and for each answer; a busy computer draws the first picture for
@@ -35,18 +35,26 @@ _EVENTS = (
 )
 
 
-def require_browser() -> str:
-    """Path of a browser; skips the test where there is none."""
+class BrowserError(RuntimeError):
+    """There is no browser, or it does not do what it is asked."""
+
+
+def find_browser() -> str:
+    """Path of a browser.
+
+    Raises:
+        BrowserError: None is installed.
+    """
     found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if found is None:
-        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed")
+        raise BrowserError(f"no browser: none of {', '.join(BROWSERS)} is installed")
     return found
 
 
 class Page:
     """A page in a browser."""
 
-    def __init__(self, connection: ClientConnection) -> None:
+    def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._count = 0
         self.events: list[dict[str, Any]] = []
@@ -55,7 +63,11 @@ class Page:
             self.call(f"{domain}.enable")
 
     def call(self, method: str, **parameters: Any) -> Any:
-        """Call a method of the DevTools protocol."""
+        """Call a method of the DevTools protocol.
+
+        Raises:
+            BrowserError: The browser refuses.
+        """
         self._count += 1
         self._connection.send(json.dumps({"id": self._count, "method": method, "params": parameters}))
         while True:
@@ -63,22 +75,35 @@ class Page:
             if message.get("method") in _EVENTS:
                 self.events.append(message)
             if message.get("id") == self._count:
-                assert "error" not in message, message
+                if "error" in message:
+                    raise BrowserError(f"{method}: {message['error']}")
                 return message["result"]
 
     def evaluate(self, code: str) -> Any:
-        """The value of a JavaScript expression."""
-        return self.call("Runtime.evaluate", expression=code, returnByValue=True)["result"].get("value")
+        """The value of a JavaScript expression.
+
+        Raises:
+            BrowserError: It raises an exception.
+        """
+        answer = self.call("Runtime.evaluate", expression=code, returnByValue=True)
+        if "exceptionDetails" in answer:
+            raise BrowserError(f"{code}: {answer['exceptionDetails']['text']}: {answer['result']}")
+        return answer["result"].get("value")
 
     def text(self) -> str:
         """The text that the page shows."""
         return str(self.evaluate("document.body.innerText"))
 
     def wait_for(self, text: str, timeout: float = START) -> None:
-        """Wait until the page shows a text."""
+        """Wait until the page shows a text.
+
+        Raises:
+            BrowserError: It does not.
+        """
         end = time.monotonic() + timeout
         while text not in self.text():
-            assert time.monotonic() < end, f"no {text!r} in {self.text()!r}"
+            if time.monotonic() > end:
+                raise BrowserError(f"no {text!r} in {self.text()!r}")
             time.sleep(0.2)
 
     def press(self, label: str) -> None:
@@ -103,7 +128,8 @@ class Page:
         )
         end = time.monotonic() + START
         while not self.evaluate(f"!!{found}"):
-            assert time.monotonic() < end, f"no {option!r} in {label!r}"
+            if time.monotonic() > end:
+                raise BrowserError(f"no {option!r} in {label!r}")
             time.sleep(0.1)
         self.evaluate(f"{found}.click()")
 
@@ -156,10 +182,22 @@ def _is_error(event: dict[str, Any]) -> bool:
 
 
 @contextlib.contextmanager
-def browser_page(url: str, profile: Path) -> Iterator[tuple[Page, subprocess.Popen[bytes]]]:
-    """Open a page; yields it and the browser's process, which leads a process group."""
+def browser_page(
+    url: str, profile: Path, size: tuple[int, int] = (900, 640)
+) -> Iterator[tuple[Page, subprocess.Popen[bytes]]]:
+    """Open a page; yields it and the browser's process, which leads a process group.
+
+    Args:
+        url: Address of the page.
+        profile: Folder for the browser's files.
+        size: Width and height of the window; the browser keeps a part of the height.
+
+    Raises:
+        BrowserError: No browser is installed, or it does not start.
+    """
+    window = f"--window-size={size[0]},{size[1]}"
     process = subprocess.Popen(
-        [require_browser(), *OPTIONS, f"--user-data-dir={profile}", "about:blank"],
+        [find_browser(), *OPTIONS, window, f"--user-data-dir={profile}", "about:blank"],
         stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True,
     )  # fmt: skip
     try:
@@ -181,4 +219,4 @@ def _port(file: Path) -> int:
         with contextlib.suppress(OSError, IndexError, ValueError):
             return int(file.read_text().split()[0])
         time.sleep(0.05)
-    raise AssertionError("the browser did not start")
+    raise BrowserError("the browser did not start")

@@ -11,11 +11,11 @@ import numpy as np
 import viser
 from scipy.spatial.transform import Rotation
 
+from contactsense.benchmarks.browser import Page, browser_page
 from contactsense.scene import Scene
 from contactsense.service.viewer.frame import TRACKS, Forces, Frame, Latch
 from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_page
 from contactsense.types import Estimate
-from tests.browser import Page, browser_page
 from tests.service.loopback import until
 from tests.service.viewer.estimates import POSTURE
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contactsense.benchmarks.browser import browser_page
 from contactsense.scene import Scene
-from tests.browser import browser_page, require_browser
+from tests.browser import require_browser
 from tests.service.loopback import until
 from tests.service.viewer.estimates import POSTURE, contact, estimate
 from tests.service.viewer.shown import PATIENCE, Shown, showing
