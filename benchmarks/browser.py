@@ -91,8 +91,8 @@ class Page:
         return answer["result"].get("value")
 
     def text(self) -> str:
-        """The text that the page shows."""
-        return str(self.evaluate("document.body.innerText"))
+        """The text that the page shows; none while it is loaded."""
+        return str(self.evaluate("document.body?.innerText ?? ''"))
 
     def wait_for(self, text: str, timeout: float = START) -> None:
         """Wait until the page shows a text.
