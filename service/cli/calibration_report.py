@@ -74,7 +74,7 @@ def _residuals(
     figure = Figure(figsize=(10.0, 1.7 * len(names)), layout="constrained")
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
-        axes.plot(time, old[:, i], linewidth=0.6, color="0.65", label="before")
+        axes.plot(time, old[:, i], linewidth=0.8, color="0.5", label="before")
         axes.plot(time, new[:, i], linewidth=0.8, color="C0", label="after")
         axes.set_ylabel(f"{name}\n/ {'N' if name.startswith('base force') else 'Nm'}")
         for k, (start, stop) in enumerate(touched):

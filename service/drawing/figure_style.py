@@ -13,6 +13,8 @@ STYLE = {
     "font.size": 11.0,
     "axes.labelsize": 11.0,
     "axes.titlesize": 11.0,
+    "figure.labelsize": 11.0,
+    "figure.titlesize": 12.0,
     "legend.fontsize": 10.0,
     "axes.grid": True,
     "axes.axisbelow": True,

@@ -65,7 +65,7 @@ def _draw(cases: Sequence[tuple[str, Scene, Detectability]], q: np.ndarray, path
         axis.axis("off")
     bar = figure.colorbar(scale, ax=axes[:, 0].tolist(), shrink=0.7)
     detection = cases[0][2].detection
-    bar.set_label(f"smallest force detected with probability {detection:g} / N")
+    bar.set_label(f"smallest force / N, detected with probability {detection:g}")
     bar.ax.yaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     bar.ax.yaxis.set_major_formatter("{x:g}")
     bar.ax.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
