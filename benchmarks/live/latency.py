@@ -56,7 +56,7 @@ def measure(seconds: float, tick: Callable[[float], None]) -> LatencyResult:
         log = SentLog(path, rate=RATE)
         client = stage.start_service()
         stage.start_arm("--loop", "--sent-log", str(path))
-        stamps, late = _collect(client, log, seconds, tick)
+        stamps, late = collect(client, log, seconds, tick)
         step = client.health().pipeline.step or float("nan")
     duration = stamps[-1] - stamps[0]
     p50, p90, p99, p999, worst = np.percentile(late, [50, 90, 99, 99.9, 100]).round(3).tolist()
@@ -66,9 +66,17 @@ def measure(seconds: float, tick: Callable[[float], None]) -> LatencyResult:
     )
 
 
-def _collect(
-    client: Client, log: SentLog, seconds: float, tick: Callable[[float], None]
+def collect(
+    client: Client, log: SentLog, seconds: float, tick: Callable[[float], None] = lambda passed: None
 ) -> tuple[list[float], list[float]]:
+    """Read the stream for `seconds` [s] after a warm-up.
+
+    Returns:
+        Time stamp of each estimate [s], and the time from its robot packet to its arrival here [ms].
+
+    Raises:
+        ClientError: The service stopped sending.
+    """
     stamps: list[float] = []
     late: list[float] = []
     client.receive()

@@ -9,10 +9,13 @@ import numpy as np
 from rich.table import Table
 
 from contactsense.benchmarks.accuracy.static_cases import Detail, Noise
+from contactsense.service.drawing.figure_style import figure_style
+from contactsense.service.drawing.palette import SERIES
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "speed_error.png"
@@ -77,6 +80,13 @@ def table(marks: Sequence[Mark], samples: int) -> Table:
 def draw(marks: Sequence[Mark], path: Path = PICTURE) -> None:
     """Draw a row of panels for each arm and level of noise, with a panel for each number of contacts: medians
     as filled marks, 95 % quantiles as open ones, a colour and a shape for each method."""
+    with figure_style():
+        figure = _draw(marks)
+        figure.savefig(path)
+    plt.close(figure)
+
+
+def _draw(marks: Sequence[Mark]) -> Figure:
     rows = list(dict.fromkeys((m.robot, m.noise) for m in marks))
     columns = sorted({m.contacts for m in marks})
     # Our method first, the others in the order of measurement.
@@ -86,28 +96,26 @@ def draw(marks: Sequence[Mark], path: Path = PICTURE) -> None:
     figure, panels = plt.subplots(
         len(rows),
         len(columns),
-        figsize=(2.0 + 3.4 * len(columns), 0.9 + 2.6 * len(rows)),
+        figsize=(2.0 + 3.9 * len(columns), 1.3 + 2.7 * len(rows)),
         sharex="col",
         sharey=True,
         squeeze=False,
     )
-    colors = plt.get_cmap("tab20")
     drawn = {}
     for row, (robot, noise) in zip(panels, rows, strict=True):
         for axes, contacts in zip(row, columns, strict=True):
             own = [m for m in marks if (m.robot, m.noise, m.contacts) == (robot, noise, contacts)]
             for m in own:
                 k = names.index(m.method)
-                drawn[m.method] = _draw_mark(axes, m, MARKS[k % len(MARKS)], colors(k % 20))
+                drawn[m.method] = _draw_mark(axes, m, MARKS[k % len(MARKS)], f"C{k % len(SERIES)}")
             axes.set_xscale("log")
             axes.set_yscale("log")
-            axes.grid(alpha=0.3)
             level = f"noise {noise}" if any(noise) else "no noise"
-            axes.set_title(f"{robot}, {contacts} contact{'s'[: contacts > 1]}, {level}", fontsize=9)
-        row[0].set_ylabel("error [mm]")
+            axes.set_title(f"{robot}, {contacts} contact{'s'[: contacts > 1]}, {level}")
+        row[0].set_ylabel("error / mm")
         row[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     for axes in panels[-1]:
-        axes.set_xlabel("time of one answer [us]")
+        axes.set_xlabel("time of one answer / µs")
         wide = np.ptp(np.log10(axes.get_xlim())) > 2.0
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -117,16 +125,13 @@ def draw(marks: Sequence[Mark], path: Path = PICTURE) -> None:
         names,
         loc="upper center",
         ncols=4,
-        fontsize=8,
         title="full: median, open: 95 % quantile of a contact's error (at 3 m: no answer)",
-        title_fontsize=9,
     )
-    figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.95 / figure.get_figheight()))
-    figure.savefig(path, dpi=100)
-    plt.close(figure)
+    figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 1.05 / figure.get_figheight()))
+    return figure
 
 
-def _draw_mark(axes: Axes, m: Mark, marker: str, color: Any) -> Any:
+def _draw_mark(axes: Axes, m: Mark, marker: str, color: str) -> Any:
     low, high = (1e3 * min(value, FARTHEST) for value in (m.error[0], m.error[-1]))
     axes.plot([m.microseconds] * 2, [low, high], color=color, linewidth=1)
     axes.plot(m.microseconds, high, marker, color=color, fillstyle="none")

@@ -1,6 +1,7 @@
 """The report of a calibration: Markdown with plots of residuals before and after."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.recording_residuals import residuals
 from contactsense.scene import Scene
 from contactsense.service.cli.calibration_page import Section, channels
+from contactsense.service.drawing.figure_style import figure_style
 
 _DOTS = 4000
 """Largest number of points of a curve."""
@@ -34,41 +36,54 @@ def write_report(
         OSError: The folder cannot be written.
         ImportError: matplotlib is not installed.
     """
-    from matplotlib.figure import Figure
-
     folder.mkdir(parents=True, exist_ok=True)
     lines = ["# Calibration", "", f"Calibrated from {found.seconds:.1f} s of motion without contact.", ""]
     for section in sections:
         lines += [f"## {section.title}", "", *(f"- {line}" for line in section.lines), ""]
     lines += ["## Residuals", ""]
     names = channels(scene)
-    before, after_ = CalibrationModel.of(scene), CalibrationModel.of(found.scene)
+    before, after = CalibrationModel.of(scene), CalibrationModel.of(found.scene)
     shown = np.flatnonzero(np.isfinite(found.after.rms))
     for number, stretch in enumerate(stretches):
         every = max(1, len(stretch.t) // _DOTS)
-        old = residuals(before, stretch, scene.bandwidth)[::every]
-        new = residuals(after_, stretch, scene.bandwidth)[::every]
-        figure = Figure(figsize=(10.0, 1.6 * len(shown)), layout="constrained")
-        for place, i in enumerate(shown):
-            axes = figure.add_subplot(len(shown), 1, place + 1)
-            axes.plot(stretch.t[::every] - stretch.t[0], old[:, i], lw=0.6, color="0.7", label="before")
-            axes.plot(stretch.t[::every] - stretch.t[0], new[:, i], lw=0.8, color="C0", label="after")
-            axes.set_ylabel(f"{names[i]}\n[{'N' if names[i].startswith('base force') else 'Nm'}]", fontsize=7)
-            axes.grid(alpha=0.3)
-        for contact in found.contacts:
-            if (
-                contact.recording == stretch.name
-                and contact.first_row >= stretch.row_of(0)
-                and (contact.last_row <= stretch.row_of(-1))
-            ):
-                for axes in figure.axes:
-                    axes.axvspan(contact.start, contact.stop, color="C3", alpha=0.15, lw=0)
-        figure.axes[0].legend(loc="upper right", fontsize=7)
-        figure.axes[-1].set_xlabel("time [s]")
-        figure.savefig(folder / f"residuals_{number}.png", dpi=90)
+        old = residuals(before, stretch, scene.bandwidth)[::every][:, shown]
+        new = residuals(after, stretch, scene.bandwidth)[::every][:, shown]
+        touched = [
+            (contact.start, contact.stop)
+            for contact in found.contacts
+            if contact.recording == stretch.name
+            and contact.first_row >= stretch.row_of(0)
+            and contact.last_row <= stretch.row_of(-1)
+        ]
+        time = stretch.t[::every] - stretch.t[0]
+        with figure_style():
+            figure = _residuals(time, old, new, [names[i] for i in shown], touched)
+            figure.savefig(folder / f"residuals_{number}.png")
         lines += [f"### {stretch.name}", "", f"![residuals](residuals_{number}.png)", ""]
     lines += _every_parameter(found)
     (folder / "report.md").write_text("\n".join(lines), encoding="utf-8")
+
+
+def _residuals(
+    time: np.ndarray, old: np.ndarray, new: np.ndarray, names: list[str], touched: list[tuple[float, float]]
+) -> Any:
+    """Residuals (K, C) before and after over time (K,) [s], a panel for each of C channels; `touched`: begin
+    and end of what is taken for a contact [s]."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 1.7 * len(names)), layout="constrained")
+    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
+        axes.plot(time, old[:, i], linewidth=0.8, color="0.5", label="before")
+        axes.plot(time, new[:, i], linewidth=0.8, color="C0", label="after")
+        axes.set_ylabel(f"{name}\n/ {'N' if name.startswith('base force') else 'Nm'}")
+        for k, (start, stop) in enumerate(touched):
+            axes.axvspan(
+                start, stop, color="C1", alpha=0.3, linewidth=0, label=None if k else "left out: contact"
+            )
+    panels[0].legend(loc="upper right", ncols=3)
+    panels[-1].set_xlabel("time / s")
+    return figure
 
 
 def _every_parameter(found: Calibration) -> list[str]:

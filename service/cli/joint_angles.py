@@ -29,10 +29,3 @@ def joint_angles(option: str, text: str, joints: int) -> np.ndarray:
             f"{option}: expected {joints} angles in degrees, separated by commas, got {text!r}"
         )
     return np.asarray(np.radians(angles))
-
-
-def usual_posture(joints: int) -> np.ndarray:
-    """An arm that is bent, with its tool over the table, shape (joints,) [rad]."""
-    q = np.zeros(joints)
-    q[1 : min(4, joints)] = np.radians([-70.0, 80.0, -60.0])[: joints - 1]
-    return q

@@ -14,8 +14,9 @@ from rich.table import Table
 
 from contactsense import robots as library
 from contactsense.robots import Robot, RobotError
-from contactsense.service.cli.joint_angles import joint_angles, usual_posture
+from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.cli.picture_file import picture_file
+from contactsense.service.drawing.posture import usual_posture
 
 
 @click.command()

@@ -8,8 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from contactsense.scene import Scene, SceneError
-from contactsense.service.cli.joint_angles import joint_angles, usual_posture
+from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.cli.picture_file import picture_file
+from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.summary import (
     as_plain,
     link_prior_line,

@@ -1,8 +1,11 @@
 """`contactsense view`: the arm and its contacts in a browser, live or from a file."""
 
+import os
 import signal
+import sys
 import threading
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import click
 
@@ -18,6 +21,8 @@ from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_pa
 URL = "http://127.0.0.1:8000"
 LOCAL = ("127.0.0.1", "localhost", "::1")
 """Addresses that other computers cannot reach."""
+LESS_URGENT = 5
+"""Added to the niceness of a viewer that runs beside its service."""
 
 
 @click.command()
@@ -85,13 +90,22 @@ def _live(
     port: int,
     over: threading.Event,
 ) -> None:
-    source = LiveSource(ServiceCalls(url, token), scene)
+    calls = ServiceCalls(url, token)
+    scene = calls.scene() if scene is None else scene
+    _give_way(url)
+    source = LiveSource(calls, scene)
     try:
         viewer = Viewer(_page(host, port), source.scene, source.acknowledge if acknowledge else None)
-        run(lambda: viewer.draw(source.frame(), source.note(), source.latches), over)
+        run(lambda: viewer.draw(source.frame(), source.note(), source.latches), over, source.news)
         viewer.close()
     finally:
         source.close()
+
+
+def _give_way(url: str) -> None:
+    """Let a service on this computer go first. Only threads that are started later give way, too."""
+    if urlsplit(url).hostname in LOCAL and sys.platform != "win32":
+        os.nice(LESS_URGENT)
 
 
 def _recorded(file: Path, scene: Scene | None) -> RecordedSource | AnalysisSource:

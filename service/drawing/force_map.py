@@ -11,6 +11,7 @@ from contactsense.kinematics.model import empty_motion
 from contactsense.robots.rendering import View, at_pose, side_by_side
 from contactsense.runtime.constants import build_constants
 from contactsense.scene import Scene
+from contactsense.service.drawing.figure_style import figure_style
 from contactsense.service.drawing.palette import HEAT, heat_colours
 from contactsense.surface_map.detectability import Detectability
 from contactsense.surface_map.sensor_response import sensor_response
@@ -40,6 +41,11 @@ def draw_force_map(
         path: Of the PNG.
     """
     mpl.use("Agg")
+    with figure_style():
+        _draw(cases, q, path)
+
+
+def _draw(cases: Sequence[tuple[str, Scene, Detectability]], q: np.ndarray, path: str | Path) -> None:
     from matplotlib import pyplot as plt
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
@@ -55,18 +61,18 @@ def draw_force_map(
     )
     for axis, (title, _, _), picture in zip(axes[:, 0], cases, pictures, strict=True):
         axis.imshow(picture)
-        axis.set_title(title, fontsize=11)
+        axis.set_title(title)
         axis.axis("off")
     bar = figure.colorbar(scale, ax=axes[:, 0].tolist(), shrink=0.7)
     detection = cases[0][2].detection
-    bar.set_label(f"smallest force detected with probability {detection:g} [N]")
+    bar.set_label(f"smallest force / N, detected with probability {detection:g}")
     bar.ax.yaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     bar.ax.yaxis.set_major_formatter("{x:g}")
     bar.ax.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
     if any((found.smallest_force > high).any() for _, _, found in cases):
-        figure.supxlabel(f"light grey: more than {high:.3g} N", fontsize=10)
+        figure.supxlabel(f"light grey: more than {high:.3g} N")
     try:
-        figure.savefig(path, dpi=110, format="png")
+        figure.savefig(path, format="png")
     finally:
         plt.close(figure)
 

@@ -3,11 +3,17 @@
 from typing import Any
 
 from contactsense.service.analysis.analysis import Analysis
-from contactsense.service.drawing.palette import link_colour
+from contactsense.service.drawing.figure_style import figure_style
+from contactsense.service.drawing.palette import NOWHERE, link_colour
 
 
 def timeline_figure(analysis: Analysis) -> Any:
     """Forces of the contacts over time, coloured by link, above the energy of "nothing touches"."""
+    with figure_style():
+        return _draw(analysis)
+
+
+def _draw(analysis: Analysis) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 4.5), layout="constrained")
@@ -21,7 +27,7 @@ def timeline_figure(analysis: Analysis) -> Any:
     if seen:
         above.legend(loc="upper right")
     above.set_ylabel("force / N")
-    below.semilogy(analysis.residuals.t, analysis.residuals.energy, color="#333333", linewidth=0.8)
-    below.set_ylabel('energy of\n"nothing touches"')
+    below.semilogy(analysis.residuals.t, analysis.residuals.energy, color=NOWHERE, linewidth=0.8)
+    below.set_ylabel('energy of "nothing\ntouches" / no unit')
     below.set_xlabel("time / s")
     return figure

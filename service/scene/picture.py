@@ -7,6 +7,7 @@ import matplotlib as mpl
 import numpy as np
 
 from contactsense.scene import Scene
+from contactsense.service.drawing.figure_style import figure_style
 from contactsense.service.drawing.link_geometry import body_meshes, link_meshes
 from contactsense.service.drawing.palette import AXES, UNTOUCHED, link_colour
 from contactsense.service.scene.summary import link_places
@@ -29,6 +30,11 @@ def draw_scene(scene: Scene, q: np.ndarray, path: Path) -> None:
         OSError: the file cannot be written.
     """
     mpl.use("Agg")
+    with figure_style():
+        _draw(scene, q, path)
+
+
+def _draw(scene: Scene, q: np.ndarray, path: Path) -> None:
     from matplotlib import pyplot
     from matplotlib.patches import Patch
 
@@ -54,7 +60,7 @@ def draw_scene(scene: Scene, q: np.ndarray, path: Path) -> None:
     figure.legend(handles=legend, loc="outside lower center", ncols=5, frameon=False)
     figure.suptitle(f"{scene.robot.name} as mounted, the vertical upward")
     try:
-        figure.savefig(path, format="png", dpi=100)
+        figure.savefig(path, format="png")
     finally:
         pyplot.close(figure)
 
@@ -116,7 +122,7 @@ def _draw_gravity(plot: "mpl.axes.Axes", camera: np.ndarray, triangles: np.ndarr
     plot.annotate(
         "", tuple(tip), tuple(tail), arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 2.5}
     )
-    plot.text(tail[0], tail[1], "gravity", ha="center", va="bottom", fontsize=11)
+    plot.text(tail[0], tail[1], "gravity", ha="center", va="bottom")
     plot.update_datalim([tail - 0.1 * size, tip])
     plot.autoscale_view()
 
@@ -162,7 +168,6 @@ def _draw_frame(
         f"{name} frame ({'dashed' if sensor else 'solid'})",
         start,
         start + np.array([1.4, below]) * length,
-        fontsize=10,
         arrowprops={"arrowstyle": "-", "color": "#555555", "linewidth": 0.8},
         bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "#999999"},
     )

@@ -13,15 +13,18 @@ from contactsense.service.scene.summary import link_places
 
 BASE = "/arm"
 """The base frame, in a world whose z points up."""
+LEAST = 1e-6
+"""Change of a link's pose in the link before it that is drawn [1, m]."""
 
 
 def link_node(index: int) -> str:
-    """Name of the node that has the pose of a link."""
-    return f"{BASE}/links/{index}"
+    """Name of the node that has the pose of a link: within that of the link before it, so that a joint moves
+    all that it carries with one message."""
+    return "/".join((BASE, *(f"link {i}" for i in range(index + 1))))
 
 
 def quaternion(rotation: np.ndarray) -> np.ndarray:
-    """A rotation matrix (3, 3) as w, x, y, z."""
+    """Rotation matrices (..., 3, 3) as w, x, y, z, shape (..., 4)."""
     return np.asarray(Rotation.from_matrix(rotation).as_quat(scalar_first=True))
 
 
@@ -45,6 +48,8 @@ class ArmNodes:
         self.poses = np.tile(np.eye(4), (len(scene.link_names), 1, 1))
         """Poses of the links in the base frame, that of a tool being the flange, shape (links, 4, 4)."""
         self._q: np.ndarray | None = None
+        self._steps = np.full_like(self.poses, np.inf)
+        """Poses as drawn, each in the link before it."""
         size = 0.12 * self.reach
         self._frames = [
             nodes.add_frame(f"{BASE}/base frame", axes_length=size, axes_radius=0.04 * size),
@@ -71,10 +76,7 @@ class ArmNodes:
             shaft_radius=0.008 * self.reach, head_radius=0.02 * self.reach, head_length=0.05 * self.reach,
         )  # fmt: skip
         nodes.add_label("/gravity/name", "gravity", position=top)
-        self.mount(scene.orientation)
-        sensor = scene.base_wrench
-        if sensor is not None:
-            self.place_sensor(np.array(sensor.translation), sensor.rotation)
+        self.mount_as(scene)
         self.show_frames(False)
         self.show_meshes(True)
 
@@ -84,8 +86,22 @@ class ArmNodes:
             return
         self._q = q.copy()
         self.poses[:] = link_places(self._scene, q)
-        for node, pose in zip(self._links, self.poses, strict=True):
-            node.wxyz, node.position = quaternion(pose[:3, :3]), pose[:3, 3]
+        steps = self.poses.copy()
+        steps[1:] = np.linalg.inv(self.poses[:-1]) @ self.poses[1:]
+        change = np.abs(steps - self._steps)
+        turned = np.flatnonzero(change[:, :3, :3].max(axis=(1, 2)) > LEAST)
+        for i, orientation in zip(turned, quaternion(steps[turned, :3, :3]), strict=True):
+            self._links[i].wxyz = orientation
+        for i in np.flatnonzero(change[:, :3, 3].max(axis=1) > LEAST):
+            self._links[i].position = steps[i, :3, 3]
+        self._steps = np.where(change > LEAST, steps, self._steps)
+
+    def mount_as(self, scene: Scene) -> None:
+        """Turn the base frame and place the frame of the sensor under it as a scene says."""
+        self.mount(scene.orientation)
+        sensor = scene.base_wrench
+        if sensor is not None:
+            self.place_sensor(np.array(sensor.translation), sensor.rotation)
 
     def mount(self, orientation: Rotation) -> None:
         """Turn the base frame in the world."""

@@ -1,8 +1,11 @@
 """Contacts as nodes of a viser scene: arrow of the force, region of the place, label with the probability.
 
-A browser redraws what it is sent, so only what has visibly changed is sent.
+A browser redraws what it is sent, so only what has visibly changed is sent. A region takes about as long as
+everything else in a frame together, so it follows the place less often than the arrow does.
 """
 
+import math
+import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,7 +24,10 @@ ARROW = 0.009
 VISIBLE = 0.001
 """Movement that is drawn [m]."""
 GROWTH = 0.1
-"""Relative change of a region's standard deviations that is drawn."""
+"""Change of a region that is drawn: of its place and size, relative to its standard deviation, and of its
+probability."""
+INTERVAL = 0.2
+"""Shortest time between two regions of one explanation [s]."""
 
 
 @dataclass(slots=True, eq=False)
@@ -34,6 +40,9 @@ class _Mark:
     ends: np.ndarray = field(default_factory=lambda: np.full((2, 3), np.inf))
     region: viser.MeshHandle | None = None
     place: Contact | None = None
+    """The contact whose region is drawn."""
+    drawn: float = -math.inf
+    """When the region was drawn [s]."""
 
 
 class ContactNodes:
@@ -62,12 +71,16 @@ class ContactNodes:
             estimate: None: there is none, and nothing is drawn.
             poses: Poses of the links in the base frame, shape (links, 4, 4).
         """
+        now = time.monotonic()
         contacts = () if estimate is None else estimate.contacts[:MOST]
         for mark, contact in zip(self._marks, contacts, strict=False):
             pose = poses[contact.link_index]
             self._draw_arrow(mark, contact, pose)
-            if mark.place is None or not _looks_like(contact, mark.place):
+            if mark.place is not None and mark.place.link_index != contact.link_index:
+                self._remove_region(mark)
+            if now - mark.drawn >= INTERVAL and (mark.place is None or not _looks_like(contact, mark.place)):
                 self._draw_region(mark, contact, pose[:3, :3])
+                mark.drawn = now
         for mark in self._marks[len(contacts) :]:
             if mark.arrow.visible:
                 mark.arrow.visible = mark.label.visible = False
@@ -96,10 +109,9 @@ class ContactNodes:
             rotation.T @ contact.normal_base,
             rotation.T @ contact.covariance @ rotation,
         )
-        if mark.place is not None and mark.place.link_index != contact.link_index:
+        if len(patch.faces) == 0:
             self._remove_region(mark)
-        mark.place = contact
-        if len(patch.faces) > 0:
+        else:
             # A node of the same name replaces the one before.
             mark.region = self._nodes.add_mesh_simple(
                 f"{link_node(contact.link_index)}/region {mark.number}",
@@ -109,6 +121,7 @@ class ContactNodes:
                 opacity=0.25 + 0.6 * contact.probability,
                 side="double",
             )
+        mark.place = contact
 
     def _remove_region(self, mark: _Mark) -> None:
         if mark.region is not None:
@@ -126,10 +139,12 @@ def _looks_like(contact: Contact, drawn: Contact) -> bool:
     """Whether the region of a contact is that which is drawn, as far as one can see."""
     if contact is drawn:
         return True
-    if contact.link_index != drawn.link_index or np.abs(contact.point - drawn.point).max() > VISIBLE:
-        return False
     # The trace does not change with the arm's posture.
-    sizes = np.trace(contact.covariance), np.trace(drawn.covariance)
-    return bool(np.abs(np.sqrt(sizes[0]) - np.sqrt(sizes[1])) <= GROWTH * np.sqrt(sizes[1])) and bool(
-        abs(contact.probability - drawn.probability) < GROWTH
+    size, before = np.sqrt(np.trace(contact.covariance)), np.sqrt(np.trace(drawn.covariance))
+    moved = np.abs(contact.point - drawn.point).max()
+    return bool(
+        contact.link_index == drawn.link_index
+        and moved <= max(VISIBLE, GROWTH * before)
+        and (size == before or abs(size - before) <= GROWTH * before)
+        and abs(contact.probability - drawn.probability) < GROWTH
     )

@@ -4,12 +4,11 @@ import numpy as np
 import viser
 from viser import uplot
 
+from contactsense.service.drawing.palette import SERIES
 from contactsense.service.viewer.frame import HISTORY, Forces
 
 INTERVAL = 0.1
 """Shortest time between two drawings [s]."""
-COLOURS = ("#0072b2", "#d55e00", "#009e73")
-"""Of the contacts that act at the same time; they differ for the colour-blind, too (Okabe and Ito)."""
 
 
 class ForcePlot:
@@ -25,7 +24,7 @@ class ForcePlot:
                 uplot.Series(label="time / s"),
                 *(
                     uplot.Series(label=f"contact {i + 1} / N", stroke=colour, width=2)
-                    for i, colour in enumerate(COLOURS[:contacts])
+                    for i, colour in enumerate(SERIES[:contacts])
                 ),
             ),
             title="Force of the contact" if contacts == 1 else "Forces of the contacts",

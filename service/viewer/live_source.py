@@ -44,6 +44,8 @@ class LiveSource:
         """
         self._calls = calls
         self.scene = calls.scene() if scene is None else scene
+        self.news = threading.Event()
+        """Set when a new estimate has come."""
         self._history = ForceHistory()
         self._frame = Frame(None, None, Forces(np.empty(0), np.empty((0, TRACKS))))
         self._arrival = -float("inf")
@@ -126,6 +128,7 @@ class LiveSource:
         q = joints_of(message, len(self.scene.robot.joints))
         self._frame = Frame(self._frame.q if q is None else q, estimate, self._history.forces())
         self._arrival = time.monotonic()
+        self.news.set()
 
     def _poll(self) -> None:
         while not self._over.is_set():

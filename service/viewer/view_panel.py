@@ -84,16 +84,18 @@ class MountingPanel:
         self._apply()
 
     def _apply(self) -> None:
-        mounting, rpy = np.radians(self._mounting.value), np.radians(self._rpy.value)
-        translation = 1e-3 * np.array(self._translation.value)
-        self._arm.mount(Rotation.from_euler("xyz", mounting))
-        self._arm.place_sensor(translation, Rotation.from_euler("xyz", rpy).as_matrix())
         changed = (self._mounting.value, self._rpy.value, self._translation.value) != (
             self._given["mounting"], self._given["rpy"], self._given["translation"],
         )  # fmt: skip
         self._lines.visible = changed
-        if changed:
-            self._lines.content = scene_lines(mounting, rpy, translation, self._scene.base_wrench is not None)
+        if not changed:  # the numbers of the panel are rounded
+            self._arm.mount_as(self._scene)
+            return
+        mounting, rpy = np.radians(self._mounting.value), np.radians(self._rpy.value)
+        translation = 1e-3 * np.array(self._translation.value)
+        self._arm.mount(Rotation.from_euler("xyz", mounting))
+        self._arm.place_sensor(translation, Rotation.from_euler("xyz", rpy).as_matrix())
+        self._lines.content = scene_lines(mounting, rpy, translation, self._scene.base_wrench is not None)
 
 
 def scene_lines(mounting: np.ndarray, rpy: np.ndarray, translation: np.ndarray, sensor: bool) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 import viser
 
 from contactsense.scene import Scene
-from contactsense.service.cli.joint_angles import usual_posture
+from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.viewer.arm_nodes import ArmNodes
 from contactsense.service.viewer.contact_nodes import ContactNodes
 from contactsense.service.viewer.force_plot import ForcePlot
@@ -29,6 +29,10 @@ RATE = 30.0
 """Pictures per second."""
 WORDS = 0.1
 """Shortest time between two changes of the text [s]."""
+SILENCE = 0.1
+"""Longest time between two frames of a source that tells when it has a new one [s]."""
+UNSEEN = 1.0
+"""Time between two frames while nobody looks [s]; a page that is opened shows the last one at first."""
 
 
 class PageServer(viser.ViserServer):
@@ -83,7 +87,7 @@ class Viewer:
         self._heat = Heat(page.scene, scene)
         self._view = ViewPanel(page.gui, self._arm, self._heat)
         MountingPanel(page.gui, self._arm, scene)
-        self._worded = -float("inf")
+        self._drawn = self._worded = -float("inf")
         middle = scene.orientation.apply([0.0, 0.0, 0.25 * self._arm.reach])
         page.initial_camera.position = tuple(middle + self._arm.reach * np.array([0.6, -0.68, 0.3]))
         page.initial_camera.look_at = tuple(middle)
@@ -91,6 +95,9 @@ class Viewer:
     def draw(self, frame: Frame, note: str = "", latches: tuple[Latch, ...] = ()) -> None:
         """Draw a frame, with what the source says of itself and the latched collisions."""
         now = time.monotonic()
+        if now - self._drawn < UNSEEN and not self._page.get_clients():
+            return
+        self._drawn = now
         with self._page.atomic():
             if frame.q is not None:
                 self._arm.move(frame.q)
@@ -115,11 +122,22 @@ class Viewer:
             self._page.stop()
 
 
-def run(draw: Callable[[], None], over: threading.Event) -> None:
-    """Call `draw` `RATE` times a second until `over` is set; a late call is not made up for."""
+def run(draw: Callable[[], None], over: threading.Event, news: threading.Event | None = None) -> None:
+    """Call `draw` until `over` is set.
+
+    Args:
+        draw: Draws a frame.
+        over: Ends the drawing.
+        news: Set by the source when it has something new to draw; `draw` is called then, and after `SILENCE`
+            without. None: `draw` is called `RATE` times a second; a late call is not made up for.
+    """
     due = time.monotonic()
     while not over.is_set():
         draw()
+        if news is not None:
+            news.wait(SILENCE)
+            news.clear()
+            continue
         due = max(due + 1.0 / RATE, time.monotonic())
         over.wait(due - time.monotonic())
 

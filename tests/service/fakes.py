@@ -71,6 +71,13 @@ class Steady:
         pass
 
 
+class Untouched(Steady):
+    """A resting arm that nobody pushes."""
+
+    def _sample(self, count: int, row: int) -> Sample:
+        return super()._sample(count, _FREE_ROW)
+
+
 class Mute(Steady):
     """Nobody at the other end."""
 

@@ -48,6 +48,12 @@ def test_links_and_contacts_are_told_apart(vision: str) -> None:
 
 
 @pytest.mark.parametrize("vision", VISION)
+def test_curves_are_told_apart_and_stand_out_on_white(vision: str) -> None:
+    assert differences(list(palette.SERIES), vision).min() >= palette.LEAST_DIFFERENCE
+    assert differences([*palette.SERIES, "#ffffff"], vision).min() >= palette.LEAST_DIFFERENCE
+
+
+@pytest.mark.parametrize("vision", VISION)
 def test_axes_are_told_apart(vision: str) -> None:
     # They carry letters, too.
     assert differences(list(palette.AXES), vision).min() >= 15.0

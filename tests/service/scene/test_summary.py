@@ -6,8 +6,8 @@ import pytest
 from contactsense import Scene, WrenchSensor
 from contactsense.robots.tool import Tool
 from contactsense.runtime.weight import ArmWeight
-from contactsense.service.cli.joint_angles import usual_posture
 from contactsense.service.drawing.palette import link_colour, rgb
+from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.picture import draw_scene
 from contactsense.service.scene.summary import (
     as_plain,

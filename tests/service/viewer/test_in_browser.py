@@ -2,63 +2,31 @@
 
 import os
 import signal
-import threading
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from contactsense.benchmarks.browser import browser_page
 from contactsense.scene import Scene
-from contactsense.service.viewer.frame import TRACKS, Forces, Frame
-from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_page
-from contactsense.types import Estimate
-from tests.browser import Page, browser_page, require_browser
+from tests.browser import require_browser
 from tests.service.loopback import until
 from tests.service.viewer.estimates import POSTURE, contact, estimate
+from tests.service.viewer.shown import PATIENCE, Shown, showing
 
 pytestmark = pytest.mark.slow
 SCENE = Scene(robot="ur5e")
 FOREARM = 3
 PLACES = (np.array([-0.2, 0.05, 0.007]), np.array([-0.12, -0.05, 0.007]))
 """On the forearm, on opposite sides, in its frame [m]."""
-PATIENCE = 240.0
-"""Software draws a picture in seconds on a busy computer [s]."""
-
-
-@dataclass
-class Shown:
-    """A viewer whose frame tests set."""
-
-    page: Page
-    server: PageServer
-    estimate: Estimate | None = None
-    q: np.ndarray = field(default_factory=lambda: POSTURE)
-
-    def frame(self) -> Frame:
-        return Frame(self.q, self.estimate, Forces(np.empty(0), np.empty((0, TRACKS))))
 
 
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
     require_browser()
-    server = serve_page("127.0.0.1", 0)
-    viewer = Viewer(server, SCENE)
-    over = threading.Event()
-    url = f"http://127.0.0.1:{server.get_port()}"
-    with browser_page(url, tmp_path_factory.mktemp("profile")) as (page, _):
-        shown = Shown(page, server)
-        thread = threading.Thread(target=run, args=(lambda: viewer.draw(shown.frame(), "a note"), over))
-        thread.start()
-        try:
-            page.wait_for("a note")
-            assert until(lambda: len(server.get_clients()) == 1, PATIENCE)
-            yield shown
-        finally:
-            over.set()
-            thread.join()
-            viewer.close()
+    with showing(SCENE, tmp_path_factory.mktemp("profile")) as shown:
+        yield shown
 
 
 def test_the_words_tell_all_explanations(shown: Shown) -> None:

@@ -9,8 +9,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from contactsense.benchmarks.browser import Page, browser_page
 from contactsense.service.viewer import READY
-from tests.browser import Page, browser_page, require_browser
+from tests.browser import require_browser
 from tests.service.analysis.recordings import demo, write_motion
 
 pytestmark = pytest.mark.slow
