@@ -102,6 +102,8 @@ class ArmSimulation:
         )
         self._work = scratch(links, joints)
         set_acceleration(*self._arguments, STEP / SUBSTEPS, self._state, self._work)
+        # No step, but its kernel: compiled only when the arm moves, it would hold up the sensors' readings.
+        advance(*self._arguments, STEP / SUBSTEPS, 0, self._state, self._work)
 
     @property
     def _arguments(self) -> tuple[object, ...]:
