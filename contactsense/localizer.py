@@ -19,7 +19,7 @@ from contactsense.robots.jit.kernel import disable_compilation
 from contactsense.robots.jit.progress_bar import shown_compilation
 from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
 from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
-from contactsense.runtime.kernels import batch, detect, localize, locate_once
+from contactsense.runtime.kernels import detect, localize, locate_once
 from contactsense.runtime.picked_up_payload import PickedUpPayload
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.runtime.stream_screening import StreamScreening
@@ -47,8 +47,8 @@ _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 
 
 def kernels_of(scene: Scene, method: Method = "joint") -> tuple[Any, ...]:
-    """Compiled functions that a localizer for this scene calls from Python."""
-    kernels: tuple[Any, ...] = (detect, localize, locate_once, batch)
+    """Compiled functions that a localizer for this scene calls from Python for single samples."""
+    kernels: tuple[Any, ...] = (detect, localize, locate_once)
     if method == "intrinsic":
         kernels += (localize_intrinsic, batch_intrinsic)
     return (*kernels, explain_contact_sets) if scene.contacts > 1 else kernels
@@ -76,7 +76,7 @@ class Localizer(StaticLocalizer):
             progress: Whether a bar on stderr shows the progress of the compilation; None: on a terminal and
                 in a notebook. A function is called with the progress instead.
         """
-        super().__init__(scene, method)
+        super().__init__(scene, method, progress)
         self._screening = StreamScreening(scene, self._plausible)
         self._start = StreamStart(scene.bandwidth)
         self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
@@ -302,7 +302,6 @@ class Localizer(StaticLocalizer):
 
     def _warm_up(self) -> None:
         """Compile the sample path before the first sample."""
-        zero = self._zeros[1]
         base, torque, wrist = (
             zeros if in_scene else None
             for zeros, in_scene in zip(self._zeros, self._scene_sensors, strict=True)
@@ -315,8 +314,6 @@ class Localizer(StaticLocalizer):
         self._stream.usable[:] = (*self._scene_sensors, False, False)
         self._stream.scalars[SCALE] = 1.0
         localize(*self._sample_args, self._bandwidth, self._gate, self._rows)
-        rows = [None if value is None else value[None] for value in (base, torque, wrist)]
-        self.locate_batch(zero[None], base_wrench=rows[0], joint_torque=rows[1], wrist_wrench=rows[2])
         self._locate_once(
             self._sample_fields.values(self._sample_fields.compile_sample().q),
             False,
@@ -325,7 +322,11 @@ class Localizer(StaticLocalizer):
         )
         disable_compilation(locate_once)
         self.locate(
-            zero, base_wrench=base, joint_torque=torque, wrist_wrench=wrist, contacts=self.scene.contacts,
+            self._zeros[1],
+            base_wrench=base,
+            joint_torque=torque,
+            wrist_wrench=wrist,
+            contacts=self.scene.contacts,
             detect=False,
-        )  # fmt: skip
+        )
         self.reset()

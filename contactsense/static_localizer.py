@@ -1,6 +1,7 @@
 """`StaticLocalizer`: explains measurements of an arm at rest, each independent of all others."""
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Literal
 
 import numpy as np
@@ -10,6 +11,8 @@ from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.output.batch import Batch, batch_of
 from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.robots.jit.kernel import loaded
+from contactsense.robots.jit.progress_bar import Notify, shown_compilation
 from contactsense.runtime.buffers import KernelBuffers
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
@@ -36,9 +39,10 @@ class StaticLocalizer:
     """The part of `contactsense.Localizer` that explains single measurements. It holds what both parts need:
     constants, state and work space of the kernels."""
 
-    def __init__(self, scene: Scene, method: Method) -> None:
+    def __init__(self, scene: Scene, method: Method, progress: bool | Notify | None) -> None:
         """Build everything that does not depend on a stream. Arguments and errors as for
         `contactsense.Localizer`."""
+        self._progress = progress
         if not isinstance(scene, Scene):
             raise TypeError(
                 f"scene: expected a Scene, as in Localizer(Scene(robot='ur5e')), got {scene!r:.60}"
@@ -202,7 +206,7 @@ class StaticLocalizer:
 
         The arguments are those of `locate` with a leading axis N; `jobs` is the number of threads, one per
         core if None. `detected` reports whether a sample shows a contact; the best candidate is returned in
-        any case.
+        any case. The first call loads the kernel, and compiles it where it is not in the cache.
         """
         q = checked_rows("q", q, None, self._joints, "rad")
         n = len(q)
@@ -233,7 +237,9 @@ class StaticLocalizer:
             else:
                 batch(*inputs, *usable, self._gate, *outputs, np.zeros_like(self._rows))
 
-        explain_rows(explain, n, self._buffers, jobs)
+        kernel = batch_intrinsic if self._intrinsic else batch
+        with nullcontext() if loaded(kernel) else shown_compilation((kernel,), self._progress):
+            explain_rows(explain, n, self._buffers, jobs)
         return batch_of(best, link_probability, no_contact_energy > self._thresholds.threshold(usable))
 
     def _given_sensors(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:

@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 import yaml
 from numba.core import event
 
+from contactsense.robots.jit.kernel import VARIANT, Kernel
+
 _EVENT = "numba:compile"
 _TIMES = Path(__file__).with_name("compile_times.yaml")
 _PACKAGE = "contactsense."
@@ -143,7 +145,7 @@ class Compilation(event.Listener):
 def name_of(compiled: Any) -> str:
     """Name of a compiled function in the table of compile times."""
     function = compiled.py_func
-    return f"{function.__module__.removeprefix(_PACKAGE)}.{function.__qualname__}"
+    return f"{function.__module__.removeprefix(_PACKAGE)}.{function.__qualname__.removesuffix(VARIANT)}"
 
 
 def uncached(roots: Iterable[Any]) -> dict[str, list[float]]:
@@ -162,7 +164,8 @@ def uncached(roots: Iterable[Any]) -> dict[str, list[float]]:
         expected[name] = versions
         if versions:
             function = compiled.py_func
-            waiting += [function.__globals__.get(name) for name in function.__code__.co_names]
+            called = [function.__globals__.get(name) for name in function.__code__.co_names]
+            waiting += [value.called_by_kernels for value in called if isinstance(value, Kernel)]
     return expected
 
 

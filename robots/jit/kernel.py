@@ -10,16 +10,22 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numba
 from numba import njit
 from numba.core.caching import IndexDataCacheFile
+from numba.core.registry import CPUDispatcher
+from numba.core.types import unliteral
 
 _FUSED = frozenset({"contract", "reassoc", "nsz", "arcp"})
 _INLINED = "inlined"
 _ALLOCATING = "allocating"
 _NOGIL = "nogil"
+_FOR_KERNELS = "for kernels"
+VARIANT = ".called_by_kernels"
+"""Added to a function's name for `Kernel.called_by_kernels`."""
 _ROOT = str(Path(__file__).parents[2])
 _SOURCES: dict[Any, tuple[Callable[..., Any], frozenset[str]]] = {}
 """Compiled function -> its source and its compile options."""
@@ -79,14 +85,26 @@ def allocating_fused_kernel(function: Callable[..., Any]) -> Any:
     return _compile(function, _FUSED | {_ALLOCATING})
 
 
+def loaded(compiled: Any) -> bool:
+    """Whether a kernel has been called from Python: its machine code is in memory."""
+    return bool(getattr(compiled, "signatures", True))
+
+
 def disable_compilation(compiled: Any) -> None:
     """Compile no further signatures of a kernel. Calls with arguments of other types then raise a TypeError
     instead of blocking a stream for a minute."""
-    if hasattr(compiled, "disable_compile"):
+    if hasattr(compiled, "disable_compile") and loaded(compiled):
         compiled.disable_compile()
 
 
 def _compile(function: Callable[..., Any], compile_options: frozenset[str]) -> Any:
+    compiled = _jit(function, compile_options)
+    if compiled is not function:
+        compiled.__class__ = Kernel
+    return compiled
+
+
+def _jit(function: Callable[..., Any], compile_options: frozenset[str]) -> Any:
     options: dict[str, Any] = {
         "error_model": "numpy",
         "fastmath": set(compile_options & _FUSED) or False,
@@ -94,19 +112,65 @@ def _compile(function: Callable[..., Any], compile_options: frozenset[str]) -> A
         "nogil": _NOGIL in compile_options,
         # Numba's run-time, which allocates and counts references.
         "_nrt": _ALLOCATING in compile_options,
+        "no_cpython_wrapper": _FOR_KERNELS in compile_options,
+        # A function pointer for other languages.
+        "no_cfunc_wrapper": True,
     }
     try:
         compiled: Any = njit(cache=True, **options)(function)
     except RuntimeError:
-        return njit(**options)(function)
-    if compiled is function:
-        return compiled
+        compiled = njit(**options)(function)
+    else:
+        if compiled is not function:
+            # Numba has no public interface to extend the check.
+            index = compiled._cache._cache_file
+            index.__class__ = _Index
+            index.compiled = compiled
     _SOURCES[compiled] = function, compile_options
-    # Numba has no public interface to extend the check.
-    index = compiled._cache._cache_file
-    index.__class__ = _Index
-    index.compiled = compiled
     return compiled
+
+
+class Kernel(CPUDispatcher):
+    """A kernel that Python can call; other kernels call a variant of it that Python cannot.
+
+    Most kernels are called by kernels only, and half of the time of compiling them all would go into code
+    that converts arguments from Python: ten seconds for a function of a hundred arrays.
+    """
+
+    _called_by_kernels: Any = None
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Numba asks for this when a kernel that calls this one is typed.
+
+        It would compile another version for each constant that is passed; inlining has the same effect.
+        """
+        args = tuple(unliteral(value) for value in args)  # type: ignore[no-untyped-call]
+        kws = {name: unliteral(value) for name, value in dict(kws).items()}  # type: ignore[no-untyped-call]
+        return self.called_by_kernels.get_call_template(args, kws)
+
+    def get_overload(self, sig: Any) -> Any:
+        """Numba asks for this when a call by another kernel is compiled."""
+        return self.called_by_kernels.get_overload(sig)
+
+    @property
+    def called_by_kernels(self) -> Any:
+        """The variant for other kernels, with its own machine code in the cache."""
+        if self._called_by_kernels is None:
+            function, compile_options = _SOURCES[self]
+            assert isinstance(function, FunctionType)
+            variant = FunctionType(
+                function.__code__, function.__globals__, function.__name__, function.__defaults__
+            )
+            # Names its file in the cache.
+            variant.__qualname__ = function.__qualname__ + VARIANT
+            self._called_by_kernels = _jit(variant, compile_options | {_FOR_KERNELS})
+            self._called_by_kernels.__class__ = _KernelForKernels
+        return self._called_by_kernels
+
+
+class _KernelForKernels(CPUDispatcher):
+    def __call__(self, *args: Any, **kws: Any) -> Any:
+        raise TypeError(f"{self.py_func.__qualname__}: expected a call by a kernel, got one by Python")
 
 
 class _Index(IndexDataCacheFile):

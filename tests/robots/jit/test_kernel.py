@@ -115,3 +115,24 @@ def test_a_kernel_that_would_allocate_is_refused(function: Callable[..., Any]) -
 
 def test_an_allocating_kernel_may() -> None:
     assert allocating_kernel(_half)(np.ones(3)) == 0.5
+
+
+@kernel
+def _called(x: float, power: int) -> float:
+    return x**power
+
+
+@kernel
+def _calls(x: float) -> float:
+    return _called(x, 2) + _called(x, 3)  # type: ignore[no-any-return]
+
+
+def test_a_kernel_called_by_kernels_is_not_compiled_for_python() -> None:
+    assert _calls(2.0) == 12.0
+    assert _called.signatures == []
+    # One version, whatever the constants.
+    assert len(_called.called_by_kernels.signatures) == 1
+    with pytest.raises(TypeError, match="expected a call by a kernel"):
+        _called.called_by_kernels(2.0, 2)
+    assert _called(2.0, 4) == 16.0
+    assert len(_called.signatures) == 1
