@@ -17,12 +17,15 @@ sqrt(pi) times that step. `onset_threshold` inverts this rate. A test with simul
 
 import math
 
-from scipy.optimize import brentq
 from scipy.special import chdtri, gammaln
 
 HOUR = 3600.0
 RELEASE_PROBABILITY = 0.01
 """A contact ends when noise alone exceeds the remaining energy with this probability."""
+_LARGEST = 500.0
+"""Upper bound of the threshold: a rate of 1e-200 per hour."""
+_TOLERANCE = 1e-11
+"""Accuracy of the threshold, as an energy."""
 _DISCRETE_SAMPLING = 0.5826 + 0.5642
 """Siegmund's constant, -zeta(1/2) / sqrt(2 pi), and 1 / sqrt(pi): difference between the maximum of a
 continuous path and that of the lesser neighbours of its samples, in standard deviations of a step. The second
@@ -56,13 +59,15 @@ def onset_threshold(per_hour: float, degrees_of_freedom: int, bandwidth: float, 
     lower = 0.5 * degrees_of_freedom + math.sqrt(degrees_of_freedom)
     if false_alarms_per_hour(lower, degrees_of_freedom, bandwidth, dt) <= per_hour:
         return lower
-    return float(
-        brentq(
-            lambda e: math.log(false_alarms_per_hour(e, degrees_of_freedom, bandwidth, dt) / per_hour),
-            lower,
-            500.0,
-        )
-    )
+    # Bisection: SciPy's root finders take as long to import as all the rest of this package.
+    upper = _LARGEST
+    while upper - lower > _TOLERANCE:
+        middle = 0.5 * (lower + upper)
+        if false_alarms_per_hour(middle, degrees_of_freedom, bandwidth, dt) > per_hour:
+            lower = middle
+        else:
+            upper = middle
+    return upper
 
 
 def sample_threshold(per_hour: float, degrees_of_freedom: int, bandwidth: float) -> float:

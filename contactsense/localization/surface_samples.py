@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.localization.farthest_point_sampling import farthest_point_sampling
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 
@@ -21,6 +22,8 @@ MAX_GRID_SPACING = 0.006
 """Maximum spacing of the grid that measures the surface area [m]."""
 RELATIVE_GRID_SPACING = 0.05
 """Spacing of that grid on a small link, relative to its radius."""
+BLOCK = 4
+"""Points of that grid along each edge of a block; blocks that the surface cannot reach are left out."""
 MOUNTING_HEIGHT = 0.002
 """Points of the base link below this height that face down are on the mounting face [m]."""
 
@@ -135,7 +138,8 @@ def _surface_patches(surfaces: Surfaces, link: int) -> Patches:
     low = (surfaces.origin[first:last] - reach).min(axis=0)
     high = (surfaces.origin[first:last] + reach).max(axis=0)
     axes = [np.arange(low[i], high[i] + spacing, spacing) for i in range(3)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    near = _blocks_near_surface(surfaces, link, axes, half_thickness)
+    grid = np.stack([axis[indices] for axis, indices in zip(axes, np.nonzero(near), strict=True)], axis=-1)
     distance, primitive, normal = distances(surfaces, grid, link)
     in_shell = np.abs(distance) < half_thickness
     grid, distance, primitive, normal = (
@@ -155,6 +159,22 @@ def _surface_patches(surfaces: Surfaces, link: int) -> Patches:
     return Patches(*(values[exposed] for values in patches))
 
 
+def _blocks_near_surface(
+    surfaces: Surfaces, link: int, axes: list[np.ndarray], distance: float
+) -> np.ndarray:
+    """Which points of a grid lie in blocks that come as near to a link's surface as `distance` [m], shape of
+    the grid. A signed distance changes by at most the distance between two points, so the others do not."""
+    spacing = float(axes[0][1] - axes[0][0])
+    centres = [axis[::BLOCK] + 0.5 * (BLOCK - 1) * spacing for axis in axes]
+    centre = np.stack(np.meshgrid(*centres, indexing="ij"), axis=-1)
+    half_diagonal = 0.5 * math.sqrt(3.0) * (BLOCK - 1) * spacing
+    near = np.abs(distances(surfaces, centre.reshape(-1, 3), link)[0]) < distance + 1.01 * half_diagonal
+    points: np.ndarray = near.reshape(centre.shape[:3])
+    for i in range(3):
+        points = points.repeat(BLOCK, axis=i)
+    return points[tuple(slice(len(axis)) for axis in axes)]
+
+
 def cover_distances(surfaces: Surfaces, points: np.ndarray) -> np.ndarray:
     """Signed distances of points, base frame, shape (N, 3) [m], to the bodies that cover the arm, shape (N,)
     [m]; infinite without any."""
@@ -171,17 +191,9 @@ def _assign_to_cells(patches: Patches, edge: float, count: int) -> np.ndarray:
         Index of the cell of each patch, shape (N,), int64.
     """
     feature = _features(patches, edge)
-    nearest = np.full(len(feature), np.inf)
-    owner = np.zeros(len(feature), dtype=np.int64)
-    chosen = int(np.argmax(np.linalg.norm(patches.point - patches.point.mean(axis=0), axis=1)))
-    for i in range(count):
-        distance = ((feature - feature[chosen]) ** 2).sum(axis=1)
-        closer = distance < nearest
-        nearest[closer], owner[closer] = distance[closer], i
-        chosen = int(np.argmax(nearest))
-        if nearest[chosen] == 0.0:
-            # Fewer distinct points than cells.
-            break
+    owner = np.empty(len(feature), dtype=np.int64)
+    first = int(np.argmax(np.linalg.norm(patches.point - patches.point.mean(axis=0), axis=1)))
+    farthest_point_sampling(feature, first, count, np.empty(len(feature)), owner)
     return owner
 
 

@@ -1,16 +1,11 @@
 """The arm's own weight on the sensor below it, in any posture: what a plausible reading is compared with."""
 
 import numpy as np
-from scipy.optimize import Bounds, minimize
 
 from contactsense.robots.link_poses import link_poses
 from contactsense.runtime.constants import model_with_tool, wrench_transform
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
-
-_POSTURES = 300
-_LARGEST_ANGLE = np.pi
-"""Beyond half a turn to either side the postures repeat [rad]."""
 
 
 class ArmWeight:
@@ -35,35 +30,6 @@ class ArmWeight:
         poses = link_poses(self._robot, q)
         centres = np.einsum("lij,lj->li", poses[:, :3, :3], self._com) + poses[:, :3, 3]
         return np.concatenate((self.force, np.cross(self._masses @ centres, self._gravity)))
-
-    def largest_reading(self, sensor: WrenchSensor) -> np.ndarray:
-        """Largest magnitude of each component that a sensor under the base reads of an arm at rest.
-
-        The largest moments of random postures within the joints' limits, each improved to the nearest local
-        maximum: the true ones may be slightly larger.
-
-        Args:
-            sensor: Pose and bias of the sensor.
-
-        Returns:
-            Shape (6,), sensor axes, about its origin [N, Nm].
-        """
-        chance = np.random.default_rng(0)
-        limits = np.array([joint.position_limits for joint in self._robot.joints])
-        low, high = np.clip(limits, -_LARGEST_ANGLE, _LARGEST_ANGLE).T
-        postures = chance.uniform(low, high, (_POSTURES, len(low)))
-        readings = np.array([reading_from_base_wrench(sensor, self.wrench(q)) for q in postures])
-        largest = np.abs(readings).max(axis=0)
-        for component in (3, 4, 5):  # the force is the same in all postures
-            start = int(np.abs(readings[:, component]).argmax())
-            sign = float(np.sign(readings[start, component]))
-
-            def opposite(q: np.ndarray, component: int = component, sign: float = sign) -> float:
-                return -sign * float(reading_from_base_wrench(sensor, self.wrench(q))[component])
-
-            best = minimize(opposite, postures[start], method="L-BFGS-B", bounds=Bounds(low, high))
-            largest[component] = max(largest[component], -best.fun)
-        return np.asarray(largest)
 
 
 def reading_from_base_wrench(sensor: WrenchSensor, wrench: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from contactsense.localization.surface_samples import sample_surface
 from contactsense.robots.link_poses import link_poses
-from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_in_motion
+from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_at_rest, largest_reading_in_motion
 from contactsense.runtime.link_prior import area_share, link_probability
 from contactsense.runtime.scene_surfaces import scene_surfaces
 from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
@@ -64,7 +64,9 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
         "base_reading_at_rest": (
             None if sensor is None else reading_from_base_wrench(sensor, weight.wrench(q)).tolist()
         ),
-        "largest_base_reading_at_rest": None if sensor is None else weight.largest_reading(sensor).tolist(),
+        "largest_base_reading_at_rest": None
+        if sensor is None
+        else largest_reading_at_rest(scene, sensor).tolist(),
         "largest_base_reading_in_motion": (
             None if sensor is None else largest_reading_in_motion(scene, "base_wrench").tolist()
         ),
@@ -87,7 +89,7 @@ def _range_warnings(
     sensor: WrenchSensor | None = getattr(scene, field)
     if sensor is None or sensor.range is None:
         return
-    at_rest = ArmWeight(scene).largest_reading(sensor) if field == "base_wrench" else np.zeros(6)
+    at_rest = largest_reading_at_rest(scene, sensor) if field == "base_wrench" else np.zeros(6)
     moving = largest_reading_in_motion(scene, field)
     units = ("N",) * 3 + ("Nm",) * 3
     for name, rest, motion, limit, unit in zip(
@@ -129,7 +131,7 @@ def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, 
     if sensor is None:
         return (Line("base_wrench", "none"),)
     reading = reading_from_base_wrench(sensor, weight.wrench(q))
-    largest = weight.largest_reading(sensor)
+    largest = largest_reading_at_rest(scene, sensor)
     limits = "range unknown"
     if sensor.range is not None:
         limits = f"at most {100.0 * (largest / sensor.limits).max():.0f} % of its range"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from contactsense.localization import surface_samples
 from contactsense.localization.surface_samples import sample_surface
 from contactsense.robots import Inertia, Link, load
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Primitive, Sphere
@@ -88,3 +89,14 @@ def test_subsamples_cover_their_cells() -> None:
 def test_a_link_without_surface_has_no_samples() -> None:
     samples, subsamples, _ = sample_surface(pack([_link()]))
     assert len(samples.spread) == len(subsamples.spread) == 0
+
+
+@pytest.mark.parametrize("robot", ["ur3e", "ur10e"])
+def test_blocks_that_are_left_out_have_no_surface(robot: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    surfaces = pack(load(robot).links)
+    found = sample_surface(surfaces)
+    monkeypatch.setattr(surface_samples, "BLOCK", 1)
+    searched = sample_surface(surfaces)
+    for values, whole in zip([*found[0], *found[1]], [*searched[0], *searched[1]], strict=True):
+        np.testing.assert_array_equal(values, whole)
+    assert found[2] == searched[2]

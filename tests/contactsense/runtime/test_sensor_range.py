@@ -9,8 +9,8 @@ from contactsense import Localizer, Sample, SampleBlock, Scene, WrenchSensor, fo
 from contactsense.benchmarks.calibration.simulate import arm_of
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.tool import Tool
-from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_in_motion
-from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
+from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_at_rest, largest_reading_in_motion
+from contactsense.runtime.weight import reading_from_base_wrench
 from contactsense.runtime.wrist_frame import ToolWeight, WristFrame
 from contactsense.sensors.settings import LinkInertia
 from contactsense.sensors.stream_state import INVALID
@@ -120,7 +120,7 @@ def test_no_motion_within_the_limits_loads_a_sensor_more(field: str) -> None:
         read = np.array([frame.reading(*row) for row in zip(q, wrench, strict=True)])
     else:
         read = reading_from_base_wrench(sensor, wrench)
-        assert (bound >= ArmWeight(scene).largest_reading(sensor)).all()
+        assert (bound >= largest_reading_at_rest(scene, sensor)).all()
     largest = np.abs(read).max(axis=0)
     assert (bound > largest).all()
     assert (bound < 2.0 * largest).all()

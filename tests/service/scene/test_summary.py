@@ -5,6 +5,7 @@ import pytest
 
 from contactsense import Scene, WrenchSensor
 from contactsense.robots.tool import Tool
+from contactsense.runtime.largest_reading import largest_reading_at_rest
 from contactsense.runtime.weight import ArmWeight
 from contactsense.service.drawing.palette import link_colour, rgb
 from contactsense.service.drawing.posture import usual_posture
@@ -91,7 +92,7 @@ def test_the_largest_load_is_that_of_an_arm_stretched_out() -> None:
         float(np.linalg.norm(weight.wrench(np.array([0.0, 0.0, 0.0, wrist, 0.0, 0.0]))[3:5]))
         for wrist in np.linspace(-np.pi, np.pi, 37)
     )
-    largest = weight.largest_reading(WrenchSensor())
+    largest = largest_reading_at_rest(scene, WrenchSensor())
     assert largest[3:5].max() >= 0.995 * stretched
     assert largest[2] == pytest.approx(9.81 * scene.robot.mass)
 

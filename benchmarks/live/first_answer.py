@@ -1,0 +1,81 @@
+"""`python -m benchmarks.live.first_answer`: processor time from `import contactsense` to the first answer of
+`Localizer.locate`, with an empty cache of machine code and with a filled one.
+
+`--against FOLDER` measures another checkout of this repository in the same run, of which the times are given
+as a ratio: machines differ, and a time alone says little.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+
+import click
+
+PROGRAM = """
+import json, time
+began = time.process_time()
+from contactsense import Localizer, Scene
+import numpy as np
+imported = time.process_time()
+localizer = Localizer(Scene(robot="ur5e"))
+made = time.process_time()
+q = np.array([0.0, -1.3, 1.6, -1.9, -1.57, 0.0])
+localizer.locate(q, base_wrench=np.zeros(6), joint_torque=np.zeros(6))
+print(json.dumps([imported - began, made - imported, time.process_time() - made]))
+"""
+STEPS = ("import", "Localizer", "locate")
+HERE = Path(__file__).resolve().parents[2]
+
+
+@click.command()
+@click.option(
+    "--against",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Checkout to compare with.",
+)
+@click.option("--warm", default=5, show_default=True, help="Starts with a filled cache; the median counts.")
+def main(against: Path | None, warm: int) -> None:
+    """Measure the first answer of a fresh installation, and of later starts."""
+    folders = [HERE] if against is None else [against.resolve(), HERE]
+    times = [_times(folder, warm) for folder in folders]
+    heads = ["this checkout"] if against is None else [f"{against}", "this checkout", "ratio"]
+    click.echo("| processor time [s] | " + " | ".join(heads) + " |")
+    click.echo("|---" * (len(heads) + 1) + "|")
+    for k, cache in enumerate(("empty cache", "filled cache")):
+        for step in (*range(len(STEPS)), None):
+            name = "until the first answer" if step is None else STEPS[step]
+            values = [sum(row[k]) if step is None else row[k][step] for row in times]
+            cells = [f"{value:.2f}" for value in values]
+            if len(values) > 1:
+                cells.append(f"{values[1] / values[0]:.2f}")
+            click.echo(f"| {cache}: {name} | " + " | ".join(cells) + " |")
+
+
+def _times(folder: Path, warm: int) -> tuple[list[float], list[float]]:
+    """Processor times of the steps with an empty cache, and their medians with a filled one [s]."""
+    with tempfile.TemporaryDirectory() as cache:
+        first = _run(folder, cache)
+        later = [_run(folder, cache) for _ in range(warm)]
+    return first, [median(column) for column in zip(*later, strict=True)]
+
+
+def _run(folder: Path, cache: str) -> list[float]:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        cwd=folder,
+        env={**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode:
+        raise click.ClickException(f"{folder}: {done.stderr.strip().splitlines()[-1]}")
+    times: list[float] = json.loads(done.stdout)
+    return times
+
+
+if __name__ == "__main__":
+    main()
