@@ -17,7 +17,7 @@ view: $(VENV)/view.stamp  ## the same, shown in a browser
 	$(BIN)/contactsense demo --view
 
 test: $(VENV)/test.stamp  ## the default tests
-	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadgroup --no-loadscope-reorder
 
 check: $(VENV)/test.stamp  ## style, types, import contract
 	$(BIN)/ruff format --check .

@@ -22,15 +22,16 @@ WITHOUT = (
     "service/wire",
 )
 """Folders whose tests locate no contact and use kernels of their own."""
+LIVE = {"serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "Stage"}
+"""A test file that imports one of these keeps simulated devices, or services that listen to them."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """One worker compiles the localizer while another works on what can do without it; side by side on the
     files that need it, both would compile the same kernels.
 
-    Where groups are told apart (`--dist loadgroup`), a file's tests go to one worker, which makes their
-    fixtures once. All that measures in real time comes last and goes to one worker: live services that two
-    workers keep for their files take the processor from each other even while no other test runs.
+    A file's tests go to one worker, which makes their fixtures once. All live services go to one worker, as
+    two at a time would take the processor from each other; those that measure in real time come last.
     """
     root = Path(__file__).parent
 
@@ -39,17 +40,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if name == FIRST:
             return 0
         if _is_realtime(item):
-            return 3
-        return 1 if name.startswith(WITHOUT) else 2
+            return 4
+        if _is_live(item):
+            return 2
+        return 1 if name.startswith(WITHOUT) else 3
 
     items.sort(key=turn)
     for item in items:
-        name = "realtime" if _is_realtime(item) else item.path.relative_to(root).as_posix()
-        item.add_marker(pytest.mark.xdist_group(name))
+        group = item.path.relative_to(root).as_posix()
+        if _is_realtime(item) or _is_live(item):
+            group = "realtime" if _is_realtime(item) else "live"
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 def _is_realtime(item: pytest.Item) -> bool:
     return item.get_closest_marker("realtime") is not None
+
+
+def _is_live(item: pytest.Item) -> bool:
+    return isinstance(item, pytest.Function) and not LIVE.isdisjoint(vars(item.module))
 
 
 @pytest.fixture(autouse=True)

@@ -13,11 +13,11 @@ import math
 import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
-from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.kinematics.model import Motion
 from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_of_action_search import moment_variance, search_along_line_of_action
+from contactsense.localization.none_of_these import LeftOutLinks, none_of_these_evidence
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.localization.surface_search import search_surface
@@ -32,12 +32,6 @@ ROUGH_SURFACE_FACTOR = 4.0
 """Factor on the surface deviation at ribs, steps and screw heads."""
 ROUGH_SURFACE_PROBABILITY = 0.1
 """Prior probability of a contact at such a place."""
-NONE_OF_THESE_PROBABILITY = 0.01
-"""Prior probability of "none of these": a pull, a couple, or several contacts."""
-NONE_OF_THESE_FORCE = 2.0
-"""Standard deviation of each force component under "none of these", relative to `Prior.force`."""
-NONE_OF_THESE_LEVER = 0.5
-"""Standard deviation of each moment component about the base origin per force under "none of these" [m]."""
 
 
 @fused_kernel
@@ -47,6 +41,7 @@ def locate_contacts(
     subsamples: SurfaceSubsamples,
     searched: np.ndarray,
     touchable: np.ndarray,
+    left_out: LeftOutLinks,
     depth: np.ndarray,
     motion: Motion,
     hypotheses: Hypotheses,
@@ -65,11 +60,12 @@ def locate_contacts(
         searched: 1 for links that are searched, else 0, shape (links,), int64.
         touchable: 1 for links that can be touched in the scene, else 0, shape (links,), int64. A touch on
             another link is "none of these".
+        left_out: Surfaces of those others, where they can be touched.
         depth: Number of joints between the base and each link, shape (links,), int64.
         motion: Poses, see `contactsense.kinematics.forward_kinematics.forward_kinematics`.
         hypotheses: One fused wrench per link, see `contactsense.isolation.link_hypotheses.isolate`.
         wrench_measured: Whether all six components of the wrench were measured.
-        prior: Prior of contacts. Links are weighed by `Prior.log_link_density`; "none of these" is not.
+        prior: Prior of contacts.
         buffers, cells: Scratch.
         candidates: Filled; `order` lists the ranked candidates.
         link_probability: Filled: probability that each link is touched, shape (links,). One minus their
@@ -91,7 +87,7 @@ def locate_contacts(
     other_link = _best_link(touchable, 0, hypotheses)
     if other_link < 0 or hypotheses.energy[link] <= hypotheses.energy[other_link]:
         other_link = link
-    none_evidence = _none_of_these_evidence(hypotheses, other_link, prior, buffers)
+    none_evidence = none_of_these_evidence(left_out, depth, motion, hypotheses, other_link, prior, buffers)
     if _is_hopeless(lowest_energy, 0.0, none_evidence):
         link_probability[:] = 0.0
         return 0
@@ -203,27 +199,6 @@ def _is_line_of_action_known(w, P, o):  # type: ignore[no-untyped-def]
         moment_variance(P, o[0], o[1], o[2])
         < LINE_OF_ACTION_DEVIATION * LINE_OF_ACTION_DEVIATION * squared_force
     )
-
-
-@fused_kernel
-def _none_of_these_evidence(hypotheses, link, prior, buffers):  # type: ignore[no-untyped-def]
-    """Log evidence of "none of these": a wrench with a broad zero-mean normal prior, at `link`."""
-    w, L = hypotheses.wrench[link], hypotheses.information[link]
-    H, g = buffers.normal_equations, buffers.gradient
-    force_information = (NONE_OF_THESE_FORCE * prior.force) ** -2.0
-    moment_information = (NONE_OF_THESE_LEVER * NONE_OF_THESE_FORCE * prior.force) ** -2.0
-    energy = 0.0
-    for i in range(6):
-        g[i] = 0.0
-        for k in range(6):
-            g[i] += L[i, k] * w[k]
-            H[i, k] = L[i, k]
-        energy += 0.5 * w[i] * g[i]
-        H[i, i] += force_information if i < 3 else moment_information
-    log_det, decrease, _, _, _ = ldl_solve(H, g)
-    log_det_prior = 3.0 * (math.log(force_information) + math.log(moment_information))
-    log_odds = math.log(NONE_OF_THESE_PROBABILITY / (1.0 - NONE_OF_THESE_PROBABILITY))
-    return log_odds - hypotheses.energy[link] - (energy - decrease) + 0.5 * (log_det_prior - log_det)
 
 
 @fused_kernel

@@ -86,7 +86,7 @@ def sample_surface(surfaces: Surfaces) -> tuple[SurfaceSamples, SurfaceSubsample
     of the surface.
     """
     links = len(surfaces.start) - 1
-    links_patches = [_surface_patches(surfaces, link) for link in range(links)]
+    links_patches = [surface_patches(surfaces, link) for link in range(links)]
     area = sum(float(patches.area.sum()) for patches in links_patches)
     edge = math.sqrt(area / SAMPLES)
     cells: list[Patches] = []
@@ -125,7 +125,7 @@ def _no_samples(primitives: int) -> tuple[SurfaceSamples, SurfaceSubsamples]:
     )
 
 
-def _surface_patches(surfaces: Surfaces, link: int) -> Patches:
+def surface_patches(surfaces: Surfaces, link: int) -> Patches:
     """Surface points of a link with their areas; their spread is not set."""
     first, last = surfaces.start[link], surfaces.start[link + 1]
     if first == last:

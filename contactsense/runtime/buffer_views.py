@@ -7,6 +7,7 @@ from contactsense.detection.thresholds import LONGEST_STEP_MS
 from contactsense.isolation.link_hypotheses import Hypotheses, SensorModel
 from contactsense.kinematics.model import Model, Motion
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
+from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.simd_layout import LANES, LENGTH
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
@@ -161,6 +162,10 @@ def _constants(f, i, n, links, p, s, t):  # type: ignore[no-untyped-def]
         log_link_density,
     )  # fmt: skip
     touchable, b = _take1(i, b, links)
+    log_weight, a = _take1(f, a, links)
+    centre, a = _take2(f, a, links, 3)
+    covariance, a = _take3(f, a, links, 3, 3)
+    left_out = LeftOutLinks(log_weight, centre, covariance)
     gravity, a = _take1(f, a, 3)
     tool_mass = f[a]
     tool_com, a = _take1(f, a + 1, 3)
@@ -171,8 +176,8 @@ def _constants(f, i, n, links, p, s, t):  # type: ignore[no-untyped-def]
     bias_rate = f[a]
     thresholds, a = _take3(f, a + 1, 8, LONGEST_STEP_MS, 2)
     constants = Constants(
-        model, surfaces, samples, subsamples, sensors, prior, touchable, gravity, tool_mass, tool_com,
-        tool_inertia, wrist_rotation, wrist_origin, torque_model, bias_rate, thresholds,
+        model, surfaces, samples, subsamples, sensors, prior, touchable, left_out, gravity, tool_mass,
+        tool_com, tool_inertia, wrist_rotation, wrist_origin, torque_model, bias_rate, thresholds,
     )  # fmt: skip
     return constants, a, b
 

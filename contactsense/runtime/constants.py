@@ -8,11 +8,13 @@ import numpy as np
 from contactsense.detection.thresholds import stream_thresholds
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Model, build_model
+from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots import Inertia, Link, Robot
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia, move_inertia
+from contactsense.runtime.left_out_links import left_out_links
 from contactsense.runtime.link_prior import area_share, log_link_density
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
@@ -37,7 +39,9 @@ class Constants(NamedTuple):
     prior: Prior
     """Prior distribution of contacts."""
     touchable: np.ndarray
-    """1 for links that can be touched, else 0, shape (links,), int64."""
+    """1 for links that are searched, else 0, shape (links,), int64."""
+    left_out: LeftOutLinks
+    """The other links that can be touched."""
     gravity: np.ndarray
     """Gravity, base axes, shape (3,) [m/s^2]."""
     tool_mass: float
@@ -82,6 +86,7 @@ def build_constants(scene: Scene) -> Constants:
             log_link_density=log_link_density(scene, area_share(surfaces, samples, len(scene.link_names))),
         ),
         touchable=touchable_links(scene),
+        left_out=left_out_links(scene, area),
         gravity=scene.gravity_base,
         tool_mass=tool.mass,
         tool_com=tool.com,

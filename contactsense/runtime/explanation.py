@@ -157,6 +157,7 @@ def explain(
         constants.subsamples,
         state.candidate_links,
         constants.touchable,
+        constants.left_out,
         constants.sensors.depth,
         state.motion,
         state.hypotheses,

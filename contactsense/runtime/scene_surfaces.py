@@ -1,6 +1,8 @@
 """The surfaces of a scene for the kernels: arm, tool, and the bodies that cover them or stand on the base
 sensor."""
 
+from collections.abc import Collection
+
 import numpy as np
 
 from contactsense.robots import Link
@@ -9,17 +11,19 @@ from contactsense.robots.surroundings import pack_bodies
 from contactsense.scene import Scene
 
 
-def scene_surfaces(scene: Scene) -> Surfaces:
-    """Primitives of all touchable links at the scene's level of detail; other links have none.
+def scene_surfaces(scene: Scene, shown: Collection[str] | None = None) -> Surfaces:
+    """Primitives of the links in `shown`, all touchable ones if None, at the scene's level of detail; other
+    links have none.
 
     Those of pedestals follow the base link's own, as they are rigidly joined to it. Those of covers, in the
     base frame, follow the last link's: they belong to no link, so that no contact is searched on them.
     """
+    names = scene.touchable_links if shown is None else shown
     links = list(scene.robot.links)
     if len(scene.link_names) > len(links):
         assert scene.tool is not None
         links.append(Link(scene.tool.name, scene.tool.inertia, scene.tool.primitives))
-    surfaces = pack([_at_detail(link, scene) for link in links])
+    surfaces = pack([_at_detail(link, link.name in names, scene.detail) for link in links])
     if len(links) > len(scene.robot.links):
         first = surfaces.start[-2]
         R, o = scene.robot.flange_rotation, scene.robot.flange_translation
@@ -42,10 +46,10 @@ def touchable_links(scene: Scene) -> np.ndarray:
     return np.array([name in touchable for name in scene.link_names], dtype=np.int64)
 
 
-def _at_detail(link: Link, scene: Scene) -> Link:
-    if link.name not in scene.touchable_links:
+def _at_detail(link: Link, shown: bool, detail: str) -> Link:
+    if not shown:
         return Link(link.name, link.inertia)
-    if scene.detail == "coarse" and link.coarse:
+    if detail == "coarse" and link.coarse:
         return Link(link.name, link.inertia, link.coarse)
     return link
 
