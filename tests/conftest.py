@@ -26,6 +26,7 @@ LIVE = {"serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "S
 """A test file that imports one of these keeps simulated devices, or services that listen to them."""
 
 
+@pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """One worker compiles the localizer while another works on what can do without it; side by side on the
     files that need it, both would compile the same kernels.

@@ -166,17 +166,3 @@ def test_numbers_that_are_none_do_no_harm(play: Play) -> None:
         play.servers.rtde.fault = Fault.NONE
     health = play.until(lambda health: health.status == "ok")
     assert health.pipeline.restarts == 0
-
-
-def test_a_robot_that_is_dead_at_the_start() -> None:
-    host = own_address()
-    chosen = MockSettings(host=host, rtde_port=30004, netft_port=49152, http_port=49180, loop=True)
-    settings = Settings(robot_host=host, ft_host=host, ft_http_port=49180)
-    with serving(create_app(settings)) as place:
-        play = Play(simulate(SCRIPT), None, place)  # type: ignore[arg-type]
-        health = play.until(lambda health: health.status != "starting")
-        assert health.status == "waiting"
-        assert f"robot at {host}:30004 cannot be reached" in health.message
-        assert "force/torque sensor" in health.message
-        with MockServers(play.motion, chosen):
-            play.until(lambda health: health.status == "ok")
