@@ -2,13 +2,14 @@
 progress of the first compilation is estimated.
 
 `python -m contactsense.benchmarks.live.compile_times` compiles everything again, without using the cache, and
-writes the table. Only the ratios count, so any machine that is otherwise idle can be used.
+writes the table. Only the ratios of processor times count, so any machine can be used.
 """
 
 import os
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import contactsense.robots.jit
@@ -26,7 +27,7 @@ def measure() -> dict[str, list[float]]:
     from contactsense.robots.jit.compilation import Compilation
 
     scene = Scene(robot="ur5e", contacts=3)
-    with Compilation(kernels_of(scene)) as compilation:
+    with Compilation(kernels_of(scene), clock=time.process_time) as compilation:
         Localizer(scene, progress=False)
     table: dict[str, list[float]] = {}
     for name, seconds in compilation.times:
