@@ -104,9 +104,9 @@ class Scene(BaseModel):
     """Force/torque sensor between tool flange and tool; None: there is none. Its frame is given in the
     flange's frame."""
     touchable: tuple[str, ...] | None = None
-    """Names of the links on which contacts are searched; None: all. The others take hardly any computing
-    time. A touch there is explained by none of these, and is as probable as one on the searched links; a link
-    that cannot be touched has the weight 0 in `link_prior` instead."""
+    """Names of the links on which contacts are searched; None: all. A touch on another link is
+    explained by none of these, and is as probable as one on the searched links; a link that cannot be touched
+    has the weight 0 in `link_prior` instead."""
     link_prior: LinkPrior | dict[str, NonNegativeFloat] = "area"
     """How probable a contact on each link is before any measurement. `area`: in proportion to its surface;
     `equal`: the same for each link; or weights of all touchable links by name, such as how often each is
