@@ -37,7 +37,13 @@ HERE = Path(__file__).resolve().parents[2]
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Checkout to compare with.",
 )
-@click.option("--warm", default=5, show_default=True, help="Starts with a filled cache; the median counts.")
+@click.option(
+    "--warm",
+    type=click.IntRange(min=1),
+    default=5,
+    show_default=True,
+    help="Starts with a filled cache; the median counts.",
+)
 def main(against: Path | None, warm: int) -> None:
     """Measure the first answer of a fresh installation, and of later starts."""
     folders = [HERE] if against is None else [against.resolve(), HERE]

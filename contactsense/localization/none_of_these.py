@@ -64,13 +64,9 @@ def none_of_these_evidence(left_out, depth, motion, hypotheses, link, prior, buf
 
 
 @fused_kernel
-def _evidence_of_anything(hypotheses, link, prior, buffers):  # type: ignore[no-untyped-def]
-    """Log evidence of a wrench with a broad zero-mean normal prior, at `link`; `buffers.gradient` then holds
-    the most probable wrench."""
+def _copy_measurement(hypotheses, link, H, g):  # type: ignore[no-untyped-def]
+    """Fill the normal equations H x = g with the fused wrench of a link; returns its energy at x = 0."""
     w, L = hypotheses.wrench[link], hypotheses.information[link]
-    H, g = buffers.normal_equations, buffers.gradient
-    force_information = (NONE_OF_THESE_FORCE * prior.force) ** -2.0
-    moment_information = (NONE_OF_THESE_LEVER * NONE_OF_THESE_FORCE * prior.force) ** -2.0
     energy = 0.0
     for i in range(6):
         g[i] = 0.0
@@ -78,6 +74,18 @@ def _evidence_of_anything(hypotheses, link, prior, buffers):  # type: ignore[no-
             g[i] += L[i, k] * w[k]
             H[i, k] = L[i, k]
         energy += 0.5 * w[i] * g[i]
+    return energy
+
+
+@fused_kernel
+def _evidence_of_anything(hypotheses, link, prior, buffers):  # type: ignore[no-untyped-def]
+    """Log evidence of a wrench with a broad zero-mean normal prior, at `link`; `buffers.gradient` then holds
+    the most probable wrench."""
+    H, g = buffers.normal_equations, buffers.gradient
+    force_information = (NONE_OF_THESE_FORCE * prior.force) ** -2.0
+    moment_information = (NONE_OF_THESE_LEVER * NONE_OF_THESE_FORCE * prior.force) ** -2.0
+    energy = _copy_measurement(hypotheses, link, H, g)
+    for i in range(6):
         H[i, i] += force_information if i < 3 else moment_information
     log_det, decrease, _, _, _ = ldl_solve(H, g)
     log_det_prior = 3.0 * (math.log(force_information) + math.log(moment_information))
@@ -93,7 +101,6 @@ def _evidence_of_touch(left_out, link, R, o, hypotheses, prior, buffers):  # typ
     squared_lever = (
         prior.torsion_lever * prior.torsion_lever + prior.surface_deviation * prior.surface_deviation
     )
-    w, L = hypotheses.wrench[link], hypotheses.information[link]
     H, g = buffers.normal_equations, buffers.gradient
     fx, fy, fz = g[0], g[1], g[2]
     s, C = left_out.centre[link], left_out.covariance[link]
@@ -114,13 +121,7 @@ def _evidence_of_touch(left_out, link, R, o, hypotheses, prior, buffers):  # typ
     i00, i01, i02 = m11 * m22 - m12 * m12, m02 * m12 - m01 * m22, m01 * m12 - m02 * m11
     i11, i12, i22 = m00 * m22 - m02 * m02, m01 * m02 - m00 * m12, m00 * m11 - m01 * m01
     determinant = m00 * i00 + m01 * i01 + m02 * i02
-    energy = 0.0
-    for i in range(6):
-        g[i] = 0.0
-        for k in range(6):
-            g[i] += L[i, k] * w[k]
-            H[i, k] = L[i, k]
-        energy += 0.5 * w[i] * g[i]
+    energy = _copy_measurement(hypotheses, link, H, g)
     # The prior's information of (f, m): force^-2 on f, and that of the moment M on m - c x f.
     for i in range(3):
         H[i, i] += force**-2.0
