@@ -104,7 +104,7 @@ def screen(scene: Scene, recording: Path, profile: Path) -> Iterator[Screen]:
     thread = threading.Thread(target=run, args=(draw, over))
     thread.start()
     try:
-        with browser_page(f"http://127.0.0.1:{server.get_port()}", profile, SIZE) as (page, _):
+        with browser_page(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1", profile, SIZE) as (page, _):
             page.wait_for("Software WebGL")
             page.evaluate("document.querySelector('.mantine-Notification-closeButton').click()")
             while not server.get_clients():

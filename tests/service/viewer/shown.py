@@ -80,7 +80,8 @@ def showing(scene: Scene, folder: Path, acknowledge: Callable[[], str] | None = 
     server = serve_page("127.0.0.1", 0)
     viewer = Viewer(server, scene, acknowledge)
     over = threading.Event()
-    with browser_page(f"http://127.0.0.1:{server.get_port()}", folder) as (page, _):
+    # The page lowers its resolution by itself where drawing is slow; pictures could not be compared then.
+    with browser_page(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1", folder) as (page, _):
         shown = Shown(page, server)
 
         def draw() -> None:
