@@ -14,6 +14,7 @@ import numpy as np
 
 from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 NONE_OF_THESE_PROBABILITY = 0.01
 """Prior probability of a wrench that may be anything."""
@@ -41,6 +42,9 @@ class LeftOutLinks(NamedTuple):
 def none_of_these_evidence(left_out, depth, motion, hypotheses, link, prior, buffers):  # type: ignore[no-untyped-def]
     """Log evidence of "none of these", relative to the prior of a touch on a searched link.
 
+    Links whose evidence is negligible beside what is found already are passed over: the likelihood of a touch
+    on a link is at most exp(-energy) of that link.
+
     Args:
         left_out: Links that can be touched but are not searched.
         depth: Number of joints between the base and each link, shape (links,), int64.
@@ -49,18 +53,23 @@ def none_of_these_evidence(left_out, depth, motion, hypotheses, link, prior, buf
         link: Link on which a wrench that may be anything fits best.
         prior: Prior of contacts.
         buffers: Scratch.
+
+    Returns:
+        The evidence, and whether a touch on a link that is left out is more probable than anything else.
     """
-    total = _evidence_of_anything(hypotheses, link, prior, buffers)
+    anything = _evidence_of_anything(hypotheses, link, prior, buffers)
+    total, is_touch = anything, False
     for k in range(depth.shape[0]):
-        if left_out.log_weight[k] == -math.inf:
+        if not left_out.log_weight[k] - hypotheses.energy[k] >= total - ENERGY_CUTOFF:
             continue
         _evidence_of_anything(hypotheses, k, prior, buffers)
         evidence = _evidence_of_touch(
             left_out, k, motion.rotation[depth[k]], motion.origin[depth[k]], hypotheses, prior, buffers
         )
+        is_touch = is_touch or evidence > anything
         high, low = max(total, evidence), min(total, evidence)
         total = high if low == -math.inf else high + math.log1p(math.exp(low - high))
-    return total
+    return total, is_touch
 
 
 @fused_kernel

@@ -87,7 +87,9 @@ def locate_contacts(
     other_link = _best_link(touchable, 0, hypotheses)
     if other_link < 0 or hypotheses.energy[link] <= hypotheses.energy[other_link]:
         other_link = link
-    none_evidence = none_of_these_evidence(left_out, depth, motion, hypotheses, other_link, prior, buffers)
+    none_evidence, is_touch_left_out = none_of_these_evidence(
+        left_out, depth, motion, hypotheses, other_link, prior, buffers
+    )
     if _is_hopeless(lowest_energy, 0.0, none_evidence):
         link_probability[:] = 0.0
         return 0
@@ -123,6 +125,9 @@ def locate_contacts(
                 cells.unassigned_evidence,
             )
         if _add_log_prior(candidates, count, cells.unassigned_evidence, log_share) >= none_evidence:
+            break
+        # Explained by a touch on a link that is left out.
+        if is_touch_left_out:
             break
         # Not explained with the usual surface deviation: assume a rough surface.
         if _is_hopeless(lowest_energy, math.log(ROUGH_SURFACE_PROBABILITY), none_evidence):

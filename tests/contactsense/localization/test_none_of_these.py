@@ -17,6 +17,7 @@ from contactsense.localization.none_of_these import (
     none_of_these_evidence,
 )
 from contactsense.solvers.posterior import Prior, empty_search_buffers
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LINKS = 3
 PRIOR = Prior(
@@ -43,8 +44,8 @@ def _gaussian(w: np.ndarray, L: np.ndarray, C: np.ndarray) -> tuple[float, np.nd
     )
 
 
-@pytest.mark.parametrize("seed", range(8))
-@pytest.mark.parametrize("log_weight", [-math.inf, 0.4])
+@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("log_weight", [-math.inf, -30.0, 0.4])
 def test_it_is_that_of_normal_variables(seed: int, log_weight: float) -> None:
     chance = np.random.default_rng(seed)
     motion, depth = empty_motion(LINKS - 1), np.arange(LINKS)
@@ -65,13 +66,15 @@ def test_it_is_that_of_normal_variables(seed: int, log_weight: float) -> None:
         chance.uniform(-0.2, 0.2, (LINKS, 3)),
         np.einsum("lij,lkj->lik", spread, spread),
     )
-    found = none_of_these_evidence(left_out, depth, motion, hypotheses, 2, PRIOR, empty_search_buffers())
+    found, is_touch = none_of_these_evidence(
+        left_out, depth, motion, hypotheses, 2, PRIOR, empty_search_buffers()
+    )
 
     F = NONE_OF_THESE_FORCE * PRIOR.force
     broad = np.diag([F**2] * 3 + [(NONE_OF_THESE_LEVER * F) ** 2] * 3)
     expected = math.log(NONE_OF_THESE_PROBABILITY / (1.0 - NONE_OF_THESE_PROBABILITY))
     expected += _gaussian(hypotheses.wrench[2], information[2], broad)[0] - hypotheses.energy[2]
-    if log_weight > -math.inf:
+    if log_weight - hypotheses.energy[1] >= expected - ENERGY_CUTOFF:
         w, L, R = hypotheses.wrench[1], information[1], motion.rotation[1]
         f = _gaussian(w, L, broad)[1][:3]
         squared_lever = PRIOR.torsion_lever**2 + PRIOR.surface_deviation**2
@@ -82,5 +85,8 @@ def test_it_is_that_of_normal_variables(seed: int, log_weight: float) -> None:
         prior = np.zeros((6, 6))
         prior[:3, :3], prior[3:, 3:] = F**2 * np.eye(3), moment
         touch = log_weight + _gaussian(w, L, J @ prior @ J.T)[0] - hypotheses.energy[1]
+        assert is_touch == (touch > expected)
         expected = np.logaddexp(expected, touch)
+    else:
+        assert not is_touch
     assert found == pytest.approx(expected, rel=1e-7, abs=1e-7)
