@@ -214,7 +214,7 @@ def _dependencies(compiled: Any, dependencies: set[tuple[str, ...]], seen: set[A
             dependencies.add(("file", _relative_path(compiled.__code__.co_filename)))
         return
     function, compile_options = _SOURCES[compiled]
-    dependencies.add(("liberties", *sorted(compile_options)))
+    dependencies.add(("options", *sorted(compile_options)))
     dependencies.add(("file", _relative_path(function.__code__.co_filename)))
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
