@@ -15,7 +15,7 @@ from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 
 SAMPLES = 480
-"""Approximate number of samples of an arm: cells of about 35 mm on a UR5e."""
+"""Approximate number of samples of a whole arm: cells of about 35 mm on a UR5e."""
 SUBSAMPLES = 4
 """Maximum number of subsamples of a cell: about 17 mm on a UR5e."""
 MAX_GRID_SPACING = 0.006
@@ -77,8 +77,12 @@ class Patches(NamedTuple):
     """Shape (N,) [m^2]."""
 
 
-def sample_surface(surfaces: Surfaces) -> tuple[SurfaceSamples, SurfaceSubsamples, float]:
+def sample_surface(
+    surfaces: Surfaces, unsearched_area: float = 0.0
+) -> tuple[SurfaceSamples, SurfaceSubsamples, float]:
     """Samples of all primitives, their subsamples, and the area of the touchable surface [m^2].
+
+    `unsearched_area` is that of the arm's other links [m^2]: cells are no smaller where links are left out.
 
     Primitives beyond the last link's, which are of bodies that cover the arm, have no samples. The area is
     the volume of a shell around the surface divided by its thickness. Grid points in the shell are weighted
@@ -88,7 +92,7 @@ def sample_surface(surfaces: Surfaces) -> tuple[SurfaceSamples, SurfaceSubsample
     links = len(surfaces.start) - 1
     links_patches = [surface_patches(surfaces, link) for link in range(links)]
     area = sum(float(patches.area.sum()) for patches in links_patches)
-    edge = math.sqrt(area / SAMPLES)
+    edge = math.sqrt((area + unsearched_area) / SAMPLES)
     cells: list[Patches] = []
     subsamples: list[Patches] = []
     for patches in links_patches:

@@ -14,7 +14,7 @@ from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque
 from contactsense.robots import Inertia, Link, Robot
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia, move_inertia
-from contactsense.runtime.left_out_links import left_out_links
+from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
 from contactsense.runtime.link_prior import area_share, log_link_density
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
@@ -69,7 +69,8 @@ def build_constants(scene: Scene) -> Constants:
     torque = scene.joint_torque or JointTorqueSensor()
     wrist = scene.wrist_wrench or WrenchSensor()
     surfaces = scene_surfaces(scene)
-    samples, subsamples, area = sample_surface(surfaces)
+    unsearched = unsearched_surfaces(scene)
+    samples, subsamples, area = sample_surface(surfaces, float(unsearched.area.sum()))
     return Constants(
         model=model_with_tool(scene),
         surfaces=surfaces,
@@ -86,7 +87,7 @@ def build_constants(scene: Scene) -> Constants:
             log_link_density=log_link_density(scene, area_share(surfaces, samples, len(scene.link_names))),
         ),
         touchable=touchable_links(scene),
-        left_out=left_out_links(scene, area),
+        left_out=left_out_links(scene, unsearched, area),
         gravity=scene.gravity_base,
         tool_mass=tool.mass,
         tool_com=tool.com,

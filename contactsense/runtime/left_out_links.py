@@ -1,4 +1,6 @@
-"""The links that a scene leaves out although they can be touched: their surfaces in short."""
+"""The links that a scene does not search: their surfaces in short."""
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,31 +10,49 @@ from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
 
 
-def left_out_links(scene: Scene, area: float) -> LeftOutLinks:
-    """Weight, centre and covariance of the links that are not in `Scene.touchable`.
+class UnsearchedSurfaces(NamedTuple):
+    """Surfaces of the links that are not searched; zero for those that are."""
+
+    area: np.ndarray
+    """Shape (links,) [m^2]."""
+    centre: np.ndarray
+    """Mean of the surface's points, link frame, shape (links, 3) [m]."""
+    covariance: np.ndarray
+    """Their covariance, link axes, shape (links, 3, 3) [m^2]."""
+
+
+def unsearched_surfaces(scene: Scene) -> UnsearchedSurfaces:
+    """Area, centre and covariance of the links that `Scene.touchable` or a weight of 0 leaves out."""
+    names, searched = scene.link_names, touchable_links(scene)
+    area, centre, covariance = np.zeros(len(names)), np.zeros((len(names), 3)), np.zeros((len(names), 3, 3))
+    surfaces = scene_surfaces(scene, [name for name, one in zip(names, searched, strict=True) if not one])
+    for link in np.flatnonzero(searched == 0):
+        patches = surface_patches(surfaces, int(link))
+        area[link] = patches.area.sum()
+        if area[link] == 0.0:
+            continue
+        centre[link] = patches.area @ patches.point / area[link]
+        offset = patches.point - centre[link]
+        covariance[link] = (patches.area[:, None] * offset).T @ offset / area[link]
+    return UnsearchedSurfaces(area, centre, covariance)
+
+
+def left_out_links(scene: Scene, surfaces: UnsearchedSurfaces, searched_area: float) -> LeftOutLinks:
+    """The links that are not in `Scene.touchable`, with their weights.
 
     With `link_prior: equal` each is as probable as a touchable link; otherwise its surface counts as much as
     theirs, by area. A link of weight 0 cannot be touched.
 
     Args:
         scene: The scene.
-        area: Area of the surface that is searched [m^2].
+        surfaces: Those of its links that are not searched.
+        searched_area: Area of the surface that is searched [m^2].
     """
-    names, searched = scene.link_names, touchable_links(scene)
-    log_weight = np.full(len(names), -np.inf)
-    centre, covariance = np.zeros((len(names), 3)), np.zeros((len(names), 3, 3))
-    left_out = [] if scene.touchable is None else [name for name in names if name not in scene.touchable]
-    surfaces = scene_surfaces(scene, left_out)
-    for link, name in enumerate(names):
-        if name not in left_out or searched[link]:
+    searched = touchable_links(scene)
+    log_weight = np.full(len(searched), -np.inf)
+    for link, name in enumerate(scene.link_names):
+        if scene.touchable is None or name in scene.touchable or surfaces.area[link] == 0.0:
             continue
-        patches = surface_patches(surfaces, link)
-        total = float(patches.area.sum())
-        if total == 0.0:
-            continue
-        centre[link] = patches.area @ patches.point / total
-        offset = patches.point - centre[link]
-        covariance[link] = (patches.area[:, None] * offset).T @ offset / total
         equal = scene.link_prior == "equal" and searched.any()
-        log_weight[link] = -np.log(searched.sum()) if equal else np.log(total / area)
-    return LeftOutLinks(log_weight, centre, covariance)
+        log_weight[link] = -np.log(searched.sum()) if equal else np.log(surfaces.area[link] / searched_area)
+    return LeftOutLinks(log_weight, surfaces.centre, surfaces.covariance)
