@@ -128,6 +128,7 @@ def _pose(element: ElementTree.Element | None) -> tuple[np.ndarray, np.ndarray]:
 def _mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and facets of a file, equal vertices merged, facets without area left out."""
     mesh = trimesh.load(path, force="mesh", process=False, skip_materials=True)
+    assert isinstance(mesh, trimesh.Trimesh)
     keys, place = np.unique(np.round(np.asarray(mesh.vertices) / _GRID), axis=0, return_inverse=True)
     vertices = keys * _GRID
     faces = place.reshape(-1)[np.asarray(mesh.faces)]

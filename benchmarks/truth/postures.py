@@ -31,8 +31,9 @@ class Postures:
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """A free posture, uniform within the limits, shape (6,) [rad]."""
+        low, high = self._arm.limits
         while True:
-            q = rng.uniform(*self._arm.limits)
+            q = np.asarray(rng.uniform(low, high))
             if self.free(q):
                 return q
 
@@ -69,7 +70,7 @@ def _crossings(start: np.ndarray, end: np.ndarray, axis: int, cut: float) -> np.
     ahead, behind = start[:, axis] - cut, end[:, axis] - cut
     crossing = ahead * behind < 0.0
     share = ahead[crossing] / (ahead[crossing] - behind[crossing])
-    return start[crossing] + share[:, None] * (end[crossing] - start[crossing])
+    return np.asarray(start[crossing] + share[:, None] * (end[crossing] - start[crossing]))
 
 
 def _convex_pieces(spec: mujoco.MjSpec, body: mujoco.MjsBody, link: Link) -> None:

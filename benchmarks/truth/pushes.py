@@ -21,7 +21,7 @@ def tangential(rng: np.random.Generator, normal: np.ndarray) -> np.ndarray:
     """Uniform over the disc of friction, in parts of the normal force, shape (3,)."""
     across, up = tangents(normal)
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    return FRICTION * np.sqrt(rng.random()) * (np.cos(angle) * across + np.sin(angle) * up)
+    return np.asarray(FRICTION * np.sqrt(rng.random()) * (np.cos(angle) * across + np.sin(angle) * up))
 
 
 def torsion_ratio(rng: np.random.Generator) -> float:

@@ -131,7 +131,7 @@ def _tangent(normal: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A random unit vector at right angles to the normal."""
     x, y = tangents(normal)
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    return np.cos(angle) * x + np.sin(angle) * y
+    return np.asarray(np.cos(angle) * x + np.sin(angle) * y)
 
 
 def _profile(

@@ -11,6 +11,11 @@ from contactsense.benchmarks.truth.arm import LINKS, Arm, read
 from tests.shared import shared
 
 
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    return read("ur5e")
+
+
 def test_an_unknown_arm_is_named() -> None:
     with pytest.raises(ValueError, match="ur9: no such arm; expected ur3e or ur5e"):
         read("ur9")

@@ -10,10 +10,16 @@ from contactsense.benchmarks.accuracy.static_points import read as read_static
 from contactsense.benchmarks.motion.streams import KINDS, read
 from contactsense.benchmarks.truth import arrays, motion, simulation, static_points
 from contactsense.benchmarks.truth.arm import Arm
+from contactsense.benchmarks.truth.arm import read as read_arm
 from contactsense.benchmarks.truth.schedule import HOLD, IMPACT, SLIDE, pairs, singles
 from tests.shared import truth
 
 Arrays = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    return read_arm("ur5e")
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from contactsense.benchmarks.truth import simulation
-from contactsense.benchmarks.truth.arm import Arm, Link
+from contactsense.benchmarks.truth.arm import Arm, Link, read
 from contactsense.benchmarks.truth.exposure import AROUND, NEAR, OPEN, Exposure
 from contactsense.benchmarks.truth.postures import Postures, slices
 from contactsense.benchmarks.truth.slide import Walker
@@ -13,6 +13,11 @@ from contactsense.benchmarks.truth.surface import Place, Surface, tangents
 from tests.shared import truth
 
 UPRIGHT = np.array([0.0, -np.pi / 2, 0.0, 0.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    return read("ur5e")
 
 
 def link_of(mesh: trimesh.Trimesh) -> Link:

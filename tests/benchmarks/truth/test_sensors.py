@@ -7,13 +7,18 @@ from scipy.spatial.transform import Rotation
 
 from contactsense import robots
 from contactsense.benchmarks.truth import arrays, sensors, simulation, trajectory
-from contactsense.benchmarks.truth.arm import Arm
+from contactsense.benchmarks.truth.arm import Arm, read
 from contactsense.benchmarks.truth.postures import Postures
 from contactsense.benchmarks.truth.sensors import Contacts
 from tests.oracles.pinocchio_arm import PinocchioArm
 from tests.shared import truth
 
 G = 9.81
+
+
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    return read("ur5e")
 
 
 @pytest.fixture(scope="module")
