@@ -17,7 +17,7 @@ _SPEEDS = (0.01, 0.05)
 _SLIDING = (0.2, FRICTION)
 """Ratio of friction to normal force in a slide."""
 _SHORTEST = 0.005
-"""Minimum way of a slide [m]."""
+"""Minimum way of a slide that has time for it [m]."""
 _RAMPS = (0.02, 0.2)
 """Duration of the rise and of the fall of the force [s]; an impact has the shortest ones."""
 _LONGEST_RAMP = 0.45
@@ -116,7 +116,8 @@ class Toucher:
                 if place.link == without or not self._exposed(q[0], place.link, place.point, place.normal):
                     continue
                 walk = self._walker.walk(place, _tangent(place.normal, rng), lengths)
-                if (speed == 0.0 or walk.length >= _SHORTEST) and all(
+                # A short and slow slide cannot come that far.
+                if walk.length >= min(_SHORTEST, lengths[-1]) and all(
                     self._exposed(q[i], place.link, walk.points[i], walk.normals[i])
                     for i in (*range(CHECKED, len(q), CHECKED), len(q) - 1)
                 ):

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from contactsense.benchmarks.truth import simulation
+from contactsense.benchmarks.truth import simulation, touches
 from contactsense.benchmarks.truth.arm import Arm, Link, read
 from contactsense.benchmarks.truth.exposure import AROUND, NEAR, OPEN, Exposure
 from contactsense.benchmarks.truth.postures import Postures, slices
+from contactsense.benchmarks.truth.schedule import SLIDE, Planned
 from contactsense.benchmarks.truth.slide import Walker
 from contactsense.benchmarks.truth.surface import Place, Surface, tangents
 from tests.shared import truth
@@ -136,6 +137,18 @@ def test_tangents_are_a_right_handed_frame() -> None:
         frame = np.column_stack((*tangents(unit), unit))
         np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(frame) == pytest.approx(1.0)
+
+
+def test_a_slide_that_has_no_time_for_five_millimetres_is_made(
+    arm: Arm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(touches, "_SPEEDS", (0.01, 0.01))
+    planned = Planned(start=0, stop=150, type=SLIDE, slot=0)
+    toucher = touches.Toucher(Surface(arm.links), Exposure(arm))
+    made = toucher.draw(planned, np.tile(UPRIGHT, (150, 1)), False, None, np.random.default_rng(7))
+    assert made.path == pytest.approx(0.01 * 149 / 500.0)
+    way = np.linalg.norm(np.diff(made.points, axis=0), axis=1).sum()
+    assert way == pytest.approx(made.path, rel=0.02)
 
 
 def test_a_walk_around_a_sphere_is_a_great_circle() -> None:
