@@ -40,7 +40,7 @@ $(VENV)/view.stamp: $(VENV)/run.stamp
 	touch $@
 
 $(VENV)/test.stamp: $(VENV)/run.stamp
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[geometry,viewer,mcap,notebook,fleet,test,check]"
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[geometry,viewer,mcap,notebook,fleet,truth,test,check]"
 	touch $@
 
 results: $(VENV)/test.stamp  ## measure everything again and write docs/results.md

@@ -31,7 +31,7 @@ PLATFORMS = {
     "macos-x86_64": Platform("darwin", "Darwin", "x86_64", ("macosx_14_0_x86_64", "macosx_14_0_universal2")),
     "windows-amd64": Platform("win32", "Windows", "AMD64", ("win_amd64",)),
 }
-EXTRAS = ("geometry", "mcap", "notebook", "fleet")
+EXTRAS = ("geometry", "mcap", "notebook", "fleet", "truth")
 """Extras that are resolved too, where developers and CI install them; all other cases resolve what runs."""
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 ABSENT = {

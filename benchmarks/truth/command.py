@@ -1,0 +1,98 @@
+"""The command line of `python -m benchmarks.truth`."""
+
+import time
+from collections.abc import Sequence
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+from . import ROBOTS
+
+if TYPE_CHECKING:
+    from .arm import Arm
+
+SUITES = ("static", "motion")
+_NEEDED = ("airo_models", "mujoco", "trimesh")
+
+
+@click.group()
+def main() -> None:
+    """Ground truth that depends on nothing of contactsense."""
+
+
+@main.command()
+@click.option(
+    "--robot", "names", type=click.Choice(ROBOTS), multiple=True, default=ROBOTS, help="Arm; may be repeated."
+)
+@click.option(
+    "--into",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    required=True,
+    help="Folder of the files; it is made if need be.",
+)
+@click.option(
+    "--suite",
+    "suites",
+    type=click.Choice(SUITES),
+    multiple=True,
+    default=SUITES,
+    help="Arm at rest, or runs of a moving one; may be repeated.",
+)
+@click.option(
+    "--contacts",
+    type=click.IntRange(1),
+    default=2000,
+    show_default=True,
+    help="Contacts with each arm at rest.",
+)
+@click.option(
+    "--runs",
+    type=click.IntRange(1),
+    default=8,
+    show_default=True,
+    help="Runs of each moving arm; the last quarter of them with two contacts at a time.",
+)
+@click.option(
+    "--seed", type=click.IntRange(0), default=1, show_default=True, help="The same seed gives the same files."
+)
+def make(
+    names: tuple[str, ...], folder: Path, suites: tuple[str, ...], contacts: int, runs: int, seed: int
+) -> None:
+    """Write static_points_ROBOT.npz and motion_ROBOT.npz, which `contactsense bench truth` and `contactsense
+    bench motion` read."""
+    missing = [module for module in _NEEDED if find_spec(module) is None]
+    if missing:
+        raise click.ClickException(f"{', '.join(missing)} cannot be imported; install contactsense[truth]")
+    from . import arm
+
+    arms = [arm.read(name) for name in names]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for one in arms:
+            _make(folder, one, suites, contacts, runs, seed)
+    except OSError as error:
+        raise click.ClickException(f"{folder}: cannot write: {error.strerror}") from None
+
+
+def _make(folder: Path, arm: "Arm", suites: Sequence[str], contacts: int, runs: int, seed: int) -> None:
+    """Write the files of one arm."""
+    from . import arrays, motion, static_points
+
+    for suite in suites:
+        begin = time.perf_counter()
+        count, unit = (contacts, "contacts") if suite == "static" else (runs, "runs")
+        with Progress(console=Console(stderr=True), transient=True) as progress:
+            step = partial(progress.advance, progress.add_task(f"{arm.name}, {suite}", total=count))
+            if suite == "static":
+                kind, made = "static_points", static_points.make(arm, count, seed, step)
+            else:
+                kind, made = "motion", motion.make(arm, count, seed, step)
+        path = folder / f"{kind}_{arm.name}.npz"
+        arrays.write(path, made)
+        click.echo(f"{path}: {count} {unit}, {time.perf_counter() - begin:.0f} s")

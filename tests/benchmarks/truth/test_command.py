@@ -1,0 +1,109 @@
+"""The command: what it refuses, what it depends on, what the localizer makes of its files."""
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from contactsense.benchmarks.truth.command import main
+from contactsense.service.cli.main import cli
+
+ROOT = Path(__file__).parents[3]
+PACKAGE = ROOT / "benchmarks" / "truth"
+
+
+def make(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["make", *arguments])
+
+
+def test_nothing_of_contactsense_is_imported() -> None:
+    """Neither written down nor loaded."""
+    for path in PACKAGE.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                assert not any(alias.name.startswith("contactsense") for alias in node.names), path
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level <= 1, path
+                assert not (node.module or "").startswith(("contactsense", "benchmarks")), path
+    modules = sorted(path.stem for path in PACKAGE.glob("[!_]*.py"))
+    imports = "".join(f"import benchmarks.truth.{module}\n" for module in modules)
+    code = f"import sys\n{imports}assert 'contactsense' not in sys.modules"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_seed_gives_the_same_files(tmp_path: Path) -> None:
+    """Of both suites; another seed gives others."""
+    written = []
+    for name, seed in (("one", "2"), ("same", "2"), ("other", "3")):
+        into = tmp_path / "new" / name
+        suites = () if name != "other" else ("--suite", "static")
+        arguments = ("--into", str(into), "--contacts", "3", "--runs", "1", "--seed", seed, *suites)
+        done = make("--robot", "ur5e", *arguments)
+        assert done.exit_code == 0, done.output
+        assert "static_points_ur5e.npz: 3 contacts" in done.output
+        written.append({path.name: path.read_bytes() for path in into.iterdir()})
+    one, same, other = written
+    assert sorted(one) == ["motion_ur5e.npz", "static_points_ur5e.npz"]
+    assert one == same
+    assert one["static_points_ur5e.npz"] != other["static_points_ur5e.npz"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--robot", "ur9"), "Invalid value for '--robot': 'ur9' is not one of 'ur3e', 'ur5e'."),
+        (("--contacts", "0"), "Invalid value for '--contacts': 0 is not in the range x>=1."),
+        (("--runs", "0"), "Invalid value for '--runs': 0 is not in the range x>=1."),
+        (("--seed", "-1"), "Invalid value for '--seed': -1 is not in the range x>=0."),
+        (("--suite", "probe"), "Invalid value for '--suite': 'probe' is not one of 'static', 'motion'."),
+    ],
+)
+def test_bad_input_is_named(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
+    done = make("--into", str(tmp_path), *arguments)
+    assert done.exit_code == 2
+    assert [line for line in done.output.splitlines() if line.startswith("Error: ")] == [f"Error: {message}"]
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    into = tmp_path / "file" / "folder"
+    done = make("--robot", "ur5e", "--into", str(into))
+    assert done.exit_code == 1
+    assert done.output == f"Error: {into}: cannot write: Not a directory\n"
+
+
+def test_a_file_that_cannot_be_finished_is_not_left(tmp_path: Path) -> None:
+    (tmp_path / "static_points_ur5e.npz").mkdir()
+    done = make("--robot", "ur5e", "--into", str(tmp_path), "--suite", "static", "--contacts", "1")
+    assert done.exit_code == 1
+    assert "cannot write" in done.output
+    assert [path.name for path in tmp_path.iterdir()] == ["static_points_ur5e.npz"]
+
+
+def test_absent_packages_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contactsense.benchmarks.truth.command.find_spec", lambda _name: None)
+    done = make("--into", str(tmp_path))
+    assert done.exit_code == 1
+    assert done.output == (
+        "Error: airo_models, mujoco, trimesh cannot be imported; install contactsense[truth]\n"
+    )
+
+
+@pytest.mark.slow
+def test_the_localizer_finds_what_was_made(tmp_path: Path) -> None:
+    """Without noise it names 99 % of the links; sixty contacts may miss three by chance, not more."""
+    done = make("--robot", "ur5e", "--into", str(tmp_path), "--suite", "static", "--contacts", "60")
+    assert done.exit_code == 0, done.output
+    done = CliRunner().invoke(cli, ["bench", "truth", str(tmp_path), "--robot", "ur5e", "--json"])
+    assert done.exit_code == 0, done.output
+    results = json.loads(done.stdout)["results"]
+    right = np.array([row["link_right"] for row in results])
+    assert len(right) == 4
+    assert right[0] >= 0.95
+    assert right[-1] >= 0.75
