@@ -35,7 +35,7 @@ SCRIPT = {
     "noise": {"base_force": 0.25, "base_moment": 0.05, "joint_torque": 1.0, "seed": 1},
     "trajectory": {
         "start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0],
-        "dwell": 0.3,
+        "dwell": 0.0,
         "moves": [
             {"to": [0.9, -1.0, 1.3, -1.9, -1.2, 0.5], "duration": 4.0},
             {"to": [0.4, -1.7, 2.0, -1.4, -1.9, -0.4], "duration": 4.0},
@@ -50,7 +50,7 @@ SCRIPT = {
         for k in range(5)
     ],
 }  # fmt: skip
-"""The arm moves nearly always, and is pushed most of the time."""
+"""The arm always moves, so that each frame has a new pose, and is pushed most of the time."""
 CASES = ((0, 0), (1, 0), (4, 1))
 """Pages that read, and pages that hang."""
 
