@@ -1,15 +1,23 @@
 """Write docs/results.md: every number is printed by a command; the page states machine and date. Run: make
-results."""
+results.
 
+What a command has printed is kept in build/results. A run that was interrupted goes on from there, as long as
+neither the commit nor a file outside docs has changed.
+"""
+
+import hashlib
 import os
 import platform
 import shlex
 import subprocess
+import time
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+PRINTED = ROOT / "build" / "results"
+"""Folder of what the commands have printed."""
 TRUTH = "../shared/data/truth"
 MESHES = "../shared/data/ur_visual"
 _FRAME = "━─┏┓┗┛┡┩└┘├┤┳┻╇┴┼┬"
@@ -145,14 +153,54 @@ def _short(cell: str) -> str:
     return cell.strip().replace(" / ", "/").replace(" %", "%")
 
 
+def source_version(folder: Path) -> str:
+    """The commit and all changes since, but for those in docs; empty where git does not tell."""
+    commands = ("git rev-parse HEAD", "git diff HEAD -- . :!docs")
+    try:
+        found = [
+            subprocess.run(line.split(), cwd=folder, capture_output=True, text=True) for line in commands
+        ]
+    except FileNotFoundError:
+        return ""
+    return "" if any(one.returncode for one in found) else "".join(one.stdout for one in found)
+
+
+def printed_by(command: str, version: str, folder: Path = PRINTED) -> str:
+    """What a command prints: run now, or kept in `folder` from an earlier run of the same version.
+
+    Args:
+        command: Run in the repository's folder.
+        version: Of `source_version`; an empty one is not kept.
+        folder: Made if need be.
+
+    Raises:
+        subprocess.CalledProcessError: The command fails.
+    """
+    key = hashlib.sha256(f"{version}\n{command}".encode()).hexdigest()
+    kept = folder / f"{key}.txt"
+    if version and kept.exists():
+        print(f"{command}: kept", flush=True)
+        return kept.read_text(encoding="utf-8")
+    print(command, end=": ", flush=True)
+    begin = time.monotonic()
+    done = subprocess.run(shlex.split(command), cwd=ROOT, capture_output=True, text=True, check=True)
+    print(f"{time.monotonic() - begin:.0f} s", flush=True)
+    if version:
+        folder.mkdir(parents=True, exist_ok=True)
+        unfinished = kept.with_suffix(".part")
+        unfinished.write_text(done.stdout, encoding="utf-8")
+        unfinished.replace(kept)
+    return done.stdout
+
+
 def _page() -> Iterator[str]:
     yield INTRODUCTION
     yield f"Measured on: {_machine()}.\n"
     notes: set[str] = set()
+    version = source_version(ROOT)
     for heading, about, command in SECTIONS:
-        print(command, flush=True)
-        done = subprocess.run(shlex.split(command), cwd=ROOT, capture_output=True, text=True, check=True)
-        printed = "\n".join(line.rstrip() for line in done.stdout.strip("\n").splitlines())
+        printed = printed_by(command, version).strip("\n")
+        printed = "\n".join(line.rstrip() for line in printed.splitlines())
         lines = without_frame(printed, notes)
         yield f"## {heading}\n"
         if about:

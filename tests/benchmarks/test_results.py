@@ -1,13 +1,16 @@
-"""docs/results.md and its generator agree, and a table without its frame loses nothing."""
+"""docs/results.md and its generator agree, a table without its frame loses nothing, and an interrupted run
+goes on."""
 
 import io
 import re
+import subprocess
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 from rich.table import Table
 
-from contactsense.benchmarks.results import SECTIONS, without_frame
+from contactsense.benchmarks.results import SECTIONS, printed_by, source_version, without_frame
 
 PAGE = (Path(__file__).parents[2] / "docs" / "results.md").read_text(encoding="utf-8")
 
@@ -49,3 +52,37 @@ def test_the_page_has_the_sections_of_its_generator() -> None:
     assert re.findall(r"^    (\S.*)$", PAGE, re.MULTILINE) == [command for _, _, command in SECTIONS]
     for _, about, _ in SECTIONS:
         assert about in PAGE
+
+
+def test_what_a_command_has_printed_is_kept_for_the_same_version(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = f"sh -c 'echo run >> {tmp_path}/runs; wc -l < {tmp_path}/runs'"
+    kept = tmp_path / "kept"
+    assert [printed_by(command, version, kept).strip() for version in ("a", "a", "b", "", "")] == [
+        *("1", "1", "2", "3", "4")
+    ]
+    assert capsys.readouterr().out.count(": kept") == 1
+
+
+def test_a_command_that_fails_is_not_kept(tmp_path: Path) -> None:
+    for _ in range(2):
+        with pytest.raises(subprocess.CalledProcessError):
+            printed_by("sh -c 'echo half; exit 1'", "a", tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_version_changes_with_the_source_but_not_with_docs(tmp_path: Path) -> None:
+    assert source_version(tmp_path) == ""
+    for line in (
+        "git init -q",
+        "git -c user.name=a -c user.email=a@b commit -q --allow-empty -m first",
+    ):
+        subprocess.run(line.split(), cwd=tmp_path, check=True)
+    (tmp_path / "docs").mkdir()
+    first = source_version(tmp_path)
+    assert first
+    for name, same in (("docs/results.md", True), ("a.py", False)):
+        (tmp_path / name).write_text("1")
+        subprocess.run(["git", "add", name], cwd=tmp_path, check=True)
+        assert (source_version(tmp_path) == first) == same
