@@ -67,6 +67,14 @@ class Agreement(NamedTuple):
 
 @click.command(name="map")
 @click.option("--robot", "names", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
+@click.option(
+    "--sensors",
+    "measured",
+    type=click.Choice((*SENSORS, WRIST)),
+    multiple=True,
+    default=(*SENSORS, WRIST),
+    help="What is measured; may be repeated.  [default: each]",
+)
 @click.option("--postures", default=3, show_default=True, help="Random postures of each arm.")
 @click.option("--draws", default=300, show_default=True, help="Simulated measurements at each place.")
 @click.option("--force", default=20.0, show_default=True, help="Force for errors and link [N].")
@@ -76,6 +84,7 @@ class Agreement(NamedTuple):
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def surface_map(
     names: tuple[str, ...],
+    measured: tuple[str, ...],
     postures: int,
     draws: int,
     force: float,
@@ -91,9 +100,7 @@ def surface_map(
     median error differ by at most 20 % from the prediction, and the same for the probability of naming the
     link with a difference of at most 0.1.
     """
-    cases = [
-        (name, noise, sensors) for name in names for noise in COLUMNS[1:] for sensors in (*SENSORS, WRIST)
-    ]
+    cases = [(name, noise, sensors) for name in names for noise in COLUMNS[1:] for sensors in measured]
     rows: list[dict[str, Any]] = []
     try:
         for name, noise, sensors in track(cases, console=Console(stderr=True), description="cases"):

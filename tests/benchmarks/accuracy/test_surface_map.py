@@ -1,9 +1,13 @@
 """How predictions and simulation are compared."""
 
+import json
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from contactsense.benchmarks.accuracy.surface_map import Agreement, summary
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS
+from contactsense.benchmarks.accuracy.surface_map import Agreement, summary, surface_map
 
 PART = Agreement(
     share=np.array([0.5, 0.2, 0.2, 0.1]),
@@ -26,3 +30,17 @@ def test_no_prediction_at_all_is_no_agreement() -> None:
     assert found["error_within"] is None
     assert found["error_ratio"] is None
     assert found["error_told"] == 0.0
+
+
+@pytest.mark.slow
+def test_the_command_compares_the_chosen_sensors() -> None:
+    chosen = ["--robot", "ur5e", "--sensors", "all", "--postures", "1", "--draws", "40", "--every", "80"]
+    done = CliRunner().invoke(surface_map, [*chosen, "--json"])
+    assert done.exit_code == 0, done.output
+    rows = json.loads(done.stdout)
+    assert [(row["robot"], row["noise"], row["sensors"]) for row in rows] == [
+        ("ur5e", str(noise), "all") for noise in COLUMNS[1:]
+    ]
+    for row in rows:
+        assert row["force_within"] > 0.5
+        assert row["error_told"] == 1.0
