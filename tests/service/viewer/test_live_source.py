@@ -9,7 +9,7 @@ from fastapi import FastAPI, WebSocket
 
 from contactsense.scene import Scene
 from contactsense.service.api.messages import estimate_json
-from contactsense.service.viewer.live_source import LiveSource
+from contactsense.service.viewer.live_source import RATE, LiveSource
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 from contactsense.types import Estimate
 from tests.service.loopback import until
@@ -33,7 +33,7 @@ def service(*sent: Estimate, scene: Scene = SCENE) -> Iterator[tuple[str, list[i
 
     @app.websocket("/v1/stream")
     async def _(socket: WebSocket) -> None:
-        assert socket.query_params["rate"] == "30"
+        assert float(socket.query_params["rate"]) == RATE
         connections[0] += 1
         await socket.accept()
         for each in sent:
