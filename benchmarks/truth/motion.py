@@ -6,8 +6,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from . import arrays, schedule, sensors, simulation, trajectory
+from . import arrays, schedule, simulation, trajectory
 from .arm import Arm
+from .columns import Touched, contact_columns
 from .exposure import Exposure
 from .postures import Postures
 from .surface import Surface
@@ -86,38 +87,21 @@ def measured(model: mujoco.MjModel, run: Run) -> dict[str, np.ndarray]:
         run: Joints and contacts.
     """
     q, qd, qdd = run.trajectory
-    samples = len(q)
-    link = np.full((samples, _SLOTS), -1)
-    zero = np.zeros((samples, _SLOTS, 3))
-    point, point_link, normal, normal_link, force = (zero.copy() for _ in range(5))
-    torsion = np.zeros((samples, _SLOTS), dtype=np.float32)
-    origins, rotations = simulation.poses(model, q)
+    shape = len(q), _SLOTS
+    zero = np.zeros((*shape, 3))
+    touched = Touched(np.full(shape, -1), zero, zero.copy(), zero.copy(), np.zeros(shape, dtype=np.float32))
     for touch in run.touches:
         where = slice(touch.planned.start, touch.planned.stop), touch.planned.slot
-        origin, rotation = origins[where[0], touch.link], rotations[where[0], touch.link]
-        link[where] = touch.link
-        point_link[where], normal_link[where] = touch.points, touch.normals
-        point[where] = origin + np.einsum("nij,nj->ni", rotation, touch.points)
-        normal[where] = np.einsum("nij,nj->ni", rotation, touch.normals)
-        force[where] = arrays.on_grid(np.einsum("nij,nj->ni", rotation, touch.forces), arrays.FORCE)
-        torsion[where] = touch.torsions
-    moment = torsion[..., None].astype(np.float64) * normal
-    readings = sensors.read(model, q, qd, qdd, sensors.Contacts(link, point, force, moment))
+        values = (touch.link, touch.points, touch.normals, touch.forces, touch.torsions)
+        for column, value in zip(touched, values, strict=True):
+            column[where] = value
     return {
-        "t": np.arange(samples) / arrays.RATE,
+        "t": np.arange(len(q)) / arrays.RATE,
         "q": q,
         "qd": qd.astype(np.float32),
         "qdd": qdd.astype(np.float32),
-        "tau": arrays.on_grid(readings.torque, arrays.READING),
-        "base_wrench": arrays.on_grid(readings.base_wrench, arrays.READING),
-        "active": link >= 0,
-        "link": link.astype(np.int8),
-        "c_base": point,
-        "c_link": point_link,
-        "n_base": normal.astype(np.float32),
-        "n_link": normal_link.astype(np.float32),
-        "f": force,
-        "xi": torsion,
+        "active": touched.link >= 0,
+        **contact_columns(model, q, qd, qdd, touched),
     }
 
 

@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import arrays, sensors, simulation
+from . import arrays, simulation
 from .arm import Arm
+from .columns import Touched, contact_columns
 from .exposure import Exposure
 from .postures import Postures
 from .pushes import normal_force, tangential, torsion_ratio
@@ -43,30 +44,18 @@ def make(
     torsion[::2] = 0.0
     torsion = torsion.astype(np.float32)
 
-    model, rows = simulation.dynamics(arm), np.arange(contacts)
-    origins, rotations = simulation.poses(model, q)
-    origin, rotation = origins[rows, link], rotations[rows, link]
-    point = origin + np.einsum("nij,nj->ni", rotation, point_link)
-    normal = np.einsum("nij,nj->ni", rotation, normal_link)
-    force = arrays.on_grid(
-        np.einsum("nij,nj->ni", rotation, push[:, None] * (across - normal_link)), arrays.FORCE
-    )
+    # One contact at a time.
+    drawn = (link, point_link, normal_link, push[:, None] * (across - normal_link), torsion)
     rest = np.zeros_like(q)
-    moment = torsion[:, None].astype(np.float64) * normal
-    touched = sensors.Contacts(link[:, None], point[:, None], force[:, None], moment[:, None])
-    readings = sensors.read(model, q, rest, rest, touched)
-    run = rows // _BIASED
+    columns = contact_columns(
+        simulation.dynamics(arm), q, rest, rest, Touched(*(column[:, None] for column in drawn))
+    )
+    readings = {name: columns.pop(name) for name in ("tau", "base_wrench")}
+    run = np.arange(contacts) // _BIASED
     return {
         "q": q,
-        "tau": arrays.on_grid(readings.torque, arrays.READING),
-        "base_wrench": arrays.on_grid(readings.base_wrench, arrays.READING),
-        "link": link.astype(np.int8),
-        "c_base": point,
-        "c_link": point_link,
-        "n_base": normal.astype(np.float32),
-        "n_link": normal_link.astype(np.float32),
-        "f": force,
-        "xi": torsion,
+        **readings,
+        **{name: column[:, 0] for name, column in columns.items()},
         "fn": push.astype(np.float32),
         "run": run.astype(np.int16),
         **arrays.noise(rng, contacts, int(run[-1]) + 1),

@@ -55,7 +55,8 @@ def none_of_these_evidence(left_out, depth, motion, hypotheses, link, prior, buf
         buffers: Scratch.
 
     Returns:
-        The evidence, and whether a touch on a link that is left out is more probable than anything else.
+        The evidence, and whether a touch on one of the links left out has more than a wrench that may be
+        anything.
     """
     anything = _evidence_of_anything(hypotheses, link, prior, buffers)
     total, is_touch = anything, False

@@ -6,7 +6,7 @@ import socket
 from typing import Any
 
 from contactsense import Localizer, Scene
-from contactsense.service.api.messages import estimate_dict, estimate_json
+from contactsense.service.api.estimate_json import estimate_dict, estimate_json
 from contactsense.service.controllers.framing import Unframer, frame
 from contactsense.service.controllers.sample_message import (
     MessageError,

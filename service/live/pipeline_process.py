@@ -23,7 +23,8 @@ from typing import Any, Protocol
 from contactsense import Estimate, Localizer, Sample, Scene
 from contactsense.localizer import kernels_of
 from contactsense.robots.jit.compilation import Compilation
-from contactsense.service.api.messages import PipelineHealth, SensorHealth, SourceHealth, estimate_json
+from contactsense.service.api.estimate_json import estimate_json
+from contactsense.service.api.messages import PipelineHealth, SensorHealth, SourceHealth
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.live.listener import Listener, Reporter
 from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry

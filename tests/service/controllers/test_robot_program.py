@@ -21,7 +21,7 @@ from pydantic import ValidationError
 
 from contactsense import Estimate
 from contactsense.service.api.app import create_app
-from contactsense.service.api.messages import estimate_json
+from contactsense.service.api.estimate_json import estimate_json
 from contactsense.service.api.settings import Settings
 from contactsense.service.controllers.line_protocol import reply
 from contactsense.service.controllers.robot_program import (

@@ -8,7 +8,7 @@ import pytest
 from fastapi import FastAPI, WebSocket
 
 from contactsense.scene import Scene
-from contactsense.service.api.messages import estimate_json
+from contactsense.service.api.estimate_json import estimate_json
 from contactsense.service.viewer.live_source import RATE, LiveSource
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 from contactsense.types import Estimate
