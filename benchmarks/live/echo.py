@@ -50,7 +50,11 @@ class Echo:
 
     @contextlib.contextmanager
     def run(self) -> Iterator[None]:
-        """Measure for the length of a `with` block."""
+        """Measure for the length of a `with` block, which is entered once messages go to and fro.
+
+        Raises:
+            EOFError: A process ended by itself.
+        """
         spawn = multiprocessing.get_context("spawn")
         here, there = socket.socketpair()
         ours, theirs = spawn.Pipe()
@@ -62,6 +66,7 @@ class Echo:
             for process in processes:
                 process.start()
         with ours:
+            ours.recv()  # on a busy computer processes take seconds to start
             yield
             ours.send("enough")
             self._times = ours.recv()
@@ -93,10 +98,12 @@ def _send_back(connection: socket.socket) -> None:
 
 def _send(connection: socket.socket, control: Connection) -> None:
     scheduling = connection.recv(SIZE).decode()
+    control.send("ready")
     set_apart()
-    message, times, due = bytes(SIZE), [], time.monotonic()
+    message, due = bytes(SIZE), time.monotonic()
+    times: list[float] = []
     with connection:
-        while not control.poll():
+        while not times or not control.poll():
             due += 1.0 / RATE
             time.sleep(max(0.0, due - time.monotonic()))
             begin = time.monotonic()

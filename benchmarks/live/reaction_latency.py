@@ -120,7 +120,7 @@ def measure(seconds: float) -> ReactionLatency:
             numbers = range(round(first * RATE), round(last * RATE))
             late = [1e-6 * (received.left_ns(k / RATE) - sent.left_ns(k / RATE)) for k in numbers]
             there = [received.left_ns(k / RATE) > 0 for k in numbers]
-    return _result(last - first, np.array(late), np.array(there), step, echo.times())
+    return _result(last - first, np.array(late), np.array(there, dtype=bool), step, echo.times())
 
 
 def _result(
