@@ -4,10 +4,12 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from tests.machine import machine
+from tests import conftest
+from tests.machine import STARVED, StolenTime, machine
 
 
 class Holder:
@@ -66,3 +68,43 @@ def test_who_waits_to_be_alone_is_not_overtaken(tmp_path: Path) -> None:
         assert not late.inside.is_set()
         alone.leave()
         assert late.inside.wait(30.0)
+
+
+def test_the_share_of_stolen_time_is_a_share() -> None:
+    stolen = StolenTime()
+    sum(range(10**6))
+    assert 0.0 <= stolen.share <= 1.0
+
+
+def _realtime_test(monkeypatch: pytest.MonkeyPatch, share: float, outcomes: list[bool]) -> list[bool]:
+    """Run a test in real time with these outcomes while the host takes that share; returns those not used."""
+    monkeypatch.setattr(conftest, "StolenTime", lambda: SimpleNamespace(share=share))
+    monkeypatch.setattr(conftest, "wait_for_processor", lambda patience: None)
+
+    def body() -> None:
+        assert outcomes.pop(0)
+
+    item = SimpleNamespace(
+        get_closest_marker=lambda name: name,
+        funcargs={},
+        _fixtureinfo=SimpleNamespace(argnames=()),
+        obj=body,
+    )
+    assert conftest.pytest_pyfunc_call(item)  # type: ignore[arg-type]
+    return outcomes
+
+
+def test_a_failure_in_real_time_counts_where_the_processors_were_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with pytest.raises(AssertionError):
+        _realtime_test(monkeypatch, 0.9 * STARVED, [False, True])
+
+
+def test_it_is_repeated_where_the_host_took_them_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _realtime_test(monkeypatch, 2.0 * STARVED, [False, True, False]) == [False]
+
+
+def test_it_is_skipped_where_that_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(pytest.skip.Exception, match="10%, 10%, 10%"):
+        _realtime_test(monkeypatch, 0.1, [False, False, False, True])
