@@ -13,6 +13,7 @@ from contactsense.robots.link_poses import link_poses
 from contactsense.robots.robot import Robot
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
 from contactsense.robots.surface.union import nearest
+from contactsense.robots.vectors import add_scaled, dot, subtract, vector
 
 _CLOSE = 1e-4
 """A ray has arrived when it is so near to a surface [m]."""
@@ -80,11 +81,7 @@ class View:
         which = np.empty(self.shape, dtype=np.int64)
         points, normals = np.zeros((*self.shape, 3)), np.zeros((*self.shape, 3))
         _trace(
-            surfaces.kind,
-            surfaces.rotation,
-            surfaces.origin,
-            surfaces.size,
-            surfaces.radius,
+            surfaces,
             self.origins.reshape(-1, 3),
             self.direction,
             2.0 * self.depth,
@@ -96,39 +93,29 @@ class View:
 
 
 @kernel
-def _trace(kind, rotation, origin, size, radius, starts, direction, reach, which, points, normals):  # type: ignore[no-untyped-def]
-    dx, dy, dz = direction[0], direction[1], direction[2]
+def _trace(surfaces, starts, direction, reach, which, points, normals):  # type: ignore[no-untyped-def]
+    d = vector(direction)
+    count = surfaces.kind.shape[0]
     for i in range(starts.shape[0]):
         which[i] = -1
-        x, y, z = starts[i, 0], starts[i, 1], starts[i, 2]
+        start = vector(starts[i])
         # Start where the ray enters the first ball around a primitive; most rays enter none.
         near = reach
-        for p in range(kind.shape[0]):
-            ox, oy, oz = origin[p, 0] - x, origin[p, 1] - y, origin[p, 2] - z
-            along = ox * dx + oy * dy + oz * dz
-            inside = radius[p] * radius[p] - (ox * ox + oy * oy + oz * oz - along * along)
+        for p in range(count):
+            offset = subtract(vector(surfaces.origin[p]), start)
+            along = dot(offset, d)
+            inside = surfaces.radius[p] * surfaces.radius[p] - (dot(offset, offset) - along * along)
             if inside > 0.0:
                 near = min(near, along - sqrt(inside))
         travelled = max(near, 0.0)
         while travelled < reach:
-            d, k, px, py, pz, nx, ny, nz = nearest(
-                kind,
-                rotation,
-                origin,
-                size,
-                radius,
-                0,
-                kind.shape[0],
-                x + travelled * dx,
-                y + travelled * dy,
-                z + travelled * dz,
-            )
-            if d < _CLOSE:
+            gap, k, place, normal = nearest(surfaces, 0, count, add_scaled(start, travelled, d))
+            if gap < _CLOSE:
                 which[i] = k
-                points[i, 0], points[i, 1], points[i, 2] = px, py, pz
-                normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
+                points[i, 0], points[i, 1], points[i, 2] = place
+                normals[i, 0], normals[i, 1], normals[i, 2] = normal
                 break
-            travelled += d
+            travelled += gap
 
 
 def at_pose(surfaces: Surfaces, poses: np.ndarray) -> Surfaces:

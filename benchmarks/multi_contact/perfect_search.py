@@ -164,11 +164,12 @@ def _optimize_from(
                 surfaces, frames, buffers.known, optimizer, seeding.known_normal[i], 1.0, i
             )
         else:
-            set_contact(surfaces, frames, optimizer, i, primitive[i], c[0], c[1], c[2], 0.0, 0.0, 0.0)
+            set_contact(surfaces, frames, optimizer, i, primitive[i], (c[0], c[1], c[2]), (0.0, 0.0, 0.0))
             optimizer.prior_point_information[i] = 0.0
             optimizer.prior_force_information[i] = 0.0
-        fx, fy, fz = pushing_force(f[0], f[1], f[2], T[0, 0], T[1, 0], T[2, 0])
-        optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = fx, fy, fz
+        optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = pushing_force(
+            (f[0], f[1], f[2]), (T[0, 0], T[1, 0], T[2, 0])
+        )
     best: float = -math.inf
     for _ in range(MAX_RESTARTS):
         _, score = set_evidence(

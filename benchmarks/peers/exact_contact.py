@@ -11,9 +11,10 @@ from contactsense import Scene
 from contactsense.benchmarks.peers.method import Answers
 from contactsense.benchmarks.peers.stage import build_stage, given, measure
 from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.kinematics.spatial import add, cross, rotate, rotate_back, subtract, vector
 from contactsense.localization.intrinsic_contact import contact_on_link
 from contactsense.robots.jit.kernel import allocating_kernel
+from contactsense.robots.vectors import add, rotate, vector
+from contactsense.solvers.wrench import Wrench, in_frame
 
 
 class ExactContact:
@@ -49,13 +50,10 @@ def _run(stage, closed_form, q, base_wrench, joint_torque, link, point_base, for
         _fuse(noise, motion, b, L, h, wrench, cost)
         link[i] = -1
         for _ in range(links):
-            k = np.argmin(cost)
+            k = int(np.argmin(cost))
             R, origin = motion.rotation[k], vector(motion.origin[k])
-            force = vector(wrench[k])
-            moment = subtract(vector(wrench[k, 3:]), cross(origin, force))
-            primitive, point, _, _ = contact_on_link(
-                surfaces, k, rotate_back(R, force), rotate_back(R, moment), closed_form
-            )
+            local = in_frame(Wrench(vector(wrench[k]), vector(wrench[k, 3:])), R, origin)
+            primitive, point, _, _ = contact_on_link(surfaces, k, local, closed_form)
             if primitive >= 0:
                 link[i], point_base[i], force_base[i] = k, add(origin, rotate(R, point)), wrench[k, :3]
                 break

@@ -97,10 +97,7 @@ def enter(surfaces, link, x, y, z, ux, uy, uz):  # type: ignore[no-untyped-def]
     s = middle - 1.01 * reach
     gap, gx, gy, gz = np.inf, 0.0, 0.0, 0.0
     for _ in range(_MAX_STEPS):
-        d, _, px, py, pz, _, _, _ = nearest(
-            surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius,
-            first, last, x + s * ux, y + s * uy, z + s * uz,
-        )  # fmt: skip
+        d, _, (px, py, pz), _ = nearest(surfaces, first, last, (x + s * ux, y + s * uy, z + s * uz))
         if d < _TOLERANCE:
             return 0.0, px, py, pz
         if d < gap:

@@ -23,10 +23,9 @@ def _nearest_on_link(stage, link, x, y, z, within):  # type: ignore[no-untyped-d
     reach = within + ball[3]
     if reach <= 0.0 or (px - ball[0]) ** 2 + (py - ball[1]) ** 2 + (pz - ball[2]) ** 2 >= reach * reach:
         return np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    d, _, sx, sy, sz, nx, ny, nz = nearest(
-        surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius,
-        surfaces.start[link], surfaces.start[link + 1], px, py, pz,
-    )  # fmt: skip
+    d, _, (sx, sy, sz), (nx, ny, nz) = nearest(
+        surfaces, surfaces.start[link], surfaces.start[link + 1], (px, py, pz)
+    )
     return d, sx, sy, sz, nx, ny, nz
 
 

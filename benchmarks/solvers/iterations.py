@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import njit
 
 from contactsense.benchmarks.solvers.sampling import Contacts, press, unit
+from contactsense.robots.vectors import vector
 from contactsense.solvers import Paraboloid, Superquadric, Surface
 from contactsense.solvers.general import solve_smooth_counted
 from contactsense.solvers.implicit_surfaces import evaluate
+from contactsense.solvers.level_set import SmoothBody
 from contactsense.solvers.surface import Problem
+from contactsense.solvers.wrench import Wrench
 
 
 @dataclass(frozen=True)
@@ -44,15 +46,16 @@ HARDEST = ("superquadric, exponents 2, 8", "superquadric, exponent 16")
 """Approximately a cylinder and a box, with sharp edges: these need more steps."""
 
 
-def problem(surface: Surface) -> tuple[Any, ...]:
-    """Arguments of `solve_smooth` for a body."""
+def smooth_body(surface: Surface) -> SmoothBody:
+    """A body as `solve_smooth` takes it."""
     found: Problem = getattr(surface, "newton_problem", surface.problem)()
-    return found[1]
+    body: SmoothBody = found[1][0]
+    return body
 
 
 def points_on(surface: Surface, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Random surface points and normals of a smooth body, shapes (N, 3)."""
-    size, _, extent, gauge = problem(surface)
+    size, _, extent, gauge = smooth_body(surface)
     points = rng.normal(size=(count, 3)) * extent
     out = np.empty((count, 6))
     if gauge:
@@ -79,23 +82,10 @@ def _onto(size, points, out):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def _count(  # type: ignore[no-untyped-def]
-    force, moment, size, inner, extent, gauge, status, steps, residual
-):
+def _count(force, moment, body, status, steps, residual):  # type: ignore[no-untyped-def]
     for i in range(force.shape[0]):
-        answer, steps[i] = solve_smooth_counted(
-            force[i, 0],
-            force[i, 1],
-            force[i, 2],
-            moment[i, 0],
-            moment[i, 1],
-            moment[i, 2],
-            size,
-            inner,
-            extent,
-            gauge,
-        )
-        status[i], residual[i] = answer[0], answer[8]
+        answer, steps[i] = solve_smooth_counted(Wrench(vector(force[i]), vector(moment[i])), body)
+        status[i], residual[i] = answer.status, answer.residual
 
 
 def _wrenches(surface: Surface, rng: np.random.Generator, count: int) -> Iterator[tuple[str, Contacts]]:
@@ -114,8 +104,7 @@ def rows(count: int, tick: Callable[[str], None]) -> Iterator[Row]:
             status = np.empty(len(force), dtype=np.int64)
             steps = np.empty(len(force), dtype=np.int64)
             residual = np.empty(len(force))
-            size, inner, extent, gauge = problem(surface)
-            _count(force, moment, size, inner, extent, gauge, status, steps, residual)
+            _count(force, moment, smooth_body(surface), status, steps, residual)
             median, p99 = np.quantile(steps, (0.5, 0.99))
             failures = int(np.count_nonzero(status))
             worst = float(residual[status == 0].max())

@@ -31,6 +31,7 @@ from contactsense.solvers import (
 from contactsense.solvers.gradient_descent import descend
 from contactsense.solvers.solve_wrench import problem_of, run_kernel
 from contactsense.solvers.surface import Problem
+from contactsense.solvers.wrench import Wrench, wrench_of
 
 _ROUNDS = 12
 _PARTS = 20
@@ -151,20 +152,19 @@ def table_2(count: int) -> tuple[float, float, float]:
     wrenches = _wrenches(sphere, count)
     axis, exact = times_of(base(count), (ball.problem(), wrenches))
     steps: list[int] = []
-    x, y, z, k = 0.0, 0.0, 1.0, 0.0
+    start, k = (0.0, 0.0, 1.0), 0.0
     for i in range(2000):
         # In units of the radius and of the force: a contact that moves by a hundredth of the radius.
         n = unit(np.array((np.sin(0.01 * i), 0.3 * np.sin(0.007 * i), np.cos(0.01 * i))))
         f = unit(-n + 0.3 * unit(np.cross(n, (0.3, 1.0, 0.2))))
         m = np.cross(n, f) + 0.05 * np.sin(0.01 * i) * n
-        taken, x, y, z, k, _ = descend(
-            f[0], f[1], f[2], m[0], m[1], m[2], 1.0, 1.0, 1.0, x, y, z, k, 1000, 1e-6
-        )
+        taken, start, k, _ = descend(wrench_of(f, m), (1.0, 1.0, 1.0), start, k, 1000, 1e-6)
         steps.append(taken)
     # Many steps in one call: on a long ellipsoid the iteration does not end early.
     step = float("inf")
+    wrench = Wrench((0.3, -0.5, -0.8), (0.1, 0.2, -0.3))
     for _ in range(_ROUNDS):
-        start = time.perf_counter()
-        taken, *_ = descend(0.3, -0.5, -0.8, 0.1, 0.2, -0.3, 0.1, 0.3, 1.0, 0.0, 0.2, 0.6, 0.1, 20000, 0.0)
-        step = min(step, (time.perf_counter() - start) / taken)
+        begin = time.perf_counter()
+        taken, *_ = descend(wrench, (0.1, 0.3, 1.0), (0.0, 0.2, 0.6), 0.1, 20000, 0.0)
+        step = min(step, (time.perf_counter() - begin) / taken)
     return exact / axis, 1e9 * step / exact, float(np.median(steps))

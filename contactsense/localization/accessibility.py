@@ -8,7 +8,8 @@ import math
 
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import out_of_reach, project
-from contactsense.solvers.posterior import STUDENT_DOF, tangents
+from contactsense.robots.vectors import tangents
+from contactsense.solvers.posterior import STUDENT_DOF
 
 QUADRATURE_RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
 """Radii (in standard deviations) and weights of a quadrature for a normal distribution on a plane.
@@ -90,7 +91,7 @@ def clearance_above(surfaces, candidates, row, prior):  # type: ignore[no-untype
     """
     c, n = candidates.point[row], candidates.normal[row]
     C = candidates.covariance[row]
-    t1x, t1y, t1z, t2x, t2y, t2z = tangents(n[0], n[1], n[2])
+    (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents((n[0], n[1], n[2]))
     c1x = C[0, 0] * t1x + C[0, 1] * t1y + C[0, 2] * t1z
     c1y = C[1, 0] * t1x + C[1, 1] * t1y + C[1, 2] * t1z
     c1z = C[2, 0] * t1x + C[2, 1] * t1y + C[2, 2] * t1z
@@ -133,7 +134,7 @@ def apply_accessibility(surfaces, candidates, row, prior, min_score):  # type: i
     p, height = candidates.primitive[row], prior.clearance
     c, n = candidates.point[row], candidates.normal[row]
     C = candidates.covariance[row]
-    t1x, t1y, t1z, t2x, t2y, t2z = tangents(n[0], n[1], n[2])
+    (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents((n[0], n[1], n[2]))
     # Root of the covariance in the tangent plane: v = (a u1, b u1 + d u2).
     a = math.sqrt(max(v11, 1e-18))
     b = v12 / a

@@ -81,8 +81,8 @@ def rotate_into(R, x, y, z, out):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def store_candidate(candidates, row, p, result, buffers, surface_deviation):  # type: ignore[no-untyped-def]
-    """Store a result of `find_posterior_mode` on primitive p in row `row`, in the base frame.
+def store_candidate(candidates, row, p, mode, buffers, surface_deviation):  # type: ignore[no-untyped-def]
+    """Store the result of `find_posterior_mode` on primitive p in row `row`, in the base frame.
 
     The covariance of the point is that of the posterior plus the effect of the real surface's tilt: a
     tilt d of the normal turns the torsion xi, changes the moment by xi d and so moves the point by xi d /
@@ -92,11 +92,12 @@ def store_candidate(candidates, row, p, result, buffers, surface_deviation):  # 
         candidates: Arrays with the body frames filled in.
         row: Row to write.
         p: Index of the primitive.
-        result: Return value of `find_posterior_mode`, body frame.
+        mode: That result, body frame.
         buffers: Buffers of that search, with the frame of normal and tangents. `gradient` is overwritten.
         surface_deviation: Standard deviation of the surface's offset along the normal [m].
     """
-    _, _, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, v11, v12, v22 = result
+    (cx, cy, cz), (nx, ny, nz), (fx, fy, fz), xi = mode.contact
+    v11, v12, v22 = mode.variances
     candidates.primitive[row] = p
     R, o, T = candidates.rotation[p], candidates.origin[p], buffers.frame
     rotate_into(R, cx, cy, cz, candidates.point[row])

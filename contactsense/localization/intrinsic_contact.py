@@ -10,21 +10,13 @@ import math
 
 import numpy as np
 
-from contactsense.kinematics.spatial import (
-    Vector,
-    add,
-    cross,
-    dot,
-    rotate,
-    rotate_back,
-    subtract,
-    vector,
-)
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
 from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED, Surfaces
 from contactsense.robots.surface.union import nearest
+from contactsense.robots.vectors import Vector, cross, dot, vector
 from contactsense.solvers.packed_primitive import solve_primitive
-from contactsense.solvers.solution import OK
+from contactsense.solvers.solution import OK, Answer, placed
+from contactsense.solvers.wrench import Wrench, in_frame
 from contactsense.solvers.wrench_axis import (
     wrench_axis_box,
     wrench_axis_ellipsoid,
@@ -37,14 +29,14 @@ MAX_DEPTH = 1e-6
 
 @kernel
 def contact_on_link(
-    surfaces: Surfaces, link: int, force: Vector, moment: Vector, with_torsion: bool
+    surfaces: Surfaces, link: int, wrench: Wrench, with_torsion: bool
 ) -> tuple[int, Vector, Vector, float]:
     """Contact that balances a wrench on one link.
 
     Args:
         surfaces: Primitives in the frames of their links.
         link: Index of the link.
-        force, moment: Wrench on the link, link frame, moment about its origin [N, Nm].
+        wrench: Wrench on the link, link frame.
         with_torsion: Whether torsion about the normal is possible; without it, the contact is where the
             wrench axis enters.
 
@@ -56,48 +48,37 @@ def contact_on_link(
     best, least = -1, math.inf
     point, normal, torsion = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
     for p in range(first, last):
-        status, c, n, xi = _contact_on_primitive(surfaces, p, force, moment, with_torsion)
-        push = -dot(force, n)
-        if status != OK or push <= 0.0:
+        answer = _contact_on_primitive(surfaces, p, wrench, with_torsion)
+        c = answer.centroid
+        push = -dot(wrench.force, answer.normal)
+        if answer.status != OK or push <= 0.0:
             continue
-        depth = -nearest(
-            surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius,
-            first, last, c[0], c[1], c[2],
-        )[0]  # fmt: skip
+        depth = -nearest(surfaces, first, last, c)[0]
         if depth > MAX_DEPTH:
             continue
         # Without torsion the entry farthest back along the force.
-        order = abs(xi) / push if with_torsion else dot(force, c)
+        order = abs(answer.torsion) / push if with_torsion else dot(wrench.force, c)
         if order < least:
             best, least = p, order
-            point, normal, torsion = c, n, xi
+            point, normal, torsion = c, answer.normal, answer.torsion
     return best, point, normal, torsion
 
 
 @kernel
-def _contact_on_primitive(
-    surfaces: Surfaces, p: int, force: Vector, moment: Vector, with_torsion: bool
-) -> tuple[int, Vector, Vector, float]:
-    """Contact on one primitive: status, point, normal, torsion, link frame."""
+def _contact_on_primitive(surfaces: Surfaces, p: int, wrench: Wrench, with_torsion: bool) -> Answer:
+    """Contact on one primitive, link frame."""
     R, size, kind = surfaces.rotation[p], surfaces.size[p], surfaces.kind[p]
     origin = vector(surfaces.origin[p])
-    fx, fy, fz = rotate_back(R, force)
-    mx, my, mz = rotate_back(R, subtract(moment, cross(origin, force)))
+    local = in_frame(wrench, R, origin)
     if with_torsion:
-        status, x, y, z, nx, ny, nz, xi, _, _ = solve_primitive(kind, size, fx, fy, fz, mx, my, mz)
+        answer = solve_primitive(kind, size, local)
     elif kind == REVOLVED:
-        status, x, y, z, nx, ny, nz, xi, _, _ = wrench_axis_revolved(
-            fx, fy, fz, mx, my, mz, size[0], size[1], size[2], size[3]
-        )
+        answer = wrench_axis_revolved(local, size[0], size[1], size[2], size[3])
     elif kind == ELLIPSOID:
-        status, x, y, z, nx, ny, nz, xi, _, _ = wrench_axis_ellipsoid(
-            fx, fy, fz, mx, my, mz, size[0], size[1], size[2]
-        )
+        answer = wrench_axis_ellipsoid(local, size[0], size[1], size[2])
     else:
-        status, x, y, z, nx, ny, nz, xi, _, _ = wrench_axis_box(
-            fx, fy, fz, mx, my, mz, size[0], size[1], size[2], size[3]
-        )
-    return status, add(origin, rotate(R, (x, y, z))), rotate(R, (nx, ny, nz)), xi
+        answer = wrench_axis_box(local, (size[0], size[1], size[2]), size[3])
+    return placed(answer, R, origin)
 
 
 @kernel

@@ -21,7 +21,7 @@ A block of cells is processed in parallel, one cell per SIMD lane
 
 import math
 
-from contactsense.solvers.posterior import STUDENT_DOF, tangents
+from contactsense.solvers.posterior import STUDENT_DOF
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
@@ -31,6 +31,7 @@ from contactsense.localization.simd_layout import (  # isort: skip
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
 from contactsense.kinematics.wrench_information import blocks, matvec, rotate_block, shift_information
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.vectors import tangents
 
 MAX_ITERATIONS = 6
 """Maximum number of Gauss-Newton steps per cell."""
@@ -118,10 +119,10 @@ def _transform_wrench(w, L, block):  # type: ignore[no-untyped-def]
     for j in range(LANES):
         x, y, z = block[X + j], block[Y + j], block[Z + j]
         n = (block[NX + j], block[NY + j], block[NZ + j])
-        t1x, t1y, t1z, t2x, t2y, t2z = tangents(n[0], n[1], n[2])
-        block[T1X + j], block[T1Y + j], block[T1Z + j] = t1x, t1y, t1z
-        block[T2X + j], block[T2Y + j], block[T2Z + j] = t2x, t2y, t2z
-        axes = (n, (t1x, t1y, t1z), (t2x, t2y, t2z))
+        t1, t2 = tangents(n)
+        block[T1X + j], block[T1Y + j], block[T1Z + j] = t1
+        block[T2X + j], block[T2Y + j], block[T2Z + j] = t2
+        axes = (n, t1, t2)
         shifted = (m[0] - y * f[2] + z * f[1], m[1] - z * f[0] + x * f[2], m[2] - x * f[1] + y * f[0])
         block[W0 + j], block[W1 + j], block[W2 + j] = matvec(axes, f)
         block[W3 + j], block[W4 + j], block[W5 + j] = matvec(axes, shifted)

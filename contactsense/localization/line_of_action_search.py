@@ -6,9 +6,11 @@ import math
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.vectors import vector
 from contactsense.solvers.line_of_action import enter_surface
-from contactsense.solvers.posterior import energy_at, inflate_by_surface_deviation, pushing_force
+from contactsense.solvers.posterior import Contact, energy_at, inflate_by_surface_deviation, pushing_force
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
+from contactsense.solvers.wrench import Wrench
 
 
 @fused_kernel
@@ -36,16 +38,16 @@ def search_along_line_of_action(surfaces, touchable, hypotheses, prior, buffers,
             candidates.score[p] = -math.inf
             continue
         w, c, n = candidates.wrench[p], candidates.point[p], candidates.normal[p]
-        fx, fy, fz = pushing_force(w[0], w[1], w[2], n[0], n[1], n[2])
-        result = find_posterior_mode(
-            surfaces.kind[p], surfaces.size[p], w, candidates.information[p], prior,
-            lowest_energy + ENERGY_CUTOFF - link_energy, c[0], c[1], c[2], n[0], n[1], n[2],
-            fx, fy, fz, 0.0, buffers,
-        )  # fmt: skip
-        candidates.score[p] = result[1] - link_energy
-        if result[1] > -math.inf:
-            store_candidate(candidates, p, p, result, buffers, prior.surface_deviation)
-            lowest_energy = min(lowest_energy, link_energy + result[0])
+        normal = vector(n)
+        start = Contact(vector(c), normal, pushing_force(vector(w), normal), 0.0)
+        limit = lowest_energy + ENERGY_CUTOFF - link_energy
+        mode = find_posterior_mode(
+            surfaces.kind[p], surfaces.size[p], w, candidates.information[p], prior, limit, start, buffers
+        )
+        candidates.score[p] = mode.log_evidence - link_energy
+        if mode.log_evidence > -math.inf:
+            store_candidate(candidates, p, p, mode, buffers, prior.surface_deviation)
+            lowest_energy = min(lowest_energy, link_energy + mode.energy)
     return count
 
 
@@ -93,17 +95,16 @@ def _initial_guesses(surfaces, touchable, hypotheses, prior, candidates, buffers
                 continue
             v, B = candidates.wrench[p], candidates.information[p]
             to_body_frame(w, L, candidates.rotation[p], candidates.origin[p], v, B)
-            distance, cx, cy, cz, nx, ny, nz = enter_surface(
-                kind, size, radius, v[0], v[1], v[2], v[3], v[4], v[5]
-            )
+            wrench = Wrench((v[0], v[1], v[2]), (v[3], v[4], v[5]))
+            distance, point, normal = enter_surface(kind, size, radius, wrench)
             if distance > 0.0 and _shift_energy(distance, P, ox, oy, oz, squared_force, prior) > limit:
                 continue
-            hx, hy, hz = pushing_force(v[0], v[1], v[2], nx, ny, nz)
-            inflation = inflate_by_surface_deviation(B, prior, nx, ny, nz, hx, hy, hz)
-            energy = link_energy + energy_at(v, B, prior, inflation, cx, cy, cz, nx, ny, nz, hx, hy, hz, 0.0)
+            contact = Contact(point, normal, pushing_force(wrench.force, normal), 0.0)
+            inflation = inflate_by_surface_deviation(B, prior, contact)
+            energy = link_energy + energy_at(v, B, prior, inflation, contact)
             ceiling = min(ceiling, energy)
-            candidates.point[p, 0], candidates.point[p, 1], candidates.point[p, 2] = cx, cy, cz
-            candidates.normal[p, 0], candidates.normal[p, 1], candidates.normal[p, 2] = nx, ny, nz
+            candidates.point[p, 0], candidates.point[p, 1], candidates.point[p, 2] = point
+            candidates.normal[p, 0], candidates.normal[p, 1], candidates.normal[p, 2] = normal
             candidates.score[p] = energy
             candidates.order[count] = p
             count += 1

@@ -15,15 +15,12 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
 from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
-from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_of_action_search import moment_variance, search_along_line_of_action
-from contactsense.localization.none_of_these import LeftOutLinks, none_of_these_evidence
-from contactsense.localization.surface_cells import SurfaceCells
-from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
+from contactsense.localization.none_of_these import none_of_these_evidence
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_search import search_surface
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.solvers.posterior import Prior, SearchBuffers
+from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LINE_OF_ACTION_DEVIATION = 0.008
@@ -36,44 +33,33 @@ ROUGH_SURFACE_PROBABILITY = 0.1
 
 @fused_kernel
 def locate_contacts(
-    surfaces: Surfaces,
-    samples: SurfaceSamples,
-    subsamples: SurfaceSubsamples,
+    scene: SearchedSurface,
     searched: np.ndarray,
-    touchable: np.ndarray,
-    left_out: LeftOutLinks,
-    depth: np.ndarray,
     motion: Motion,
     hypotheses: Hypotheses,
     wrench_measured: bool,
     prior: Prior,
-    buffers: SearchBuffers,
-    cells: SurfaceCells,
-    candidates: Candidates,
+    arrays: SearchArrays,
     link_probability: np.ndarray,
 ) -> int:
     """Find and rank all candidate contacts on all links.
 
     Args:
-        surfaces: Primitives in the frames of their links.
-        samples, subsamples: Samples of their surface.
+        scene: The scene's surface.
         searched: 1 for links that are searched, else 0, shape (links,), int64.
-        touchable: 1 for links that can be touched in the scene, else 0, shape (links,), int64. A touch on
-            another link is "none of these".
-        left_out: Surfaces of those others, where they can be touched.
-        depth: Number of joints between the base and each link, shape (links,), int64.
         motion: Poses, see `contactsense.kinematics.forward_kinematics.forward_kinematics`.
         hypotheses: One fused wrench per link, see `contactsense.isolation.link_hypotheses.isolate`.
         wrench_measured: Whether all six components of the wrench were measured.
         prior: Prior of contacts.
-        buffers, cells: Scratch.
-        candidates: Filled; `order` lists the ranked candidates.
+        arrays: `candidates` is filled; its `order` lists the ranked candidates.
         link_probability: Filled: probability that each link is touched, shape (links,). One minus their
             sum is the probability of "none of these".
 
     Returns:
         Number of candidates; 0 if no link can explain the measurement by a push.
     """
+    surfaces, touchable, depth = scene.surfaces, scene.touchable, scene.depth
+    buffers, cells, candidates = arrays
     link = _best_link(searched, 1, hypotheses)
     if link < 0:
         link_probability[:] = 0.0
@@ -88,7 +74,7 @@ def locate_contacts(
     if other_link < 0 or hypotheses.energy[link] <= hypotheses.energy[other_link]:
         other_link = link
     none_evidence, is_touch_left_out = none_of_these_evidence(
-        left_out, depth, motion, hypotheses, other_link, prior, buffers
+        scene.left_out, depth, motion, hypotheses, other_link, prior, buffers
     )
     if _is_hopeless(lowest_energy, 0.0, none_evidence):
         link_probability[:] = 0.0
@@ -109,21 +95,7 @@ def locate_contacts(
             _apply_accessibility(surfaces, candidates, count, assumed)
             cells.unassigned_evidence[:] = -math.inf
         else:
-            count = search_surface(
-                surfaces,
-                samples,
-                subsamples,
-                searched,
-                depth,
-                motion,
-                with_prior,
-                wrench_measured,
-                assumed,
-                buffers,
-                cells,
-                candidates,
-                cells.unassigned_evidence,
-            )
+            count = search_surface(scene, searched, motion, with_prior, wrench_measured, assumed, arrays)
         if _add_log_prior(candidates, count, cells.unassigned_evidence, log_share) >= none_evidence:
             break
         # Explained by a touch on a link that is left out.

@@ -24,37 +24,34 @@ MAX_SUBDIVIDED = 32
 
 
 @fused_kernel
-def evaluate_cells(  # type: ignore[no-untyped-def]
-    surfaces,
-    samples,
-    subsamples,
-    touchable,
-    depth,
-    motion,
-    hypotheses,
-    wrench_measured,
-    prior,
-    cells,
-    candidates,
-):
-    """Fill a row of `cells` for each sample or subsample that is not rejected.
+def evaluate_cells(scene, searched, motion, hypotheses, wrench_measured, prior, arrays):  # type: ignore[no-untyped-def]
+    """Fill a row of `arrays.cells` for each sample or subsample that is not rejected.
 
     Args:
-        surfaces, samples, subsamples, touchable, depth, motion, hypotheses, wrench_measured, prior,
-            candidates: As in `contactsense.localization.ranking.locate_contacts`, the body frames of the
-            primitives filled in.
-        cells: Filled, see `contactsense.localization.surface_cells.SurfaceCells`.
+        scene, searched, motion, hypotheses, wrench_measured, prior, arrays: As in
+            `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled in.
 
     Returns:
         Number of rows, and the best log evidence (-infinity if there are none).
     """
+    surfaces, depth = scene.surfaces, scene.depth
+    _, cells, candidates = arrays
     rows, lowest_energy = _evaluate_samples(
-        surfaces, samples, touchable, depth, motion, hypotheses, wrench_measured, prior, cells, candidates
+        surfaces,
+        scene.samples,
+        searched,
+        depth,
+        motion,
+        hypotheses,
+        wrench_measured,
+        prior,
+        cells,
+        candidates,
     )
     best = _best_score(cells, rows)
     if best > -math.inf and _count_above(cells, rows, best - SUBDIVIDE_WITHIN) <= MAX_SUBDIVIDED:
         rows = _evaluate_subsamples(
-            surfaces, subsamples, depth, motion, hypotheses, prior, cells, rows, best, lowest_energy
+            surfaces, scene.subsamples, depth, motion, hypotheses, prior, cells, rows, best, lowest_energy
         )
         best = _best_score(cells, rows)
     return rows, best

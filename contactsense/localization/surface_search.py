@@ -12,7 +12,7 @@ from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.surface.union import nearest
-from contactsense.solvers.posterior import pushing_force
+from contactsense.solvers.posterior import Contact, pushing_force
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
 
 MERGE_DISTANCE = 0.04
@@ -33,48 +33,23 @@ MIN_RELATIVE_WEIGHT = 1e-3
 
 
 @fused_kernel
-def search_surface(  # type: ignore[no-untyped-def]
-    surfaces,
-    samples,
-    subsamples,
-    touchable,
-    depth,
-    motion,
-    hypotheses,
-    wrench_measured,
-    prior,
-    buffers,
-    cells,
-    candidates,
-    unassigned_evidence,
-):
-    """Fill rows of `candidates`; `order` lists them.
+def search_surface(scene, searched, motion, hypotheses, wrench_measured, prior, arrays):  # type: ignore[no-untyped-def]
+    """Fill rows of `arrays.candidates`; `order` lists them.
+
+    The log evidence on each link that is not part of any candidate is written to
+    `arrays.cells.unassigned_evidence`.
 
     Args:
-        surfaces, samples, subsamples, touchable, depth, motion, hypotheses, wrench_measured, prior,
-            buffers, candidates: As in `contactsense.localization.ranking.locate_contacts`, the body
-            frames of the primitives filled in.
-        cells: Scratch, see `contactsense.localization.surface_cells.SurfaceCells`.
-        unassigned_evidence: Filled: log evidence on each link that is not part of any candidate, shape
-            (links,).
+        scene, searched, motion, hypotheses, wrench_measured, prior, arrays: As in
+            `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled in.
 
     Returns:
         Number of candidates.
     """
-    unassigned_evidence[:] = -math.inf
-    rows, best = evaluate_cells(
-        surfaces,
-        samples,
-        subsamples,
-        touchable,
-        depth,
-        motion,
-        hypotheses,
-        wrench_measured,
-        prior,
-        cells,
-        candidates,
-    )
+    surfaces, depth = scene.surfaces, scene.depth
+    _, cells, candidates = arrays
+    cells.unassigned_evidence[:] = -math.inf
+    rows, best = evaluate_cells(scene, searched, motion, hypotheses, wrench_measured, prior, arrays)
     if best == -math.inf:
         return 0
     _apply_accessibility(surfaces, depth, motion, prior, cells, candidates, rows, best)
@@ -84,16 +59,14 @@ def search_surface(  # type: ignore[no-untyped-def]
         s = _best_cell(cells, rows)
         if s < 0 or cells.score[s] < max(best - ENERGY_CUTOFF, top + math.log(MIN_RELATIVE_WEIGHT)):
             break
-        _build_candidate(
-            surfaces, depth, motion, hypotheses, prior, buffers, cells, rows, candidates, s, count
-        )
+        _build_candidate(scene, motion, hypotheses, prior, arrays, rows, s, count)
         candidates.order[count] = count
         top = max(top, candidates.score[count])
         count += 1
     for s in range(rows):
         if cells.score[s] > best - ENERGY_CUTOFF:
             link = surfaces.link[cells.primitive[s]]
-            unassigned_evidence[link] = _log_add(unassigned_evidence[link], cells.score[s])
+            cells.unassigned_evidence[link] = _log_add(cells.unassigned_evidence[link], cells.score[s])
     return count
 
 
@@ -140,11 +113,11 @@ def _best_cell(cells, rows):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _build_candidate(  # type: ignore[no-untyped-def]
-    surfaces, depth, motion, hypotheses, prior, buffers, cells, rows, candidates, s, row
-):
+def _build_candidate(scene, motion, hypotheses, prior, arrays, rows, s, row):  # type: ignore[no-untyped-def]
     """Build the candidate in row `row` from cell s: its posterior mode, merged with the cells that belong
     to it."""
+    surfaces, depth = scene.surfaces, scene.depth
+    buffers, cells, candidates = arrays
     p = cells.primitive[s]
     link = surfaces.link[p]
     w, L = candidates.wrench[p], candidates.information[p]
@@ -169,28 +142,11 @@ def _build_candidate(  # type: ignore[no-untyped-def]
     fx = S[0, 0] * f[0] + S[1, 0] * f[1] + S[2, 0] * f[2]
     fy = S[0, 1] * f[0] + S[1, 1] * f[1] + S[2, 1] * f[2]
     fz = S[0, 2] * f[0] + S[1, 2] * f[1] + S[2, 2] * f[2]
-    fx, fy, fz = pushing_force(fx, fy, fz, nx, ny, nz)
-    result = find_posterior_mode(
-        surfaces.kind[p],
-        surfaces.size[p],
-        w,
-        L,
-        prior,
-        math.inf,
-        cx,
-        cy,
-        cz,
-        nx,
-        ny,
-        nz,
-        fx,
-        fy,
-        fz,
-        0.0,
-        buffers,
-    )
-    store_candidate(candidates, row, p, result, buffers, prior.surface_deviation)
-    max_variance = max(result[12], result[14])
+    normal = (nx, ny, nz)
+    start = Contact((cx, cy, cz), normal, pushing_force((fx, fy, fz), normal), 0.0)
+    mode = find_posterior_mode(surfaces.kind[p], surfaces.size[p], w, L, prior, math.inf, start, buffers)
+    store_candidate(candidates, row, p, mode, buffers, prior.surface_deviation)
+    max_variance = max(mode.variances[0], mode.variances[2])
     R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
     x, y, z = (
         candidates.point[row, 0] - o[0],
@@ -200,7 +156,7 @@ def _build_candidate(  # type: ignore[no-untyped-def]
     kx = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
     ky = R[0, 1] * x + R[1, 1] * y + R[2, 1] * z
     kz = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
-    converged = result[1] > -math.inf
+    converged = mode.log_evidence > -math.inf
     merge_radius = (
         max(MERGE_DISTANCE, MERGE_SIGMAS * math.sqrt(max_variance)) if converged else MERGE_DISTANCE
     )
@@ -240,29 +196,18 @@ def _build_candidate(  # type: ignore[no-untyped-def]
 def _project_onto_link(surfaces, candidates, row, link, R, o, x, y, z):  # type: ignore[no-untyped-def]
     """Move a candidate to the point of the link's surface nearest to (x, y, z) [m]; returns that, link
     frame."""
-    p, nx, ny, nz = -1, 0.0, 0.0, 0.0
+    p, point, normal = -1, (x, y, z), (0.0, 0.0, 0.0)
     for _ in range(MAX_PROJECTIONS):
         # At a concave edge, the surface of one primitive may lie inside another.
-        distance, p, x, y, z, nx, ny, nz = nearest(
-            surfaces.kind,
-            surfaces.rotation,
-            surfaces.origin,
-            surfaces.size,
-            surfaces.radius,
-            surfaces.start[link],
-            surfaces.start[link + 1],
-            x,
-            y,
-            z,
-        )
+        distance, p, point, normal = nearest(surfaces, surfaces.start[link], surfaces.start[link + 1], point)
         if distance > -SURFACE_TOLERANCE:
             break
     candidates.primitive[row] = p
-    rotate_into(R, x, y, z, candidates.point[row])
-    rotate_into(R, nx, ny, nz, candidates.normal[row])
+    rotate_into(R, point[0], point[1], point[2], candidates.point[row])
+    rotate_into(R, normal[0], normal[1], normal[2], candidates.normal[row])
     for i in range(3):
         candidates.point[row, i] += o[i]
-    return x, y, z
+    return point
 
 
 @fused_kernel

@@ -169,9 +169,8 @@ def initialize_known_contact(surfaces, frames, known_contacts, optimizer, normal
     with the outward normal.
     """
     c, f = known_contacts.point[i], known_contacts.force[i]
-    set_contact(
-        surfaces, frames, optimizer, i, known_contacts.primitive[i], c[0], c[1], c[2], f[0], f[1], f[2]
-    )
+    point, force = (c[0], c[1], c[2]), (f[0], f[1], f[2])
+    set_contact(surfaces, frames, optimizer, i, known_contacts.primitive[i], point, force)
     normal[0], normal[1], normal[2] = (
         optimizer.frame[i, 0, 0],
         optimizer.frame[i, 1, 0],
@@ -187,7 +186,7 @@ def initialize_known_contact(surfaces, frames, known_contacts, optimizer, normal
         optimizer.prior_point[i, k] = optimizer.point[i, k]
         optimizer.prior_force[i, k] = f[k]
     optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = pushing_force(
-        fx, fy, fz, normal[0], normal[1], normal[2]
+        (fx, fy, fz), (normal[0], normal[1], normal[2])
     )
     _point_information(optimizer.frame[i], known_contacts.covariance[i], optimizer.prior_point_information[i])
 
@@ -213,12 +212,12 @@ def _point_information(T, C, out):  # type: ignore[no-untyped-def]
 def _initialize_further_contact(surfaces, frames, seed_samples, seeding, optimizer, sample, force, i):  # type: ignore[no-untyped-def]
     """Initialize contact i at a sample, with the given force [N], base axes."""
     c = seeding.point_normal[sample]
-    set_contact(
-        surfaces, frames, optimizer, i, seed_samples.primitive[sample], c[0], c[1], c[2], 0.0, 0.0, 0.0
-    )
+    point = (c[0], c[1], c[2])
+    set_contact(surfaces, frames, optimizer, i, seed_samples.primitive[sample], point, (0.0, 0.0, 0.0))
     T = optimizer.frame[i]
-    fx, fy, fz = pushing_force(force[0], force[1], force[2], T[0, 0], T[1, 0], T[2, 0])
-    optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = fx, fy, fz
+    optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = pushing_force(
+        (force[0], force[1], force[2]), (T[0, 0], T[1, 0], T[2, 0])
+    )
     optimizer.prior_point_information[i] = 0.0
     optimizer.prior_force_information[i] = 0.0
 

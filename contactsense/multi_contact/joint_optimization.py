@@ -19,7 +19,8 @@ from contactsense.kinematics.linalg.cholesky import solve_in_place
 from contactsense.multi_contact.buffers import UNKNOWNS
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import curvature, project
-from contactsense.solvers.posterior import STUDENT_DOF, tangents
+from contactsense.robots.vectors import tangents
+from contactsense.solvers.posterior import STUDENT_DOF
 
 MAX_ITERATIONS = 20
 """Maximum number of Gauss-Newton steps."""
@@ -125,11 +126,11 @@ def find_joint_mode(surfaces, frames, rows, m, prior, count, limit, optimizer): 
 
 
 @fused_kernel
-def set_contact(surfaces, frames, optimizer, i, p, x, y, z, fx, fy, fz):  # type: ignore[no-untyped-def]
-    """Set contact i to the point on primitive p nearest to (x, y, z) [m], with a pushing force [N]. Base
+def set_contact(surfaces, frames, optimizer, i, p, point, force):  # type: ignore[no-untyped-def]
+    """Set contact i to the point on primitive p nearest to a point [m], with a pushing force [N]. Base
     frame."""
     R, o, c, T = frames.rotation[p], frames.origin[p], optimizer.point[i], optimizer.frame[i]
-    x, y, z = x - o[0], y - o[1], z - o[2]
+    x, y, z = point[0] - o[0], point[1] - o[1], point[2] - o[2]
     _, bx, by, bz, n1, n2, n3 = project(
         surfaces.kind[p],
         surfaces.size[p],
@@ -140,9 +141,11 @@ def set_contact(surfaces, frames, optimizer, i, p, x, y, z, fx, fy, fz):  # type
     for k in range(3):
         c[k] = o[k] + R[k, 0] * bx + R[k, 1] * by + R[k, 2] * bz
         T[k, 0] = R[k, 0] * n1 + R[k, 1] * n2 + R[k, 2] * n3
-    T[0, 1], T[1, 1], T[2, 1], T[0, 2], T[1, 2], T[2, 2] = tangents(T[0, 0], T[1, 0], T[2, 0])
+    t1, t2 = tangents((T[0, 0], T[1, 0], T[2, 0]))
+    T[0, 1], T[1, 1], T[2, 1] = t1
+    T[0, 2], T[1, 2], T[2, 2] = t2
     optimizer.primitive[i] = p
-    optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = fx, fy, fz
+    optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = force
     optimizer.torsion[i], optimizer.offset[i] = 0.0, 0.0
 
 
@@ -392,18 +395,16 @@ def _step(surfaces, frames, prior, count, scale, optimizer):  # type: ignore[no-
         offset = optimizer.saved_offset[i] - scale * d[at + 6] * prior.surface_deviation
         F *= math.exp(-scale * d[at])
         v1, v2 = -scale * d[at + 4], -scale * d[at + 5]
-        set_contact(
-            surfaces,
-            frames,
-            optimizer,
-            i,
-            optimizer.primitive[i],
+        point = (
             c[0] + v1 * T[0, 1] + v2 * T[0, 2],
             c[1] + v1 * T[1, 1] + v2 * T[1, 2],
             c[2] + v1 * T[2, 1] + v2 * T[2, 2],
+        )
+        force = (
             F * (alpha * T[0, 1] + beta * T[0, 2] - T[0, 0]),
             F * (alpha * T[1, 1] + beta * T[1, 2] - T[1, 0]),
             F * (alpha * T[2, 1] + beta * T[2, 2] - T[2, 0]),
         )
+        set_contact(surfaces, frames, optimizer, i, optimizer.primitive[i], point, force)
         optimizer.torsion[i] = F * torsion_ratio
         optimizer.offset[i] = offset

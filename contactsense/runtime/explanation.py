@@ -6,6 +6,7 @@ from contactsense.isolation.link_hypotheses import SensorModel, isolate
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
 from contactsense.localization.ranking import locate_contacts
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.residuals.joint_friction import unmodelled_torque_std
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
@@ -151,21 +152,23 @@ def explain(
         state.candidate_links[link] = 0 if gate else constants.touchable[link]
     if best >= 0:
         state.candidate_links[best] = 1
-    count = locate_contacts(
+    scene = SearchedSurface(
         constants.surfaces,
         constants.samples,
         constants.subsamples,
-        state.candidate_links,
         constants.touchable,
         constants.left_out,
         constants.sensors.depth,
+    )
+    arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates)
+    count = locate_contacts(
+        scene,
+        state.candidate_links,
         state.motion,
         state.hypotheses,
         has_base,
         constants.prior,
-        state.search_buffers,
-        state.surface_cells,
-        state.candidates,
+        arrays,
         state.link_probability,
     )
     return count, no_contact_energy

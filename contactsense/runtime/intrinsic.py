@@ -3,16 +3,17 @@ paper's solver on that link. Compiled only where it is asked for."""
 
 import numpy as np
 
-from contactsense.kinematics.spatial import add, cross, rotate, rotate_back, subtract, vector
 from contactsense.localization.intrinsic_contact import centroid_covariance, contact_on_link
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids
+from contactsense.robots.vectors import add, rotate, vector
 from contactsense.runtime.buffer_views import buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import isolate_links, most_probable_link, take_static_sample
 from contactsense.runtime.result_rows import write_row
 from contactsense.runtime.state import State
+from contactsense.solvers.wrench import Wrench, in_frame
 
 
 @inlined_kernel
@@ -38,10 +39,8 @@ def write_intrinsic_contact(constants: Constants, state: State, skin: Grids, row
     R, origin = state.motion.rotation[body], vector(state.motion.origin[body])
     wrench = state.hypotheses.wrench[link]
     force = vector(wrench)
-    moment = subtract(vector(wrench[3:]), cross(origin, force))
-    primitive, point, normal, torsion = contact_on_link(
-        constants.surfaces, link, rotate_back(R, force), rotate_back(R, moment), True
-    )
+    local = in_frame(Wrench(force, vector(wrench[3:])), R, origin)
+    primitive, point, normal, torsion = contact_on_link(constants.surfaces, link, local, True)
     if primitive < 0:
         return 0
     candidates = state.candidates

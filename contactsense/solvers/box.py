@@ -5,268 +5,181 @@ on a face, and its line must not miss an edge. If rounding errors place the cont
 the nearest patch is used.
 """
 
-from math import ldexp, sqrt
-
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, dot, norm, scale
 from contactsense.solvers.cylinder import directions
 from contactsense.solvers.ellipsoid import unit_sphere
 from contactsense.solvers.nearest_point import enter, nearest_to_line
+from contactsense.solvers.patch import Patch, no_patch, on_patch
 from contactsense.solvers.solution import (
-    LARGE,
     NOT_CONVERGED,
     OK,
+    PATCH_TOLERANCE,
     SHARP,
-    SMALL,
     Answer,
     input_status,
-    invariant,
-    make_answer,
     no_contact,
-    rescaled,
-    scaled,
-    torsion,
-    unit_exponents,
+    with_status,
 )
-from contactsense.solvers.typed_kernel import kernel
-
-_PATCH_TOLERANCE = 1e-9
-"""Tolerance of a contact outside its patch, relative to the size of the body, for rounding errors."""
+from contactsense.solvers.units import (
+    LARGE,
+    SMALL,
+    from_units,
+    length_to_units,
+    scale_by_power,
+    to_units,
+    units_for,
+)
+from contactsense.solvers.wrench import Wrench, invariant, moment_about
 
 _BOX = 2
 """Index of this kind in `contactsense.robots.surface.convex_primitives`."""
 
-_FAR = 1e300
 
-Place = tuple[float, float, float, float, float, float, float]
-"""How far outside of its patch (below zero: inside), point of the core, outward normal."""
+@kernel
+def _turned(a: Vector, axis: int) -> Vector:
+    """A vector with its components in cyclic order, `axis` as z."""
+    if axis == 0:
+        return a[1], a[2], a[0]
+    if axis == 1:
+        return a[2], a[0], a[1]
+    return a
 
 
 @kernel
-def _face(
-    fx: float, fy: float, fz: float, mx: float, my: float, bx: float, by: float, bz: float, r: float
-) -> Place:
+def _turned_wrench(wrench: Wrench, axis: int) -> Wrench:
+    return Wrench(_turned(wrench.force, axis), _turned(wrench.moment, axis))
+
+
+@kernel
+def _turned_back(patch: Patch, axis: int) -> Patch:
+    # A turn with x as z is the inverse of that with y as z.
+    back = 2 if axis == 2 else 1 - axis
+    return Patch(patch.outside, _turned(patch.core, back), _turned(patch.normal, back), patch.curved)
+
+
+@kernel
+def _face(wrench: Wrench, half: Vector, r: float) -> Patch:
     """Contact on the face perpendicular to z that the force pushes on."""
-    if fz == 0.0:
-        return _FAR, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
-    sign = -1.0 if fz > 0.0 else 1.0
-    top = sign * (bz + r)
-    x, y = (top * fx - my) / fz, (top * fy + mx) / fz
-    return max(abs(x) - bx, abs(y) - by), x, y, sign * bz, 0.0, 0.0, sign
+    f, m = wrench
+    if f[2] == 0.0:
+        return no_patch(0)
+    sign = -1.0 if f[2] > 0.0 else 1.0
+    top = sign * (half[2] + r)
+    x, y = (top * f[0] - m[1]) / f[2], (top * f[1] + m[0]) / f[2]
+    return Patch(max(abs(x) - half[0], abs(y) - half[1]), (x, y, sign * half[2]), (0.0, 0.0, sign), 0)
 
 
 @kernel
-def _edges(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    bx: float,
-    by: float,
-    bz: float,
-    r: float,
-    reach: float,
-) -> Place:
+def _edges(wrench: Wrench, half: Vector, r: float, reach: float) -> Patch:
     """Contact on the edge along z whose patch it is nearest to."""
-    lowest = _FAR
-    x = y = z = nx = ny = 0.0
-    limit = r * r * (fx * fx + fy * fy)
+    f = wrench.force
+    best = no_patch(1)
+    limit = r * r * (f[0] * f[0] + f[1] * f[1])
     # First the edge on the side that the force comes from.
-    likely = (1 if fx > 0.0 else 0) + (2 if fy > 0.0 else 0)
+    likely = (1 if f[0] > 0.0 else 0) + (2 if f[1] > 0.0 else 0)
     for turn in range(4):
         k = likely ^ turn
         sx, sy = 1.0 - 2.0 * (k & 1), 1.0 - (k & 2)
-        px, py = sx * bx, sy * by
-        about = mz - (px * fy - py * fx)
-        if about * about < limit:
-            lx, ly = mx - py * fz, my + px * fz
-            disc, a, b, u, v = directions(fx, fy, lx, ly, about, r, 0.0)
+        px, py = sx * half[0], sy * half[1]
+        moment = moment_about(wrench, (px, py, 0.0))
+        if moment[2] * moment[2] < limit:
+            disc, a, b, u, v = directions(Wrench(f, moment), r, 0.0)
             ex, ey = a - u, b - v
-            push = ex * fx + ey * fy
+            push = ex * f[0] + ey * f[1]
             if disc > 0.0 and push < 0.0:
-                at = (ex * ly - ey * lx + r * fz) / push
-                outside = max(abs(at) - bz, -reach * min(sx * ex, sy * ey))
-                if outside < lowest:
-                    lowest, x, y, z, nx, ny = outside, px, py, at, ex, ey
-                    if lowest <= 0.0:
+                at = (ex * moment[1] - ey * moment[0] + r * f[2]) / push
+                outside = max(abs(at) - half[2], -reach * min(sx * ex, sy * ey))
+                if outside < best.outside:
+                    best = Patch(outside, (px, py, at), (ex, ey, 0.0), 1)
+                    if outside <= 0.0:
                         break
-    return lowest, x, y, z, nx, ny, 0.0
+    return best
 
 
 @kernel
-def _corners(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    bx: float,
-    by: float,
-    bz: float,
-    r: float,
-    reach: float,
-) -> Place:
+def _corners(wrench: Wrench, half: Vector, r: float, reach: float) -> Patch:
     """Contact on the corner whose patch it is nearest to."""
-    lowest = _FAR
-    x = y = z = nx = ny = nz = 0.0
-    ux, uy, uz = r * fx, r * fy, r * fz
-    uu = ux * ux + uy * uy + uz * uz
-    tau = r * invariant(fx, fy, fz, mx, my, mz)
-    likely = (1 if fx > 0.0 else 0) + (2 if fy > 0.0 else 0) + (4 if fz > 0.0 else 0)
+    f = wrench.force
+    best = no_patch(2)
+    u = scale(r, f)
+    tau = r * invariant(wrench)
+    likely = (1 if f[0] > 0.0 else 0) + (2 if f[1] > 0.0 else 0) + (4 if f[2] > 0.0 else 0)
     for turn in range(8):
         k = likely ^ turn
         sx, sy, sz = 1.0 - 2.0 * (k & 1), 1.0 - (k & 2), 1.0 - 0.5 * (k & 4)
-        px, py, pz = sx * bx, sy * by, sz * bz
-        lx = mx - (py * fz - pz * fy)
-        ly = my - (pz * fx - px * fz)
-        lz = mz - (px * fy - py * fx)
-        status, ex, ey, ez, _ = unit_sphere(ux, uy, uz, lx, ly, lz, uu, lx * lx + ly * ly + lz * lz, tau)
-        outside = -reach * min(sx * ex, sy * ey, sz * ez)
-        if status == OK and outside < lowest:
-            lowest, x, y, z, nx, ny, nz = outside, px, py, pz, ex, ey, ez
-            if lowest <= 0.0:
+        corner = (sx * half[0], sy * half[1], sz * half[2])
+        status, n, _ = unit_sphere(u, moment_about(wrench, corner), tau)
+        outside = -reach * min(sx * n[0], sy * n[1], sz * n[2])
+        if status == OK and outside < best.outside:
+            best = Patch(outside, corner, n, 2)
+            if outside <= 0.0:
                 break
-    return lowest, x, y, z, nx, ny, nz
+    return best
 
 
 @kernel
-def _on_box(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    r: float,
-    px: float,
-    py: float,
-    pz: float,
-    nx: float,
-    ny: float,
-    nz: float,
-    curved: int,
-) -> Answer:
-    """The answer at r n from the point p of the core; `curved` principal curvatures are 1 / r."""
-    cx, cy, cz = px + r * nx, py + r * ny, pz + r * nz
-    xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
-    bend = 1.0 / r if curved > 0 else 0.0
-    det = bend * bend if curved == 2 else 0.0
-    return make_answer(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, curved * bend, det)
-
-
-@kernel
-def patch_of_box(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    bx: float,
-    by: float,
-    bz: float,
-    r: float,
-) -> tuple[float, float, float, float, float, float, float, int]:
-    """The patch that contains the contact: a `Place`, and how many of its principal curvatures are 1 / r."""
-    reach = sqrt(bx * bx + by * by + bz * bz) + r
-    best = _FAR
-    px = py = pz = nx = ny = nz = 0.0
-    curved = 0
-    # Cyclic permutation: each axis in turn is z.
+def patch_of_box(wrench: Wrench, half: Vector, r: float) -> Patch:
+    """The patch that contains the contact, or the nearest to it."""
+    reach = norm(half) + r
+    best = no_patch(0)
+    # Each axis in turn is z.
     for axis in range(3):
-        if axis == 0:
-            d, y, z, x, ey, ez, ex = _face(fy, fz, fx, my, mz, by, bz, bx, r)
-        elif axis == 1:
-            d, z, x, y, ez, ex, ey = _face(fz, fx, fy, mz, mx, bz, bx, by, r)
-        else:
-            d, x, y, z, ex, ey, ez = _face(fx, fy, fz, mx, my, bx, by, bz, r)
-        if d < best:
-            best, px, py, pz, nx, ny, nz = d, x, y, z, ex, ey, ez
-            if best <= 0.0:
-                return best, px, py, pz, nx, ny, nz, curved
+        patch = _turned_back(_face(_turned_wrench(wrench, axis), _turned(half, axis), r), axis)
+        if patch.outside < best.outside:
+            best = patch
+            if best.outside <= 0.0:
+                return best
     if r > 0.0:
         for axis in range(3):
-            if axis == 0:
-                d, y, z, x, ey, ez, ex = _edges(fy, fz, fx, my, mz, mx, by, bz, bx, r, reach)
-            elif axis == 1:
-                d, z, x, y, ez, ex, ey = _edges(fz, fx, fy, mz, mx, my, bz, bx, by, r, reach)
-            else:
-                d, x, y, z, ex, ey, ez = _edges(fx, fy, fz, mx, my, mz, bx, by, bz, r, reach)
-            if d < best:
-                best, px, py, pz, nx, ny, nz = d, x, y, z, ex, ey, ez
-                curved = 1
-                if best <= 0.0:
-                    return best, px, py, pz, nx, ny, nz, curved
-        d, x, y, z, ex, ey, ez = _corners(fx, fy, fz, mx, my, mz, bx, by, bz, r, reach)
-        if d < best:
-            best, px, py, pz, nx, ny, nz = d, x, y, z, ex, ey, ez
-            curved = 2
-    return best, px, py, pz, nx, ny, nz, curved
+            patch = _turned_back(_edges(_turned_wrench(wrench, axis), _turned(half, axis), r, reach), axis)
+            if patch.outside < best.outside:
+                best = patch
+                if best.outside <= 0.0:
+                    return best
+        patch = _corners(wrench, half, r, reach)
+        if patch.outside < best.outside:
+            best = patch
+    return best
 
 
 @kernel
-def _box(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    bx: float,
-    by: float,
-    bz: float,
-    r: float,
-) -> Answer:
-    reach = sqrt(bx * bx + by * by + bz * bz) + r
-    best, px, py, pz, nx, ny, nz, curved = patch_of_box(fx, fy, fz, mx, my, mz, bx, by, bz, r)
-    if best <= _PATCH_TOLERANCE * reach:
-        return _on_box(fx, fy, fz, mx, my, mz, r, px, py, pz, nx, ny, nz, curved)
-    size = (bx, by, bz, r)
+def _box(wrench: Wrench, half: Vector, r: float) -> Answer:
+    reach = norm(half) + r
+    patch = patch_of_box(wrench, half, r)
+    if patch.outside <= PATCH_TOLERANCE * reach:
+        return on_patch(OK, wrench, patch, r)
+    size = (half[0], half[1], half[2], r)
     if r == 0.0:
-        answer = enter(_BOX, size, reach, fx, fy, fz, mx, my, mz)
-        return (SHARP, *answer[1:]) if answer[0] == OK else answer
-    answer = nearest_to_line(_BOX, size, reach, fx, fy, fz, mx, my, mz)
-    if invariant(fx, fy, fz, mx, my, mz) != 0.0:
-        return NOT_CONVERGED, *answer[1:]
-    return answer
+        answer = enter(_BOX, size, reach, wrench)
+        return with_status(answer, SHARP) if answer.status == OK else answer
+    answer = nearest_to_line(_BOX, size, reach, wrench)
+    return answer if invariant(wrench) == 0.0 else with_status(answer, NOT_CONVERGED)
 
 
 @kernel
-def solve_box(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    bx: float,
-    by: float,
-    bz: float,
-    rounding: float,
-) -> Answer:
+def solve_box(wrench: Wrench, half: Vector, rounding: float) -> Answer:
     """Contact centroid on a box about the origin plus a ball: the `BOX` of
     `contactsense.robots.surface.convex_primitives`.
 
     Args:
-        fx, fy, fz, mx, my, mz: Wrench on the body.
-        bx, by, bz: Half edge lengths of the box (without the ball), may be zero.
+        wrench: Wrench on the body.
+        half: Half edge lengths of the box (without the ball), may be zero.
         rounding: Radius of the ball. May be zero: the status is `SHARP` for a wrench that enters no face,
             where its axis enters.
 
     Returns:
         See `contactsense.solvers.solution`.
     """
-    size = max(bx, by, bz) + rounding
-    ff = fx * fx + fy * fy + fz * fz
-    mm = mx * mx + my * my + mz * mz
+    f, m = wrench
+    size = max(half[0], half[1], half[2]) + rounding
+    ff = dot(f, f)
     round_enough = rounding == 0.0 or rounding * rounding * ff > SMALL
-    if ff > SMALL and round_enough and size * size * ff < LARGE and mm < LARGE:
-        return _box(fx, fy, fz, mx, my, mz, bx, by, bz, rounding)
-    status = input_status(fx, fy, fz, mx, my, mz)
+    if ff > SMALL and round_enough and size * size * ff < LARGE and dot(m, m) < LARGE:
+        return _box(wrench, half, rounding)
+    status = input_status(wrench)
     if status != OK:
         return no_contact(status)
-    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, size)
-    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
-    bx, by, bz, rounding = ldexp(bx, -k), ldexp(by, -k), ldexp(bz, -k), ldexp(rounding, -k)
-    return rescaled(_box(fx, fy, fz, mx, my, mz, bx, by, bz, rounding), e, g, k)
+    units = units_for(wrench, size)
+    half, rounding = scale_by_power(half, -units.length), length_to_units(rounding, units)
+    return from_units(_box(to_units(wrench, units), half, rounding), units)

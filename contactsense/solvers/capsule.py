@@ -5,55 +5,20 @@ The normals of the patches agree where they meet, so exactly one contains the co
 If rounding errors place the contact outside both, the nearer patch is used, so there is no gap.
 """
 
-from math import ldexp, sqrt
+from math import sqrt
 
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import dot
 from contactsense.solvers.cylinder import directions, height, lateral_frame, on_lateral
-from contactsense.solvers.ellipsoid import unit_sphere
+from contactsense.solvers.ellipsoid import ball, on_ball
 from contactsense.solvers.nearest_point import TAPERED, nearest_to_line
-from contactsense.solvers.solution import (
-    LARGE,
-    OK,
-    SMALL,
-    Answer,
-    input_status,
-    invariant,
-    make_answer,
-    no_contact,
-    rescaled,
-    scaled,
-    sum_error,
-    unit_exponents,
-)
-from contactsense.solvers.typed_kernel import kernel
-
-PATCH_TOLERANCE = 1e-9
-"""Tolerance of a contact outside its patch, relative to the size of the body, for rounding errors."""
+from contactsense.solvers.solution import FAR, OK, PATCH_TOLERANCE, Answer, input_status, no_contact
+from contactsense.solvers.units import LARGE, SMALL, from_units, length_to_units, to_units, units_for
+from contactsense.solvers.wrench import Wrench, sum_error
 
 
 @kernel
-def ball(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, at: float, radius: float
-) -> tuple[int, float, float, float, float]:
-    """Contact on a ball with centre (0, 0, at): status, outward normal, torsion."""
-    lx, ly = mx + at * fy, my - at * fx
-    ux, uy, uz = radius * fx, radius * fy, radius * fz
-    uu, vv = ux * ux + uy * uy + uz * uz, lx * lx + ly * ly + mz * mz
-    tau = radius * invariant(fx, fy, fz, mx, my, mz)
-    return unit_sphere(ux, uy, uz, lx, ly, mz, uu, vv, tau)
-
-
-@kernel
-def _tapered_capsule(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    half: float,
-    radius_a: float,
-    radius_b: float,
-) -> Answer:
+def _tapered_capsule(wrench: Wrench, half: float, radius_a: float, radius_b: float) -> Answer:
     # 1 - sin_beta as the one exact difference that a steep side needs.
     length, drop = 2.0 * half, radius_a - radius_b
     error = sum_error(radius_a, -radius_b, drop)
@@ -63,14 +28,15 @@ def _tapered_capsule(
     mean = 0.5 * (radius_a + radius_b)
     radius = mean / cos_beta
     apex = mean / sin_beta if sin_beta != 0.0 else 0.0
-    lx, ly, base, below = lateral_frame(fx, fy, mx, my, radius, taper, apex)
-    best, patch, high = 1e300, 0, True
-    ex = ey = z = rho = nx = ny = nz = xi = 0.0
-    disc, a, b, u, v = directions(fx, fy, lx, ly, mz, base, taper)
+    local, base, below = lateral_frame(wrench, radius, taper, apex)
+    best, patch, high = FAR, 0, True
+    ex = ey = z = rho = xi = 0.0
+    n = (0.0, 0.0, 0.0)
+    disc, a, b, u, v = directions(local, base, taper)
     if disc > 0.0:
         for sign in (-1.0, 1.0):
             ax, ay = a + sign * u, b + sign * v
-            at, push = height(fx, fy, fz, lx, ly, ax, ay, base, taper)
+            at, push = height(local, ax, ay, base, taper)
             if push < 0.0:
                 # Along the side, from the circle about the middle; a steep side is measured by its radius.
                 if below == 0.0:
@@ -89,64 +55,49 @@ def _tapered_capsule(
         for turn in range(2):
             top = upper == (turn == 0)
             at, r = (half, radius_b) if top else (-half, radius_a)
-            status, sx, sy, sz, k = ball(fx, fy, fz, mx, my, mz, at, r)
-            outside = r * ((sin_beta - sz) if top else (sz - sin_beta))
+            status, s, k = ball(wrench, at, r)
+            outside = r * ((sin_beta - s[2]) if top else (s[2] - sin_beta))
             if status == OK and outside < best:
                 best, patch = outside, 3 if top else 2
-                nx, ny, nz, xi = sx, sy, sz, k
+                n, xi = s, k
             if best <= 0.0:
                 break
     if best > PATCH_TOLERANCE * (half + max(radius_a, radius_b)):
         size = (half, radius_a, radius_b, 0.0)
-        return nearest_to_line(TAPERED, size, half + max(radius_a, radius_b), fx, fy, fz, mx, my, mz)
+        return nearest_to_line(TAPERED, size, half + max(radius_a, radius_b), wrench)
     if patch == 1:
-        return on_lateral(OK, fx, fy, fz, mx, my, mz, ex, ey, z, rho, taper)
+        return on_lateral(OK, wrench, ex, ey, z, rho, taper)
     at, r = (half, radius_b) if patch == 3 else (-half, radius_a)
-    bend = 1.0 / r
-    return make_answer(
-        OK, fx, fy, fz, mx, my, mz, r * nx, r * ny, at + r * nz, nx, ny, nz, xi, 2.0 * bend, bend * bend
-    )
+    return on_ball(OK, wrench, at, r, n, xi)
 
 
 @kernel
-def solve_tapered_capsule(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    half: float,
-    radius_a: float,
-    radius_b: float,
-) -> Answer:
+def solve_tapered_capsule(wrench: Wrench, half: float, radius_a: float, radius_b: float) -> Answer:
     """Contact centroid on the convex hull of two balls on z.
 
     Args:
-        fx, fy, fz, mx, my, mz: Wrench on the body.
+        wrench: Wrench on the body.
         half: Half the distance of their centres, (0, 0, -half) and (0, 0, half).
         radius_a, radius_b: Of the lower and the upper ball; they differ by less than 2 half.
 
     Returns:
         See `contactsense.solvers.solution`.
     """
+    f, m = wrench
     size = max(radius_a, radius_b)
-    ff = fx * fx + fy * fy + fz * fz
-    mm = mx * mx + my * my + mz * mz
-    if SMALL < size * size * ff < LARGE and mm < LARGE and half * half * ff < LARGE:
-        return _tapered_capsule(fx, fy, fz, mx, my, mz, half, radius_a, radius_b)
-    status = input_status(fx, fy, fz, mx, my, mz)
+    ff = dot(f, f)
+    if SMALL < size * size * ff < LARGE and dot(m, m) < LARGE and half * half * ff < LARGE:
+        return _tapered_capsule(wrench, half, radius_a, radius_b)
+    status = input_status(wrench)
     if status != OK:
         return no_contact(status)
-    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, half + size)
-    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
-    half, radius_a, radius_b = ldexp(half, -k), ldexp(radius_a, -k), ldexp(radius_b, -k)
-    return rescaled(_tapered_capsule(fx, fy, fz, mx, my, mz, half, radius_a, radius_b), e, g, k)
+    units = units_for(wrench, half + size)
+    half = length_to_units(half, units)
+    radius_a, radius_b = length_to_units(radius_a, units), length_to_units(radius_b, units)
+    return from_units(_tapered_capsule(to_units(wrench, units), half, radius_a, radius_b), units)
 
 
 @kernel
-def solve_capsule(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, half: float, radius: float
-) -> Answer:
+def solve_capsule(wrench: Wrench, half: float, radius: float) -> Answer:
     """Contact centroid on a capsule about z, the ends of its segment at (0, 0, -half) and (0, 0, half)."""
-    return solve_tapered_capsule(fx, fy, fz, mx, my, mz, half, radius, radius)
+    return solve_tapered_capsule(wrench, half, radius, radius)

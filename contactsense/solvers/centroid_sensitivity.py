@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from contactsense.solvers.level_set import tangents
+from contactsense.robots.vectors import tangents
 from contactsense.solvers.solve_wrench import Solution, solve_wrench
 from contactsense.solvers.surface import Surface
 
@@ -62,7 +62,7 @@ def sensitivity(surface: Surface, solution: Solution) -> Sensitivity:
     if not solution.ok:
         raise ValueError(f"no derivatives of a solution that is {solution.status.name}")
     c, n, f, m, xi = solution.centroid, solution.normal, solution.force, solution.moment, solution.torsion
-    T = np.array(tangents(float(n[0]), float(n[1]), float(n[2]))).reshape(2, 3).T
+    T = np.array(tangents((float(n[0]), float(n[1]), float(n[2])))).reshape(2, 3).T
     push = float(f @ n)
     J = np.array(((0.0, -1.0), (1.0, 0.0)))
     cross = np.array(((0.0, -c[2], c[1]), (c[2], 0.0, -c[0]), (-c[1], c[0], 0.0)))

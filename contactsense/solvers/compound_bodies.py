@@ -50,13 +50,13 @@ class Compound:
                 border[row, column] = len(surfaces)
                 surfaces.append(other)
         packed = [_packed(surface) for surface in surfaces]
-        self._size = (
-            np.array([kind for kind, _, _, _ in packed]),
-            np.array([size for _, size, _, _ in packed]),
-            np.array([rotation for _, _, rotation, _ in packed]),
-            np.array([origin for _, _, _, origin in packed]),
-            border,
-            self.reach,
+        self._packed = compound.Parts(
+            kind=np.array([kind for kind, _, _, _ in packed]),
+            size=np.array([size for _, size, _, _ in packed]),
+            rotation=np.array([rotation for _, _, rotation, _ in packed]),
+            origin=np.array([origin for _, _, _, origin in packed]),
+            border=border,
+            reach=self.reach,
         )
 
     @classmethod
@@ -74,22 +74,20 @@ class Compound:
 
     def problem(self) -> Problem:
         """Closed forms of its parts."""
-        return compound.solve_compound, self._size
+        return compound.solve_compound, (self._packed,)
 
     def line_problem(self) -> Problem:
         """Its wrench axis."""
-        return compound.wrench_axis_compound, self._size
+        return compound.wrench_axis_compound, (self._packed,)
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3): that of the part that contains the
         point."""
-        kind, size, rotation, origin, border, _ = self._size
+        x, y, z = (float(component) for component in point)
         distances = []
         for row in range(len(self.parts)):
-            ends = [row, *(k for k in border[row] if k >= 0)]
-            outside = [
-                compound.outside_distance(kind[k], size[k], rotation[k], origin[k], *point) for k in ends
-            ]
+            ends = [row, *(k for k in self._packed.border[row] if k >= 0)]
+            outside = [compound.outside_distance(self._packed, k, (x, y, z)) for k in ends]
             distances.append(max(abs(outside[0]), *outside[1:]) if len(outside) > 1 else abs(outside[0]))
         return self.parts[int(np.argmin(distances))].surface.shape_operator(point, normal)
 
@@ -101,8 +99,8 @@ def _packed(surface: Simple) -> tuple[int, tuple[float, ...], np.ndarray, np.nda
     if isinstance(surface, Placed):
         rotation, origin, inner = surface.rotation, surface.origin, surface.surface
     if isinstance(inner, Plane):
-        size = inner.problem()[1]
-        return compound.PLANE, size, rotation, origin
+        normal, offset = inner.problem()[1]
+        return compound.PLANE, (*normal, offset), rotation, origin
     if isinstance(inner, Sphere):
         return compound.ELLIPSOID, (inner.radius, inner.radius, inner.radius, 0.0), rotation, origin
     if isinstance(inner, Ellipsoid):

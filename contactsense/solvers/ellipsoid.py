@@ -10,43 +10,38 @@ so one of them follows, up to sign, from the branch of (16) without cancellation
 product. Zero torsion is not a special case: there K = 0 and the result is the wrench-axis solution.
 """
 
-from math import ldexp, sqrt
+from math import sqrt
 
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, norm, scale
 from contactsense.solvers.solution import (
-    LARGE,
     MISS,
     OK,
-    SMALL,
     TANGENT,
     Answer,
     input_status,
-    invariant,
     make_answer,
     no_contact,
-    rescaled,
-    scaled,
-    unit_exponents,
 )
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.solvers.units import LARGE, SMALL, from_units, length_to_units, to_units, units_for
+from contactsense.solvers.wrench import Wrench, about_height, invariant
 
 _MAX_UNSCALED_SIZE = 1e6
 """Bodies below this size need no scaled unit of length."""
 
 
 @kernel
-def unit_sphere(
-    ux: float, uy: float, uz: float, vx: float, vy: float, vz: float, uu: float, vv: float, tau: float
-) -> tuple[int, float, float, float, float]:
+def unit_sphere(u: Vector, v: Vector, tau: float) -> tuple[int, Vector, float]:
     """Solve v = K x + x x u, |x| = 1, u.x < 0.
 
     Args:
-        ux, uy, uz, vx, vy, vz: The wrench, u not zero.
-        uu, vv: Their squares.
+        u, v: The wrench, u not zero.
         tau: u.v, from the wrench before its units were changed, so that its sign is right.
 
     Returns:
-        Status (`OK`, `MISS`, `TANGENT`), x, y, z, K. On a miss the point nearest to the line, and K = 0.
+        Status (`OK`, `MISS`, `TANGENT`), x, K. On a miss the point nearest to the line, and K = 0.
     """
+    uu, vv = dot(u, u), dot(v, v)
     size = abs(tau)
     sigma = vv - uu
     # The maximum preserves the torsion if its square underflows.
@@ -64,89 +59,85 @@ def unit_sphere(
     if tau > 0.0:
         k = -k
     inverse = 1.0 / (k * k + uu) if status == OK else 1.0 / sqrt(uu * vv)
-    x = (k * vx + (uy * vz - uz * vy) - l * ux) * inverse
-    y = (k * vy + (uz * vx - ux * vz) - l * uy) * inverse
-    z = (k * vz + (ux * vy - uy * vx) - l * uz) * inverse
-    return status, x, y, z, k
+    w = cross(u, v)
+    x = (k * v[0] + w[0] - l * u[0], k * v[1] + w[1] - l * u[1], k * v[2] + w[2] - l * u[2])
+    return status, scale(inverse, x), k
 
 
 @kernel
-def _ellipsoid(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
-) -> Answer:
+def _ellipsoid(wrench: Wrench, a: float, b: float, c: float) -> Answer:
+    f, m = wrench
     bc, ca, ab = b * c, c * a, a * b
-    ux, uy, uz = bc * fx, ca * fy, ab * fz
-    vx, vy, vz = a * mx, b * my, c * mz
-    uu = ux * ux + uy * uy + uz * uz
-    vv = vx * vx + vy * vy + vz * vz
     volume = a * bc
-    tau = volume * invariant(fx, fy, fz, mx, my, mz)
-    status, x, y, z, k = unit_sphere(ux, uy, uz, vx, vy, vz, uu, vv, tau)
-    nx, ny, nz = bc * x, ca * y, ab * z
-    slope = sqrt(nx * nx + ny * ny + nz * nz)
-    nx, ny, nz = nx / slope, ny / slope, nz / slope
+    u, v = (bc * f[0], ca * f[1], ab * f[2]), (a * m[0], b * m[1], c * m[2])
+    status, x, k = unit_sphere(u, v, volume * invariant(wrench))
+    gradient = (bc * x[0], ca * x[1], ab * x[2])
+    slope = norm(gradient)
+    n = divide(gradient, slope)
     # (1 - n1^2) etc. as sums: no cancellation in the mean curvature of a needle.
-    xx, yy, zz = nx * nx, ny * ny, nz * nz
+    xx, yy, zz = n[0] * n[0], n[1] * n[1], n[2] * n[2]
     trace = (bc * bc * (yy + zz) + ca * ca * (zz + xx) + ab * ab * (xx + yy)) / (volume * slope)
     root = volume / (slope * slope)
     xi = k * slope / volume
-    return make_answer(
-        status, fx, fy, fz, mx, my, mz, a * x, b * y, c * z, nx, ny, nz, xi, trace, root * root
-    )
+    return make_answer(status, wrench, (a * x[0], b * x[1], c * x[2]), n, xi, trace, root * root)
 
 
 @kernel
-def _sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
-    ux, uy, uz = radius * fx, radius * fy, radius * fz
-    uu = ux * ux + uy * uy + uz * uz
-    vv = mx * mx + my * my + mz * mz
-    tau = radius * invariant(fx, fy, fz, mx, my, mz)
-    status, x, y, z, xi = unit_sphere(ux, uy, uz, mx, my, mz, uu, vv, tau)
-    cx, cy, cz = radius * x, radius * y, radius * z
+def ball(wrench: Wrench, z: float, radius: float) -> tuple[int, Vector, float]:
+    """Contact on a ball about (0, 0, z): status, outward normal, torsion."""
+    moment = about_height(wrench, z).moment
+    return unit_sphere(scale(radius, wrench.force), moment, radius * invariant(wrench))
+
+
+@kernel
+def on_ball(status: int, wrench: Wrench, z: float, radius: float, n: Vector, xi: float) -> Answer:
+    """Answer for a contact with the normal n and the torsion xi on a ball about (0, 0, z)."""
     bend = 1.0 / radius
-    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, x, y, z, xi, 2.0 * bend, bend * bend)
+    c = add_scaled((0.0, 0.0, z), radius, n)
+    return make_answer(status, wrench, c, n, xi, 2.0 * bend, bend * bend)
 
 
 @kernel
-def solve_ellipsoid(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
-) -> Answer:
+def solve_ellipsoid(wrench: Wrench, a: float, b: float, c: float) -> Answer:
     """Contact centroid on an ellipsoid about the origin (paper, (14) and (16)).
 
     Args:
-        fx, fy, fz, mx, my, mz: Wrench on the body.
+        wrench: Wrench on the body.
         a, b, c: Semi-axes along x, y, z.
 
     Returns:
         See `contactsense.solvers.solution`. A pushing solution exists for every wrench whose force and f.m
         are not zero.
     """
+    f, m = wrench
     size = max(a, b, c)
     smallest = min(a, b, c)
     square = smallest * smallest
-    ff = fx * fx + fy * fy + fz * fz
-    mm = mx * mx + my * my + mz * mz
-    if square * square * ff > SMALL and ff < LARGE and mm < LARGE and size < _MAX_UNSCALED_SIZE:
-        return _ellipsoid(fx, fy, fz, mx, my, mz, a, b, c)
-    status = input_status(fx, fy, fz, mx, my, mz)
+    ff = dot(f, f)
+    if square * square * ff > SMALL and ff < LARGE and dot(m, m) < LARGE and size < _MAX_UNSCALED_SIZE:
+        return _ellipsoid(wrench, a, b, c)
+    status = input_status(wrench)
     if status != OK:
         return no_contact(status)
-    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, size)
-    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
-    a, b, c = ldexp(a, -k), ldexp(b, -k), ldexp(c, -k)
-    return rescaled(_ellipsoid(fx, fy, fz, mx, my, mz, a, b, c), e, g, k)
+    units = units_for(wrench, size)
+    a, b, c = length_to_units(a, units), length_to_units(b, units), length_to_units(c, units)
+    return from_units(_ellipsoid(to_units(wrench, units), a, b, c), units)
 
 
 @kernel
-def solve_sphere(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, radius: float) -> Answer:
+def _sphere(wrench: Wrench, radius: float) -> Answer:
+    status, n, xi = ball(wrench, 0.0, radius)
+    return on_ball(status, wrench, 0.0, radius, n, xi)
+
+
+@kernel
+def solve_sphere(wrench: Wrench, radius: float) -> Answer:
     """Contact centroid on a sphere of that radius about the origin (paper, section 5.1.1)."""
-    ff = radius * radius * (fx * fx + fy * fy + fz * fz)
-    mm = mx * mx + my * my + mz * mz
-    if SMALL < ff < LARGE and mm < LARGE:
-        return _sphere(fx, fy, fz, mx, my, mz, radius)
-    status = input_status(fx, fy, fz, mx, my, mz)
+    f, m = wrench
+    if SMALL < radius * radius * dot(f, f) < LARGE and dot(m, m) < LARGE:
+        return _sphere(wrench, radius)
+    status = input_status(wrench)
     if status != OK:
         return no_contact(status)
-    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, radius)
-    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
-    return rescaled(_sphere(fx, fy, fz, mx, my, mz, ldexp(radius, -k)), e, g, k)
+    units = units_for(wrench, radius)
+    return from_units(_sphere(to_units(wrench, units), length_to_units(radius, units)), units)

@@ -8,66 +8,45 @@ around the remaining half has 0.77 of the area, however flat or steep the body i
 """
 
 from math import sqrt
-from typing import Any
 
-from contactsense.solvers.implicit_surfaces import evaluate
-from contactsense.solvers.level_set import Point, enter_level, tangents
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, subtract, tangents
+from contactsense.solvers.level_set import SmoothBody, enter_level, level_at, reach_of
 from contactsense.solvers.solution import OK
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.solvers.wrench import Wrench, line_point
 
 _MAX_CUTS = 300
 """Maximum number of cuts: 0.77^300 = 1e-34, an ellipse as small as rounding errors."""
 
 
 @kernel
-def bracket_contact(
-    size: Any,
-    inner: Point,
-    reach: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-) -> tuple[int, float, float, float]:
+def bracket_contact(body: SmoothBody, wrench: Wrench) -> tuple[int, Vector]:
     """Enclose the contact of a wrench with torsion.
-
-    Args:
-        size: The body.
-        inner: A point well inside.
-        reach: Its size.
-        fx, fy, fz, mx, my, mz: Wrench.
 
     Returns:
         Number of cuts, and a start for `newton_iteration`.
     """
-    ff = fx * fx + fy * fy + fz * fz
+    f, m = wrench
+    inner, reach = body.inner, reach_of(body)
+    ff = dot(f, f)
     force = sqrt(ff)
-    ax, ay, az, bx, by, bz = tangents(-fx / force, -fy / force, -fz / force)
-    pitch = (fx * mx + fy * my + fz * mz) / ff
+    a, b = tangents(divide(f, -force))
+    pitch = dot(f, m) / ff
     side = -1.0 if pitch > 0.0 else 1.0
     # The force's line, from the inner point.
-    ox, oy, oz = (
-        (fy * mz - fz * my) / ff - inner[0],
-        (fz * mx - fx * mz) / ff - inner[1],
-        (fx * my - fy * mx) / ff - inner[2],
-    )
-    oa, ob = ax * ox + ay * oy + az * oz, bx * ox + by * oy + bz * oz
+    line = subtract(line_point(wrench), inner)
+    oa, ob = dot(a, line), dot(b, line)
     qa = qb = pab = 0.0
     paa = pbb = 16.0 * reach * reach
-    x, y, z = inner
+    x = inner
     for cut in range(_MAX_CUTS):
-        px, py, pz = inner[0] + qa * ax + qb * bx, inner[1] + qa * ay + qb * by, inner[2] + qa * az + qb * bz
-        entered, px, py, pz = enter_level(
-            size, inner, reach, fx, fy, fz, py * fz - pz * fy, pz * fx - px * fz, px * fy - py * fx
-        )
-        level = evaluate(size, px, py, pz)
-        ga = level[1] * ax + level[2] * ay + level[3] * az
-        gb = level[1] * bx + level[2] * by + level[3] * bz
+        q = add_scaled(add_scaled(inner, qa, a), qb, b)
+        entered, p = enter_level(body, Wrench(f, cross(q, f)))
+        g = level_at(body.size, p).gradient
+        ga, gb = dot(g, a), dot(g, b)
         if entered == OK:
-            x, y, z = px, py, pz
-            rise = -(level[1] * fx + level[2] * fy + level[3] * fz) / force
+            x = p
+            rise = -dot(g, f) / force
             ga, gb = (
                 side * (-pitch * ga - rise * (qb - ob)),
                 side * (-pitch * gb + rise * (qa - oa)),
@@ -75,10 +54,10 @@ def bracket_contact(
         wa, wb = paa * ga + pab * gb, pab * ga + pbb * gb
         width = sqrt(max(ga * wa + gb * wb, 0.0))
         if not width > 1e-16 * reach * sqrt(ga * ga + gb * gb):
-            return cut, x, y, z
+            return cut, x
         wa, wb = wa / width, wb / width
         qa, qb = qa - wa / 3.0, qb - wb / 3.0
         paa = 4.0 / 3.0 * (paa - 2.0 / 3.0 * wa * wa)
         pab = 4.0 / 3.0 * (pab - 2.0 / 3.0 * wa * wb)
         pbb = 4.0 / 3.0 * (pbb - 2.0 / 3.0 * wb * wb)
-    return _MAX_CUTS, x, y, z
+    return _MAX_CUTS, x

@@ -6,6 +6,8 @@ optimal along the gradient of the linearized g.
 
 from math import sqrt
 
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, divide, dot, norm, scale
 from contactsense.solvers.solution import (
     MISS,
     NOT_CONVERGED,
@@ -16,7 +18,7 @@ from contactsense.solvers.solution import (
     make_answer,
     no_contact,
 )
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.solvers.wrench import Wrench
 
 _STEPS = 20000
 _TOLERANCE = 1e-12
@@ -24,34 +26,23 @@ _TOLERANCE = 1e-12
 
 @kernel
 def descend(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    a: float,
-    b: float,
-    c: float,
-    x: float,
-    y: float,
-    z: float,
-    k: float,
-    steps: int,
-    tolerance: float,
-) -> tuple[int, float, float, float, float, float]:
+    wrench: Wrench, axes: Vector, start: Vector, k: float, steps: int, tolerance: float
+) -> tuple[int, Vector, float, float]:
     """Gradient descent on an ellipsoid in scaled units: |f| = 1, largest semi-axis 1.
 
     Args:
-        fx, fy, fz, mx, my, mz: Wrench in those units.
-        a, b, c: Semi-axes.
-        x, y, z, k: Initial point and K / 2.
+        wrench: Wrench in those units.
+        axes: Semi-axes.
+        start, k: Initial point and K / 2.
         steps: Maximum number of steps.
         tolerance: Converged if |g| is below this.
 
     Returns:
         Number of steps, the point, K / 2, and |g|.
     """
+    (fx, fy, fz), (mx, my, mz) = wrench
+    x, y, z = start
+    a, b, c = axes
     ha, hb, hc = 2.0 / (a * a), 2.0 / (b * b), 2.0 / (c * c)
     taken = 0
     size = 0.0
@@ -78,60 +69,41 @@ def descend(
             break
         rate = (d1 * d1 + d2 * d2 + d3 * d3 + d4 * d4) / change
         x, y, z, k = x - rate * d1, y - rate * d2, z - rate * d3, k - rate * d4
-    return taken, x, y, z, k, size
+    return taken, (x, y, z), k, size
 
 
 @kernel
-def descent_ellipsoid(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, a: float, b: float, c: float
-) -> Answer:
+def descent_ellipsoid(wrench: Wrench, a: float, b: float, c: float) -> Answer:
     """Contact centroid on an ellipsoid by gradient descent, from the point whose normal opposes the
     force.
 
     It may end in a local minimum, or on the side where the force pulls (paper, section 8): then the
     status is `NOT_CONVERGED` or `PULLING`.
     """
-    status = input_status(fx, fy, fz, mx, my, mz)
+    status = input_status(wrench)
     if status != OK:
         return no_contact(status)
-    large = max(abs(fx), abs(fy), abs(fz))
-    gx, gy, gz = fx / large, fy / large, fz / large
-    force = large * sqrt(gx * gx + gy * gy + gz * gz)
+    f, m = wrench
+    large = max(abs(f[0]), abs(f[1]), abs(f[2]))
+    force = large * norm(divide(f, large))
     size = max(a, b, c)
-    ux, uy, uz = fx / force, fy / force, fz / force
-    vx, vy, vz = mx / force / size, my / force / size, mz / force / size
-    if not max(abs(vx), abs(vy), abs(vz)) < 1e100:
+    u, v = divide(f, force), divide(divide(m, force), size)
+    if not max(abs(v[0]), abs(v[1]), abs(v[2])) < 1e100:
         return no_contact(MISS)
     ra, rb, rc = a / size, b / size, c / size
-    stretch = sqrt(ra * ra * ux * ux + rb * rb * uy * uy + rc * rc * uz * uz)
-    _, x, y, z, k, residual_norm = descend(
-        ux,
-        uy,
-        uz,
-        vx,
-        vy,
-        vz,
-        ra,
-        rb,
-        rc,
-        -ra * ra * ux / stretch,
-        -rb * rb * uy / stretch,
-        -rc * rc * uz / stretch,
-        0.0,
-        _STEPS,
-        _TOLERANCE,
-    )
-    nx, ny, nz = x / (ra * ra), y / (rb * rb), z / (rc * rc)
-    slope = sqrt(nx * nx + ny * ny + nz * nz)
+    stretch = sqrt(ra * ra * u[0] * u[0] + rb * rb * u[1] * u[1] + rc * rc * u[2] * u[2])
+    start = (-ra * ra * u[0] / stretch, -rb * rb * u[1] / stretch, -rc * rc * u[2] / stretch)
+    _, x, k, residual_norm = descend(Wrench(u, v), (ra, rb, rc), start, 0.0, _STEPS, _TOLERANCE)
+    gradient = (x[0] / (ra * ra), x[1] / (rb * rb), x[2] / (rc * rc))
+    slope = norm(gradient)
     if not slope > 0.0:
         return no_contact(NOT_CONVERGED)
-    nx, ny, nz = nx / slope, ny / slope, nz / slope
-    status = OK if nx * ux + ny * uy + nz * uz < 0.0 else PULLING
+    n = divide(gradient, slope)
+    status = OK if dot(n, u) < 0.0 else PULLING
     if not residual_norm <= _TOLERANCE:
         status = NOT_CONVERGED
     xi = 2.0 * k * slope * force * size
-    xx, yy, zz = nx * nx, ny * ny, nz * nz
+    xx, yy, zz = n[0] * n[0], n[1] * n[1], n[2] * n[2]
     trace = ((yy + zz) / (ra * ra) + (zz + xx) / (rb * rb) + (xx + yy) / (rc * rc)) / (slope * size)
     root = 1.0 / (ra * rb * rc * slope * slope * size)
-    x, y, z = size * x, size * y, size * z
-    return make_answer(status, fx, fy, fz, mx, my, mz, x, y, z, nx, ny, nz, xi, trace, root * root)
+    return make_answer(status, wrench, scale(size, x), n, xi, trace, root * root)

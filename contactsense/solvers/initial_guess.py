@@ -6,11 +6,12 @@ a user's function.
 
 from typing import Any
 
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add_scaled, dot
 from contactsense.solvers.box import patch_of_box
 from contactsense.solvers.ellipsoid import unit_sphere
 from contactsense.solvers.implicit_surfaces import SUPERQUADRIC, power, root
-from contactsense.solvers.level_set import Point
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.solvers.wrench import Wrench
 
 _SOFT = 0.1
 """Assumed stiffness of the other coordinates; a smaller value moves a coordinate on a flat side earlier."""
@@ -24,33 +25,18 @@ _MIDDLE = 1e-3
 
 
 @kernel
-def ellipsoid_guess(size: Any, ux: float, uy: float, uz: float, vx: float, vy: float, vz: float) -> Point:
+def ellipsoid_guess(size: Any, wrench: Wrench) -> Vector:
     """Contact on the ellipsoid of the body's extent; nearer to the centre if the line misses that."""
-    uu = ux * ux + uy * uy + uz * uz
-    tau = ux * vx + uy * vy + uz * vz
-    _, x, y, z, _ = unit_sphere(ux, uy, uz, vx, vy, vz, uu, vx * vx + vy * vy + vz * vz, tau)
-    return x, y, z
+    u, v = wrench
+    return unit_sphere(u, v, dot(u, v))[1]
 
 
 @kernel
 def unmodified_step(
-    size: Any,
-    tau: float,
-    ux: float,
-    uy: float,
-    uz: float,
-    x: float,
-    y: float,
-    z: float,
-    px: float,
-    py: float,
-    pz: float,
-    gx: float,
-    gy: float,
-    gz: float,
-) -> Point:
+    size: Any, tau: float, u: Vector, before: Vector, step: Vector, gradient: Vector
+) -> Vector:
     """`warped_step` for a body without further structure: the step unchanged."""
-    return px, py, pz
+    return step
 
 
 @kernel
@@ -76,22 +62,7 @@ def _coordinate(
 
 
 @kernel
-def warped_step(
-    size: Any,
-    tau: float,
-    ux: float,
-    uy: float,
-    uz: float,
-    x: float,
-    y: float,
-    z: float,
-    px: float,
-    py: float,
-    pz: float,
-    gx: float,
-    gy: float,
-    gz: float,
-) -> Point:
+def warped_step(size: Any, tau: float, u: Vector, before: Vector, step: Vector, gradient: Vector) -> Vector:
     """Correct a step on a superquadric, coordinate by coordinate, for its nonlinear gradient.
 
     With the other coordinates at their optimum, the balance v = K g(x) + x x u requires of each coordinate
@@ -103,43 +74,45 @@ def warped_step(
     Args:
         size: The body.
         tau: |u . v| = K l.
-        ux, uy, uz: Force.
-        x, y, z: Where the step began.
-        px, py, pz, gx, gy, gz: Where it ends on the osculating ellipsoid, and the gradient there.
+        u: Force.
+        before: Where the step began.
+        step, gradient: Where it ends on the osculating ellipsoid, and the gradient there.
 
     Returns:
         Where it ends on the body, about.
     """
     if size[0] != SUPERQUADRIC:
-        return px, py, pz
-    push = abs(ux * gx + uy * gy + uz * gz)
+        return step
+    push = abs(dot(u, gradient))
     if not tau > push * push > 0.0:
-        return px, py, pz
+        return step
     alpha = _SOFT * push * push
     p, q = size[4], size[5]
-    nz = _coordinate(alpha, tau, q, z, pz, gz)
+    x, y, _ = before
+    nx, ny, _ = step
+    gx, gy, _ = gradient
+    nz = _coordinate(alpha, tau, q, before[2], step[2], gradient[2])
     if p == q:
-        return _coordinate(alpha, tau, p, x, px, gx), _coordinate(alpha, tau, p, y, py, gy), nz
-    nx, ny = px, py
+        return _coordinate(alpha, tau, p, x, nx, gx), _coordinate(alpha, tau, p, y, ny, gy), nz
     flat = power(abs(x), p) + power(abs(y), p)
     if p > 2.0 and flat > _MIDDLE:
         rise = flat ** (q / p - 1.0)
-        nx = _coordinate(alpha, rise * tau, p, x, px, gx / rise)
-        ny = _coordinate(alpha, rise * tau, p, y, py, gy / rise)
+        nx = _coordinate(alpha, rise * tau, p, x, nx, gx / rise)
+        ny = _coordinate(alpha, rise * tau, p, y, ny, gy / rise)
     return nx, ny, nz
 
 
 @kernel
-def initial_guess(size: Any, ux: float, uy: float, uz: float, vx: float, vy: float, vz: float) -> Point:
+def initial_guess(size: Any, wrench: Wrench) -> Vector:
     """The contact on the ellipsoid of the body's extent, or for a superquadric on the rounded box that has
     the corners of its exponent along z."""
     if size[0] != SUPERQUADRIC:
-        return ellipsoid_guess(size, ux, uy, uz, vx, vy, vz)
+        return ellipsoid_guess(size, wrench)
     exponent = size[5]
     # Within half a percent: its corner is at 3^(-1 / exponent), that of the box at 1 - (1 - 1 / sqrt(3)) r.
     rounding = 2.6 / (exponent + 0.6)
     flat = 1.0 - rounding
-    outside, x, y, z, nx, ny, nz, _ = patch_of_box(ux, uy, uz, vx, vy, vz, flat, flat, flat, rounding)
-    if outside < 1.0:
-        return x + rounding * nx, y + rounding * ny, z + rounding * nz
-    return ellipsoid_guess(size, ux, uy, uz, vx, vy, vz)
+    patch = patch_of_box(wrench, (flat, flat, flat), rounding)
+    if patch.outside < 1.0:
+        return add_scaled(patch.core, rounding, patch.normal)
+    return ellipsoid_guess(size, wrench)

@@ -1,272 +1,256 @@
 """Geometry of a convex level set: where lines enter it, and the quantities of Newton's method at a point."""
 
 from math import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add, add_scaled, divide, dot, norm, scale, subtract, tangents
 from contactsense.solvers.implicit_surfaces import evaluate
 from contactsense.solvers.solution import MISS, OK
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.solvers.units import scale_by_power
+from contactsense.solvers.wrench import Wrench, line_point, moment_about
 
 _RETRACTIONS = 60
 _NEAR = 1e-2
 """Relative to the body's size: from here a point may fall onto the surface towards the inner point."""
 
-Point = tuple[float, float, float]
+Symmetric = tuple[float, float, float, float, float, float]
+"""Symmetric matrix: xx, yy, zz, xy, xz, yz."""
+
+
+class SmoothBody(NamedTuple):
+    """A smooth convex body, given by a function."""
+
+    size: Any
+    """What the function takes before the point; for the packaged bodies see
+    `contactsense.solvers.implicit_surfaces.evaluate`."""
+    inner: Vector
+    """A point well inside."""
+    extent: Vector
+    """Half the body's size along each axis, about."""
+    gauge: bool
+    """Whether the function plus one is homogeneous of degree one about the inner point."""
+
+
+class Level(NamedTuple):
+    """A body's function at a point."""
+
+    value: float
+    gradient: Vector
+    hessian: Symmetric
+
+
+class SurfacePoint(NamedTuple):
+    """Where a line meets a body, with the body's function there."""
+
+    there: bool
+    """Whether it does."""
+    point: Vector
+    gradient: Vector
+    hessian: Symmetric
+
+
+class Tangential(NamedTuple):
+    """Quantities of a Newton step at a surface point (theory, section 4)."""
+
+    normal: Vector
+    t1: Vector
+    """Tangents, t1 x t2 = n."""
+    t2: Vector
+    f1: float
+    """Tangential moment F along t1."""
+    f2: float
+    """The same along t2."""
+    w11: float
+    """Shape operator in these tangents."""
+    w12: float
+    w22: float
+    xi: float
+    """Torsion."""
+    push: float
+    """f.n."""
 
 
 @kernel
-def tangents(nx: float, ny: float, nz: float) -> tuple[float, float, float, float, float, float]:
-    """Two unit vectors perpendicular to the unit normal and to each other, t1 x t2 = n (Duff et al.
-    2017)."""
-    sign = 1.0 if nz >= 0.0 else -1.0
-    a = -1.0 / (sign + nz)
-    b = nx * ny * a
-    return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
+def symmetric_times(h: Symmetric, a: Vector) -> Vector:
+    """Product of a symmetric matrix and a vector."""
+    xx, yy, zz, xy, xz, yz = h
+    return (
+        xx * a[0] + xy * a[1] + xz * a[2],
+        xy * a[0] + yy * a[1] + yz * a[2],
+        xz * a[0] + yz * a[1] + zz * a[2],
+    )
 
 
 @kernel
-def line_entry(
-    size: Any,
-    gauge: bool,
-    inner: Point,
-    reach: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    x: float,
-    y: float,
-    z: float,
-) -> Any:
-    """Where the line through (x, y, z) along the force enters the body, and the function there.
+def symmetric_scaled(factor: float, h: Symmetric) -> Symmetric:
+    """Multiple of a symmetric matrix."""
+    return factor * h[0], factor * h[1], factor * h[2], factor * h[3], factor * h[4], factor * h[5]
+
+
+@kernel
+def level_at(size: Any, point: Vector) -> Level:
+    """Value, gradient and Hessian of the body's function."""
+    value, gx, gy, gz, xx, yy, zz, xy, xz, yz = evaluate(size, point[0], point[1], point[2])
+    return Level(value, (gx, gy, gz), (xx, yy, zz, xy, xz, yz))
+
+
+@kernel
+def reach_of(body: SmoothBody) -> float:
+    """Size of a body."""
+    return max(body.extent[0], body.extent[1], body.extent[2])
+
+
+@kernel
+def body_in_unit(body: SmoothBody, size: Any, k: int) -> SmoothBody:
+    """A body in the unit of length 2^k, in which its function takes `size`."""
+    return SmoothBody(size, scale_by_power(body.inner, -k), scale_by_power(body.extent, -k), body.gauge)
+
+
+@kernel
+def line_entry(body: SmoothBody, f: Vector, start: Vector) -> SurfacePoint:
+    """Where the line through a point along the force enters the body.
 
     The moment m - c x f does not change along the force, so steps that end here are exact in it. The function
-    is convex
-    on the line: Newton's method from outside does not pass the root, and with the second derivative it also
-        comes quickly to where the line grazes.
-
-    Returns:
-        Whether it enters, the point, gradient (3) and Hessian (6).
+    is convex on the line: Newton's method from outside does not pass the root, and with the second derivative
+    it also comes quickly to where the line grazes.
     """
-    force = sqrt(fx * fx + fy * fy + fz * fz)
-    dx, dy, dz = fx / force, fy / force, fz / force
-    level = evaluate(size, x, y, z)
-    slope = level[1] * dx + level[2] * dy + level[3] * dz
+    reach = reach_of(body)
+    x, d = start, divide(f, norm(f))
+    level = level_at(body.size, x)
+    slope = dot(level.gradient, d)
     careful = False
     if slope >= 0.0:
         # Past the closest point: start outside.
-        back = x * dx + y * dy + z * dz + 4.0 * reach
-        x, y, z = x - back * dx, y - back * dy, z - back * dz
-        level = evaluate(size, x, y, z)
-        slope = level[1] * dx + level[2] * dy + level[3] * dz
+        x = add_scaled(x, -(dot(x, d) + 4.0 * reach), d)
+        level = level_at(body.size, x)
+        slope = dot(level.gradient, d)
     hit = False
     for _ in range(_RETRACTIONS):
         if slope >= 0.0:
             break
-        value, fall = level[0], slope
-        bend = (
-            dx * (level[4] * dx + 2.0 * level[7] * dy)
-            + dy * (level[5] * dy + 2.0 * level[9] * dz)
-            + dz * (level[6] * dz + 2.0 * level[8] * dx)
-        )
-        if gauge:
+        value, fall = level.value, slope
+        bend = dot(d, symmetric_times(level.hessian, d))
+        if body.gauge:
             # For half the square of a gauge this is exact on an ellipsoid.
             bend = fall * fall + (1.0 + value) * bend
             fall *= 1.0 + value
             value *= 1.0 + 0.5 * value
         root = fall * fall - 2.0 * value * bend
         step = 2.0 * value / (sqrt(root) - fall) if root > 0.0 and not careful else -value / fall
-        ox, oy, oz = x, y, z
-        x, y, z = x + step * dx, y + step * dy, z + step * dz
-        level = evaluate(size, x, y, z)
-        slope = level[1] * dx + level[2] * dy + level[3] * dz
+        before = x
+        x = add_scaled(x, step, d)
+        level = level_at(body.size, x)
+        slope = dot(level.gradient, d)
         if slope >= 0.0 and not careful:
             # Overshoot of the second-order step.
             careful = True
-            x, y, z = ox, oy, oz
-            level = evaluate(size, x, y, z)
-            slope = level[1] * dx + level[2] * dy + level[3] * dz
-        elif gauge and abs(step) <= _NEAR * reach:
+            x = before
+            level = level_at(body.size, x)
+            slope = dot(level.gradient, d)
+        elif body.gauge and abs(step) <= _NEAR * reach:
             # Close to the surface: project towards the inner point, at no cost.
-            s = 1.0 + level[0]
-            return (
-                True,
-                inner[0] + (x - inner[0]) / s,
-                inner[1] + (y - inner[1]) / s,
-                inner[2] + (z - inner[2]) / s,
-                level[1],
-                level[2],
-                level[3],
-                s * level[4],
-                s * level[5],
-                s * level[6],
-                s * level[7],
-                s * level[8],
-                s * level[9],
-            )
+            return _on_ray(body.inner, x, level)
         elif abs(step) <= 1e-9 * reach:
             hit = True
             break
-    return (
-        hit,
-        x,
-        y,
-        z,
-        level[1],
-        level[2],
-        level[3],
-        level[4],
-        level[5],
-        level[6],
-        level[7],
-        level[8],
-        level[9],
-    )
+    return SurfacePoint(hit, x, level.gradient, level.hessian)
 
 
 @kernel
-def ray_entry(size: Any, gauge: bool, inner: Point, x: float, y: float, z: float) -> Any:
-    """Surface point on the ray from the inner point through (x, y, z), and the function there.
+def _on_ray(inner: Vector, x: Vector, level: Level) -> SurfacePoint:
+    """Surface point on the ray from the inner point through x, where the gauge is `level`.
 
-    Returns:
-        As `line_entry`; there is always one.
+    The gradient of a gauge is constant along the ray, and its Hessian scales.
     """
-    dx, dy, dz = x - inner[0], y - inner[1], z - inner[2]
-    level = evaluate(size, x, y, z)
-    if gauge:
-        s = 1.0 + level[0]
-        x, y, z = inner[0] + dx / s, inner[1] + dy / s, inner[2] + dz / s
-        # The gradient of a gauge is constant along the ray, and its Hessian scales.
-        return (
-            True,
-            x,
-            y,
-            z,
-            level[1],
-            level[2],
-            level[3],
-            s * level[4],
-            s * level[5],
-            s * level[6],
-            s * level[7],
-            s * level[8],
-            s * level[9],
-        )
+    s = 1.0 + level.value
+    point = add(inner, divide(subtract(x, inner), s))
+    return SurfacePoint(True, point, level.gradient, symmetric_scaled(s, level.hessian))
+
+
+@kernel
+def ray_entry(body: SmoothBody, x: Vector) -> SurfacePoint:
+    """Surface point on the ray from the inner point through x; there is always one."""
+    inner = body.inner
+    d = subtract(x, inner)
+    level = level_at(body.size, x)
+    if body.gauge:
+        return _on_ray(inner, x, level)
     share = 1.0
     for _ in range(_RETRACTIONS):
-        slope = level[1] * dx + level[2] * dy + level[3] * dz
+        slope = dot(level.gradient, d)
         if slope <= 0.0:
             # Too close to the inner point: start further out.
             share *= 2.0
             step = 1.0
         else:
-            step = level[0] / slope
+            step = level.value / slope
             share -= step
-        x, y, z = inner[0] + share * dx, inner[1] + share * dy, inner[2] + share * dz
-        level = evaluate(size, x, y, z)
+        x = add_scaled(inner, share, d)
+        level = level_at(body.size, x)
         if abs(step) <= 1e-9 * share:
             break
-    return (
-        True,
-        x,
-        y,
-        z,
-        level[1],
-        level[2],
-        level[3],
-        level[4],
-        level[5],
-        level[6],
-        level[7],
-        level[8],
-        level[9],
-    )
+    return SurfacePoint(True, x, level.gradient, level.hessian)
 
 
 @kernel
-def tangent_quantities(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    cx: float,
-    cy: float,
-    cz: float,
-    gx: float,
-    gy: float,
-    gz: float,
-    hxx: float,
-    hyy: float,
-    hzz: float,
-    hxy: float,
-    hxz: float,
-    hyz: float,
-) -> Any:
-    """Quantities of a Newton step at a surface point, from gradient and Hessian there.
-
-    Returns:
-        n (3), t1 (3), t2 (3), F (2), shape operator (11, 12, 22), torsion, f.n.
-    """
-    slope = sqrt(gx * gx + gy * gy + gz * gz)
+def tangential_at(wrench: Wrench, c: Vector, gradient: Vector, hessian: Symmetric) -> Tangential:
+    """Quantities of a Newton step at a surface point, from gradient and Hessian there."""
+    slope = norm(gradient)
     inverse = 1.0 / slope if slope > 0.0 else 0.0
-    nx, ny, nz = gx * inverse, gy * inverse, gz * inverse
-    ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
-    px, py, pz = (
-        hxx * ax + hxy * ay + hxz * az,
-        hxy * ax + hyy * ay + hyz * az,
-        hxz * ax + hyz * ay + hzz * az,
+    n = scale(inverse, gradient)
+    t1, t2 = tangents(n)
+    h1, h2 = symmetric_times(hessian, t1), symmetric_times(hessian, t2)
+    r = moment_about(wrench, c)
+    return Tangential(
+        n,
+        t1,
+        t2,
+        dot(t1, r),
+        dot(t2, r),
+        dot(t1, h1) * inverse,
+        dot(t1, h2) * inverse,
+        dot(t2, h2) * inverse,
+        dot(n, r),
+        dot(n, wrench.force),
     )
-    qx, qy, qz = (
-        hxx * bx + hxy * by + hxz * bz,
-        hxy * bx + hyy * by + hyz * bz,
-        hxz * bx + hyz * by + hzz * bz,
-    )
-    waa = (ax * px + ay * py + az * pz) * inverse
-    wab = (ax * qx + ay * qy + az * qz) * inverse
-    wbb = (bx * qx + by * qy + bz * qz) * inverse
-    rx, ry, rz = mx - (cy * fz - cz * fy), my - (cz * fx - cx * fz), mz - (cx * fy - cy * fx)
-    fa = ax * rx + ay * ry + az * rz
-    fb = bx * rx + by * ry + bz * rz
-    xi = nx * rx + ny * ry + nz * rz
-    push = nx * fx + ny * fy + nz * fz
-    return nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, push
 
 
 @kernel
-def enter_level(
-    size: Any,
-    inner: Point,
-    reach: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-) -> tuple[int, float, float, float]:
+def tangential_step(at: Tangential) -> tuple[float, float]:
+    """Newton's step in the tangent plane, along t1 and t2: M v = -F with M = fn J - xi W."""
+    xi, push = at.xi, at.push
+    det = push * push + xi * xi * (at.w11 * at.w22 - at.w12 * at.w12)
+    return (
+        (xi * at.w22 * at.f1 - (push + xi * at.w12) * at.f2) / det,
+        (xi * at.w11 * at.f2 + (push - xi * at.w12) * at.f1) / det,
+    )
+
+
+@kernel
+def enter_level(body: SmoothBody, wrench: Wrench) -> tuple[int, Vector]:
     """Point where the force's line enters the body; on a miss the point of the line with the lowest
     value."""
-    ff = fx * fx + fy * fy + fz * fz
-    px, py, pz = (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
-    middle = ((inner[0] - px) * fx + (inner[1] - py) * fy + (inner[2] - pz) * fz) / ff
-    half = 4.0 * reach / sqrt(ff)
+    f = wrench.force
+    ff = dot(f, f)
+    p = line_point(wrench)
+    middle = dot(subtract(body.inner, p), f) / ff
+    half = 4.0 * reach_of(body) / sqrt(ff)
     at = middle - half
     for _ in range(_RETRACTIONS):
-        level = evaluate(size, px + at * fx, py + at * fy, pz + at * fz)
-        slope = level[1] * fx + level[2] * fy + level[3] * fz
+        level = level_at(body.size, add_scaled(p, at, f))
+        slope = dot(level.gradient, f)
         if slope >= 0.0:
             break
-        step = -level[0] / slope
+        step = -level.value / slope
         at += step
         if step <= 4e-16 * (half + abs(at)):
-            return OK, px + at * fx, py + at * fy, pz + at * fz
+            return OK, add_scaled(p, at, f)
     low, high = middle - half, middle + half
     for _ in range(_RETRACTIONS):
         at = 0.5 * (low + high)
-        level = evaluate(size, px + at * fx, py + at * fy, pz + at * fz)
-        if level[1] * fx + level[2] * fy + level[3] * fz > 0.0:
+        if dot(level_at(body.size, add_scaled(p, at, f)).gradient, f) > 0.0:
             high = at
         else:
             low = at
-    return MISS, px + at * fx, py + at * fy, pz + at * fz
+    return MISS, add_scaled(p, at, f)

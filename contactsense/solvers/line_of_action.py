@@ -38,23 +38,23 @@ def _start_parameter(kind, size, radius, ax, ay, az, ux, uy, uz):  # type: ignor
 
 
 @fused_kernel
-def enter_surface(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[no-untyped-def]
+def enter_surface(kind, size, radius, wrench):  # type: ignore[no-untyped-def]
     """Point where the line of action enters a primitive.
 
     Args:
         kind, size, radius: The primitive as in `contactsense.robots.surface.convex_primitives.Surfaces`,
             and its bounding radius [m].
-        fx, fy, fz, mx, my, mz: Force [N] and moment about the origin of the body frame [Nm], body axes.
+        wrench: Force [N] and moment about the origin of the body frame [Nm], body axes.
 
     Returns:
-        Lower bound of the distance between line and body [m], 0 if they intersect; and surface point (3
-        floats) [m] and outward unit normal (3 floats) at the intersection or the nearest approach, body
-        frame.
+        Lower bound of the distance between line and body [m], 0 if they intersect; and surface point [m] and
+        outward unit normal at the intersection or the nearest approach, body frame.
     """
+    (fx, fy, fz), (mx, my, mz) = wrench
     ff = fx * fx + fy * fy + fz * fz
     if ff <= 0.0:
         x, y, z, nx, ny, nz = project(kind, size, 0.0, 0.0, radius)[1:]
-        return 0.0, x, y, z, nx, ny, nz
+        return 0.0, (x, y, z), (nx, ny, nz)
     f = math.sqrt(ff)
     ux, uy, uz = fx / f, fy / f, fz / f
     # Point of the line nearest to the body's centre (paper, equation 6).
@@ -69,7 +69,7 @@ def enter_surface(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[n
         slope = nx * ux + ny * uy + nz * uz
         if slope < 0.0:
             if d <= ENTRY_TOLERANCE * radius:
-                return 0.0, px, py, pz, nx, ny, nz
+                return 0.0, (px, py, pz), (nx, ny, nz)
             left, left_d, left_slope = s, d, slope
             if right_slope < 0.0:
                 # No point beyond the nearest approach yet: Newton step to the zero of the tangent.
@@ -91,4 +91,4 @@ def enter_surface(kind, size, radius, fx, fy, fz, mx, my, mz):  # type: ignore[n
     shift = radius + max(gap, 0.0)
     x, y, z = ax + (s - shift) * ux, ay + (s - shift) * uy, az + (s - shift) * uz
     px, py, pz, nx, ny, nz = project(kind, size, x, y, z)[1:]
-    return max(gap, 0.0), px, py, pz, nx, ny, nz
+    return max(gap, 0.0), (px, py, pz), (nx, ny, nz)

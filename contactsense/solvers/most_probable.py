@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contactsense.kinematics.linalg.ldl import ldl_solve
+from contactsense.robots.vectors import Vector
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.posterior import (
+    Contact,
     Prior,
     SearchBuffers,
     empty_search_buffers,
@@ -152,8 +154,8 @@ class _State:
     f: np.ndarray
     xi: float
 
-    def flat(self) -> tuple[float, ...]:
-        return (*self.c.tolist(), *self.n.tolist(), *self.f.tolist(), self.xi)
+    def contact(self) -> Contact:
+        return Contact(_tuple(self.c), _tuple(self.n), _tuple(self.f), float(self.xi))
 
 
 class _Search:
@@ -183,7 +185,7 @@ class _Search:
             statuses.append(found.status)
             if found.status.degenerate or found.status == Status.SHARP:
                 continue
-            f = np.array(pushing_force(*self.w[:3].tolist(), *found.normal.tolist()))
+            f = np.array(pushing_force(_tuple(self.w), _tuple(found.normal)))
             xi = found.torsion if found.ok and method == "exact" else 0.0
             state = self.on_surface(found.centroid, f, xi * found.normal)
             if state is not None:
@@ -197,10 +199,10 @@ class _Search:
         return _State(found.centroid, found.normal, f, found.torsion) if found.ok else None
 
     def inflation(self, s: _State) -> Any:
-        return inflate_by_surface_deviation(self.L, self.prior, *s.n.tolist(), *s.f.tolist())
+        return inflate_by_surface_deviation(self.L, self.prior, s.contact())
 
     def energy(self, s: _State, inflation: Any) -> float:
-        return float(energy_at(self.w, self.L, self.prior, inflation, *s.flat()))
+        return float(energy_at(self.w, self.L, self.prior, inflation, s.contact()))
 
     def descend(self, s: _State) -> ProbableContact:
         """The mode that steps from a start lead to."""
@@ -224,7 +226,7 @@ class _Search:
         """
         W = self.surface.shape_operator(s.c, s.n)
         upper = (W[0, 0], W[0, 1], W[0, 2], W[1, 1], W[1, 2], W[2, 2])
-        linearize(self.w, self.L, self.prior, inflation, upper, *s.flat(), self.buffers)
+        linearize(self.w, self.L, self.prior, inflation, upper, s.contact(), self.buffers)
         log_det, predicted, v11, v12, v22 = ldl_solve(self.buffers.normal_equations, self.buffers.gradient)
         return log_det, predicted, (v11, v12, v22)
 
@@ -275,6 +277,12 @@ def _checked_covariance(covariance: ArrayLike) -> np.ndarray:
     except np.linalg.LinAlgError:
         raise ValueError("covariance: must be positive definite") from None
     return P
+
+
+def _tuple(array: np.ndarray) -> Vector:
+    """The first three numbers of an array."""
+    x, y, z = array[:3].tolist()
+    return x, y, z
 
 
 def _cross_matrix(p: np.ndarray) -> np.ndarray:

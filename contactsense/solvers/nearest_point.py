@@ -4,21 +4,14 @@ body.
 Both need only the projection onto the body: the nearest surface point to a point, and the signed distance.
 """
 
-from math import ldexp, sqrt
+from math import sqrt
 
+from contactsense.robots.jit.typed_kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.solvers.solution import (
-    MISS,
-    OK,
-    Answer,
-    input_status,
-    make_answer,
-    no_contact,
-    rescaled,
-    scaled,
-    unit_exponents,
-)
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, norm
+from contactsense.solvers.solution import MISS, OK, Answer, input_status, make_answer, no_contact
+from contactsense.solvers.units import from_units, length_to_units, to_units, units_for
+from contactsense.solvers.wrench import Wrench, line_point
 
 TAPERED = 100
 """Kind of a tapered capsule, beside those of `contactsense.robots.surface.convex_primitives`; size (half,
@@ -31,19 +24,17 @@ _STEPS = 60
 
 
 @kernel
-def project_body(
-    kind: int, size: Size, x: float, y: float, z: float
-) -> tuple[float, float, float, float, float, float, float]:
+def project_body(kind: int, size: Size, point: Vector) -> tuple[float, Vector, Vector]:
     """Signed distance from a body, its nearest surface point, the outward normal there."""
     if kind == TAPERED:
-        return _project_tapered(size, x, y, z)
-    return project(kind, size, x, y, z)  # type: ignore[no-any-return]
+        return _project_tapered(size, point)
+    distance, x, y, z, nx, ny, nz = project(kind, size, point[0], point[1], point[2])
+    return distance, (x, y, z), (nx, ny, nz)
 
 
 @kernel
-def _project_tapered(
-    size: Size, x: float, y: float, z: float
-) -> tuple[float, float, float, float, float, float, float]:
+def _project_tapered(size: Size, point: Vector) -> tuple[float, Vector, Vector]:
+    x, y, z = point
     half, radius_a, radius_b = size[0], size[1], size[2]
     rho = sqrt(x * x + y * y)
     ux, uy = (x / rho, y / rho) if rho > 0.0 else (1.0, 0.0)
@@ -59,21 +50,11 @@ def _project_tapered(
         nr, nz = (rho / gap, (z - at) / gap) if gap > 0.0 else (1.0, 0.0)
         distance = gap - radius
     pr, pz = rho - distance * nr, z - distance * nz
-    return distance, pr * ux, pr * uy, pz, nr * ux, nr * uy, nz
+    return distance, (pr * ux, pr * uy, pz), (nr * ux, nr * uy, nz)
 
 
 @kernel
-def nearest_to_line(
-    kind: int,
-    size: Size,
-    reach: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-) -> Answer:
+def nearest_to_line(kind: int, size: Size, reach: float, wrench: Wrench) -> Answer:
     """A miss, at the surface point nearest to the line of the force.
 
     Distance to a convex body is convex along a line, so its slope, normal times direction, is bisected.
@@ -81,65 +62,45 @@ def nearest_to_line(
     Args:
         kind, size: The body, as `project_body` takes it.
         reach: Radius of a ball about the origin that holds the body.
-        fx, fy, fz, mx, my, mz: Wrench on the body, force not zero, of ordinary size.
+        wrench: Wrench on the body, force not zero, of ordinary size.
     """
-    force = sqrt(fx * fx + fy * fy + fz * fz)
-    dx, dy, dz = fx / force, fy / force, fz / force
-    px, py, pz = (dy * mz - dz * my) / force, (dz * mx - dx * mz) / force, (dx * my - dy * mx) / force
+    f, m = wrench
+    force = norm(f)
+    d = divide(f, force)
+    p = divide(cross(d, m), force)
     low, high = -2.0 * reach, 2.0 * reach
     for _ in range(_HALVINGS):
         at = 0.5 * (low + high)
-        _, _, _, _, nx, ny, nz = project_body(kind, size, px + at * dx, py + at * dy, pz + at * dz)
-        if nx * dx + ny * dy + nz * dz > 0.0:
+        _, _, n = project_body(kind, size, add_scaled(p, at, d))
+        if dot(n, d) > 0.0:
             high = at
         else:
             low = at
-    at = 0.5 * (low + high)
-    _, cx, cy, cz, nx, ny, nz = project_body(kind, size, px + at * dx, py + at * dy, pz + at * dz)
-    return make_answer(MISS, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
+    _, c, n = project_body(kind, size, add_scaled(p, 0.5 * (low + high), d))
+    return make_answer(MISS, wrench, c, n, 0.0, 0.0, 0.0)
 
 
 @kernel
-def _enter(
-    kind: int,
-    size: Size,
-    reach: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-) -> Answer:
-    ff = fx * fx + fy * fy + fz * fz
-    px, py, pz = (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
+def _enter(kind: int, size: Size, reach: float, wrench: Wrench) -> Answer:
+    f = wrench.force
     # In units of the force: the line is p + s f, and outside of the ball before s = -reach / |f|.
-    at = -2.0 * reach / sqrt(ff)
-    cx = cy = cz = nx = ny = nz = 0.0
+    p = line_point(wrench)
+    at = -2.0 * reach / norm(f)
+    c = n = (0.0, 0.0, 0.0)
     for _ in range(_STEPS):
-        distance, cx, cy, cz, nx, ny, nz = project_body(kind, size, px + at * fx, py + at * fy, pz + at * fz)
-        push = nx * fx + ny * fy + nz * fz
+        distance, c, n = project_body(kind, size, add_scaled(p, at, f))
+        push = dot(n, f)
         if push >= 0.0:
-            return nearest_to_line(kind, size, reach, fx, fy, fz, mx, my, mz)
+            return nearest_to_line(kind, size, reach, wrench)
         step = -distance / push
         at += step
         if step <= 4e-16 * (2.0 * reach + abs(at)):
             break
-    return make_answer(OK, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
+    return make_answer(OK, wrench, c, n, 0.0, 0.0, 0.0)
 
 
 @kernel
-def enter(
-    kind: int,
-    size: Size,
-    reach: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-) -> Answer:
+def enter(kind: int, size: Size, reach: float, wrench: Wrench) -> Answer:
     """Where the wrench axis enters a convex body that is given by its projection.
 
     Along a line the signed distance is convex, so Newton's method from outside runs into the first root
@@ -148,12 +109,16 @@ def enter(
     Args:
         kind, size: The body, as `project_body` takes it.
         reach: Radius of a ball about the origin that holds the body.
-        fx, fy, fz, mx, my, mz: Wrench on the body.
+        wrench: Wrench on the body.
     """
-    status = input_status(fx, fy, fz, mx, my, mz)
+    status = input_status(wrench)
     if status != OK:
         return no_contact(status)
-    e, g, k = unit_exponents(fx, fy, fz, mx, my, mz, reach)
-    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
-    own = (ldexp(size[0], -k), ldexp(size[1], -k), ldexp(size[2], -k), ldexp(size[3], -k))
-    return rescaled(_enter(kind, own, ldexp(reach, -k), fx, fy, fz, mx, my, mz), e, g, k)
+    units = units_for(wrench, reach)
+    own = (
+        length_to_units(size[0], units),
+        length_to_units(size[1], units),
+        length_to_units(size[2], units),
+        length_to_units(size[3], units),
+    )
+    return from_units(_enter(kind, own, length_to_units(reach, units), to_units(wrench, units)), units)

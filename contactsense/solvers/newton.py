@@ -6,12 +6,22 @@ force pushes: flat or curved, with or without torsion. So a line search on |F| h
 end at the rim of the pushed side, or slow down where M is nearly singular.
 """
 
-from math import sqrt
-from typing import Any
+from typing import NamedTuple
 
-from contactsense.solvers.level_set import Point, line_entry, ray_entry, tangent_quantities, tangents
-from contactsense.solvers.solution import invariant, is_contact
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add, add_scaled, divide, dot, norm, scale, subtract, tangents
+from contactsense.solvers.level_set import (
+    SmoothBody,
+    SurfacePoint,
+    line_entry,
+    ray_entry,
+    reach_of,
+    symmetric_times,
+    tangential_at,
+    tangential_step,
+)
+from contactsense.solvers.solution import is_contact
+from contactsense.solvers.wrench import Wrench, invariant, line_point
 
 _STEPS = 40
 _HALVINGS = 12
@@ -20,27 +30,23 @@ _MIN_PUSH = 0.5
 """Cosine between force and inward normal from which on the slopes are the better unknowns."""
 
 
+class Iterate(NamedTuple):
+    """Where an iteration ended."""
+
+    converged: bool
+    steps: int
+    point: Vector
+    normal: Vector
+    xi: float
+    """Torsion."""
+    trace: float
+    """Of the shape operator."""
+    det: float
+    """Its determinant."""
+
+
 @kernel
-def slope_step(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    x: float,
-    y: float,
-    z: float,
-    gx: float,
-    gy: float,
-    gz: float,
-    hxx: float,
-    hyy: float,
-    hzz: float,
-    hxy: float,
-    hxz: float,
-    hyz: float,
-) -> tuple[float, float, float]:
+def slope_step(wrench: Wrench, at: SurfacePoint) -> Vector:
     """Newton's step for the slopes, in the tangent plane.
 
     Seen along the force, the pushed side is the graph of a concave height h over the plane square to it. With
@@ -51,143 +57,78 @@ def slope_step(
     a monotone equation whose Jacobian p hess h + J has a determinant of at least one. Without torsion it is
     linear.
     """
-    ff = fx * fx + fy * fy + fz * fz
-    force = sqrt(ff)
-    ux, uy, uz = -fx / force, -fy / force, -fz / force
-    ax, ay, az, bx, by, bz = tangents(ux, uy, uz)
-    pitch = (fx * mx + fy * my + fz * mz) / ff
-    ox, oy, oz = x - (fy * mz - fz * my) / ff, y - (fz * mx - fx * mz) / ff, z - (fx * my - fy * mx) / ff
-    ga, gb, gu = gx * ax + gy * ay + gz * az, gx * bx + gy * by + gz * bz, gx * ux + gy * uy + gz * uz
-    ha, hb = -ga / gu, -gb / gu
-    # Directions along the graph: a + ha u and b + hb u.
-    px, py, pz = ax + ha * ux, ay + ha * uy, az + ha * uz
-    qx, qy, qz = bx + hb * ux, by + hb * uy, bz + hb * uz
-    kx, ky, kz = (
-        hxx * px + hxy * py + hxz * pz,
-        hxy * px + hyy * py + hyz * pz,
-        hxz * px + hyz * py + hzz * pz,
-    )
-    lx, ly, lz = (
-        hxx * qx + hxy * qy + hxz * qz,
-        hxy * qx + hyy * qy + hyz * qz,
-        hxz * qx + hyz * qy + hzz * qz,
-    )
-    scale = -pitch / gu
-    aa = scale * (px * kx + py * ky + pz * kz)
-    ab = scale * (qx * kx + qy * ky + qz * kz)
-    bb = scale * (qx * lx + qy * ly + qz * lz)
-    first = pitch * ha - (ox * bx + oy * by + oz * bz)
-    second = pitch * hb + (ox * ax + oy * ay + oz * az)
+    f, m = wrench
+    u = divide(f, -norm(f))
+    a, b = tangents(u)
+    pitch = dot(f, m) / dot(f, f)
+    offset = subtract(at.point, line_point(wrench))
+    g = at.gradient
+    rise = dot(g, u)
+    ha, hb = -dot(g, a) / rise, -dot(g, b) / rise
+    # Directions along the graph.
+    p, q = add_scaled(a, ha, u), add_scaled(b, hb, u)
+    k, l = symmetric_times(at.hessian, p), symmetric_times(at.hessian, q)  # noqa: E741
+    factor = -pitch / rise
+    aa, ab, bb = factor * dot(p, k), factor * dot(q, k), factor * dot(q, l)
+    first = pitch * ha - dot(offset, b)
+    second = pitch * hb + dot(offset, a)
     det = 1.0 + aa * bb - ab * ab
     va = -(bb * first - (ab - 1.0) * second) / det
     vb = -(aa * second - (ab + 1.0) * first) / det
-    return va * px + vb * qx, va * py + vb * qy, va * pz + vb * qz
+    return add(scale(va, p), scale(vb, q))
 
 
 @kernel
-def newton_iteration(
-    size: Any,
-    gauge: bool,
-    inner: Point,
-    reach: float,
-    lever: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    x: float,
-    y: float,
-    z: float,
-) -> tuple[bool, int, float, float, float, float, float, float, float, float, float]:
-    """Newton's method from the point where the line through (x, y, z) along the force enters the body.
+def newton_iteration(body: SmoothBody, lever: float, wrench: Wrench, start: Vector) -> Iterate:
+    """Newton's method from the point where the line through a point along the force enters the body.
 
     If the force pushes well, the step is that of the slopes, and ends along the force. If it grazes, or
     if that step fails, the step is in the tangent plane, and ends towards the inner point. Either must
     reduce |F|.
 
     Args:
-        size, gauge: The body.
-        inner: A point well inside.
-        reach: Its size.
+        body: The body.
         lever: Bound of its distance from the origin.
-        fx, fy, fz, mx, my, mz: Wrench.
-        x, y, z: Start.
-
-    Returns:
-        Whether it converged, the number of steps, the point, the normal there, torsion, and the shape
-        operator's trace and determinant.
+        wrench: Wrench on the body.
+        start: Start of the iteration.
     """
-    hit, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz = line_entry(
-        size, gauge, inner, reach, fx, fy, fz, x, y, z
-    )
-    nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, push = tangent_quantities(
-        fx, fy, fz, mx, my, mz, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz
-    )
-    force = sqrt(fx * fx + fy * fy + fz * fz)
+    f, m = wrench
+    place = line_entry(body, f, start)
+    at = tangential_at(wrench, place.point, place.gradient, place.hessian)
+    force = norm(f)
     # Rounding error of the moment.
-    floor = 4e-16 * (sqrt(mx * mx + my * my + mz * mz) + lever * force)
+    floor = 4e-16 * (norm(m) + lever * force)
     tolerance = floor * floor
-    squared_residual = fa * fa + fb * fb
+    squared_residual = at.f1 * at.f1 + at.f2 * at.f2
     step = 0
-    improved = hit and push < 0.0
+    improved = place.there and at.push < 0.0
     while improved and step < _STEPS and squared_residual > tolerance:
         step += 1
         improved = False
-        pushes_well = push < -_MIN_PUSH * force
+        pushes_well = at.push < -_MIN_PUSH * force
         for attempt in range(2):
             slopes = pushes_well == (attempt == 0)
             if slopes:
-                dx, dy, dz = slope_step(
-                    fx, fy, fz, mx, my, mz, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz
-                )
+                d = slope_step(wrench, place)
             else:
-                det = push * push + xi * xi * (waa * wbb - wab * wab)
-                va = (xi * wbb * fa - (push + xi * wab) * fb) / det
-                vb = (xi * waa * fb + (push - xi * wab) * fa) / det
-                dx, dy, dz = va * ax + vb * bx, va * ay + vb * by, va * az + vb * bz
-            scale = min(1.0, 2.0 * reach / sqrt(dx * dx + dy * dy + dz * dz))
+                va, vb = tangential_step(at)
+                d = add(scale(va, at.t1), scale(vb, at.t2))
+            share = min(1.0, 2.0 * reach_of(body) / norm(d))
             for _ in range(_HALVINGS if attempt == 1 else _FIRST_HALVINGS):
-                x, y, z = cx + scale * dx, cy + scale * dy, cz + scale * dz
-                scale *= 0.5
-                if slopes:
-                    new = line_entry(size, gauge, inner, reach, fx, fy, fz, x, y, z)
-                else:
-                    new = ray_entry(size, gauge, inner, x, y, z)
-                if new[0]:
-                    quantities = tangent_quantities(
-                        fx,
-                        fy,
-                        fz,
-                        mx,
-                        my,
-                        mz,
-                        new[1],
-                        new[2],
-                        new[3],
-                        new[4],
-                        new[5],
-                        new[6],
-                        new[7],
-                        new[8],
-                        new[9],
-                        new[10],
-                        new[11],
-                        new[12],
-                    )
-                    new_squared_residual = quantities[9] * quantities[9] + quantities[10] * quantities[10]
-                    if quantities[15] < 0.0 and new_squared_residual < squared_residual:
+                x = add_scaled(place.point, share, d)
+                share *= 0.5
+                new = line_entry(body, f, x) if slopes else ray_entry(body, x)
+                if new.there:
+                    trial = tangential_at(wrench, new.point, new.gradient, new.hessian)
+                    new_squared_residual = trial.f1 * trial.f1 + trial.f2 * trial.f2
+                    if trial.push < 0.0 and new_squared_residual < squared_residual:
                         improved = True
-                        squared_residual = new_squared_residual
-                        hit, cx, cy, cz, gx, gy, gz, hxx, hyy, hzz, hxy, hxz, hyz = new
-                        nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, push = quantities
+                        place, at, squared_residual = new, trial, new_squared_residual
                         break
             if improved:
                 break
-    t = invariant(fx, fy, fz, mx, my, mz)
-    det = waa * wbb - wab * wab
-    converged = hit and squared_residual <= 1e4 * tolerance and is_contact(t, xi, push, det)
-    if push * push > 1e-3 * force * force:
-        xi = t / push
-    return converged, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, det
+    t = invariant(wrench)
+    det = at.w11 * at.w22 - at.w12 * at.w12
+    converged = place.there and squared_residual <= 1e4 * tolerance and is_contact(t, at.xi, at.push, det)
+    xi = t / at.push if at.push * at.push > 1e-3 * force * force else at.xi
+    return Iterate(converged, step, place.point, at.normal, xi, at.w11 + at.w22, det)

@@ -16,13 +16,23 @@ they know that a body has another side, which Newton's linear ones do not.
 """
 
 from math import inf, sqrt
-from typing import Any
+from typing import NamedTuple
 
-from contactsense.solvers.implicit_surfaces import evaluate
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add, add_scaled, cross, dot, scale, subtract
 from contactsense.solvers.initial_guess import initial_guess, warped_step
-from contactsense.solvers.level_set import Point, tangent_quantities
-from contactsense.solvers.solution import invariant, is_contact
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.solvers.level_set import (
+    SmoothBody,
+    Symmetric,
+    level_at,
+    symmetric_scaled,
+    symmetric_times,
+    tangential_at,
+    tangential_step,
+)
+from contactsense.solvers.newton import Iterate
+from contactsense.solvers.solution import is_contact
+from contactsense.solvers.wrench import Wrench, invariant, moment_about
 
 _STEPS = 12
 """Beyond these it is quicker to search carefully."""
@@ -34,47 +44,74 @@ _ON = 1e-9
 """How far beside the surface, relative to its distance, the square no longer counts."""
 
 
+class Gauge(NamedTuple):
+    """A body's gauge on a ray from its inner point, in units of its extent."""
+
+    there: bool
+    """Whether the ray meets the surface."""
+    point: Vector
+    """Where it does."""
+    gradient: Vector
+    q: Symmetric
+    """Hessian of half the gauge's square."""
+    off: float
+    """How far beside the surface the function was taken."""
+
+
 @kernel
-def osculate(
-    qxx: float,
-    qyy: float,
-    qzz: float,
-    qxy: float,
-    qxz: float,
-    qyz: float,
-    ux: float,
-    uy: float,
-    uz: float,
-    vx: float,
-    vy: float,
-    vz: float,
-) -> tuple[bool, float, float, float]:
-    """Contact on the ellipsoid x . Q x = 1, up to its size.
-
-    Args:
-        qxx, qyy, qzz, qxy, qxz, qyz: Q.
-        ux, uy, uz, vx, vy, vz: The wrench.
-
-    Returns:
-        Whether there is one, and x, y, z.
-    """
-    axx, ayy, azz = qyy * qzz - qyz * qyz, qxx * qzz - qxz * qxz, qxx * qyy - qxy * qxy
-    axy, axz, ayz = qxz * qyz - qxy * qzz, qxy * qyz - qxz * qyy, qxy * qxz - qxx * qyz
-    det = max(qxx * axx + qxy * axy + qxz * axz, 0.0)
-    px, py, pz = (
-        qxx * ux + qxy * uy + qxz * uz,
-        qxy * ux + qyy * uy + qyz * uz,
-        qxz * ux + qyz * uy + qzz * uz,
+def _adjugate(q: Symmetric) -> Symmetric:
+    xx, yy, zz, xy, xz, yz = q
+    return (
+        yy * zz - yz * yz,
+        xx * zz - xz * xz,
+        xx * yy - xy * xy,
+        xz * yz - xy * zz,
+        xy * yz - xz * yy,
+        xy * xz - xx * yz,
     )
-    wx, wy, wz = (
-        axx * vx + axy * vy + axz * vz,
-        axy * vx + ayy * vy + ayz * vz,
-        axz * vx + ayz * vy + azz * vz,
+
+
+@kernel
+def _by_components(a: Vector, b: Vector) -> Vector:
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+@kernel
+def _stretched(h: Symmetric, a: Vector) -> Symmetric:
+    """D H D with the diagonal D."""
+    x, y, z = a
+    return x * x * h[0], y * y * h[1], z * z * h[2], x * y * h[3], x * z * h[4], y * z * h[5]
+
+
+@kernel
+def _outer(a: Vector, b: Vector) -> Symmetric:
+    """Symmetric part of the outer product."""
+    return (
+        a[0] * b[0],
+        a[1] * b[1],
+        a[2] * b[2],
+        0.5 * (a[0] * b[1] + a[1] * b[0]),
+        0.5 * (a[0] * b[2] + a[2] * b[0]),
+        0.5 * (a[1] * b[2] + a[2] * b[1]),
     )
-    uu = ux * px + uy * py + uz * pz
-    tau = ux * vx + uy * vy + uz * vz
+
+
+@kernel
+def _sum(a: Symmetric, b: Symmetric) -> Symmetric:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+
+
+@kernel
+def osculate(q: Symmetric, u: Vector, v: Vector) -> tuple[bool, Vector]:
+    """Contact of the wrench (u, v) on the ellipsoid x . Q x = 1, up to its size: whether there is one, and
+    x."""
+    a = _adjugate(q)
+    det = max(q[0] * a[0] + q[3] * a[3] + q[4] * a[4], 0.0)
+    p, w = symmetric_times(q, u), symmetric_times(a, v)
+    uu = dot(u, p)
+    tau = dot(u, v)
     square = det * tau * tau
-    sigma = vx * wx + vy * wy + vz * wz - uu
+    sigma = dot(v, w) - uu
     large = 0.5 * (sqrt(sigma * sigma + 4.0 * square) + abs(sigma))
     share = 1.0 / large
     if sigma < 0.0:
@@ -86,192 +123,112 @@ def osculate(
         l = sqrt(ll)  # noqa: E741
         across = -tau / l
     else:
-        return False, 0.0, 0.0, 0.0
-    inverse = 1.0 / (kk + uu)
-    return (
-        True,
-        (across * wx + (py * vz - pz * vy) - l * ux) * inverse,
-        (across * wy + (pz * vx - px * vz) - l * uy) * inverse,
-        (across * wz + (px * vy - py * vx) - l * uz) * inverse,
-    )
+        return False, (0.0, 0.0, 0.0)
+    x = add_scaled(add(scale(across, w), cross(p, v)), -l, u)
+    return True, scale(1.0 / (kk + uu), x)
 
 
 @kernel
-def gauge_at(size: Any, gauge: bool, inner: Point, extent: Point, x: float, y: float, z: float) -> Any:
+def gauge_at(body: SmoothBody, x: Vector) -> Gauge:
     """The body's gauge on the ray through x, in units of its extent about the inner point.
 
     A function that is not a gauge is followed to the surface by its second order. Its level set has the
     gauge's gradient g / (g . x), and the Hessian there is its own, pulled back along the ray.
-
-    Returns:
-        Whether the ray meets the surface, the point there (3), gradient (3) and Q (6), how far beside the
-        surface the function was taken.
     """
-    a, b, c = extent
-    level = evaluate(size, inner[0] + a * x, inner[1] + b * y, inner[2] + c * z)
-    gx, gy, gz = a * level[1], b * level[2], c * level[3]
-    hxx, hyy, hzz = a * a * level[4], b * b * level[5], c * c * level[6]
-    hxy, hxz, hyz = a * b * level[7], a * c * level[8], b * c * level[9]
-    if gauge:
-        s = 1.0 + level[0]
-        i = 1.0 / s
-        return (
-            s > 0.0,
-            i * x,
-            i * y,
-            i * z,
-            gx,
-            gy,
-            gz,
-            gx * gx + s * hxx,
-            gy * gy + s * hyy,
-            gz * gz + s * hzz,
-            gx * gy + s * hxy,
-            gx * gz + s * hxz,
-            gy * gz + s * hyz,
-            0.0,
-        )
-    kx, ky, kz = hxx * x + hxy * y + hxz * z, hxy * x + hyy * y + hyz * z, hxz * x + hyz * y + hzz * z
-    rise, curl = gx * x + gy * y + gz * z, kx * x + ky * y + kz * z
-    root = rise * rise - 2.0 * level[0] * curl
-    e = min(max(-2.0 * level[0] / (rise + sqrt(root)), -0.9), 20.0) if root > 0.0 else 0.0
+    level = level_at(body.size, add(body.inner, _by_components(body.extent, x)))
+    g, h = _by_components(body.extent, level.gradient), _stretched(level.hessian, body.extent)
+    if body.gauge:
+        s = 1.0 + level.value
+        return Gauge(s > 0.0, scale(1.0 / s, x), g, _sum(_outer(g, g), symmetric_scaled(s, h)), 0.0)
+    k = symmetric_times(h, x)
+    rise, curl = dot(g, x), dot(k, x)
+    root = rise * rise - 2.0 * level.value * curl
+    e = min(max(-2.0 * level.value / (rise + sqrt(root)), -0.9), 20.0) if root > 0.0 else 0.0
     s = 1.0 + e
-    x, y, z, gx, gy, gz = s * x, s * y, s * z, gx + e * kx, gy + e * ky, gz + e * kz
-    i = 1.0 / (gx * x + gy * y + gz * z)
-    gx, gy, gz, kx, ky, kz = i * gx, i * gy, i * gz, i * s * kx, i * s * ky, i * s * kz
-    w = 1.0 + kx * x + ky * y + kz * z
-    return (
-        root > 0.0 and 0.0 < i < inf,
-        x,
-        y,
-        z,
-        gx,
-        gy,
-        gz,
-        i * hxx - 2.0 * kx * gx + w * gx * gx,
-        i * hyy - 2.0 * ky * gy + w * gy * gy,
-        i * hzz - 2.0 * kz * gz + w * gz * gz,
-        i * hxy - kx * gy - ky * gx + w * gx * gy,
-        i * hxz - kx * gz - kz * gx + w * gx * gz,
-        i * hyz - ky * gz - kz * gy + w * gy * gz,
-        abs(e),
+    x, g = scale(s, x), add_scaled(g, e, k)
+    i = 1.0 / dot(g, x)
+    g, k = scale(i, g), scale(i * s, k)
+    w = 1.0 + dot(k, x)
+    q = _sum(
+        symmetric_scaled(i, h), _sum(symmetric_scaled(-2.0, _outer(k, g)), symmetric_scaled(w, _outer(g, g)))
     )
+    return Gauge(root > 0.0 and 0.0 < i < inf, x, g, q, abs(e))
 
 
 @kernel
-def osculating_iteration(
-    size: Any,
-    gauge: bool,
-    inner: Point,
-    extent: Point,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-) -> tuple[bool, int, float, float, float, float, float, float, float, float, float]:
-    """Iterate over osculating ellipsoids.
+def _polished(wrench: Wrench, body: SmoothBody, gauge: Gauge, steps: int) -> Iterate:
+    """The contact near a converged iterate, by one Newton step: rounding errors of Q, which grow with the
+    exponent, do not enter it."""
+    f = wrench.force
+    a, b, c = body.extent
+    inverse = (1.0 / a, 1.0 / b, 1.0 / c)
+    point = add(body.inner, _by_components(body.extent, gauge.point))
+    # Along the tangents Q is the gauge's own Hessian.
+    at = tangential_at(wrench, point, _by_components(inverse, gauge.gradient), _stretched(gauge.q, inverse))
+    t = invariant(wrench)
+    det = at.w11 * at.w22 - at.w12 * at.w12
+    found = is_contact(t, at.xi, at.push, det)
+    n, xi, push = at.normal, at.xi, at.push
+    va, vb = tangential_step(at)
+    wa, wb = at.w11 * va + at.w12 * vb, at.w12 * va + at.w22 * vb
+    trial = add_scaled(add_scaled(point, va, at.t1), vb, at.t2)
+    turned = add_scaled(add_scaled(n, wa, at.t1), wb, at.t2)
+    r = moment_about(wrench, trial)
+    left = cross(turned, r)
+    if dot(left, left) < at.f1 * at.f1 + at.f2 * at.f2:
+        point, n = trial, turned
+        xi, push = dot(turned, r), dot(turned, f)
+    if push * push > 1e-3 * dot(f, f):
+        xi = t / push
+    return Iterate(found, steps, point, n, xi, at.w11 + at.w22, det)
+
+
+@kernel
+def osculating_iteration(body: SmoothBody, wrench: Wrench) -> Iterate:
+    """Iterate over osculating ellipsoids; the last point if it did not converge.
 
     There is no safeguard: if it does not converge within a few steps, `newton_iteration` is used.
-
-    Args:
-        size, gauge: The body.
-        inner: A point well inside.
-        extent: Half its size along each axis.
-        fx, fy, fz, mx, my, mz: Wrench.
-
-    Returns:
-        As `newton_iteration`; the last point if it did not converge.
     """
-    a, b, c = extent
-    ix, iy, iz = inner
-    ux, uy, uz = b * c * fx, c * a * fy, a * b * fz
-    vx, vy, vz = (
-        a * (mx - (iy * fz - iz * fy)),
-        b * (my - (iz * fx - ix * fz)),
-        c * (mz - (ix * fy - iy * fx)),
-    )
-    tau = abs(ux * vx + uy * vy + uz * vz)
+    f, m = wrench
+    a, b, c = body.extent
+    local = moment_about(wrench, body.inner)
+    u, v = (b * c * f[0], c * a * f[1], a * b * f[2]), _by_components(body.extent, local)
+    tau = abs(dot(u, v))
     # Rounding error of the moment, squared.
-    lx = a * (abs(mx) + abs(iy * fz) + abs(iz * fy))
-    ly = b * (abs(my) + abs(iz * fx) + abs(ix * fz))
-    lz = c * (abs(mz) + abs(ix * fy) + abs(iy * fx))
-    tolerance = 16e-32 * (lx * lx + ly * ly + lz * lz + 4.0 * (ux * ux + uy * uy + uz * uz))
-    x, y, z = initial_guess(size, ux, uy, uz, vx, vy, vz)
+    i = body.inner
+    rounding = (
+        a * (abs(m[0]) + abs(i[1] * f[2]) + abs(i[2] * f[1])),
+        b * (abs(m[1]) + abs(i[2] * f[0]) + abs(i[0] * f[2])),
+        c * (abs(m[2]) + abs(i[0] * f[1]) + abs(i[1] * f[0])),
+    )
+    tolerance = 16e-32 * (dot(rounding, rounding) + 4.0 * dot(u, u))
+    x = initial_guess(body.size, Wrench(u, v))
     previous = inf
     step = 0
     while True:
-        there, x, y, z, gx, gy, gz, qxx, qyy, qzz, qxy, qxz, qyz, off = gauge_at(
-            size, gauge, inner, extent, x, y, z
-        )
-        if not there:
+        gauge = gauge_at(body, x)
+        x = gauge.point
+        if not gauge.there:
             break
-        push = ux * gx + uy * gy + uz * gz
-        rx, ry, rz = vx - (y * uz - z * uy), vy - (z * ux - x * uz), vz - (x * uy - y * ux)
+        g = gauge.gradient
         # Tangential moment, times the norm of the gradient.
-        ex, ey, ez = ry * gz - rz * gy, rz * gx - rx * gz, rx * gy - ry * gx
-        squared_residual = ex * ex + ey * ey + ez * ez
-        limit = tolerance * (gx * gx + gy * gy + gz * gz)
+        left = cross(subtract(v, cross(x, u)), g)
+        squared_residual = dot(left, left)
+        limit = tolerance * dot(g, g)
         converged = squared_residual <= limit or (
             squared_residual <= 1e4 * limit and squared_residual > 0.25 * previous
         )
-        if push < 0.0 and off < _ON and converged:
-            cx, cy, cz = ix + a * x, iy + b * y, iz + c * z
-            ia, ib, ic = 1.0 / a, 1.0 / b, 1.0 / c
-            # Along the tangents Q is the gauge's own Hessian.
-            nx, ny, nz, ax, ay, az, bx, by, bz, fa, fb, waa, wab, wbb, xi, fn = tangent_quantities(
-                fx,
-                fy,
-                fz,
-                mx,
-                my,
-                mz,
-                cx,
-                cy,
-                cz,
-                ia * gx,
-                ib * gy,
-                ic * gz,
-                ia * ia * qxx,
-                ib * ib * qyy,
-                ic * ic * qzz,
-                ia * ib * qxy,
-                ia * ic * qxz,
-                ib * ic * qyz,
-            )
-            t = invariant(fx, fy, fz, mx, my, mz)
-            det = waa * wbb - wab * wab
-            found = is_contact(t, xi, fn, det)
-            # One Newton step: rounding errors of Q, which grow with the exponent, do not enter it.
-            inverse = 1.0 / (fn * fn + xi * xi * det)
-            va = (xi * wbb * fa - (fn + xi * wab) * fb) * inverse
-            vb = (xi * waa * fb + (fn - xi * wab) * fa) * inverse
-            wa, wb = waa * va + wab * vb, wab * va + wbb * vb
-            px, py, pz = cx + va * ax + vb * bx, cy + va * ay + vb * by, cz + va * az + vb * bz
-            ex, ey, ez = nx + wa * ax + wb * bx, ny + wa * ay + wb * by, nz + wa * az + wb * bz
-            rx, ry, rz = mx - (py * fz - pz * fy), my - (pz * fx - px * fz), mz - (px * fy - py * fx)
-            sx, sy, sz = ey * rz - ez * ry, ez * rx - ex * rz, ex * ry - ey * rx
-            if sx * sx + sy * sy + sz * sz < fa * fa + fb * fb:
-                cx, cy, cz, nx, ny, nz = px, py, pz, ex, ey, ez
-                xi, fn = ex * rx + ey * ry + ez * rz, ex * fx + ey * fy + ez * fz
-            if fn * fn > 1e-3 * (fx * fx + fy * fy + fz * fz):
-                xi = t / fn
-            return found, step, cx, cy, cz, nx, ny, nz, xi, waa + wbb, det
+        if dot(u, g) < 0.0 and gauge.off < _ON and converged:
+            return _polished(wrench, body, gauge, step)
         if step == _STEPS:
             break
         previous = squared_residual
-        there, px, py, pz = osculate(qxx, qyy, qzz, qxy, qxz, qyz, ux, uy, uz, vx, vy, vz)
+        there, new = osculate(gauge.q, u, v)
         if not there:
             break
         step += 1
-        if step <= _BENDS:
-            gx, gy, gz = (
-                qxx * px + qxy * py + qxz * pz,
-                qxy * px + qyy * py + qyz * pz,
-                qxz * px + qyz * py + qzz * pz,
-            )
-            x, y, z = warped_step(size, tau, ux, uy, uz, x, y, z, px, py, pz, gx, gy, gz)
-        else:
-            x, y, z = px, py, pz
-    return False, step, ix + a * x, iy + b * y, iz + c * z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        bent = step <= _BENDS
+        x = warped_step(body.size, tau, u, x, new, symmetric_times(gauge.q, new)) if bent else new
+    return Iterate(
+        False, step, add(body.inner, _by_components(body.extent, x)), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+    )

@@ -3,35 +3,34 @@
 
 import numpy as np
 
+from contactsense.robots.jit.typed_kernel import kernel
 from contactsense.solvers.box import solve_box
 from contactsense.solvers.ellipsoid import solve_ellipsoid, solve_sphere
 from contactsense.solvers.revolved import solve_revolved
 from contactsense.solvers.solution import Answer
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.solvers.wrench import Wrench
 
 _REVOLVED, _ELLIPSOID = 0, 1
 """Numbers of kinds in `contactsense.robots.surface.convex_primitives`; what is neither is a box."""
 
 
 @kernel
-def solve_primitive(
-    kind: int, size: np.ndarray, fx: float, fy: float, fz: float, mx: float, my: float, mz: float
-) -> Answer:
+def solve_primitive(kind: int, size: np.ndarray, wrench: Wrench) -> Answer:
     """Contact centroid on a primitive, in its body frame.
 
     Args:
         kind: `REVOLVED`, `ELLIPSOID` or `BOX`.
         size: Dimensions of the primitive as `contactsense.robots.surface.convex_primitives` packs them, shape
-        (8,).
-        fx, fy, fz, mx, my, mz: Wrench on the body, body frame, moment about its origin.
+            (8,).
+        wrench: Wrench on the body, body frame.
 
     Returns:
         See `contactsense.solvers.solution`.
     """
     if kind == _REVOLVED:
         if size[0] == 0.0 and size[1] == 0.0 and size[2] == 0.0:
-            return solve_sphere(fx, fy, fz, mx, my, mz, size[3])
-        return solve_revolved(fx, fy, fz, mx, my, mz, size[0], size[1], size[2], size[3])
+            return solve_sphere(wrench, size[3])
+        return solve_revolved(wrench, size[0], size[1], size[2], size[3])
     if kind == _ELLIPSOID:
-        return solve_ellipsoid(fx, fy, fz, mx, my, mz, size[0], size[1], size[2])
-    return solve_box(fx, fy, fz, mx, my, mz, size[0], size[1], size[2], size[3])
+        return solve_ellipsoid(wrench, size[0], size[1], size[2])
+    return solve_box(wrench, (size[0], size[1], size[2]), size[3])

@@ -10,6 +10,7 @@ import numpy as np
 from contactsense.solvers import cylinder, ellipsoid, general, plane, wrench_axis
 from contactsense.solvers import gradient_descent as descent
 from contactsense.solvers.implicit_surfaces import ELLIPSOID
+from contactsense.solvers.level_set import SmoothBody
 from contactsense.solvers.surface import Problem, Surface, around_axis, positive, same_fields, tangential
 
 _SKEW = 1e-9
@@ -72,12 +73,8 @@ class Ellipsoid:
     def newton_problem(self) -> Problem:
         """Newton's method, as for any smooth convex body."""
         a, b, c = self.problem()[1]
-        return general.solve_smooth, (
-            (ELLIPSOID, 1.0 / a, 1.0 / b, 1.0 / c, 0.0, 0.0),
-            (0.0, 0.0, 0.0),
-            (a, b, c),
-            True,
-        )
+        size = (ELLIPSOID, 1.0 / a, 1.0 / b, 1.0 / c, 0.0, 0.0)
+        return general.solve_smooth, (SmoothBody(size, (0.0, 0.0, 0.0), (a, b, c), True),)
 
     def descent_problem(self) -> Problem:
         """Gradient descent (paper, section 6)."""
@@ -160,7 +157,7 @@ class Plane:
         """Closed form."""
         direction = np.asarray(self.normal, dtype=float) / np.abs(self.normal).max()
         nx, ny, nz = (float(component) for component in direction / np.linalg.norm(direction))
-        return plane.solve_plane, (nx, ny, nz, float(self.offset))
+        return plane.solve_plane, ((nx, ny, nz), float(self.offset))
 
     def line_problem(self) -> Problem:
         """Its wrench axis."""

@@ -1,90 +1,61 @@
 """Plane: closed form (paper, section 5.1.3, with the signs of a pushing contact)."""
 
-from math import frexp, ldexp
-
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot
 from contactsense.solvers.solution import (
-    LARGE,
     OK,
     PARALLEL,
     PULLING,
-    SMALL,
     Answer,
     input_status,
     make_answer,
     no_contact,
-    rescaled,
-    scaled,
     torsion,
 )
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.solvers.units import LARGE, SMALL, Units, exponent, from_units, length_to_units, to_units
+from contactsense.solvers.wrench import Wrench
 
 
 @kernel
-def _plane(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    nx: float,
-    ny: float,
-    nz: float,
-    offset: float,
-) -> Answer:
-    push = nx * fx + ny * fy + nz * fz
+def _plane(wrench: Wrench, n: Vector, offset: float) -> Answer:
+    f, m = wrench
+    push = dot(n, f)
     if push == 0.0:
         return no_contact(PARALLEL)
-    cx = (ny * mz - nz * my + offset * fx) / push
-    cy = (nz * mx - nx * mz + offset * fy) / push
-    cz = (nx * my - ny * mx + offset * fz) / push
-    xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
+    c = divide(add_scaled(cross(n, m), offset, f), push)
     status = OK if push < 0.0 else PULLING
-    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, 0.0, 0.0)
+    return make_answer(status, wrench, c, n, torsion(wrench, c, n), 0.0, 0.0)
 
 
 @kernel
-def plane_exponent(mx: float, my: float, mz: float, offset: float, e: int) -> int:
-    """Exponent k of a unit of length 2^k for which offset and lever are of order one, for a force of order
-    2^e."""
-    moment = max(abs(mx), abs(my), abs(mz))
-    k = frexp(offset)[1] if offset != 0.0 else -2000
+def plane_units(wrench: Wrench, offset: float) -> Units:
+    """Units in which force, offset and lever are of order one."""
+    f, m = wrench
+    e = exponent(max(abs(f[0]), abs(f[1]), abs(f[2])))
+    moment = max(abs(m[0]), abs(m[1]), abs(m[2]))
+    k = exponent(offset) if offset != 0.0 else -2000
     if moment > 0.0:
-        k = max(k, frexp(moment)[1] - e)
-    return k if k > -2000 else 0
+        k = max(k, exponent(moment) - e)
+    return Units(e, e, k if k > -2000 else 0)
 
 
 @kernel
-def solve_plane(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    nx: float,
-    ny: float,
-    nz: float,
-    offset: float,
-) -> Answer:
+def solve_plane(wrench: Wrench, normal: Vector, offset: float) -> Answer:
     """Contact centroid on the plane n.c = offset, the body on its inner side: c = (n x m + offset f) / (n.f).
 
     Args:
-        fx, fy, fz, mx, my, mz: Wrench on the body.
-        nx, ny, nz: Outward unit normal.
+        wrench: Wrench on the body.
+        normal: Outward unit normal.
         offset: Distance of the plane from the origin along the normal.
 
     Returns:
         See `contactsense.solvers.solution`.
     """
-    ff = fx * fx + fy * fy + fz * fz
-    mm = mx * mx + my * my + mz * mz
-    if SMALL < ff < LARGE and mm < LARGE:
-        return _plane(fx, fy, fz, mx, my, mz, nx, ny, nz, offset)
-    status = input_status(fx, fy, fz, mx, my, mz)
+    f, m = wrench
+    if SMALL < dot(f, f) < LARGE and dot(m, m) < LARGE:
+        return _plane(wrench, normal, offset)
+    status = input_status(wrench)
     if status != OK:
         return no_contact(status)
-    e = frexp(max(abs(fx), abs(fy), abs(fz)))[1]
-    k = plane_exponent(mx, my, mz, offset, e)
-    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, e, k)
-    return rescaled(_plane(fx, fy, fz, mx, my, mz, nx, ny, nz, ldexp(offset, -k)), e, e, k)
+    units = plane_units(wrench, offset)
+    return from_units(_plane(to_units(wrench, units), normal, length_to_units(offset, units)), units)

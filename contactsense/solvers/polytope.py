@@ -4,36 +4,34 @@ Exactly one patch contains the contact. The kernel tests them, faces first, and 
 comparison.
 """
 
-from math import frexp, ldexp, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
 
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add, add_scaled, cross, divide, dot, norm, scale, vector
 from contactsense.solvers.ellipsoid import unit_sphere
+from contactsense.solvers.patch import Patch, no_patch, on_patch
 from contactsense.solvers.solution import (
+    FAR,
     MISS,
     NOT_CONVERGED,
     OK,
+    PATCH_TOLERANCE,
     SHARP,
     Answer,
+    has_point,
     input_status,
-    invariant,
     make_answer,
     no_contact,
-    rescaled,
-    scaled,
     torsion,
-    unit_exponents,
 )
-from contactsense.solvers.typed_kernel import kernel
-from contactsense.solvers.wrench_axis import line_moment
-
-_PATCH_TOLERANCE = 1e-9
-"""How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
-
-_FAR = 1e300
+from contactsense.solvers.units import Units, exponent, from_units, length_to_units, to_units, units_for
+from contactsense.solvers.wrench import Wrench, about, invariant, line_point, moment_about, pure_force
+from contactsense.solvers.wrench_axis import line_answer
 
 
 class Hull(NamedTuple):
@@ -145,153 +143,141 @@ def _ring(cloud: np.ndarray, normal: np.ndarray, members: list[int]) -> list[int
 
 
 @kernel
-def _entry(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull
-) -> tuple[bool, float, float, float, float, float, float]:
+def _entry(wrench: Wrench, hull: Hull) -> tuple[bool, Vector, Vector]:
     """Whether the force's line enters the hull, where, and the normal of the face there."""
-    ff = fx * fx + fy * fy + fz * fz
-    px, py, pz = (fy * mz - fz * my) / ff, (fz * mx - fx * mz) / ff, (fx * my - fy * mx) / ff
-    first, last = -_FAR, _FAR
-    nx = ny = nz = 0.0
+    f = wrench.force
+    p = line_point(wrench)
+    first, last = -FAR, FAR
+    n = (0.0, 0.0, 0.0)
     for i in range(hull.offset.shape[0]):
-        ax, ay, az = hull.normal[i, 0], hull.normal[i, 1], hull.normal[i, 2]
-        push = ax * fx + ay * fy + az * fz
-        gap = hull.offset[i] - (ax * px + ay * py + az * pz)
+        a = vector(hull.normal[i])
+        push = dot(a, f)
+        gap = hull.offset[i] - dot(a, p)
         if push < 0.0:
             at = gap / push
             if at > first:
-                first, nx, ny, nz = at, ax, ay, az
+                first, n = at, a
         elif push > 0.0:
             last = min(last, gap / push)
         elif gap < 0.0:
-            last = -_FAR
-    return first < last, px + first * fx, py + first * fy, pz + first * fz, nx, ny, nz
+            last = -FAR
+    return first < last, add_scaled(p, first, f), n
 
 
 @kernel
-def _polytope(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull, r: float
-) -> Answer:
-    reach = hull.reach + r
-    t = invariant(fx, fy, fz, mx, my, mz)
-    best = _FAR
-    px = py = pz = nx = ny = nz = 0.0
-    bends = 0
+def _best_face(wrench: Wrench, hull: Hull, r: float) -> Patch:
+    """Contact on the face whose patch it is nearest to."""
+    f, m = wrench
+    best = no_patch(0)
     for i in range(hull.offset.shape[0]):
-        ax, ay, az = hull.normal[i, 0], hull.normal[i, 1], hull.normal[i, 2]
-        push = ax * fx + ay * fy + az * fz
+        n = vector(hull.normal[i])
+        push = dot(n, f)
         if push < 0.0:
-            top = hull.offset[i] + r
-            qx = (ay * mz - az * my + top * fx) / push - r * ax
-            qy = (az * mx - ax * mz + top * fy) / push - r * ay
-            qz = (ax * my - ay * mx + top * fz) / push - r * az
-            outside = -_FAR
+            c = divide(add_scaled(cross(n, m), hull.offset[i] + r, f), push)
+            core = add_scaled(c, -r, n)
+            outside = -FAR
             for k in range(hull.face_start[i], hull.face_start[i + 1]):
-                over = (
-                    hull.side[k, 0] * qx + hull.side[k, 1] * qy + hull.side[k, 2] * qz - hull.side_offset[k]
-                )
-                outside = max(outside, over)
-            if outside < best:
-                best, px, py, pz, nx, ny, nz = outside, qx, qy, qz, ax, ay, az
-                if best <= 0.0:
+                outside = max(outside, dot(vector(hull.side[k]), core) - hull.side_offset[k])
+            if outside < best.outside:
+                best = Patch(outside, core, n, 0)
+                if outside <= 0.0:
                     break
-    if best > 0.0 and r > 0.0:
-        for i in range(hull.length.shape[0]):
-            ox, oy, oz = hull.edge[i, 0, 0], hull.edge[i, 0, 1], hull.edge[i, 0, 2]
-            dx, dy, dz = hull.edge[i, 1, 0], hull.edge[i, 1, 1], hull.edge[i, 1, 2]
-            lx, ly, lz = mx - (oy * fz - oz * fy), my - (oz * fx - ox * fz), mz - (ox * fy - oy * fx)
-            about = lx * dx + ly * dy + lz * dz
-            # As on a cylinder: e.p = about, p = r f x d.
-            ux, uy, uz = r * (fy * dz - fz * dy), r * (fz * dx - fx * dz), r * (fx * dy - fy * dx)
-            uu = ux * ux + uy * uy + uz * uz
-            disc = uu - about * about
-            if disc > 0.0:
-                along, across = about / uu, sqrt(disc) / uu
-                ax = along * ux - across * (dy * uz - dz * uy)
-                ay = along * uy - across * (dz * ux - dx * uz)
-                az = along * uz - across * (dx * uy - dy * ux)
-                push = ax * fx + ay * fy + az * fz
-                m_theta = lx * (dy * az - dz * ay) + ly * (dz * ax - dx * az) + lz * (dx * ay - dy * ax)
-                at = (m_theta + r * (fx * dx + fy * dy + fz * dz)) / push
-                first = ax * hull.edge[i, 2, 0] + ay * hull.edge[i, 2, 1] + az * hull.edge[i, 2, 2]
-                second = ax * hull.edge[i, 3, 0] + ay * hull.edge[i, 3, 1] + az * hull.edge[i, 3, 2]
-                outside = max(max(at - hull.length[i], -at), -reach * min(first, second))
-                if push < 0.0 and outside < best:
-                    best, nx, ny, nz = outside, ax, ay, az
-                    px, py, pz = ox + at * dx, oy + at * dy, oz + at * dz
-                    bends = 1
-                    if best <= 0.0:
-                        break
-    if best > 0.0 and r > 0.0:
-        ux, uy, uz = r * fx, r * fy, r * fz
-        uu = ux * ux + uy * uy + uz * uz
-        for i in range(hull.vertex.shape[0]):
-            ox, oy, oz = hull.vertex[i, 0], hull.vertex[i, 1], hull.vertex[i, 2]
-            lx, ly, lz = mx - (oy * fz - oz * fy), my - (oz * fx - ox * fz), mz - (ox * fy - oy * fx)
-            status, ax, ay, az, _ = unit_sphere(
-                ux, uy, uz, lx, ly, lz, uu, lx * lx + ly * ly + lz * lz, r * t
-            )
-            outside = -_FAR
-            for k in range(hull.vertex_start[i], hull.vertex_start[i + 1]):
-                over = ax * hull.outgoing[k, 0] + ay * hull.outgoing[k, 1] + az * hull.outgoing[k, 2]
-                outside = max(outside, reach * over)
-            if status == OK and outside < best:
-                best, px, py, pz, nx, ny, nz = outside, ox, oy, oz, ax, ay, az
-                bends = 2
-                if best <= 0.0:
+    return best
+
+
+@kernel
+def _best_edge(wrench: Wrench, hull: Hull, r: float) -> Patch:
+    """Contact on the edge whose patch it is nearest to."""
+    f = wrench.force
+    reach = hull.reach + r
+    best = no_patch(1)
+    for i in range(hull.length.shape[0]):
+        start, d = vector(hull.edge[i, 0]), vector(hull.edge[i, 1])
+        moment = moment_about(wrench, start)
+        # As on a cylinder: e.p = about, p = r f x d.
+        about_edge = dot(moment, d)
+        u = scale(r, cross(f, d))
+        uu = dot(u, u)
+        disc = uu - about_edge * about_edge
+        if disc > 0.0:
+            n = add_scaled(scale(about_edge / uu, u), -(sqrt(disc) / uu), cross(d, u))
+            push = dot(n, f)
+            at = (dot(moment, cross(d, n)) + r * dot(f, d)) / push
+            beside = min(dot(n, vector(hull.edge[i, 2])), dot(n, vector(hull.edge[i, 3])))
+            outside = max(max(at - hull.length[i], -at), -reach * beside)
+            if push < 0.0 and outside < best.outside:
+                best = Patch(outside, add_scaled(start, at, d), n, 1)
+                if outside <= 0.0:
                     break
-    cx, cy, cz = px + r * nx, py + r * ny, pz + r * nz
-    status = OK
-    if best > _PATCH_TOLERANCE * reach:
-        status = MISS if t == 0.0 or r == 0.0 else NOT_CONVERGED
-        if best == _FAR:
-            return no_contact(status)
-        if r == 0.0:
-            entered, ax, ay, az, ux, uy, uz = _entry(fx, fy, fz, mx, my, mz, hull)
-            if entered:
-                status, cx, cy, cz, nx, ny, nz = SHARP, ax, ay, az, ux, uy, uz
-    bend = 1.0 / r if bends > 0 else 0.0
-    xi = torsion(fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz)
-    det = bend * bend if bends == 2 else 0.0
-    return make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, xi, bends * bend, det)
+    return best
 
 
 @kernel
-def _size(fx: float, fy: float, fz: float) -> float:
-    return sqrt(fx * fx + fy * fy + fz * fz)
+def _best_vertex(wrench: Wrench, hull: Hull, r: float) -> Patch:
+    """Contact on the vertex whose patch it is nearest to."""
+    reach = hull.reach + r
+    u, tau = scale(r, wrench.force), r * invariant(wrench)
+    best = no_patch(2)
+    for i in range(hull.vertex.shape[0]):
+        corner = vector(hull.vertex[i])
+        status, n, _ = unit_sphere(u, moment_about(wrench, corner), tau)
+        outside = -FAR
+        for k in range(hull.vertex_start[i], hull.vertex_start[i + 1]):
+            outside = max(outside, reach * dot(n, vector(hull.outgoing[k])))
+        if status == OK and outside < best.outside:
+            best = Patch(outside, corner, n, 2)
+            if outside <= 0.0:
+                break
+    return best
 
 
 @kernel
-def _in_its_frame(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull
-) -> tuple[int, int, int, float, float, float, float, float, float]:
-    """The wrench about the hull's middle, in units of order one, and the exponents of these units."""
-    ox, oy, oz = hull.middle[0], hull.middle[1], hull.middle[2]
-    k = frexp(hull.unit)[1] - 1
-    far = 1.0 + max(abs(ox), abs(oy), abs(oz))
-    e, g, _ = unit_exponents(fx, fy, fz, mx, my, mz, hull.unit * far)
-    fx, fy, fz, mx, my, mz = scaled(fx, fy, fz, mx, my, mz, e, g, k)
-    mx, my, mz = mx - (oy * fz - oz * fy), my - (oz * fx - ox * fz), mz - (ox * fy - oy * fx)
-    return e, g, k, fx, fy, fz, mx, my, mz
+def _polytope(wrench: Wrench, hull: Hull, r: float) -> Answer:
+    best = _best_face(wrench, hull, r)
+    if best.outside > 0.0 and r > 0.0:
+        patch = _best_edge(wrench, hull, r)
+        if patch.outside < best.outside:
+            best = patch
+        if best.outside > 0.0:
+            patch = _best_vertex(wrench, hull, r)
+            if patch.outside < best.outside:
+                best = patch
+    if best.outside <= PATCH_TOLERANCE * (hull.reach + r):
+        return on_patch(OK, wrench, best, r)
+    status = MISS if r == 0.0 or invariant(wrench) == 0.0 else NOT_CONVERGED
+    if best.outside == FAR:
+        return no_contact(status)
+    if r == 0.0:
+        entered, c, n = _entry(wrench, hull)
+        if entered:
+            return make_answer(SHARP, wrench, c, n, torsion(wrench, c, n), 0.0, 0.0)
+    return on_patch(status, wrench, best, r)
 
 
 @kernel
-def _placed(answer: Answer, hull: Hull, e: int, g: int, k: int) -> Answer:
+def _in_its_frame(wrench: Wrench, hull: Hull) -> tuple[Wrench, Units]:
+    """The wrench about the hull's middle, in units of order one, and these units."""
+    middle = vector(hull.middle)
+    far = 1.0 + max(abs(middle[0]), abs(middle[1]), abs(middle[2]))
+    units = units_for(wrench, hull.unit * far)
+    units = Units(units.force, units.moment, exponent(hull.unit) - 1)
+    return about(to_units(wrench, units), middle), units
+
+
+@kernel
+def _placed(answer: Answer, hull: Hull, units: Units) -> Answer:
     """An answer in that frame and those units, in the frame of the points."""
-    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = answer
-    if nx != 0.0 or ny != 0.0 or nz != 0.0:
-        cx, cy, cz = cx + hull.middle[0], cy + hull.middle[1], cz + hull.middle[2]
-    return rescaled((status, cx, cy, cz, nx, ny, nz, xi, residual, condition), e, g, k)
+    c = add(answer.centroid, vector(hull.middle)) if has_point(answer) else answer.centroid
+    moved = Answer(answer.status, c, answer.normal, answer.torsion, answer.residual, answer.condition)
+    return from_units(moved, units)
 
 
 @kernel
-def solve_polytope(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull, rounding: float
-) -> Answer:
+def solve_polytope(wrench: Wrench, hull: Hull, rounding: float) -> Answer:
     """Contact centroid on a convex polytope plus a ball.
 
     Args:
-        fx, fy, fz, mx, my, mz: Wrench on the body.
+        wrench: Wrench on the body.
         hull: The polytope.
         rounding: Radius of the ball. May be zero: the status is `SHARP` for a wrench that enters no face,
             where its axis enters.
@@ -300,31 +286,22 @@ def solve_polytope(
         See `contactsense.solvers.solution`. A miss returns a point on the patch with the smallest
         violation, not the nearest point.
     """
-    status = input_status(fx, fy, fz, mx, my, mz)
+    status = input_status(wrench)
     if status != OK:
         return no_contact(status)
-    e, g, k, fx, fy, fz, mx, my, mz = _in_its_frame(fx, fy, fz, mx, my, mz, hull)
-    answer = _polytope(fx, fy, fz, mx, my, mz, hull, ldexp(rounding, -k))
-    return _placed(answer, hull, e, g, k)
+    local, units = _in_its_frame(wrench, hull)
+    return _placed(_polytope(local, hull, length_to_units(rounding, units)), hull, units)
 
 
 @kernel
-def wrench_axis_polytope(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, hull: Hull, rounding: float
-) -> Answer:
+def wrench_axis_polytope(wrench: Wrench, hull: Hull, rounding: float) -> Answer:
     """Point where the wrench axis enters a convex polytope plus a ball: the contact without the moment
     along the force."""
-    status = input_status(fx, fy, fz, mx, my, mz)
+    status = input_status(wrench)
     if status != OK:
         return no_contact(status)
-    e, g, k, fx, fy, fz, mx, my, mz = _in_its_frame(fx, fy, fz, mx, my, mz, hull)
-    rounding = ldexp(rounding, -k)
-    lx, ly, lz = line_moment(fx, fy, fz, mx, my, mz)
-    status, cx, cy, cz, nx, ny, nz, xi, _, _ = _polytope(fx, fy, fz, lx, ly, lz, hull, rounding)
-    if status != OK or abs(xi) > _PATCH_TOLERANCE * (hull.reach + rounding) * _size(fx, fy, fz):
-        # A contact at the rim would need a torsion that the wrench does not have.
-        status = MISS
-    if nx == 0.0 and ny == 0.0 and nz == 0.0:
-        return no_contact(MISS)
-    answer = make_answer(status, fx, fy, fz, mx, my, mz, cx, cy, cz, nx, ny, nz, 0.0, 0.0, 0.0)
-    return _placed(answer, hull, e, g, k)
+    local, units = _in_its_frame(wrench, hull)
+    rounding = length_to_units(rounding, units)
+    largest = PATCH_TOLERANCE * (hull.reach + rounding) * norm(local.force)
+    answer = _polytope(pure_force(local), hull, rounding)
+    return _placed(line_answer(answer, local, largest), hull, units)

@@ -26,7 +26,8 @@ import numpy as np
 
 from contactsense.kinematics.linalg.outer_product import add_outer_product, add_scaled_vector
 from contactsense.kinematics.wrench_information import blocks, dot, matvec, shift_information
-from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.vectors import Vector, tangents
 
 STUDENT_DOF = 4.0
 """Degrees of freedom nu of the Student t distribution of the friction ratio."""
@@ -55,6 +56,19 @@ class Prior(NamedTuple):
     (links,). It is the same on the whole surface of a link."""
 
 
+class Contact(NamedTuple):
+    """A contact on a surface, in the frame of the wrench."""
+
+    point: Vector
+    """Contact centroid on the surface [m]."""
+    normal: Vector
+    """Outward unit normal there."""
+    force: Vector
+    """Force on the body [N]."""
+    torsion: float
+    """Moment on the body about the normal [Nm]."""
+
+
 class SearchBuffers(NamedTuple):
     """Scratch arrays of `find_posterior_mode`, and its matrix results."""
 
@@ -76,7 +90,7 @@ def empty_search_buffers() -> SearchBuffers:
 
 
 @fused_kernel
-def inflate_by_surface_deviation(L, prior, nx, ny, nz, fx, fy, fz):  # type: ignore[no-untyped-def]
+def inflate_by_surface_deviation(L, prior, contact):  # type: ignore[no-untyped-def]
     """Low-rank change of the information by the surface's offset: L' = L - s^2 v v^T / (1 + s^2 u . v), v
     = L u.
 
@@ -85,6 +99,7 @@ def inflate_by_surface_deviation(L, prior, nx, ny, nz, fx, fy, fz):  # type: ign
     Returns:
         v (tuple of 6 floats), s^2 / (1 + s^2 u . v), and the determinant ratio 1 + s^2 u . v.
     """
+    _, (nx, ny, nz), (fx, fy, fz), _ = contact
     ux, uy, uz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
     v = (
         L[0, 3] * ux + L[0, 4] * uy + L[0, 5] * uz,
@@ -112,12 +127,13 @@ def log_prior(prior, normal_force):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def energy_at(w, L, prior, inflation, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  # type: ignore[no-untyped-def]
+def energy_at(w, L, prior, inflation, contact):  # type: ignore[no-untyped-def]
     """Energy of a contact; infinite if the force does not push.
 
     `inflation` is the result of `inflate_by_surface_deviation`. Other arguments as in
     `contactsense.solvers.posterior_mode.find_posterior_mode`.
     """
+    (cx, cy, cz), (nx, ny, nz), (fx, fy, fz), xi = contact
     normal_force = -(fx * nx + fy * ny + fz * nz)
     if normal_force <= 0.0:
         return math.inf
@@ -158,34 +174,24 @@ def energy_at(w, L, prior, inflation, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi):  
 
 
 @fused_kernel
-def pushing_force(fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
+def pushing_force(force, normal):  # type: ignore[no-untyped-def]
     """The force, with its normal part raised until it pushes: a valid initial value for the search [N]."""
+    (fx, fy, fz), (nx, ny, nz) = force, normal
     normal_force = -(fx * nx + fy * ny + fz * nz)
     min_normal_force = 0.1 * max(math.sqrt(fx * fx + fy * fy + fz * fz), MIN_INITIAL_FORCE)
     missing = max(min_normal_force - normal_force, 0.0)
     return fx - missing * nx, fy - missing * ny, fz - missing * nz
 
 
-@inlined_fused_kernel
-def tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Two unit tangents, continuous except for one direction.
-
-    Source: Duff et al. 2017, "Building an orthonormal basis, revisited".
-    """
-    sign = 1.0 if nz >= 0.0 else -1.0
-    a = -1.0 / (sign + nz)
-    b = nx * ny * a
-    return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
-
-
 @fused_kernel
-def linearize(w, L, prior, inflation, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, buffers):  # type: ignore[no-untyped-def]
+def linearize(w, L, prior, inflation, W, contact, buffers):  # type: ignore[no-untyped-def]
     """Compute gradient and Gauss-Newton matrix of the energy, written to `buffers`.
 
     W: shape operator of the surface at c (upper triangle, six floats) [1/m]. Other arguments as in
     `energy_at`.
     """
-    t1x, t1y, t1z, t2x, t2y, t2z = tangents(nx, ny, nz)
+    (cx, cy, cz), (nx, ny, nz), (fx, fy, fz), xi = contact
+    (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(contact.normal)
     frame, H, g = buffers.frame, buffers.normal_equations, buffers.gradient
     frame[0, 0], frame[1, 0], frame[2, 0] = nx, ny, nz
     frame[0, 1], frame[1, 1], frame[2, 1] = t1x, t1y, t1z

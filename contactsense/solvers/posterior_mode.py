@@ -2,11 +2,18 @@
 `contactsense.solvers.posterior`."""
 
 import math
+from typing import NamedTuple
 
 from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import curvature, project
-from contactsense.solvers.posterior import energy_at, inflate_by_surface_deviation, linearize, log_prior
+from contactsense.solvers.posterior import (
+    Contact,
+    energy_at,
+    inflate_by_surface_deviation,
+    linearize,
+    log_prior,
+)
 
 MAX_ITERATIONS = 12
 """Maximum number of Gauss-Newton steps."""
@@ -25,10 +32,21 @@ If the full step fails to lower the energy, the factor is one.
 """
 
 
+class Mode(NamedTuple):
+    """The most probable contact on one primitive, body frame."""
+
+    energy: float
+    """Negative log of the posterior density."""
+    log_evidence: float
+    """Log evidence of a contact near this mode (Laplace approximation, up to the constant of the noise);
+    -infinity if the energy stays above the limit or the Gauss-Newton matrix is not positive definite."""
+    contact: Contact
+    variances: tuple[float, float, float]
+    """Covariance of the point along the two tangents (v11, v12, v22) [m^2]."""
+
+
 @fused_kernel
-def find_posterior_mode(  # type: ignore[no-untyped-def]
-    kind, size, w, L, prior, limit, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, buffers
-):
+def find_posterior_mode(kind, size, w, L, prior, limit, start, buffers):  # type: ignore[no-untyped-def]
     """Most probable contact on one primitive, from an initial guess on its surface. Body frame.
 
     Args:
@@ -36,28 +54,26 @@ def find_posterior_mode(  # type: ignore[no-untyped-def]
         w, L: Fused wrench and its information matrix, body frame, shapes (6,) and (6, 6).
         prior: Prior of contacts.
         limit: Energy above which the contact is rejected; the search ends as soon as it cannot get below.
-        cx, cy, cz, nx, ny, nz: Initial guess: a point of the surface [m] and the outward normal there.
-        fx, fy, fz, xi: Initial guess: a pushing force [N] and the torsion [Nm].
+        start: Initial guess: a `Contact` on the surface with a force that pushes.
         buffers: Scratch; on return `frame` holds normal and tangents at the result.
 
     Returns:
-        Energy; log evidence of a contact near this mode (Laplace approximation, up to the constant of the
-        noise); point (3) [m]; normal (3); force (3) [N]; torsion [Nm]; and the covariance of the point
-        along the two tangents (v11, v12, v22) [m^2]. The log evidence is -infinity if the energy stays
-        above the limit or the Gauss-Newton matrix is not positive definite.
+        The `Mode`.
     """
     energy = math.inf
     H, g, T = buffers.normal_equations, buffers.gradient, buffers.frame
     log_det, v11, v12, v22 = math.inf, 0.0, 0.0, 0.0
     variance_ratio = 1.0
+    contact = start
     for iteration in range(MAX_ITERATIONS + 1):
+        (cx, cy, cz), (nx, ny, nz), (fx, fy, fz), xi = contact
         # The inflation by the surface's offset varies slowly. It is constant within a step, so that the
         # gradient is exact.
-        inflation = inflate_by_surface_deviation(L, prior, nx, ny, nz, fx, fy, fz)
+        inflation = inflate_by_surface_deviation(L, prior, contact)
         variance_ratio = inflation[2]
-        energy = energy_at(w, L, prior, inflation, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi)
+        energy = energy_at(w, L, prior, inflation, contact)
         W = curvature(kind, size, cx, cy, cz, nx, ny, nz)
-        linearize(w, L, prior, inflation, W, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, buffers)
+        linearize(w, L, prior, inflation, W, contact, buffers)
         log_det, predicted_decrease, v11, v12, v22 = ldl_solve(H, g)
         if log_det == math.inf or iteration == MAX_ITERATIONS:
             break
@@ -78,8 +94,9 @@ def find_posterior_mode(  # type: ignore[no-untyped-def]
                 cy + v1 * T[1, 1] + v2 * T[1, 2],
                 cz + v1 * T[2, 1] + v2 * T[2, 2],
             )
-            hx, hy, hz, ti = fx - scale * g[0], fy - scale * g[1], fz - scale * g[2], xi - scale * g[3]
-            trial_energy = energy_at(w, L, prior, inflation, ax, ay, az, mx, my, mz, hx, hy, hz, ti)
+            force = (fx - scale * g[0], fy - scale * g[1], fz - scale * g[2])
+            trial = Contact((ax, ay, az), (mx, my, mz), force, xi - scale * g[3])
+            trial_energy = energy_at(w, L, prior, inflation, trial)
             if trial_energy < energy:
                 accepted = True
                 break
@@ -96,14 +113,15 @@ def find_posterior_mode(  # type: ignore[no-untyped-def]
             )
         if not accepted:
             break
-        cx, cy, cz, nx, ny, nz, fx, fy, fz, xi = ax, ay, az, mx, my, mz, hx, hy, hz, ti
+        contact = trial
         decrease = energy - trial_energy
         energy = trial_energy
         if decrease < tolerance or (scale == 1.0 and abs(decrease - predicted_decrease) < tolerance):
             # The quadratic model holds: the next step would be negligible.
             break
     if log_det == math.inf or energy > limit:
-        return math.inf, -math.inf, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, 0.0, 0.0, 0.0
+        return Mode(math.inf, -math.inf, contact, (0.0, 0.0, 0.0))
+    (nx, ny, nz), (fx, fy, fz) = contact.normal, contact.force
     normal_force = -(fx * nx + fy * ny + fz * nz)
     log_z = log_prior(prior, normal_force) - energy - 0.5 * (log_det + math.log(variance_ratio))
-    return energy, log_z, cx, cy, cz, nx, ny, nz, fx, fy, fz, xi, v11, v12, v22
+    return Mode(energy, log_z, contact, (v11, v12, v22))

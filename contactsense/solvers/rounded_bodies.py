@@ -129,7 +129,7 @@ class Box:
 
     def problem(self) -> Problem:
         """Closed forms of its patches."""
-        return box.solve_box, (float(self.bx), float(self.by), float(self.bz), float(self.rounding))
+        return box.solve_box, ((float(self.bx), float(self.by), float(self.bz)), float(self.rounding))
 
     def line_problem(self) -> Problem:
         """Its wrench axis."""

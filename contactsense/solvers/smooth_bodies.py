@@ -8,6 +8,7 @@ import numpy as np
 
 from contactsense.solvers import general, paraboloid
 from contactsense.solvers import implicit_surfaces as implicit
+from contactsense.solvers.level_set import SmoothBody
 from contactsense.solvers.surface import Problem, level_shape, positive
 
 
@@ -35,7 +36,7 @@ class Superquadric:
         """Newton's method."""
         axes = (float(self.a), float(self.b), float(self.c))
         size = (implicit.SUPERQUADRIC, *(1.0 / axis for axis in axes), float(self.p), float(self.q))
-        return general.solve_smooth, (size, (0.0, 0.0, 0.0), axes, True)
+        return general.solve_smooth, (SmoothBody(size, (0.0, 0.0, 0.0), axes, True),)
 
     def newton_problem(self) -> Problem:
         """The same: there is no closed form."""
@@ -47,7 +48,7 @@ class Superquadric:
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
-        return level_shape(implicit.evaluate(self.problem()[1][0], *point), normal)
+        return level_shape(implicit.evaluate(self.problem()[1][0].size, *point), normal)
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Paraboloid:
         size = (implicit.PARABOLOID, float(self.k1), float(self.k2), 0.0, 0.0, 0.0)
         half = 0.5 * float(self.depth)
         extent = (float(np.sqrt(self.depth / self.k1)), float(np.sqrt(self.depth / self.k2)), half)
-        return general.solve_smooth, (size, (0.0, 0.0, -half), extent, False)
+        return general.solve_smooth, (SmoothBody(size, (0.0, 0.0, -half), extent, False),)
 
     def line_problem(self) -> Problem:
         """Its wrench axis."""
@@ -81,7 +82,7 @@ class Paraboloid:
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
-        return level_shape(implicit.evaluate(self.newton_problem()[1][0], *point), normal)
+        return level_shape(implicit.evaluate(self.newton_problem()[1][0].size, *point), normal)
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,9 @@ class Convex:
 
     def problem(self) -> Problem:
         """Newton's method."""
-        inner = tuple(float(x) for x in self.inner)
-        extent = tuple(float(x) for x in self.extent)
-        return general.solvers_for(self.function)[0], (self.size, inner, extent, False)
+        (x, y, z), (a, b, c) = self.inner, self.extent
+        inner, extent = (float(x), float(y), float(z)), (float(a), float(b), float(c))
+        return general.solvers_for(self.function)[0], (SmoothBody(self.size, inner, extent, False),)
 
     def newton_problem(self) -> Problem:
         """The same: there is no closed form."""

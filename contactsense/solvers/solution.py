@@ -1,17 +1,18 @@
 """Return value of every solver kernel, and the functions that compute it.
 
-A kernel is `solve_<surface>(fx, fy, fz, mx, my, mz, <size of the surface>) -> Answer`: it takes the
-wrench on the body, moment about the origin of the frame in which the surface is described, and returns a
-flat tuple of numbers. Kernels are total: they never raise and never return NaN.
+A kernel is `solve_<surface>(wrench, <size of the surface>) -> Answer`; the wrench is given in the frame in
+which the surface is described. Kernels are total: they never raise and never return NaN.
 """
 
 from enum import IntEnum
-from math import frexp, inf, ldexp, sqrt
+from math import inf, sqrt
+from typing import NamedTuple
 
-from contactsense.solvers.typed_kernel import kernel
+import numpy as np
 
-Answer = tuple[int, float, float, float, float, float, float, float, float, float]
-"""status, cx, cy, cz, nx, ny, nz, xi, residual, condition."""
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add, cross, dot, rotate, scale, subtract
+from contactsense.solvers.wrench import Wrench, invariant, moment_about
 
 OK, PULLING, MISS, TANGENT, PARALLEL, NO_FORCE, NOT_FINITE, NOT_CONVERGED, SHARP = range(9)
 
@@ -44,16 +45,31 @@ class Status(IntEnum):
         return self >= TANGENT and self != SHARP
 
 
-SMALL, LARGE = 1e-120, 1e120
-"""Squares between these can be squared again without leaving the range of floats."""
+class Answer(NamedTuple):
+    """What a kernel returns: `contactsense.solvers.solve_wrench.Solution` without the wrench."""
+
+    status: int
+    """One of `Status`."""
+    centroid: Vector
+    """Contact centroid."""
+    normal: Vector
+    """Outward unit normal there; zero if there is no point."""
+    torsion: float
+    """Moment about the normal."""
+    residual: float
+    """Unbalanced moment, relative to moment and lever."""
+    condition: float
+    """Condition number, see `_grazing`."""
+
 
 TINY = 1e-300
+"""Squares below this are zero."""
 
-_SPLIT = 134217729.0
-"""2^27 + 1 splits a float into two halves whose products are exact."""
+FAR = 1e300
+"""Distance of what is not there."""
 
-_CANCELLED = 1e-3
-"""Sum relative to its terms below which its rounding errors are added."""
+PATCH_TOLERANCE = 1e-9
+"""How far outside of its patch, relative to the size of the body, a contact may lie by rounding."""
 
 
 @kernel
@@ -67,9 +83,8 @@ def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float
 
     Where xi^2 det W > fn^2, M is regular even at fn = 0. But as f.m changes its sign, which takes a shift of
     the line by |xi fn| / |f|^2, the contact jumps to its twin on the other side of the line. On a sphere with
-    that
-    Gaussian curvature the twin is 2 (s / (det W (s + |f|^2)))^(1/2) away, with s = xi^2 det W - fn^2. The
-    condition number is the larger of both ratios.
+    that Gaussian curvature the twin is 2 (s / (det W (s + |f|^2)))^(1/2) away, with s = xi^2 det W - fn^2.
+    The condition number is the larger of both ratios.
     """
     bend = xi * trace
     spread = xi * xi * (trace * trace - 4.0 * det)
@@ -81,39 +96,6 @@ def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float
         jump = 2.0 * sqrt(beyond / (beyond + ff)) / sqrt(det)
         condition = max(condition, jump / abs(xi) * (ff / abs(fn)))
     return condition if condition >= 0.0 else inf
-
-
-@kernel
-def _product_error(x: float, y: float, product: float) -> float:
-    """x y - product, exactly (Dekker 1971), unless it leaves the range of floats."""
-    a = _SPLIT * x
-    a = a - (a - x)
-    b = _SPLIT * y
-    b = b - (b - y)
-    return ((a * b - product) + a * (y - b) + (x - a) * b) + (x - a) * (y - b)
-
-
-@kernel
-def sum_error(x: float, y: float, total: float) -> float:
-    """x + y - total, exactly (Knuth 1969)."""
-    back = total - x
-    return (x - (total - back)) + (y - back)
-
-
-@kernel
-def invariant(fx: float, fy: float, fz: float, mx: float, my: float, mz: float) -> float:
-    """f.m = xi (f.n), which is the same about any origin.
-
-    Its sign decides between a contact and its twin, and zero is a pure force. So where the products cancel,
-    it is summed as in twice the precision (Ogita, Rump & Oishi 2005).
-    """
-    x, y, z = fx * mx, fy * my, fz * mz
-    half = x + y
-    total = half + z
-    if abs(total) > _CANCELLED * (abs(x) + abs(y) + abs(z)):
-        return total
-    error = _product_error(fx, mx, x) + _product_error(fy, my, y) + _product_error(fz, mz, z)
-    return total + (error + (sum_error(x, y, half) + sum_error(half, z, total)))
 
 
 @kernel
@@ -132,142 +114,85 @@ def is_contact(t: float, xi: float, fn: float, det: float) -> bool:
 
 
 @kernel
-def torsion(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    cx: float,
-    cy: float,
-    cz: float,
-    nx: float,
-    ny: float,
-    nz: float,
-) -> float:
-    """Torsion at a contact.
+def torsion(wrench: Wrench, c: Vector, n: Vector) -> float:
+    """Torsion at a contact at c with the normal n.
 
     f.m / f.n is accurate for small torsion, the normal part of m - c x f if the force grazes.
     """
-    push = fx * nx + fy * ny + fz * nz
-    if push * push > 1e-3 * (fx * fx + fy * fy + fz * fz):
-        return invariant(fx, fy, fz, mx, my, mz) / push
-    return nx * (mx - (cy * fz - cz * fy)) + ny * (my - (cz * fx - cx * fz)) + nz * (mz - (cx * fy - cy * fx))
+    f = wrench.force
+    push = dot(f, n)
+    if push * push > 1e-3 * dot(f, f):
+        return invariant(wrench) / push
+    return dot(n, moment_about(wrench, c))
 
 
 @kernel
 def no_contact(status: int) -> Answer:
     """Answer without a contact point."""
-    return status, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, inf, inf
+    return Answer(status, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, inf, inf)
+
+
+@kernel
+def has_point(answer: Answer) -> bool:
+    """Whether an answer has a point, be it that of a contact or of a miss."""
+    n = answer.normal
+    return n[0] != 0.0 or n[1] != 0.0 or n[2] != 0.0
+
+
+@kernel
+def with_status(answer: Answer, status: int) -> Answer:
+    """The same answer with another status."""
+    return Answer(status, answer.centroid, answer.normal, answer.torsion, answer.residual, answer.condition)
+
+
+@kernel
+def placed(answer: Answer, rotation: np.ndarray, origin: Vector) -> Answer:
+    """An answer in a frame with that orientation, shape (3, 3), and origin, outside of it."""
+    return Answer(
+        answer.status,
+        add(origin, rotate(rotation, answer.centroid)),
+        rotate(rotation, answer.normal),
+        answer.torsion,
+        answer.residual,
+        answer.condition,
+    )
 
 
 @kernel
 def make_answer(
-    status: int,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    cx: float,
-    cy: float,
-    cz: float,
-    nx: float,
-    ny: float,
-    nz: float,
-    xi: float,
-    trace: float,
-    det: float,
+    status: int, wrench: Wrench, c: Vector, n: Vector, xi: float, trace: float, det: float
 ) -> Answer:
     """Put an answer together: how well it balances the wrench, and how grazing it is.
 
     Args:
         status: One of `Status`.
-        fx, fy, fz, mx, my, mz: The wrench.
-        cx, cy, cz, nx, ny, nz, xi: Contact centroid, outward unit normal, torsion.
+        wrench: The wrench.
+        c, n, xi: Contact centroid, outward unit normal, torsion.
         trace, det: Of the surface's shape operator there: sum and product of its principal curvatures.
 
     Returns:
         The answer; `residual` is |m - xi n - c x f| over the root of |m|^2 + |c|^2 |f|^2.
     """
-    rx = mx - xi * nx - (cy * fz - cz * fy)
-    ry = my - xi * ny - (cz * fx - cx * fz)
-    rz = mz - xi * nz - (cx * fy - cy * fx)
-    ff = fx * fx + fy * fy + fz * fz
-    scale = mx * mx + my * my + mz * mz + (cx * cx + cy * cy + cz * cz) * ff
-    residual = 0.0 if scale <= TINY else sqrt((rx * rx + ry * ry + rz * rz) / scale)
+    f, m = wrench
+    r = subtract(subtract(m, scale(xi, n)), cross(c, f))
+    ff = dot(f, f)
+    lever = dot(m, m) + dot(c, c) * ff
+    residual = 0.0 if lever <= TINY else sqrt(dot(r, r) / lever)
     condition = inf
     if status <= PULLING:
-        condition = _grazing(ff, fx * nx + fy * ny + fz * nz, xi, trace, det)
+        condition = _grazing(ff, dot(f, n), xi, trace, det)
     if not residual >= 0.0:
         # Out of the range of floats.
         return no_contact(MISS)
-    return status, cx, cy, cz, nx, ny, nz, xi, residual, condition
+    return Answer(status, c, n, xi, residual, condition)
 
 
 @kernel
-def input_status(fx: float, fy: float, fz: float, mx: float, my: float, mz: float) -> int:
+def input_status(wrench: Wrench) -> int:
     """`NOT_FINITE` or `NO_FORCE` if the wrench is invalid, else `OK`."""
-    if 0.0 * fx + 0.0 * fy + 0.0 * fz + 0.0 * mx + 0.0 * my + 0.0 * mz != 0.0:
+    f, m = wrench
+    if 0.0 * f[0] + 0.0 * f[1] + 0.0 * f[2] + 0.0 * m[0] + 0.0 * m[1] + 0.0 * m[2] != 0.0:
         return NOT_FINITE
-    if fx == 0.0 and fy == 0.0 and fz == 0.0:
+    if f[0] == 0.0 and f[1] == 0.0 and f[2] == 0.0:
         return NO_FORCE
     return OK
-
-
-_FAINT = 300
-"""A force weaker than the moment by more than 2^300 does not move the contact; the kernels take it as this
-weak."""
-
-
-@kernel
-def unit_exponents(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, length: float
-) -> tuple[int, int, int]:
-    """Exponents to bring a wrench and a surface of size `length` to order one without rounding.
-
-    Returns:
-        Exponents of the unit of force to use for the force, of that for the moment (over length), and of the
-        length. The first two differ only where the force is too faint to matter.
-    """
-    k = frexp(length)[1]
-    force = frexp(max(abs(fx), abs(fy), abs(fz)))[1]
-    moment = max(abs(mx), abs(my), abs(mz))
-    e = max(force, frexp(moment)[1] - k) if moment > 0.0 else force
-    return (e if force > e - _FAINT else force + _FAINT), e, k
-
-
-@kernel
-def scaled(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, force: int, moment: int, k: int
-) -> tuple[float, float, float, float, float, float]:
-    """The wrench in the units of `unit_exponents`."""
-    lever = moment + k
-    return (
-        ldexp(fx, -force),
-        ldexp(fy, -force),
-        ldexp(fz, -force),
-        ldexp(mx, -lever),
-        ldexp(my, -lever),
-        ldexp(mz, -lever),
-    )
-
-
-@kernel
-def rescaled(answer: Answer, force: int, moment: int, k: int) -> Answer:
-    """Convert an answer from the units of `unit_exponents` to those of the input."""
-    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = answer
-    return (
-        status,
-        ldexp(cx, k),
-        ldexp(cy, k),
-        ldexp(cz, k),
-        nx,
-        ny,
-        nz,
-        ldexp(xi, moment + k),
-        residual,
-        ldexp(condition, force - moment),
-    )

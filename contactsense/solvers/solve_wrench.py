@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.solution import Status
 from contactsense.solvers.surface import Kernel, Problem, Surface, same_fields, vectors
+from contactsense.solvers.wrench import Wrench, wrench_of
 
 Method = Literal["exact", "wrench_axis", "newton", "descent"]
 
@@ -127,11 +128,17 @@ def solve_wrench(surface: Surface, force: ArrayLike, moment: ArrayLike, method: 
         local = solve_wrench(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
         return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f, moment=m)
     solver, size = problem_of(surface, method)
-    status, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(
-        float(f[0]), float(f[1]), float(f[2]), float(m[0]), float(m[1]), float(m[2]), *size
-    )
+    answer = solver(wrench_of(f, m), *size)
     return Solution(
-        Status(status), np.array((cx, cy, cz)), np.array((nx, ny, nz)), f, m, xi, residual, condition, method
+        Status(answer.status),
+        np.array(answer.centroid),
+        np.array(answer.normal),
+        f,
+        m,
+        answer.torsion,
+        answer.residual,
+        answer.condition,
+        method,
     )
 
 
@@ -143,12 +150,12 @@ def run_kernel(
     """Solve rows of wrenches (N, 6) into `status` (N,) and `out` (N, 9), the other fields of each answer."""
     for i in range(wrenches.shape[0]):
         w = wrenches[i]
-        s, cx, cy, cz, nx, ny, nz, xi, residual, condition = solver(w[0], w[1], w[2], w[3], w[4], w[5], *size)
-        status[i] = s
+        answer = solver(Wrench((w[0], w[1], w[2]), (w[3], w[4], w[5])), *size)
+        status[i] = answer.status
         row = out[i]
-        row[0], row[1], row[2] = cx, cy, cz
-        row[3], row[4], row[5] = nx, ny, nz
-        row[6], row[7], row[8] = xi, residual, condition
+        row[0], row[1], row[2] = answer.centroid
+        row[3], row[4], row[5] = answer.normal
+        row[6], row[7], row[8] = answer.torsion, answer.residual, answer.condition
 
 
 def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solutions:

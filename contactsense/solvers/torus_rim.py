@@ -13,9 +13,12 @@ because the whole outer half belongs to a convex body, the disc plus the ball.
 """
 
 from math import cos, inf, pi, sin, sqrt
+from typing import NamedTuple
 
-from contactsense.solvers.solution import invariant, is_contact
-from contactsense.solvers.typed_kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import norm
+from contactsense.solvers.solution import is_contact
+from contactsense.solvers.wrench import Wrench, invariant
 
 _STEPS = 40
 _BEYOND = 1e-3
@@ -35,6 +38,39 @@ _STARTS_ACROSS = 24
 _HEIGHTS = 3
 
 
+class Rim(NamedTuple):
+    """The ball of radius `r` about every point of a circle about the origin, in the plane square to z."""
+
+    ring: float
+    """Radius of the circle."""
+    r: float
+    """Radius of the ball."""
+
+
+class Place(NamedTuple):
+    """A place on a rim, by its normal (cos a e, sin a)."""
+
+    ex: float
+    """Radial direction e, x."""
+    ey: float
+    """Radial direction e, y."""
+    ca: float
+    """Cosine of the elevation a."""
+    sa: float
+    """Sine of the elevation a."""
+
+
+class Balance(NamedTuple):
+    """What a contact at a place of a rim leaves of the wrench."""
+
+    around: float
+    """Tangential moment F_theta."""
+    across: float
+    """Tangential moment F_a."""
+    push: float
+    """f.n."""
+
+
 @kernel
 def _rotate(c: float, s: float, angle: float) -> tuple[float, float]:
     """The direction (c, s) rotated by a small angle, by at most half a turn in any case."""
@@ -47,95 +83,68 @@ def _rotate(c: float, s: float, angle: float) -> tuple[float, float]:
 
 
 @kernel
-def _tangential_moment(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    ring: float,
-    r: float,
-    ex: float,
-    ey: float,
-    ca: float,
-    sa: float,
-) -> tuple[float, float, float]:
-    """Tangential moment F_theta, F_a and f.n."""
-    f_rho, f_theta = ex * fx + ey * fy, ex * fy - ey * fx
-    m_rho, m_theta = ex * mx + ey * my, ex * my - ey * mx
-    around = m_theta + ring * fz + r * (ca * fz - sa * f_rho)
-    across = ca * (mz - ring * f_theta) - sa * m_rho - r * f_theta
-    return around, across, ca * f_rho + sa * fz
+def _components(wrench: Wrench, ex: float, ey: float) -> tuple[float, float, float, float]:
+    """f_rho, f_theta, m_rho, m_theta in the radial direction (ex, ey)."""
+    f, m = wrench
+    return ex * f[0] + ey * f[1], ex * f[1] - ey * f[0], ex * m[0] + ey * m[1], ex * m[1] - ey * m[0]
 
 
 @kernel
-def pushes_at(
-    t: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    ring: float,
-    r: float,
-    ex: float,
-    ey: float,
-    ca: float,
-    sa: float,
-) -> bool:
+def _balance(wrench: Wrench, rim: Rim, place: Place) -> Balance:
+    f, m = wrench
+    ring, r = rim
+    ex, ey, ca, sa = place
+    f_rho, f_theta, m_rho, m_theta = _components(wrench, ex, ey)
+    around = m_theta + ring * f[2] + r * (ca * f[2] - sa * f_rho)
+    across = ca * (m[2] - ring * f_theta) - sa * m_rho - r * f_theta
+    return Balance(around, across, ca * f_rho + sa * f[2])
+
+
+@kernel
+def pushes_at(t: float, wrench: Wrench, rim: Rim, place: Place) -> bool:
     """Whether a wrench with the invariant `t`, balanced at this place of the rim, pushes there."""
-    f_rho, f_theta = ex * fx + ey * fy, ex * fy - ey * fx
-    xi = ca * (ex * mx + ey * my) + sa * (mz - ring * f_theta)
-    return is_contact(t, xi, ca * f_rho + sa * fz, max(ca, 0.0) / (r * (ring + r * ca)))
+    f, m = wrench
+    ring, r = rim
+    ex, ey, ca, sa = place
+    f_rho, f_theta, m_rho, _ = _components(wrench, ex, ey)
+    xi = ca * m_rho + sa * (m[2] - ring * f_theta)
+    return is_contact(t, xi, ca * f_rho + sa * f[2], max(ca, 0.0) / (r * (ring + r * ca)))
 
 
 @kernel
-def refine_rim(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    ring: float,
-    r: float,
-    ex: float,
-    ey: float,
-    ca: float,
-    sa: float,
-) -> tuple[bool, float, float, float, float, int]:
+def refine_rim(wrench: Wrench, rim: Rim, start: Place) -> tuple[bool, Place, int]:
     """Newton's method for the contact on a rim, from a start that is pushed at.
 
     Args:
-        fx, fy, fz, mx, my, mz: Wrench, moment about the circle's centre.
-        ring, r: Radii of the circle and of the ball.
-        ex, ey, ca, sa: Start: radial direction, cosine and sine of the elevation.
+        wrench: Wrench, moment about the circle's centre.
+        rim: The rim.
+        start: Start of the iteration.
 
     Returns:
-        Whether a contact is found, radial direction, cosine and sine of the elevation (on the outer half of
-        the torus), and the number of steps.
+        Whether a contact is found, its place (on the outer half of the torus), and the number of steps.
     """
-    around, across, push = _tangential_moment(fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa)
+    f, m = wrench
+    ring, r = rim
+    place = start
+    around, across, push = _balance(wrench, rim, place)
     size = around * around + across * across
     step = 0
-    ff = fx * fx + fy * fy + fz * fz
-    t = invariant(fx, fy, fz, mx, my, mz)
+    t = invariant(wrench)
     # Rounding error of the moment.
-    floor = _FLOOR * (sqrt(mx * mx + my * my + mz * mz) + (ring + r) * sqrt(ff))
+    floor = _FLOOR * (norm(m) + (ring + r) * norm(f))
     for step in range(_STEPS):
         if size <= floor * floor:
-            return pushes_at(t, fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa), ex, ey, ca, sa, step
-        f_rho, f_theta = ex * fx + ey * fy, ex * fy - ey * fx
-        m_rho, m_theta = ex * mx + ey * my, ex * my - ey * mx
+            return pushes_at(t, wrench, rim, place), place, step
+        ex, ey, ca, sa = place
+        f_rho, f_theta, m_rho, m_theta = _components(wrench, ex, ey)
+        # Derivatives of F_theta and F_a by both angles.
         tt = -m_rho - r * sa * f_theta
         ta = -r * push
         at = -sa * m_theta + (ca * ring + r) * f_rho
-        aa = -ca * m_rho - sa * (mz - ring * f_theta)
+        aa = -ca * m_rho - sa * (m[2] - ring * f_theta)
         det = tt * aa - ta * at
         if det == 0.0:
-            return False, ex, ey, ca, sa, step
+            return False, place, step
         d_theta = (ta * across - aa * around) / det
         d_a = (at * around - tt * across) / det
         share = 1.0
@@ -145,177 +154,133 @@ def refine_rim(
             uc, us = _rotate(ca, sa, share * d_a)
             if uc < -_BEYOND:
                 uc, us = 0.0, (1.0 if us > 0.0 else -1.0)
-            new_around, new_across, new_push = _tangential_moment(
-                fx, fy, fz, mx, my, mz, ring, r, ux, uy, uc, us
-            )
-            new_size = new_around * new_around + new_across * new_across
-            if new_push < 0.0 and new_size < size:
+            trial = Place(ux, uy, uc, us)
+            new = _balance(wrench, rim, trial)
+            new_size = new.around * new.around + new.across * new.across
+            if new.push < 0.0 and new_size < size:
                 better = True
                 break
             share *= 0.5
         if not better:
             break
-        ex, ey, ca, sa = ux, uy, uc, us
-        around, across, push, size = new_around, new_across, new_push, new_size
+        place, size = trial, new_size
+        around, across, push = new
     # No decrease: the solution at the limit of rounding, else there is none on this rim.
-    found = size <= 100.0 * floor * floor and pushes_at(t, fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa)
-    return found, ex, ey, ca, sa, step
+    found = size <= 100.0 * floor * floor and pushes_at(t, wrench, rim, place)
+    return found, place, step
 
 
 @kernel
-def _elevation(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    ring: float,
-    r: float,
-    ex: float,
-    ey: float,
-    ca: float,
-    sa: float,
-) -> tuple[float, float, float]:
-    """The best of (ca, sa) and the elevations that make F_a or F_theta zero in the radial direction (ex, ey).
+def _elevation(wrench: Wrench, rim: Rim, place: Place) -> tuple[Place, float]:
+    """The best of a place and the elevations that make F_a or F_theta zero in its radial direction.
 
     Returns:
-        Its cosine and sine, and |F|^2 there; infinite where none of them is pushed at.
+        The place, and |F|^2 there; infinite where none of them is pushed at.
     """
-    around, across, push = _tangential_moment(fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa)
+    f, m = wrench
+    ring, r = rim
+    ex, ey, _, _ = place
+    around, across, push = _balance(wrench, rim, place)
     lowest = around * around + across * across if push < 0.0 else inf
-    f_rho, f_theta = ex * fx + ey * fy, ex * fy - ey * fx
-    m_rho, m_theta = ex * mx + ey * my, ex * my - ey * mx
+    f_rho, f_theta, m_rho, m_theta = _components(wrench, ex, ey)
     # F_a = 0 is a c - b s = d with two solutions, F_theta = 0 one with a single pushing one.
-    a, b, d = mz - ring * f_theta, m_rho, r * f_theta
+    a, b, d = m[2] - ring * f_theta, m_rho, r * f_theta
     root = sqrt(max(a * a + b * b - d * d, 0.0))
-    projection = -(m_theta + ring * fz) / r
-    push_root = sqrt(max(f_rho * f_rho + fz * fz - projection * projection, 0.0))
+    projection = -(m_theta + ring * f[2]) / r
+    push_root = sqrt(max(f_rho * f_rho + f[2] * f[2] - projection * projection, 0.0))
     for k in range(3):
         if k == 0:
             tc, ts = d * a - root * b, -root * a - d * b
         elif k == 1:
             tc, ts = d * a + root * b, root * a - d * b
         else:
-            tc, ts = projection * fz - push_root * f_rho, -projection * f_rho - push_root * fz
+            tc, ts = projection * f[2] - push_root * f_rho, -projection * f_rho - push_root * f[2]
         size = sqrt(tc * tc + ts * ts)
         if tc >= 0.0 and size > 0.0:
-            tc, ts = tc / size, ts / size
-            around, across, push = _tangential_moment(fx, fy, fz, mx, my, mz, ring, r, ex, ey, tc, ts)
+            trial = Place(ex, ey, tc / size, ts / size)
+            around, across, push = _balance(wrench, rim, trial)
             squared_residual = around * around + across * across
             if push < 0.0 and squared_residual < lowest:
-                ca, sa, lowest = tc, ts, squared_residual
-    return ca, sa, lowest
+                place, lowest = trial, squared_residual
+    return place, lowest
 
 
 @kernel
-def start_rim(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    ring: float,
-    r: float,
-    ca: float,
-    sa: float,
-) -> tuple[bool, float, float, float, float]:
+def start_rim(wrench: Wrench, rim: Rim, ca: float, sa: float) -> tuple[bool, Place]:
     """A start for `refine_rim`: one equation exact around the axis at the elevation (ca, sa), one across.
 
     At a given elevation both equations are linear in the direction, as on a cylinder and on a cone.
     """
+    f, m = wrench
+    ring, r = rim
     rho, z, q = ring + r * ca, r * sa, ring * ca + r
-    best_x = best_y = best_c = best_s = 0.0
+    best = Place(0.0, 0.0, 0.0, 0.0)
     lowest = inf
     for k in range(4):
         if k < 2:
-            px, py, along = my - z * fx, -mx - z * fy, -rho * fz
+            px, py, along = m[1] - z * f[0], -m[0] - z * f[1], -rho * f[2]
         else:
-            px, py, along = -sa * mx - q * fy, q * fx - sa * my, -ca * mz
+            px, py, along = -sa * m[0] - q * f[1], q * f[0] - sa * m[1], -ca * m[2]
         root = sqrt(max(px * px + py * py - along * along, 0.0))
         if k % 2 == 0:
             root = -root
         ex, ey = along * px - root * py, along * py + root * px
         size = sqrt(ex * ex + ey * ey)
         if size > 0.0:
-            ex, ey = ex / size, ey / size
-            tc, ts, squared_residual = _elevation(fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa)
+            place, squared_residual = _elevation(wrench, rim, Place(ex / size, ey / size, ca, sa))
             if squared_residual < lowest:
-                best_x, best_y, best_c, best_s, lowest = ex, ey, tc, ts, squared_residual
-    return lowest < inf, best_x, best_y, best_c, best_s
+                best, lowest = place, squared_residual
+    return lowest < inf, best
 
 
 @kernel
-def _at_elevation(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    ring: float,
-    r: float,
-    angle: float,
-    sign: float,
-) -> tuple[bool, float, float, float, float, float]:
-    """One of the two radial directions that make F_theta zero at an elevation: whether it exists, direction,
-    cosine and sine of the elevation, F_a."""
+def _at_elevation(wrench: Wrench, rim: Rim, angle: float, sign: float) -> tuple[bool, Place, float]:
+    """One of the two radial directions that make F_theta zero at an elevation: whether it exists, the place,
+    F_a."""
+    f, m = wrench
+    ring, r = rim
     ca, sa = cos(angle), sin(angle)
-    px, py, along = my - r * sa * fx, -mx - r * sa * fy, -(ring + r * ca) * fz
+    px, py, along = m[1] - r * sa * f[0], -m[0] - r * sa * f[1], -(ring + r * ca) * f[2]
     pp = px * px + py * py
     disc = pp - along * along
     if not disc >= 0.0 or pp == 0.0:
-        return False, 1.0, 0.0, ca, sa, 0.0
+        return False, Place(1.0, 0.0, ca, sa), 0.0
     root = sign * sqrt(disc)
-    ex, ey = (along * px - root * py) / pp, (along * py + root * px) / pp
-    f_theta = ex * fy - ey * fx
-    across = ca * (mz - ring * f_theta) - sa * (ex * mx + ey * my) - r * f_theta
-    return True, ex, ey, ca, sa, across
+    place = Place((along * px - root * py) / pp, (along * py + root * px) / pp, ca, sa)
+    return True, place, _balance(wrench, rim, place).across
 
 
 @kernel
-def bisect_rim(
-    fx: float,
-    fy: float,
-    fz: float,
-    mx: float,
-    my: float,
-    mz: float,
-    ring: float,
-    r: float,
-    low: float,
-    high: float,
-) -> tuple[bool, float, float, float, float]:
+def bisect_rim(wrench: Wrench, rim: Rim, low: float, high: float) -> tuple[bool, Place]:
     """The contact between two elevations of the rim, by bisection; however sharp it is.
 
     At each elevation F_theta = 0 is linear in the radial direction, with two solutions or none. Along
     either, F_a changes its sign at a contact.
 
     Args:
-        fx, fy, fz, mx, my, mz: Wrench, moment about the circle's centre.
-        ring, r: Radii of the circle and of the ball.
+        wrench: Wrench, moment about the circle's centre.
+        rim: The rim.
         low, high: Angles of elevation where the patch ends.
 
     Returns:
-        Whether it is found, radial direction, cosine and sine of the elevation.
+        Whether it is found, and its place.
     """
     for k in range(2 * _SEGMENTS):
         branch = 1.0 if k % 2 == 0 else -1.0
         a = low + (high - low) * (k // 2) / _SEGMENTS
         b = low + (high - low) * (k // 2 + 1) / _SEGMENTS
-        at_a, _, _, _, _, first = _at_elevation(fx, fy, fz, mx, my, mz, ring, r, a, branch)
-        at_b, ex, ey, ca, sa, last = _at_elevation(fx, fy, fz, mx, my, mz, ring, r, b, branch)
+        at_a, _, first = _at_elevation(wrench, rim, a, branch)
+        at_b, start, last = _at_elevation(wrench, rim, b, branch)
         if at_a != at_b:
             # Both solutions begin or end here, at the same direction.
             inside, outside = (a, b) if at_a else (b, a)
             for _ in range(_BISECTIONS):
                 middle = 0.5 * (inside + outside)
-                if _at_elevation(fx, fy, fz, mx, my, mz, ring, r, middle, branch)[0]:
+                if _at_elevation(wrench, rim, middle, branch)[0]:
                     inside = middle
                 else:
                     outside = middle
-            end = _at_elevation(fx, fy, fz, mx, my, mz, ring, r, inside, branch)[5]
+            end = _at_elevation(wrench, rim, inside, branch)[2]
             if at_a:
                 b, last = inside, end
             else:
@@ -323,40 +288,35 @@ def bisect_rim(
         if (at_a or at_b) and (first < 0.0) != (last < 0.0):
             for _ in range(_BISECTIONS):
                 middle = 0.5 * (a + b)
-                _, ex, ey, ca, sa, value = _at_elevation(fx, fy, fz, mx, my, mz, ring, r, middle, branch)
+                _, start, value = _at_elevation(wrench, rim, middle, branch)
                 if (value < 0.0) == (first < 0.0):
                     a = middle
                 else:
                     b = middle
-            found, px, py, pc, ps, _ = refine_rim(fx, fy, fz, mx, my, mz, ring, r, ex, ey, ca, sa)
+            found, place, _ = refine_rim(wrench, rim, start)
             if found:
-                return True, px, py, pc, ps
-    return False, 1.0, 0.0, 1.0, 0.0
+                return True, place
+    return False, Place(1.0, 0.0, 1.0, 0.0)
 
 
 @kernel
-def search_rim(
-    fx: float, fy: float, fz: float, mx: float, my: float, mz: float, ring: float, r: float
-) -> tuple[bool, float, float, float, float]:
+def search_rim(wrench: Wrench, rim: Rim) -> tuple[bool, Place]:
     """`refine_rim` from starts all around the rim, for the few wrenches whose first start fails."""
     for k in range(_STARTS_ACROSS):
         sa = (2.0 * k + 1.0) / _STARTS_ACROSS - 1.0
-        ca = sqrt(1.0 - sa * sa)
-        started, ex, ey, uc, us = start_rim(fx, fy, fz, mx, my, mz, ring, r, ca, sa)
+        started, start = start_rim(wrench, rim, sqrt(1.0 - sa * sa), sa)
         if started:
-            found, ex, ey, uc, us, _ = refine_rim(fx, fy, fz, mx, my, mz, ring, r, ex, ey, uc, us)
+            found, place, _ = refine_rim(wrench, rim, start)
             if found:
-                return True, ex, ey, uc, us
+                return True, place
     qc, qs = 1.0, 0.0
     for _ in range(_STARTS_AROUND):
         for k in range(_HEIGHTS):
             sa = (2.0 * k + 1.0) / _HEIGHTS - 1.0
-            ca, sa, squared_residual = _elevation(
-                fx, fy, fz, mx, my, mz, ring, r, qc, qs, sqrt(1.0 - sa * sa), sa
-            )
+            start, squared_residual = _elevation(wrench, rim, Place(qc, qs, sqrt(1.0 - sa * sa), sa))
             if squared_residual < inf:
-                found, ex, ey, uc, us, _ = refine_rim(fx, fy, fz, mx, my, mz, ring, r, qc, qs, ca, sa)
+                found, place, _ = refine_rim(wrench, rim, start)
                 if found:
-                    return True, ex, ey, uc, us
+                    return True, place
         qc, qs = _rotate(qc, qs, 2.0 * pi / _STARTS_AROUND)
-    return False, 1.0, 0.0, 1.0, 0.0
+    return False, Place(1.0, 0.0, 1.0, 0.0)

@@ -162,7 +162,7 @@ class _Search:
         return Fit(grown, errors(grown, self._skin, self._shape, self._around, self._options.seed), reached)
 
     def _refit(self, bodies: Bodies, target: Target, steps: int) -> float:
-        return float(fit(*bodies, *target, self._scale, self._reach, LEAST, steps))
+        return float(fit(bodies, target, self._scale, self._reach, LEAST, steps))
 
     def _grown(self, bodies: Bodies | None) -> Bodies:
         """Add one body: the best of many guesses, which are first fitted quickly, then the best few
@@ -196,7 +196,7 @@ class _Search:
         return bodies
 
     def _cost(self, bodies: Bodies) -> float:
-        return float(cost(*bodies, *self._target, self._scale, self._reach))
+        return float(cost(bodies, self._target, self._scale, self._reach))
 
     def _misfit(self, bodies: Bodies | None) -> np.ndarray:
         weight = np.maximum(self._skin.exposure, 0.02)

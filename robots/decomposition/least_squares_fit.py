@@ -11,6 +11,8 @@ import numpy as np
 from contactsense.robots.jit.kernel import allocating_kernel, kernel
 from contactsense.robots.surface.convex_primitives import bounding_radius, keep_valid, project
 from contactsense.robots.surface.union import nearest
+from contactsense.robots.vectors import add, cross, divide, dot, rotate_back, subtract, vector
+from contactsense.robots.vectors import scale as times
 
 EQUAL, AT_LEAST, AT_MOST = 0, 1, 2
 """What a sample asks of the distance: its value, or only that it be no smaller, or no larger."""
@@ -40,6 +42,16 @@ class Bodies(NamedTuple):
         return Bodies(*(np.ascontiguousarray(array[keep]) for array in self))
 
 
+class _Bounded(NamedTuple):
+    """Bodies with the radii of the balls that hold them."""
+
+    kind: np.ndarray
+    rotation: np.ndarray
+    origin: np.ndarray
+    size: np.ndarray
+    radius: np.ndarray
+
+
 class Target(NamedTuple):
     """Samples of the wanted signed distance."""
 
@@ -66,62 +78,55 @@ def _residual(d, value, mode):  # type: ignore[no-untyped-def]
 
 
 @allocating_kernel
-def _radii(kind, size):  # type: ignore[no-untyped-def]
-    radius = np.empty(kind.shape[0])
-    for i in range(kind.shape[0]):
-        radius[i] = bounding_radius(kind[i], size[i])
-    return radius
+def _bounded(bodies):  # type: ignore[no-untyped-def]
+    radius = np.empty(bodies.kind.shape[0])
+    for i in range(bodies.kind.shape[0]):
+        radius[i] = bounding_radius(bodies.kind[i], bodies.size[i])
+    return _Bounded(bodies.kind, bodies.rotation, bodies.origin, bodies.size, radius)
 
 
-@kernel
-def cost(kind, rotation, origin, size, points, value, mode, weight, scale, reach):  # type: ignore[no-untyped-def]
+@allocating_kernel
+def cost(bodies, target, scale, reach):  # type: ignore[no-untyped-def]
     """Weighted sum of pseudo-Huber losses of scale `scale` [m], saturating at `reach` [m]."""
     total = 0.0
-    radius = _radii(kind, size)
-    for i in range(points.shape[0]):
-        d = nearest(
-            kind, rotation, origin, size, radius, 0, kind.shape[0], points[i, 0], points[i, 1], points[i, 2]
-        )[0]
-        e = _residual(d, value[i], mode[i])
+    bounded = _bounded(bodies)
+    for i in range(target.points.shape[0]):
+        d = nearest(bounded, 0, bounded.kind.shape[0], vector(target.points[i]))[0]
+        e = _residual(d, target.value[i], target.mode[i])
         e = min(abs(e), reach)
-        total += weight[i] * (np.sqrt(1.0 + (e / scale) ** 2) - 1.0)
+        total += target.weight[i] * (np.sqrt(1.0 + (e / scale) ** 2) - 1.0)
     return total
 
 
 @allocating_kernel
-def _normal_equations(kind, rotation, origin, size, points, value, mode, weight, scale, reach, H, g):  # type: ignore[no-untyped-def]
+def _normal_equations(bodies, target, scale, reach, H, g):  # type: ignore[no-untyped-def]
     H[:] = 0.0
     g[:] = 0.0
     row = np.empty(_PARAMETERS)
-    changed = np.empty(size.shape[1])
+    changed = np.empty(bodies.size.shape[1])
     total = 0.0
-    radius = _radii(kind, size)
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        d, k, _, _, _, nx, ny, nz = nearest(kind, rotation, origin, size, radius, 0, kind.shape[0], x, y, z)
-        e = _residual(d, value[i], mode[i])
+    bounded = _bounded(bodies)
+    for i in range(target.points.shape[0]):
+        point, weight = vector(target.points[i]), target.weight[i]
+        d, k, _, n = nearest(bounded, 0, bounded.kind.shape[0], point)
+        e = _residual(d, target.value[i], target.mode[i])
         if e == 0.0:
             continue
         if abs(e) > reach:
-            total += weight[i] * (np.sqrt(1.0 + (reach / scale) ** 2) - 1.0)
+            total += weight * (np.sqrt(1.0 + (reach / scale) ** 2) - 1.0)
             continue
         bend = np.sqrt(1.0 + (e / scale) ** 2)
-        total += weight[i] * (bend - 1.0)
-        w = weight[i] / (bend * scale * scale)
-        dx, dy, dz = x - origin[k, 0], y - origin[k, 1], z - origin[k, 2]
+        total += weight * (bend - 1.0)
+        w = weight / (bend * scale * scale)
+        offset = subtract(point, vector(bodies.origin[k]))
         # Turning the body by a small vector about its origin, then shifting it.
-        row[0] = ny * dz - nz * dy
-        row[1] = nz * dx - nx * dz
-        row[2] = nx * dy - ny * dx
-        row[3], row[4], row[5] = -nx, -ny, -nz
-        R = rotation[k]
-        bx = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
-        by = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
-        bz = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
+        row[0], row[1], row[2] = cross(n, offset)
+        row[3], row[4], row[5] = -n[0], -n[1], -n[2]
+        x, y, z = rotate_back(bodies.rotation[k], offset)
         for j in range(4):
-            changed[:] = size[k]
+            changed[:] = bodies.size[k]
             changed[j] += 1e-7
-            row[6 + j] = (project(kind[k], changed, bx, by, bz)[0] - d) / 1e-7
+            row[6 + j] = (project(bodies.kind[k], changed, x, y, z)[0] - d) / 1e-7
         for a in range(_PARAMETERS):
             g[k, a] += w * row[a] * e
             for b in range(a + 1):
@@ -130,9 +135,9 @@ def _normal_equations(kind, rotation, origin, size, points, value, mode, weight,
 
 
 @allocating_kernel
-def _step(kind, rotation, origin, size, H, g, damping, least, new_rotation, new_origin, new_size):  # type: ignore[no-untyped-def]
+def _step(bodies, H, g, damping, least, new):  # type: ignore[no-untyped-def]
     A = np.empty((_PARAMETERS, _PARAMETERS))
-    for k in range(kind.shape[0]):
+    for k in range(bodies.kind.shape[0]):
         for a in range(_PARAMETERS):
             for b in range(a + 1):
                 A[a, b] = H[k, a, b]
@@ -145,56 +150,57 @@ def _step(kind, rotation, origin, size, H, g, damping, least, new_rotation, new_
         if shift > 1.0:
             step /= shift
             turn /= shift
-        new_rotation[k] = rotation[k]
+        rotation = bodies.rotation[k]
+        new.rotation[k] = rotation
         if turn > 0.0:
-            ax, ay, az = step[0] / turn, step[1] / turn, step[2] / turn
+            axis = divide(vector(step), turn)
             c, s = np.cos(turn), np.sin(turn)
             for column in range(3):
-                vx, vy, vz = rotation[k, 0, column], rotation[k, 1, column], rotation[k, 2, column]
-                dot = (ax * vx + ay * vy + az * vz) * (1.0 - c)
-                new_rotation[k, 0, column] = vx * c + (ay * vz - az * vy) * s + ax * dot
-                new_rotation[k, 1, column] = vy * c + (az * vx - ax * vz) * s + ay * dot
-                new_rotation[k, 2, column] = vz * c + (ax * vy - ay * vx) * s + az * dot
+                v = (rotation[0, column], rotation[1, column], rotation[2, column])
+                turned = add(
+                    add(times(c, v), times(s, cross(axis, v))), times((1.0 - c) * dot(axis, v), axis)
+                )
+                new.rotation[k, 0, column], new.rotation[k, 1, column], new.rotation[k, 2, column] = turned
         for a in range(3):
-            new_origin[k, a] = origin[k, a] + step[3 + a]
-        new_size[k] = size[k]
+            new.origin[k, a] = bodies.origin[k, a] + step[3 + a]
+        new.size[k] = bodies.size[k]
         for a in range(4):
-            new_size[k, a] += step[6 + a]
-        keep_valid(kind[k], new_size[k], least)
+            new.size[k, a] += step[6 + a]
+        keep_valid(bodies.kind[k], new.size[k], least)
 
 
 @allocating_kernel
-def fit(kind, rotation, origin, size, points, value, mode, weight, scale, reach, least, steps):  # type: ignore[no-untyped-def]
-    """Improve `rotation`, `origin` and `size` in place; returns the cost reached.
+def fit(bodies, target, scale, reach, least, steps):  # type: ignore[no-untyped-def]
+    """Improve `rotation`, `origin` and `size` of the bodies in place; returns the cost reached.
 
     Args:
-        kind, rotation, origin, size: Arrays of `Bodies`.
-        points, value, mode, weight: Arrays of `Target`.
+        bodies: The `Bodies`.
+        target: The `Target`.
         scale: Where the loss turns from square to linear [m].
         reach: Residuals beyond this have no pull [m].
         least: Least radius of the ball of a primitive, and of an ellipsoid [m].
         steps: Number of steps.
     """
-    count = kind.shape[0]
+    count = bodies.kind.shape[0]
     H = np.empty((count, _PARAMETERS, _PARAMETERS))
     g = np.empty((count, _PARAMETERS))
-    new_rotation, new_origin, new_size = np.empty_like(rotation), np.empty_like(origin), np.empty_like(size)
+    new = Bodies(
+        bodies.kind, np.empty_like(bodies.rotation), np.empty_like(bodies.origin), np.empty_like(bodies.size)
+    )
     damping = 1e-2
-    now = _normal_equations(kind, rotation, origin, size, points, value, mode, weight, scale, reach, H, g)
+    now = _normal_equations(bodies, target, scale, reach, H, g)
     for _ in range(steps):
-        _step(kind, rotation, origin, size, H, g, damping, least, new_rotation, new_origin, new_size)
-        after = cost(kind, new_rotation, new_origin, new_size, points, value, mode, weight, scale, reach)
+        _step(bodies, H, g, damping, least, new)
+        after = cost(new, target, scale, reach)
         if after < now:
             gain = (now - after) / now
-            rotation[:] = new_rotation
-            origin[:] = new_origin
-            size[:] = new_size
+            bodies.rotation[:] = new.rotation
+            bodies.origin[:] = new.origin
+            bodies.size[:] = new.size
             damping = max(damping * 0.3, 1e-6)
             if gain < 1e-5:
                 return after
-            now = _normal_equations(
-                kind, rotation, origin, size, points, value, mode, weight, scale, reach, H, g
-            )
+            now = _normal_equations(bodies, target, scale, reach, H, g)
         else:
             damping *= 4.0
             if damping > 1e6:

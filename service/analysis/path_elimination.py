@@ -18,11 +18,8 @@ from contactsense.tracking.contact_tracker import tangents
 @kernel
 def _nearest(surfaces, link, x, y, z):  # type: ignore[no-untyped-def]
     """Nearest point of the link's surface, and the outward normal there."""
-    _, _, px, py, pz, nx, ny, nz = nearest(
-        surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius,
-        surfaces.start[link], surfaces.start[link + 1], x, y, z,
-    )  # fmt: skip
-    return px, py, pz, nx, ny, nz
+    _, _, point, normal = nearest(surfaces, surfaces.start[link], surfaces.start[link + 1], (x, y, z))
+    return (*point, *normal)
 
 
 @kernel

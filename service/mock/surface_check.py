@@ -30,12 +30,12 @@ def check_contacts(script: Script, robot: Robot) -> None:
                 f"contacts[{index}].link: expected one of {', '.join(robot.link_names)}, got {contact.link!r}"
             )
         link = robot.link_names.index(contact.link)
-        arrays = surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius
-        span = surfaces.start[link], surfaces.start[link + 1]
-        gap, which, x, y, z, *_ = nearest(*arrays, *span, *(float(value) for value in contact.point))
+        x, y, z = (float(value) for value in contact.point)
+        first, last = surfaces.start[link], surfaces.start[link + 1]
+        gap, which, place, _ = nearest(surfaces, first, last, (x, y, z))
         if which >= 0 and abs(gap) > OFF_SURFACE:
             where = "outside of it" if gap > 0.0 else "inside"
             raise ScriptError(
                 f"contacts[{index}].point: expected a point on the surface of {contact.link}, got one "
-                f"{1e3 * abs(gap):.1f} mm {where}; the nearest is {np.round([x, y, z], 4).tolist()}"
+                f"{1e3 * abs(gap):.1f} mm {where}; the nearest is {np.round(place, 4).tolist()}"
             )

@@ -11,9 +11,11 @@ from contactsense.localization.accessibility import accessible_share, apply_acce
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.ranking import place_primitives
 from contactsense.robots.surface.convex_primitives import project
+from contactsense.robots.vectors import tangents
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
-from contactsense.solvers.posterior import empty_search_buffers, tangents
+from contactsense.solvers.posterior import Contact, empty_search_buffers
+from contactsense.solvers.posterior_mode import Mode
 
 TRIALS = 4000
 
@@ -33,7 +35,7 @@ def _monte_carlo(
 ) -> tuple[float, np.ndarray]:
     """Accessible share of random points about c, and the mean displacement of the accessible ones."""
     R, o = state.candidates.rotation[p], state.candidates.origin[p]
-    t = np.array(tangents(*n)).reshape(2, 3)
+    t = np.array(tangents(tuple(n)))
     total, mean = 0.0, np.zeros(3)
     for u in np.random.default_rng(1).standard_normal((TRIALS, 2)):
         local = R.T @ (c + (root @ u) @ t - o)
@@ -63,9 +65,11 @@ def test_share_and_mean_agree_with_monte_carlo(
     V = root @ root.T
     buffers = empty_search_buffers()
     buffers.frame[:, 0] = projected[3:]
-    buffers.frame[:, 1:] = R.T @ np.array(tangents(*normal)).reshape(2, 3).T
-    result = (0.0, 0.0, *projected, *(-10.0 * np.array(projected[3:])), 0.0, V[0, 0], V[0, 1], V[1, 1])
-    store_candidate(state.candidates, 0, p, result, buffers, constants.prior.surface_deviation)
+    buffers.frame[:, 1:] = R.T @ np.array(tangents(tuple(normal))).T
+    force = tuple(-10.0 * component for component in projected[3:])
+    contact = Contact(tuple(projected[:3]), tuple(projected[3:]), force, 0.0)
+    mode = Mode(0.0, 0.0, contact, (V[0, 0], V[0, 1], V[1, 1]))
+    store_candidate(state.candidates, 0, p, mode, buffers, constants.prior.surface_deviation)
     state.candidates.score[0] = 0.0
     start = state.candidates.point[0].copy()
     share, mean = _monte_carlo(constants, state, p, start, normal, root)
@@ -75,7 +79,7 @@ def test_share_and_mean_agree_with_monte_carlo(
     assert math.exp(state.candidates.score[0]) == pytest.approx(share, abs=0.12)
     if share > 0.2:
         assert np.linalg.norm(state.candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
-    store_candidate(state.candidates, 0, p, result, buffers, constants.prior.surface_deviation)
+    store_candidate(state.candidates, 0, p, mode, buffers, constants.prior.surface_deviation)
     state.candidates.score[0] = 0.0
     apply_accessibility(constants.surfaces, state.candidates, 0, constants.prior, -8.0)
     # Only candidates below the limit are rejected early.

@@ -79,7 +79,7 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
         indices = range(surfaces.start[push.link], surfaces.start[push.link + 1])
         p = min(indices, key=lambda p: abs(_distance(case, p, push.point)))
         start = push.point + shift * rng.standard_normal(3)
-        joint_optimization.set_contact(surfaces, frames, optimizer, i, p, *start, *push.force)
+        joint_optimization.set_contact(surfaces, frames, optimizer, i, p, tuple(start), tuple(push.force))
     state = case.state
     external = (state.base_wrench, state.torque, state.wrist_wrench)
     return int(

@@ -26,12 +26,12 @@ def recording() -> SampleBlock:
     """The demo's script on the plain arm, its contacts moved onto that arm's surface: twelve seconds."""
     arm, script = plain_ur5e(), Script.demo()
     surfaces = pack(arm.links)
-    arrays = surfaces.kind, surfaces.rotation, surfaces.origin, surfaces.size, surfaces.radius
     contacts = []
     for contact in script.contacts:
         link = arm.link_names.index(contact.link)
-        found = nearest(*arrays, surfaces.start[link], surfaces.start[link + 1], *map(float, contact.point))
-        contacts.append(contact.model_copy(update={"point": tuple(found[2:5])}))
+        x, y, z = map(float, contact.point)
+        found = nearest(surfaces, surfaces.start[link], surfaces.start[link + 1], (x, y, z))
+        contacts.append(contact.model_copy(update={"point": found[2]}))
     motion = simulate(script.model_copy(update={"contacts": contacts}), arm)
     return SampleBlock(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench)[:6000]
 

@@ -163,7 +163,7 @@ def _fingertip(surface: Fingertip, rng: np.random.Generator, count: int) -> tupl
 def _superquadric(
     surface: Superquadric, rng: np.random.Generator, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    size = surface.problem()[1][0]
+    size = surface.problem()[1][0].size
     c = rng.normal(size=(count, 3)) * (surface.a, surface.b, surface.c)
     for _ in range(3):
         c /= 1.0 + np.array([evaluate(size, *row)[0] for row in c])[:, None]

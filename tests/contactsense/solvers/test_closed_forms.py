@@ -24,6 +24,7 @@ from contactsense.solvers import (
     solve_batch,
     solve_primitive,
 )
+from contactsense.solvers.wrench import wrench_of
 from tests.contactsense.solvers.contacts import draw
 
 SURFACES = [
@@ -251,9 +252,9 @@ def test_packed_primitives_are_solved_in_their_pose(kind: str) -> None:
         c, n = row[1:4], row[4:]
         f = rng.normal(size=3)
         f *= -np.sign(f @ n)
-        answer = solve_primitive(number, size, *f, *(np.cross(c, f) + 0.01 * rng.normal() * n))
-        assert answer[0] == Status.OK
-        np.testing.assert_allclose(answer[1:4], c, atol=1e-9)
+        answer = solve_primitive(number, size, wrench_of(f, np.cross(c, f) + 0.01 * rng.normal() * n))
+        assert answer.status == Status.OK
+        np.testing.assert_allclose(answer.centroid, c, atol=1e-9)
         placed = solve(place(shapes[kind]), rotation @ f, np.cross(origin + rotation @ c, rotation @ f))
         np.testing.assert_allclose(placed.centroid, origin + rotation @ c, atol=1e-8)
 

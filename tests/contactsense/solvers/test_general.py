@@ -20,6 +20,8 @@ from contactsense.solvers import (
 )
 from contactsense.solvers.general import solve_smooth_counted
 from contactsense.solvers.implicit_surfaces import ELLIPSOID, evaluate
+from contactsense.solvers.level_set import SmoothBody
+from contactsense.solvers.wrench import wrench_of
 from tests.contactsense.solvers.contacts import draw, unit
 
 CUBE = [(x, y, z) for x in (-0.1, 0.1) for y in (-0.04, 0.04) for z in (-0.07, 0.07)]
@@ -131,14 +133,14 @@ def test_newton_and_closed_form_agree_on_an_ellipsoid() -> None:
     axes = (0.05, 0.07, 0.1)
     expected = solve_batch(Ellipsoid(*axes), wrenches[:, :3], wrenches[:, 3:])
     steps = []
+    size = (ELLIPSOID, *(1.0 / axis for axis in axes), 0.0, 0.0)
+    # The start for another body's extent is wrong, so that there is something to iterate.
+    body = SmoothBody(size, (0.0, 0.0, 0.0), (0.1, 0.1, 0.1), True)
     for i, w in enumerate(wrenches):
-        # The start for another body's extent is wrong, so that there is something to iterate.
-        answer, count = solve_smooth_counted(
-            *w, (ELLIPSOID, *(1.0 / axis for axis in axes), 0.0, 0.0), (0.0, 0.0, 0.0), (0.1, 0.1, 0.1), True
-        )
+        answer, count = solve_smooth_counted(wrench_of(w[:3], w[3:]), body)
         steps.append(count)
-        assert answer[0] == Status.OK
-        assert np.abs(answer[1:4] - expected.centroid[i]).max() < 1e-14 * (10.0 + expected.condition[i])
+        assert answer.status == Status.OK
+        assert np.abs(answer.centroid - expected.centroid[i]).max() < 1e-14 * (10.0 + expected.condition[i])
     # One step, and sometimes one more for rounding.
     assert np.max(steps) <= 2
 
@@ -146,7 +148,7 @@ def test_newton_and_closed_form_agree_on_an_ellipsoid() -> None:
 def test_evaluate_returns_the_derivatives_of_its_value() -> None:
     rng = np.random.default_rng(7)
     for p, q in ((4.0, 4.0), (2.0, 5.0), (3.0, 2.0), (2.5, 2.5)):
-        size = Superquadric(0.5, 0.7, 1.0, p, q).problem()[1][0]
+        size = Superquadric(0.5, 0.7, 1.0, p, q).problem()[1][0].size
         for point in rng.normal(size=(20, 3)):
             level = np.array(evaluate(size, *point))
             hessian = level[[4, 7, 8, 7, 5, 9, 8, 9, 6]].reshape(3, 3)

@@ -9,6 +9,7 @@ from contactsense.robots import Inertia, Link
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import Surfaces, pack, project
 from contactsense.solvers.line_of_action import ENTRY_TOLERANCE, enter_surface
+from contactsense.solvers.wrench import Wrench, wrench_of
 
 SHAPES: tuple[Primitive, ...] = (
     Sphere(center=(0, 0, 0), radius=0.05),
@@ -38,8 +39,8 @@ def test_a_line_through_the_body_is_followed_to_its_first_intersection(
     if np.linalg.norm(f) < 1e-3 or project(kind, dimensions, *inside)[0] > -1e-4:
         return
     f *= size
-    distance, *hit = enter_surface(kind, dimensions, radius, *f, *np.cross(inside, f))
-    point, normal = np.array(hit[:3]), np.array(hit[3:])
+    distance, *hit = enter_surface(kind, dimensions, radius, wrench_of(f, np.cross(inside, f)))
+    point, normal = np.array(hit)
     assert distance == 0.0
     assert abs(project(kind, dimensions, *point)[0]) < 1e-8
     unit = f / np.linalg.norm(f)
@@ -65,8 +66,8 @@ def test_a_line_that_misses_returns_a_point_that_can_be_pushed(
     f /= np.linalg.norm(f)
     side = np.cross(f, [0.3, -0.5, 0.8])
     line_point = offset * radius * side / np.linalg.norm(side)
-    distance, *hit = enter_surface(kind, dimensions, radius, *f, *np.cross(line_point, f))
-    point, normal = np.array(hit[:3]), np.array(hit[3:])
+    distance, *hit = enter_surface(kind, dimensions, radius, wrench_of(f, np.cross(line_point, f)))
+    point, normal = np.array(hit)
     nearest = min(
         project(kind, dimensions, *(line_point + s * f))[0] for s in np.linspace(-2, 2, 4001) * radius
     )
@@ -78,8 +79,7 @@ def test_a_line_that_misses_returns_a_point_that_can_be_pushed(
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
 def test_a_zero_force_returns_a_point_on_the_surface(shape: Primitive) -> None:
     surfaces = _packed(shape)
-    distance, *hit = enter_surface(
-        surfaces.kind[0], surfaces.size[0], surfaces.radius[0], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
-    )
+    wrench = Wrench((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    distance, point, _ = enter_surface(surfaces.kind[0], surfaces.size[0], surfaces.radius[0], wrench)
     assert distance == 0.0
-    assert abs(project(surfaces.kind[0], surfaces.size[0], *hit[:3])[0]) < 1e-9
+    assert abs(project(surfaces.kind[0], surfaces.size[0], *point)[0]) < 1e-9

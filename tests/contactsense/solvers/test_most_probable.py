@@ -27,8 +27,9 @@ from contactsense.solvers import (
     solve,
 )
 from contactsense.solvers.line_of_action import enter_surface
-from contactsense.solvers.posterior import STUDENT_DOF, Prior, empty_search_buffers, pushing_force
+from contactsense.solvers.posterior import STUDENT_DOF, Contact, Prior, empty_search_buffers, pushing_force
 from contactsense.solvers.posterior_mode import find_posterior_mode
+from contactsense.solvers.wrench import wrench_of
 
 PRIOR = ContactPrior()
 EXACT = np.diag([1e-8] * 3 + [1e-11] * 3)
@@ -91,16 +92,15 @@ def test_it_is_the_mode_that_the_localization_finds(
     for _ in range(15):
         w = draw(surface, rng)[1] + rng.standard_normal(6) * np.sqrt(np.diag(NOISE))
         found = solve(surface, w[:3], w[3:], covariance=NOISE)
-        guess = enter_surface(kind, packed, bounding_radius(kind, packed), *w)[1:]
-        force = pushing_force(*w[:3], *guess[3:])
-        theirs = find_posterior_mode(
-            kind, packed, w, np.linalg.inv(NOISE), prior, 1e9, *guess, *force, 0.0, buffers
-        )
-        assert found.energy <= theirs[0] + 1e-6
-        if found.energy > theirs[0] - 0.02:
-            shift = found.centroid - theirs[2:5]
+        measured = wrench_of(w[:3], w[3:])
+        _, point, normal = enter_surface(kind, packed, bounding_radius(kind, packed), measured)
+        start = Contact(point, normal, pushing_force(measured.force, normal), 0.0)
+        theirs = find_posterior_mode(kind, packed, w, np.linalg.inv(NOISE), prior, 1e9, start, buffers)
+        assert found.energy <= theirs.energy + 1e-6
+        if found.energy > theirs.energy - 0.02:
+            shift = found.centroid - theirs.contact.point
             assert np.linalg.norm(shift) < 0.5 * np.sqrt(np.trace(found.covariance))
-            assert found.log_evidence == pytest.approx(theirs[1], abs=0.2)
+            assert found.log_evidence == pytest.approx(theirs.log_evidence, abs=0.2)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from contactsense.robots.surface.convex_primitives import pack, project
 from contactsense.solvers.line_of_action import enter_surface
 from contactsense.solvers.posterior import (
     STUDENT_DOF,
+    Contact,
     Prior,
     empty_search_buffers,
     energy_at,
@@ -18,6 +19,7 @@ from contactsense.solvers.posterior import (
     pushing_force,
 )
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, find_posterior_mode
+from contactsense.solvers.wrench import wrench_of
 
 SHAPES: tuple[Primitive, ...] = (
     Sphere(center=(0, 0, 0), radius=0.05),
@@ -65,10 +67,11 @@ def _search(shape: Primitive, wrench: np.ndarray, information: np.ndarray, prior
     R, o = surfaces.rotation[0], surfaces.origin[0]
     w, L = np.empty(6), np.empty((6, 6))
     to_body_frame(wrench, information, R, o, w, L)
-    guess = enter_surface(kind, size, surfaces.radius[0], *w)[1:]
-    force = pushing_force(*w[:3], *guess[3:])
+    measured = wrench_of(w[:3], w[3:])
+    _, point, normal = enter_surface(kind, size, surfaces.radius[0], measured)
+    start = Contact(point, normal, pushing_force(measured.force, normal), 0.0)
     return (
-        find_posterior_mode(kind, size, w, L, prior, FAR, *guess, *force, 0.0, buffers),
+        find_posterior_mode(kind, size, w, L, prior, FAR, start, buffers),
         buffers,
         kind,
         size,
@@ -86,10 +89,10 @@ def test_exact_measurements_recover_the_contact(shape: Primitive) -> None:
         R, o = surfaces.rotation[0], surfaces.origin[0]
         base = np.concatenate((R @ force, R @ wrench[3:] + np.cross(o, R @ force)))
         result = _search(shape, base, information, PRIOR)[0]
-        np.testing.assert_allclose(result[2:5], point, atol=2e-5)
-        np.testing.assert_allclose(result[5:8], normal, atol=1e-2)
-        np.testing.assert_allclose(result[8:11], force, atol=1e-2)
-        assert result[11] == pytest.approx(xi, abs=1e-3)
+        np.testing.assert_allclose(result.contact.point, point, atol=2e-5)
+        np.testing.assert_allclose(result.contact.normal, normal, atol=1e-2)
+        np.testing.assert_allclose(result.contact.force, force, atol=1e-2)
+        assert result.contact.torsion == pytest.approx(xi, abs=1e-3)
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
@@ -107,19 +110,21 @@ def test_the_result_is_a_local_minimum(shape: Primitive) -> None:
         R, o = surfaces.rotation[0], surfaces.origin[0]
         w, L = np.empty(6), np.empty((6, 6))
         to_body_frame(wrench, information, R, o, w, L)
-        start = np.concatenate((result[2:5], result[8:11], [result[11]]))
+        found = result.contact
+        start = np.array((*found.point, *found.force, found.torsion))
         step = np.array([0.003] * 3 + [0.3] * 3 + [0.02])
 
         def energy(x, w=w, L=L, kind=kind, size=size, start=start, step=step):  # type: ignore[no-untyped-def]
             projected = project(kind, size, *(start[:3] + x[:3] * step[:3]))[1:]
-            force_and_torsion = (start + x * step)[3:]
-            inflation = inflate_by_surface_deviation(L, PRIOR, *projected[3:], *force_and_torsion[:3])
-            return energy_at(w, L, PRIOR, inflation, *projected, *force_and_torsion)
+            *force, torsion = (start + x * step)[3:].tolist()
+            trial = Contact(projected[:3], projected[3:], tuple(force), torsion)
+            inflation = inflate_by_surface_deviation(L, PRIOR, trial)
+            return energy_at(w, L, PRIOR, inflation, trial)
 
         best = minimize(
             energy, np.zeros(7), method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-4, "fatol": 1e-6}
         )
-        improvements.append(result[0] - best.fun)
+        improvements.append(result.energy - best.fun)
     assert max(improvements) < 4 * ENERGY_TOLERANCE
 
 
@@ -138,8 +143,8 @@ def test_the_covariance_agrees_with_the_errors(shape: Primitive) -> None:
         )
         wrench += noise * rng.standard_normal(6)
         result, buffers, _, _ = _search(shape, wrench, np.diag(noise**-2.0), PRIOR)
-        error = buffers.frame[:, 1:].T @ (np.array(result[2:5]) - point)
-        v11, v12, v22 = result[12:]
+        error = buffers.frame[:, 1:].T @ (np.array(result.contact.point) - point)
+        v11, v12, v22 = result.variances
         squares.append(error @ np.linalg.solve([[v11, v12], [v12, v22]], error))
     # A chi-square of two degrees of freedom: the median is 2 ln 2 and 90 % lie below 4.61.
     assert np.median(squares) == pytest.approx(2 * np.log(2), rel=0.15)
@@ -178,8 +183,9 @@ def test_the_surface_deviation_adds_to_the_covariance() -> None:
         0.5 * (STUDENT_DOF + 2) * np.log(1 + squared_ratio / STUDENT_DOF)
         + 0.5 * np.log(normal_force / prior.force) ** 2
     )
-    inflation = inflate_by_surface_deviation(information, prior, *n, *f)
-    energy, variance_ratio = energy_at(wrench, information, prior, inflation, *c, *n, *f, xi), inflation[2]
+    contact = Contact(tuple(c.tolist()), tuple(n.tolist()), tuple(f.tolist()), float(xi))
+    inflation = inflate_by_surface_deviation(information, prior, contact)
+    energy, variance_ratio = energy_at(wrench, information, prior, inflation, contact), inflation[2]
     assert energy == pytest.approx(expected, rel=1e-12)
     assert variance_ratio == pytest.approx(np.linalg.det(covariance) * np.linalg.det(information), rel=1e-10)
 
@@ -202,7 +208,8 @@ def test_degenerate_wrenches_return_finite_numbers(shape: Primitive) -> None:
     ]
     for wrench in wrenches:
         for scale in (1e-6, 1.0, 1e9):
-            result = _search(shape, wrench, scale * np.eye(6), PRIOR)[0]
-            assert np.isfinite(result[2:]).all()
-            assert not np.isnan(result[:2]).any()
+            found = _search(shape, wrench, scale * np.eye(6), PRIOR)[0]
+            point, normal, force, torsion = found.contact
+            assert np.isfinite((*point, *normal, *force, torsion, *found.variances)).all()
+            assert not np.isnan((found.energy, found.log_evidence)).any()
     assert ENERGY_CUTOFF > 0.0

@@ -23,7 +23,7 @@ from contactsense.solvers import (
     solve,
     solve_batch,
 )
-from contactsense.solvers.solution import invariant
+from contactsense.solvers.wrench import invariant, wrench_of
 from tests.contactsense.solvers.test_general import CUBE
 
 BODIES: dict[str, Surface] = {
@@ -86,7 +86,7 @@ def test_the_invariant_has_the_right_sign_where_its_terms_cancel() -> None:
             (Fraction(a) * Fraction(b) for a, b in zip(force.tolist(), moment.tolist(), strict=True)),
             Fraction(0),
         )
-        assert invariant(*force, *moment) == pytest.approx(float(exact), rel=1e-14, abs=1e-30)
+        assert invariant(wrench_of(force, moment)) == pytest.approx(float(exact), rel=1e-14, abs=1e-30)
 
 
 def test_an_apex_is_sharp() -> None:

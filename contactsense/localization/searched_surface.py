@@ -1,0 +1,41 @@
+"""What the searches for a contact share: the scene's surface, and their arrays."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.localization.candidate_buffers import Candidates
+from contactsense.localization.none_of_these import LeftOutLinks
+from contactsense.localization.surface_cells import SurfaceCells
+from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
+from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.solvers.posterior import SearchBuffers
+
+
+class SearchedSurface(NamedTuple):
+    """The surface of a scene, as it is searched."""
+
+    surfaces: Surfaces
+    """Primitives in the frames of their links."""
+    samples: SurfaceSamples
+    """Samples of their surface."""
+    subsamples: SurfaceSubsamples
+    """Subsamples of each sample's surface cell."""
+    touchable: np.ndarray
+    """1 for links that can be touched in the scene, else 0, shape (links,), int64. A touch on another link is
+    "none of these"."""
+    left_out: LeftOutLinks
+    """Surfaces of those others, where they can be touched."""
+    depth: np.ndarray
+    """Number of joints between the base and each link, shape (links,), int64."""
+
+
+class SearchArrays(NamedTuple):
+    """Arrays that a search fills."""
+
+    buffers: SearchBuffers
+    """Scratch of the search on one primitive."""
+    cells: SurfaceCells
+    """Scratch of the search over the surface."""
+    candidates: Candidates
+    """The candidates found."""
