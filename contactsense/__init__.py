@@ -15,7 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "output.batch": ["Batch"],
         "readings": ["Readings", "forward_model"],
         "runtime.sample_blocks": ["BlockEstimates", "SampleBlock"],
-        "scene": ["JointTorqueSensor", "Scene", "SceneError", "WrenchSensor"],
+        "scene": ["JointTorqueSensor", "LinkWrenchSensor", "Scene", "SceneError", "WrenchSensor"],
         "surface_map.detectability": ["Detectability", "detectability"],
         "types": ["Contact", "Estimate", "Event", "Explanation", "Sample"],
     },
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from contactsense.runtime.sample_blocks import BlockEstimates as BlockEstimates
     from contactsense.runtime.sample_blocks import SampleBlock as SampleBlock
     from contactsense.scene import JointTorqueSensor as JointTorqueSensor
+    from contactsense.scene import LinkWrenchSensor as LinkWrenchSensor
     from contactsense.scene import Scene as Scene
     from contactsense.scene import SceneError as SceneError
     from contactsense.scene import WrenchSensor as WrenchSensor

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from contactsense.detection.thresholds import Usable
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.multi_contact.tracker import MultiContactTracker
@@ -18,6 +19,7 @@ from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.robots.jit.kernel import disable_compilation
 from contactsense.robots.jit.progress_bar import shown_compilation
 from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
+from contactsense.runtime.detectable import usable_in
 from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
 from contactsense.runtime.kernels import detect, localize, locate_once
 from contactsense.runtime.picked_up_payload import PickedUpPayload
@@ -25,12 +27,16 @@ from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.runtime.stream_screening import StreamScreening
 from contactsense.runtime.stream_start import FROM_START, StreamStart
 from contactsense.scene import Scene
+from contactsense.sensors.link_values import as_fields
 from contactsense.sensors.stream_state import (
+    BASE,
     DEGRADED,
+    LINK,
     REPEATED,
     RESTARTED,
     SCALE,
     STEP,
+    TORQUE,
     TOUCHED,
     UNUSABLE,
     WRONG_SIZE,
@@ -189,7 +195,8 @@ class Localizer(StaticLocalizer):
         if flags & DEGRADED:
             step = float(self._stream.scalars[STEP])
             consistency = self._buffers.state.consistency
-            reason = degraded_reason(flags, consistency, self._screening.refused, step)
+            names, refused = self._sample_fields.names, self._screening.refused
+            reason = degraded_reason(names, flags, consistency, refused, step)
         if self._multi_tracker is not None:
             if count < 0:
                 release += self._multi_tracker.end(t, self._number)
@@ -212,10 +219,9 @@ class Localizer(StaticLocalizer):
         reason = why if flags & UNUSABLE else "same time as the previous sample: sample not used"
         return self._estimate_builder.without_contacts(t, "degraded", reason)
 
-    def _usable(self) -> tuple[bool, bool, bool]:
-        """Which of base wrench, joint torques and wrist wrench can be used in the newest sample."""
-        base, torque, wrist = self._stream.usable[:3].tolist()
-        return base > 0.0, torque > 0.0, wrist > 0.0
+    def _usable(self) -> Usable:
+        """Which sensors can be used in the newest sample."""
+        return usable_in(self._stream)
 
     def _picked_up(self, t: float, mass: float) -> Estimate:
         """The contact was a payload, which is now part of the model: restart the observers."""
@@ -296,36 +302,40 @@ class Localizer(StaticLocalizer):
         if flags & (UNUSABLE | REPEATED):
             return self._not_used(t, flags, _NOT_FINITE)
         if flags & DEGRADED:
-            reason = degraded_reason(flags, self._buffers.state.consistency, {}, 0.0)
+            consistency = self._buffers.state.consistency
+            reason = degraded_reason(self._sample_fields.names, flags, consistency, {}, 0.0)
             return self._estimate_builder.without_contacts(t, "degraded", reason)
         return self._estimate_builder.no_contact(t, self._detectable.after_change(self._usable()))
 
     def _warm_up(self) -> None:
         """Compile the sample path before the first sample."""
-        base, torque, wrist = (
-            zeros if in_scene else None
-            for zeros, in_scene in zip(self._zeros, self._scene_sensors, strict=True)
+        base, torque = (
+            np.zeros(size) if in_scene else None
+            for size, in_scene in zip((6, self._joints), self._scene_sensors, strict=True)
         )
+        links = dict.fromkeys(self._link_sensors, np.zeros(6))
         detect(
             *self._buffer_args, self._bandwidth,
             *self._sample_fields.fields(self._sample_fields.compile_sample()),
         )  # fmt: skip
         disable_compilation(detect)
-        self._stream.usable[:] = (*self._scene_sensors, False, False)
+        self._stream.usable[:] = 0.0
+        self._stream.usable[[BASE, TORQUE]] = self._scene_sensors
+        self._stream.usable[LINK : LINK + len(links)] = 1.0
         self._stream.scalars[SCALE] = 1.0
         localize(*self._sample_args, self._bandwidth, self._gate, self._rows)
         self._locate_once(
             self._sample_fields.values(self._sample_fields.compile_sample().q),
             False,
-            self._scene_sensors,
+            (*self._scene_sensors, (1 << len(links)) - 1),
             -1.0,
         )
         disable_compilation(locate_once)
         self.locate(
-            self._zeros[1],
+            np.zeros(self._joints),
             base_wrench=base,
             joint_torque=torque,
-            wrist_wrench=wrist,
+            **as_fields(links),
             contacts=self.scene.contacts,
             detect=False,
         )

@@ -28,10 +28,12 @@ from contactsense.robots.primitives import Vector
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.sensors.field_checks import describe, within_one_turn
-from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, WrenchSensor
+from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
-__all__ = ["JointTorqueSensor", "Scene", "SceneError", "WrenchSensor", "describe"]
+__all__ = ["JointTorqueSensor", "LinkWrenchSensor", "Scene", "SceneError", "WrenchSensor", "describe"]
 
+MAX_LINK_WRENCHES = 8
+"""Largest number of force/torque sensors between links: each has two flags in the 64 bits of a sample."""
 _MOUNTINGS: dict[str, Vector] = {
     "table": (0.0, 0.0, 0.0),
     "ceiling": (np.pi, 0.0, 0.0),
@@ -103,6 +105,8 @@ class Scene(BaseModel):
     wrist_wrench: WrenchSensor | None = None
     """Force/torque sensor between tool flange and tool; None: there is none. Its frame is given in the
     flange's frame."""
+    link_wrenches: Annotated[tuple[LinkWrenchSensor, ...], Field(max_length=MAX_LINK_WRENCHES)] = ()
+    """Further force/torque sensors between links of the arm, such as one below the forearm, at most 8."""
     touchable: tuple[str, ...] | None = None
     """Names of the links on which contacts are searched; None: all. A touch on another link is
     explained by none of these, and is as probable as one on the searched links; a link that cannot be touched
@@ -220,6 +224,9 @@ class Scene(BaseModel):
         self._has_bodies()
         if self.picks_up and (self.base_wrench is None or self.joint_torque is None or self.wrist_wrench):
             raise ValueError("picks_up: expected base_wrench and joint_torque, and no wrist_wrench")
+        self._has_links_of_sensors()
+        if self.picks_up and self.link_wrenches:
+            raise ValueError("picks_up: expected base_wrench and joint_torque, and no link_wrenches")
         if self.wrist_wrench is not None and self.tool is None:
             raise ValueError("wrist_wrench: expected a tool beyond the wrist sensor, got none")
         return self
@@ -276,6 +283,21 @@ class Scene(BaseModel):
         if not any(self.link_prior.values()):
             raise ValueError("link_prior: expected a weight above 0, got none")
 
+    def _has_links_of_sensors(self) -> None:
+        """Raise a ValueError if a sensor between links names no moved link, or one name is given twice."""
+        names = [sensor.name for sensor in self.link_wrenches]
+        for index, sensor in enumerate(self.link_wrenches):
+            if sensor.link not in self.robot.link_names[1:]:
+                raise ValueError(
+                    f"link_wrenches.{index}.link: expected one of {', '.join(self.robot.link_names[1:])}, "
+                    f"got {sensor.link!r}"
+                )
+            if names.index(sensor.name) < index:
+                raise ValueError(
+                    f"link_wrenches.{index}.name: expected a name that no other sensor has, "
+                    f"got {sensor.name!r}"
+                )
+
     def _has_bodies(self) -> None:
         """Raise a ValueError if name or angles of a body cannot be, or a pedestal has no sensor below it."""
         names = list(self.link_names)
@@ -300,6 +322,14 @@ class Scene(BaseModel):
     def surface_deviation(self) -> float:
         """`surface_error`, or the default of this level of detail [m]."""
         return SURFACE_ERROR[self.detail] if self.surface_error is None else self.surface_error
+
+    @property
+    def link_sensors(self) -> dict[str, WrenchSensor]:
+        """Force/torque sensors within the arm by field: `link_wrenches.NAME`, and `wrist_wrench` last."""
+        found: dict[str, WrenchSensor] = {f"link_wrenches.{s.name}": s for s in self.link_wrenches}
+        if self.wrist_wrench is not None:
+            found["wrist_wrench"] = self.wrist_wrench
+        return found
 
     @property
     def link_names(self) -> tuple[str, ...]:

@@ -1,12 +1,12 @@
 """`StaticLocalizer`: explains measurements of an arm at rest, each independent of all others."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from typing import Literal
 
 import numpy as np
 
-from contactsense.detection.thresholds import SampleThresholds
+from contactsense.detection.thresholds import SampleThresholds, Usable
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.output.batch import Batch, batch_of
@@ -24,6 +24,7 @@ from contactsense.runtime.result_rows import WIDTH
 from contactsense.runtime.skin_grids import skin_of
 from contactsense.runtime.state import empty_state
 from contactsense.scene import Scene
+from contactsense.sensors.link_values import by_field
 from contactsense.sensors.sample_fields import SENSORS, SampleFields
 from contactsense.sensors.validation import checked_rows
 from contactsense.types import Contact, Estimate
@@ -61,7 +62,7 @@ class StaticLocalizer:
         skin = skin_of(scene)
         self._batch_args, self._sample_args = (*self._buffer_args, skin), (*self._buffer_args, *skin)
         self._plausible = PlausibleLimits(scene)
-        self._joints, self._links, primitives, _, _ = self._buffers.sizes
+        self._joints, self._links, primitives = self._buffers.sizes[:3]
         self._rows = np.zeros((max(primitives, MAX_CANDIDATES), WIDTH))
         self._estimate_builder = EstimateBuilder(scene, constants, self._buffers.state.motion)
         self._locator: MultiContactLocator | None = None
@@ -69,18 +70,11 @@ class StaticLocalizer:
             self._locator = MultiContactLocator(
                 scene, self._buffers, self._batch_args, self._estimate_builder
             )
-        self._scene_sensors = (
-            scene.base_wrench is not None,
-            scene.joint_torque is not None,
-            scene.wrist_wrench is not None,
-        )
-        self._sensor_sizes = (6, self._joints, 6)
-        self._sample_fields = SampleFields(self._scene_sensors, self._joints)
-        self._zeros = tuple(np.zeros(size) for size in self._sensor_sizes)
-        self._thresholds = SampleThresholds(scene, self._sensor_sizes)
-        self._detectable = DetectableForce(
-            constants, self._buffers.state, self._sensor_sizes, self._thresholds
-        )
+        self._scene_sensors = (scene.base_wrench is not None, scene.joint_torque is not None)
+        self._link_sensors = tuple(scene.link_sensors)
+        self._sample_fields = SampleFields(self._scene_sensors, self._link_sensors, self._joints)
+        self._thresholds = SampleThresholds(scene)
+        self._detectable = DetectableForce(constants, self._buffers.state, self._thresholds)
 
     def locate(
         self,
@@ -89,6 +83,7 @@ class StaticLocalizer:
         base_wrench: np.ndarray | None = None,
         joint_torque: np.ndarray | None = None,
         wrist_wrench: np.ndarray | None = None,
+        link_wrenches: Mapping[str, np.ndarray] | None = None,
         external: bool = True,
         detect: bool = True,
         contacts: int = 1,
@@ -104,6 +99,8 @@ class StaticLocalizer:
             joint_torque: Torque of each actuator, shape (n,) [Nm].
             wrist_wrench: Wrench on the wrist sensor of everything distal to it, base axes, base origin, shape
                 (6,) [N, Nm].
+            link_wrenches: The same of each further sensor within the arm, by its name in
+                `Scene.link_wrenches`.
             external: Whether the arm's weight has been subtracted from the measurements already (a contact
                 wrench w leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is subtracted
                 here.
@@ -121,7 +118,8 @@ class StaticLocalizer:
                 beyond the joints' or the sensor's limits, `external` mistaken), or the scene has no such
                 sensor.
         """
-        usable = self._given_sensors((base_wrench, joint_torque, wrist_wrench))
+        links = by_field(wrist_wrench, link_wrenches)
+        usable = self._given_sensors((base_wrench, joint_torque), links)
         look_for_sets = contacts != 1 or len(known) > 0
         if look_for_sets:
             self._locator = self._locator or MultiContactLocator(
@@ -130,14 +128,14 @@ class StaticLocalizer:
             self._locator.check(contacts, known, drift)
         threshold = self._thresholds.threshold(usable) if detect else -1.0
         count, no_contact_energy = self._locate_once(
-            self._sample_fields.values(q, joint_torque, base_wrench, wrist_wrench),
+            self._sample_fields.values(q, joint_torque, base_wrench, links),
             external,
             usable,
             threshold,
         )
         self._estimate_builder.detectable = self._detectable.of_measurement(usable)
         if detect:
-            self._refuse_implausible("", q, (base_wrench, joint_torque, wrist_wrench), external)
+            self._refuse_implausible("", q, (base_wrench, joint_torque), links, external)
         if no_contact_energy <= threshold:
             return self._estimate_builder.without_contacts(0.0, "none")
         estimate = self._estimate_builder.contacts(0.0, self._buffers.state, self._rows, count)
@@ -148,11 +146,17 @@ class StaticLocalizer:
         return estimate
 
     def _refuse_implausible(
-        self, row: str, q: np.ndarray, sensors: Sequence[np.ndarray | None], external: bool
+        self,
+        row: str,
+        q: np.ndarray,
+        sensors: Sequence[np.ndarray | None],
+        links: Mapping[str, np.ndarray],
+        external: bool,
     ) -> None:
         """Raise a ValueError if a measurement cannot be; `row` is added to the name of its field."""
-        base, torque, wrist = (None if value is None else np.asarray(value) for value in sensors)
-        found = self._plausible.request(np.asarray(q), base, torque, wrist, external)
+        base, torque = (None if value is None else np.asarray(value) for value in sensors)
+        given = {name: np.asarray(value) for name, value in links.items()}
+        found = self._plausible.request(np.asarray(q), base, torque, given, external)
         if found is not None:
             raise ValueError(f"{found.field}{row}: {found.reason}")
 
@@ -160,7 +164,7 @@ class StaticLocalizer:
         self,
         values: tuple[np.ndarray, ...],
         external: bool,
-        usable: tuple[bool, bool, bool],
+        usable: Usable,
         threshold: float,
     ) -> tuple[int, float]:
         """`contactsense.runtime.kernels.locate_once`; values of other array types are converted.
@@ -182,12 +186,12 @@ class StaticLocalizer:
         return count, no_contact_energy
 
     def _locate_once_intrinsic(
-        self, values: tuple[np.ndarray, ...], external: bool, usable: tuple[bool, bool, bool]
+        self, values: tuple[np.ndarray, ...], external: bool, usable: Usable
     ) -> tuple[int, float]:
-        q, torque, base, wrist = (value[None] for value in self._sample_fields.checked(*values))
+        q, torque, base, links = (value[None] for value in self._sample_fields.checked(*values))
         energy, link_probability = np.empty(1), np.empty((1, self._links))
         batch_intrinsic(
-            *self._batch_args, q, torque, base, wrist, external, *usable[1:], energy, link_probability,
+            *self._batch_args, q, torque, base, links, external, *usable[1:], energy, link_probability,
             self._rows[:1],
         )  # fmt: skip
         return int(self._rows[0, 0] >= 0.0), float(energy[0])
@@ -199,6 +203,7 @@ class StaticLocalizer:
         base_wrench: np.ndarray | None = None,
         joint_torque: np.ndarray | None = None,
         wrist_wrench: np.ndarray | None = None,
+        link_wrenches: Mapping[str, np.ndarray] | None = None,
         external: bool = True,
         jobs: int | None = None,
     ) -> Batch:
@@ -210,27 +215,33 @@ class StaticLocalizer:
         """
         q = checked_rows("q", q, None, self._joints, "rad")
         n = len(q)
-        given = (base_wrench, joint_torque, wrist_wrench)
-        usable = self._given_sensors(given)
-        values = [
-            np.zeros((n, self._sensor_sizes[i]))
-            if value is None
-            else checked_rows(SENSORS[i], value, n, self._sensor_sizes[i], "N, Nm")
-            for i, value in enumerate(given)
+        given, links = (base_wrench, joint_torque), by_field(wrist_wrench, link_wrenches)
+        usable = self._given_sensors(given, links)
+        sizes = (6, self._joints)
+        rows = [
+            None if value is None else checked_rows(name, value, n, size, "N, Nm")
+            for name, value, size in zip(SENSORS, given, sizes, strict=True)
         ]
-        rows = [None if value is None else values[k] for k, value in enumerate(given)]
-        base, torque, wrist = rows
-        for i in self._plausible.suspects(q, base, torque, wrist, external):
+        link_rows = {name: checked_rows(name, value, n, 6, "N, Nm") for name, value in links.items()}
+        base, torque = rows
+        for i in self._plausible.suspects(q, base, torque, link_rows, external):
             row = [None if value is None else value[i] for value in rows]
-            self._refuse_implausible(f"[{i}]", q[i], row, external)
+            link_row = {name: value[i] for name, value in link_rows.items()}
+            self._refuse_implausible(f"[{i}]", q[i], row, link_row, external)
+        base, torque = (
+            np.zeros((n, size)) if value is None else value for value, size in zip(rows, sizes, strict=True)
+        )
+        link_wrench = np.zeros((n, len(self._link_sensors), 6))
+        for s, name in enumerate(self._link_sensors):
+            link_wrench[:, s] = link_rows.get(name, 0.0)
         no_contact_energy, link_probability = np.empty(n), np.empty((n, self._links))
         best = np.empty((n, WIDTH))
-        measured = (q, values[1], values[0], values[2])
+        measured = (q, torque, base, link_wrench)
         found = (no_contact_energy, link_probability, best)
-        sizes, skin = self._batch_args[2:]
+        buffer_sizes, skin = self._batch_args[2:]
 
         def explain(floats: np.ndarray, integers: np.ndarray, part: slice) -> None:
-            inputs = (floats, integers, sizes, skin, *(array[part] for array in measured), external)
+            inputs = (floats, integers, buffer_sizes, skin, *(array[part] for array in measured), external)
             outputs = tuple(array[part] for array in found)
             if self._intrinsic:
                 batch_intrinsic(*inputs, *usable[1:], *outputs)
@@ -242,12 +253,14 @@ class StaticLocalizer:
             explain_rows(explain, n, self._buffers, jobs)
         return batch_of(best, link_probability, no_contact_energy > self._thresholds.threshold(usable))
 
-    def _given_sensors(self, given: tuple[np.ndarray | None, ...]) -> tuple[bool, bool, bool]:
-        for name, value, in_scene in zip(SENSORS, given, self._scene_sensors, strict=True):
-            if value is not None and not in_scene:
+    def _given_sensors(self, given: tuple[np.ndarray | None, ...], links: Mapping[str, np.ndarray]) -> Usable:
+        there = dict(zip(SENSORS, self._scene_sensors, strict=True)) | dict.fromkeys(self._link_sensors, True)
+        for name, value in (*zip(SENSORS, given, strict=True), *links.items()):
+            if value is not None and not there.get(name, False):
                 raise ValueError(f"{name}: the scene has no such sensor, got a value")
         if self._intrinsic and given[0] is None:
             raise ValueError("base_wrench: expected a value, which method 'intrinsic' needs, got none")
         if given[0] is None and given[1] is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two, got none")
-        return given[0] is not None, given[1] is not None, given[2] is not None
+        bits = sum(1 << s for s, name in enumerate(self._link_sensors) if name in links)
+        return given[0] is not None, given[1] is not None, bits

@@ -1,6 +1,7 @@
 """Input and output of the localizer: `Sample` and `Estimate`."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,6 +31,9 @@ class Sample:
     wrist_wrench: np.ndarray | None = None
     """Wrench on the wrist sensor of everything distal to it, force then moment about the base origin, base
     axes [N, Nm], shape (6,)."""
+    link_wrenches: Mapping[str, np.ndarray | None] | None = None
+    """The same of each further sensor within the arm, by its name in `Scene.link_wrenches`; None, or a name
+    that is not there: no value."""
 
 
 @dataclass(frozen=True, slots=True)

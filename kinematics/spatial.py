@@ -11,3 +11,17 @@ Six = tuple[float, float, float, float, float, float]
 def dot6(a: np.ndarray | Six, b: np.ndarray | Six) -> float:
     """Scalar product of two 6-vectors, a screw with a wrench or a momentum."""
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+
+
+@kernel
+def component_about(origin: np.ndarray, i: int) -> tuple[float, float, float, float, float, float]:
+    """Row whose product with a wrench (f, m) about the base origin is component i of the same wrench about
+    the point `origin`: of the force, or of the moment m - o x f."""
+    x, y, z = origin[0], origin[1], origin[2]
+    if i < 3:
+        return 1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2), 0.0, 0.0, 0.0
+    if i == 3:
+        return 0.0, z, -y, 1.0, 0.0, 0.0
+    if i == 4:
+        return -z, 0.0, x, 0.0, 1.0, 0.0
+    return y, -x, 0.0, 0.0, 0.0, 1.0

@@ -82,7 +82,7 @@ def _locate(
         deviation = np.sqrt(sensors.torque_variance + np.square(model))
         joint_torque = touches.joint_torque[i, 0] + deviation * rng.standard_normal(joints)
     if scene.wrist_wrench is not None:
-        beyond = bool(sensors.beyond_wrist[touches.link[i, 0]])
+        beyond = bool(touches.link[i, 0] >= sensors.first_link[-1])
         wrist_wrench = wrench * beyond + _wrist_noise(constants, q, rng)
     return localizer.locate(q, base_wrench=base_wrench, joint_torque=joint_torque, wrist_wrench=wrist_wrench)
 
@@ -91,8 +91,8 @@ def _wrist_noise(constants: Constants, q: np.ndarray, rng: np.random.Generator) 
     """Noise of the wrist sensor in base axes, about the base origin, shape (6,) [N, Nm]."""
     motion = empty_motion(len(q))
     forward_kinematics(constants.model, q, motion)
-    origin = motion.origin[-1] + motion.rotation[-1] @ constants.wrist_origin
-    force, moment = np.sqrt(constants.sensors.wrist_variance)[:, None] * rng.standard_normal((2, 3))
+    origin = motion.origin[-1] + motion.rotation[-1] @ constants.link_sensors.origin[-1]
+    force, moment = np.sqrt(constants.sensors.link_variance[-1])[:, None] * rng.standard_normal((2, 3))
     return np.concatenate((force, moment + np.cross(origin, force)))
 
 

@@ -208,7 +208,6 @@ class _Simulation:
         self._screw = motion.screw
         constants = build_constants(scene)
         self._sensors = constants.sensors
-        wrist = motion.origin[-1] + motion.rotation[-1] @ constants.wrist_origin
         self._shape = (len(places.link), draws)
         self._q = np.broadcast_to(q, (self._shape[0] * draws, joints)).copy()
         # The same noise at every force, so that detection rises with the force.
@@ -218,10 +217,14 @@ class _Simulation:
         self._torque_noise = rng.standard_normal((*self._shape, joints)) * np.sqrt(
             self._sensors.torque_variance
         )
-        noise = rng.standard_normal((*self._shape, 2, 3)) * np.sqrt(self._sensors.wrist_variance)[:, None]
-        # The sensor's moment is about its own origin.
-        noise[..., 1, :] += np.cross(wrist, noise[..., 0, :])
-        self._wrist_noise = noise.reshape(*self._shape, 6)
+        self._wrist_noise = np.zeros((*self._shape, 6))
+        noise = rng.standard_normal((*self._shape, 2, 3))
+        if scene.wrist_wrench is not None:
+            wrist = motion.origin[-1] + motion.rotation[-1] @ constants.link_sensors.origin[-1]
+            noise *= np.sqrt(self._sensors.link_variance[-1])[:, None]
+            # The sensor's moment is about its own origin.
+            noise[..., 1, :] += np.cross(wrist, noise[..., 0, :])
+            self._wrist_noise = noise.reshape(*self._shape, 6)
 
     def answers(self, force: np.ndarray, friction: float) -> Batch:
         """Answers for pushes of a normal force at each place, shape (N,) [N]; leading axes (N, draws)."""
@@ -247,7 +250,9 @@ class _Simulation:
         proximal = np.arange(len(self._screw)) < self._sensors.depth[places.link][:, None]
         torque = -(wrench @ self._screw.T) * proximal[:, None] + self._torque_noise
         base = wrench + self._base_noise
-        wrist = wrench * self._sensors.beyond_wrist[places.link][:, None, None] + self._wrist_noise
+        wrist = self._wrist_noise
+        if scene.wrist_wrench is not None:
+            wrist = wrist + wrench * (places.link >= self._sensors.first_link[-1])[:, None, None]
         batch = localizer.locate_batch(
             self._q,
             base_wrench=base.reshape(-1, 6) if scene.base_wrench is not None else None,

@@ -77,7 +77,7 @@ class Oracle:
         drift: float | None,
     ) -> Estimate:
         """The estimate of `Localizer.locate`; arguments as there."""
-        present = (True, True, False)
+        present = (True, True, 0)
         listed, _ = locate_once(
             *self._kernel_arguments,
             q,
@@ -139,7 +139,7 @@ class Oracle:
 def _optimize_from(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int],
+    sizes: tuple[int, int, int, int, int, int],
     buffers: MultiContactBuffers,
     m: int,
     known_count: int,

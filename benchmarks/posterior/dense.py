@@ -21,7 +21,13 @@ from contactsense.benchmarks.posterior.patch_posterior import (
     wrench_in_link_frame,
 )
 from contactsense.benchmarks.posterior.samples import SPACING, Samples, of_meshes, of_primitives
-from contactsense.isolation.link_hypotheses import Hypotheses, empty_hypotheses, isolate
+from contactsense.isolation.link_hypotheses import (
+    Hypotheses,
+    SensorRows,
+    empty_hypotheses,
+    empty_rows,
+    isolate,
+)
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.robots.jit.kernel import allocating_fused_kernel
@@ -106,7 +112,7 @@ class Dense:
         self._rule = _RULES.index(rule)
         self._constants = build_constants(scene)
         joints, links = self._constants.model.joints, len(self._constants.touchable)
-        self._state = (empty_motion(joints), empty_hypotheses(links))
+        self._state = (empty_motion(joints), empty_hypotheses(links), empty_rows(joints))
         self._scratch = (np.zeros(6), np.zeros((6, 6)), np.zeros((8, 8)), np.zeros((6, 6)), np.zeros(6))
         self._transform = np.zeros((6, 6))
         self._probes = (np.zeros(_PROBES, np.int64), np.zeros(_PROBES, np.int64), np.zeros((_PROBES, 3)))
@@ -195,6 +201,7 @@ def _estimate_kernel(
     prior: Prior,
     motion: Motion,
     hypotheses: Hypotheses,
+    rows: SensorRows,
     q: np.ndarray,
     wrench: np.ndarray,
     has_base: bool,
@@ -223,12 +230,15 @@ def _estimate_kernel(
         Index of the link, -1 for none, and the probability near its point.
     """
     forward_kinematics(constants.model, q, motion)
-    no_wrist = np.zeros(6)
-    isolate(
-        constants.sensors, motion.screw, wrench, has_base, torque, torque,
-        constants.sensors.torque_variance, has_torque, no_wrist, no_wrist, False, no_wrist[:3], 1.0,
-        hypotheses,
-    )  # fmt: skip
+    count = torque.shape[0] if has_torque else 0
+    for j in range(count):
+        for k in range(6):
+            rows.screw[j, k] = motion.screw[j, k]
+        rows.value[j] = rows.proximal_value[j] = torque[j]
+        rows.variance[j] = constants.sensors.torque_variance[j]
+        rows.first_link[j] = j + 1
+    sensors = constants.sensors
+    isolate(sensors.base_covariance, sensors.base_information, wrench, has_base, rows, count, 1.0, hypotheses)
     evaluate_patches(
         samples, constants.touchable, q, motion, hypotheses, has_base, prior, local_w, local_L, T, M, density,
         normal_force,

@@ -8,26 +8,30 @@ from contactsense.scene import Scene
 
 LONGEST_STEP_MS = 20
 """For longer sample times the thresholds are those of this one [ms]."""
-_SENSORS = 3
+Usable = tuple[bool, bool, int]
+"""Whether base wrench and joint torques are used, and which link sensors, one bit each."""
 
 
-def stream_thresholds(scene: Scene, sizes: tuple[int, ...]) -> np.ndarray:
-    """Onset and release thresholds for a stream.
+def degrees_of_freedom_of(joints: int, usable: Usable) -> int:
+    """Number of residuals of the sensors that are used, at least one; `joints`: of the arm."""
+    base, torque, link_sensors = usable
+    return max(6 * base + joints * torque + 6 * link_sensors.bit_count(), 1)
 
-    Args:
-        scene: With the false alarms per hour.
-        sizes: Number of residuals of each sensor: base sensor, joint torques, wrist sensor.
+
+def stream_thresholds(scene: Scene) -> np.ndarray:
+    """Onset and release thresholds for a stream of `scene`.
 
     Returns:
-        Onset and release threshold for each set of sensors, one bit each in that order, and each usual sample
-        time of 1, 2, ... ms; shape (8, LONGEST_STEP_MS, 2).
+        Onset and release threshold for each set of sensors, see `sensor_set`, and each usual sample time of
+        1, 2, ... ms; shape (4 (S + 1), LONGEST_STEP_MS, 2).
     """
-    thresholds = np.zeros((2**_SENSORS, LONGEST_STEP_MS, 2))
+    joints = len(scene.robot.joints)
+    thresholds = np.zeros((4 * (len(scene.link_sensors) + 1), LONGEST_STEP_MS, 2))
     cached: dict[int, np.ndarray] = {}
-    for sensor_set in range(len(thresholds)):
-        degrees_of_freedom = _degrees_of_freedom(
-            sizes, tuple(bool(sensor_set >> i & 1) for i in range(_SENSORS))
-        )
+    for i in range(len(thresholds)):
+        # Link sensors are alike: only their number counts.
+        used = (i & 1 != 0, i & 2 != 0, (1 << i // 4) - 1)
+        degrees_of_freedom = degrees_of_freedom_of(joints, used)
         if degrees_of_freedom not in cached:
             onset = [
                 onset_threshold(
@@ -38,29 +42,35 @@ def stream_thresholds(scene: Scene, sizes: tuple[int, ...]) -> np.ndarray:
             cached[degrees_of_freedom] = np.column_stack(
                 (onset, np.full(LONGEST_STEP_MS, release_threshold(degrees_of_freedom)))
             )
-        thresholds[sensor_set] = cached[degrees_of_freedom]
+        thresholds[i] = cached[degrees_of_freedom]
     return thresholds
 
 
 class SampleThresholds:
     """Thresholds of single measurements, computed once for each set of sensors."""
 
-    def __init__(self, scene: Scene, sizes: tuple[int, ...]) -> None:
-        """Arguments as for `stream_thresholds`."""
+    def __init__(self, scene: Scene) -> None:
+        """Take the false alarms per hour from `scene`."""
         self._per_hour, self._bandwidth = scene.false_alarms_per_hour, scene.bandwidth
-        self._sizes = sizes
-        self._cached: dict[tuple[bool, ...], float] = {}
+        self._joints = len(scene.robot.joints)
+        self._cached: dict[Usable, float] = {}
 
-    def threshold(self, usable: tuple[bool, ...]) -> float:
+    def threshold(self, usable: Usable) -> float:
         """Energy that noise exceeds at the scene's false-alarm rate; `usable`: which sensors are used."""
         if usable not in self._cached:
-            degrees_of_freedom = _degrees_of_freedom(self._sizes, usable)
+            degrees_of_freedom = degrees_of_freedom_of(self._joints, usable)
             self._cached[usable] = sample_threshold(self._per_hour, degrees_of_freedom, self._bandwidth)
         return self._cached[usable]
 
 
-def _degrees_of_freedom(sizes: tuple[int, ...], usable: tuple[bool, ...]) -> int:
-    return max(sum(size for size, used in zip(sizes, usable, strict=True) if used), 1)
+@kernel
+def sensor_set(has_base: bool, has_torque: bool, link_sensors: int) -> int:
+    """Index of a set of sensors in the table of `stream_thresholds`; arguments as in `Usable`."""
+    count = 0
+    while link_sensors > 0:
+        count += link_sensors & 1
+        link_sensors >>= 1
+    return 1 * has_base + 2 * has_torque + 4 * count
 
 
 @kernel

@@ -1,13 +1,13 @@
 """Link hypotheses: for every link the fused contact wrench and its evidence (theory, section 3).
 
-Under the hypothesis "contact on link k", the base sensor and the joints proximal to the link measure the
-contact wrench w,
+Under the hypothesis "contact on link k", the base sensor measures the contact wrench w, and so does every
+row of a sensor that sees the link:
 
-    base:   y_b = w + noise          joints:  r_j = s_j . w + noise  for j <= depth(k),   r_j = noise  beyond,
+    base:  y_b = w + noise          rows:  y_i = a_i . w + noise  for first_link_i <= k,  y_i = noise  else.
 
-and a wrist sensor measures it for links distal to the wrist only. Starting from the base measurement, or from
-a broad prior without one, one scalar Kalman step per joint, going outward, gives all hypotheses in turn. For
-a subset of the sensors the other steps are omitted.
+A joint torque is one row, its screw, seen from the link that it moves on; a force/torque sensor within the
+arm is six. Starting from the base measurement, or from a broad prior without one, one scalar Kalman step per
+row, going outward, gives all hypotheses in turn. For a subset of the sensors the other rows are omitted.
 """
 
 import math
@@ -24,6 +24,8 @@ PRIOR_STD = 1e3
 """Standard deviation of the wrench before any measurement, without a base sensor [N and Nm]."""
 
 _LOG_2PI = math.log(2.0 * math.pi)
+_LARGEST, _LARGEST_INVERSE = 1e200, 1e-200
+"""Products beyond these are replaced by their logarithm."""
 
 
 class SensorModel(NamedTuple):
@@ -32,17 +34,47 @@ class SensorModel(NamedTuple):
 
     depth: np.ndarray
     """Number of joints between the base and each link, increasing, shape (links,), int64."""
-    beyond_wrist: np.ndarray
-    """1 for links on which a contact is measured by the wrist sensor, else 0, shape (links,), int64."""
+    first_link: np.ndarray
+    """First link on which each of the S link sensors, force/torque sensors within the arm, measures a
+    contact, as it does on all further ones, shape (S,), int64."""
     base_covariance: np.ndarray
     """Covariance of the base wrench, shape (6, 6)."""
     base_information: np.ndarray
     """Its inverse, shape (6, 6)."""
     torque_variance: np.ndarray
     """Variance of each joint torque's noise in one sample, shape (n,) [Nm^2]."""
-    wrist_variance: np.ndarray
-    """Variance of each force and each moment component of the wrist sensor about its origin, shape (2,) [N^2,
-    Nm^2]."""
+    link_variance: np.ndarray
+    """Variance of each force and each moment component of the link sensors about their own origin, shape (S,
+    2) [N^2, Nm^2]."""
+
+
+class SensorRows(NamedTuple):
+    """Scalar measurements other than the base wrench: `screw` . w + noise for a contact wrench w about the
+    base origin, base axes, on links that the sensor sees, else noise alone. M is the most that there can
+    be."""
+
+    screw: np.ndarray
+    """Shape (M, 6)."""
+    value: np.ndarray
+    """The measurement, shape (M,)."""
+    proximal_value: np.ndarray
+    """The same for contacts that the sensor sees; differs from `value` where the base wrench was low-passed
+    in other frames, see `contactsense.residuals.equations_of_motion`, shape (M,)."""
+    variance: np.ndarray
+    """Variance of its noise, from all sources, shape (M,)."""
+    first_link: np.ndarray
+    """The sensor sees this link and all further ones, shape (M,), int64."""
+
+
+def empty_rows(count: int) -> SensorRows:
+    """Arrays for that many rows."""
+    return SensorRows(
+        screw=np.zeros((count, 6)),
+        value=np.zeros(count),
+        proximal_value=np.zeros(count),
+        variance=np.zeros(count),
+        first_link=np.zeros(count, dtype=np.int64),
+    )
 
 
 class Hypotheses(NamedTuple):
@@ -95,137 +127,70 @@ def _kalman_step(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _kalman_steps_wrist(variance_f, variance_m, y, origin, w, P, L):  # type: ignore[no-untyped-def]
-    """Six Kalman steps for a wrist sensor at `origin`: its force, and its moment about its own origin, where
-    noise is isotropic. Returns the energy of the innovations, and the product of their variances over those
-    of the noise."""
-    energy = 0.0
-    volume = 1.0
-    ox, oy, oz = origin[0], origin[1], origin[2]
-    mx, my, mz = y[3] - oy * y[2] + oz * y[1], y[4] - oz * y[0] + ox * y[2], y[5] - ox * y[1] + oy * y[0]
-    rows = (
-        ((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), y[0], variance_f),
-        ((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), y[1], variance_f),
-        ((0.0, 0.0, 1.0, 0.0, 0.0, 0.0), y[2], variance_f),
-        ((0.0, oz, -oy, 1.0, 0.0, 0.0), mx, variance_m),
-        ((-oz, 0.0, ox, 0.0, 1.0, 0.0), my, variance_m),
-        ((oy, -ox, 0.0, 0.0, 0.0, 1.0), mz, variance_m),
-    )
-    for row, value, variance in rows:
-        energy_step, innovation_variance = _kalman_step(row, value, variance, w, P, L)
-        energy += energy_step
-        volume *= innovation_variance / variance
-    return energy, volume
-
-
-@fused_kernel
-def _wrist_energy_without_contact(variance_f, variance_m, y, origin):  # type: ignore[no-untyped-def]
-    """Energy of a wrist reading without a contact distal to the wrist."""
-    ox, oy, oz = origin[0], origin[1], origin[2]
-    mx, my, mz = y[3] - oy * y[2] + oz * y[1], y[4] - oz * y[0] + ox * y[2], y[5] - ox * y[1] + oy * y[0]
-    force = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
-    return 0.5 * (force / variance_f + (mx * mx + my * my + mz * mz) / variance_m)
-
-
-@fused_kernel
 def isolate(
-    sensors: SensorModel,
-    screw: np.ndarray,
+    base_covariance: np.ndarray,
+    base_information: np.ndarray,
     base_wrench: np.ndarray,
     has_base: bool,
-    torque: np.ndarray,
-    proximal_torque: np.ndarray,
-    torque_variance: np.ndarray,
-    has_torque: bool,
-    wrist_wrench: np.ndarray,
-    proximal_wrist_wrench: np.ndarray,
-    has_wrist: bool,
-    wrist_origin: np.ndarray,
+    rows: SensorRows,
+    count: int,
     variance_ratio: float,
     out: Hypotheses,
 ) -> None:
     """Fill `out` with one hypothesis per link.
 
     Args:
-        sensors: Which sensor measures which link, and the noise.
-        screw: Joint screws in the base frame, shape (n, 6).
+        base_covariance, base_information: Of the base wrench, divided by `variance_ratio`, and its inverse,
+            shape (6, 6).
         base_wrench: External wrench on the base sensor, shape (6,).
         has_base: Whether `base_wrench` was measured.
-        torque: External part of the joint torques as s_j . w, shape (n,).
-        proximal_torque: The same for joints proximal to the contact; differs from `torque` where the base
-            wrench was low-passed in other frames, see `contactsense.residuals.equations_of_motion`, shape
-            (n,).
-        torque_variance: Variance of each `torque`, from all sources, shape (n,) [Nm^2].
-        has_torque: Whether `torque` was measured.
-        wrist_wrench: External wrench on the wrist sensor, about the base origin, base axes, shape (6,).
-        proximal_wrist_wrench: The same for contacts distal to the wrist, shape (6,).
-        has_wrist: Whether `wrist_wrench` was measured.
-        wrist_origin: Origin of the wrist sensor in the base frame [m], shape (3,).
-        variance_ratio: Factor on the variances of the force/torque sensors' noise: below one for filtered
-            measurements.
-        out: Filled row by row.
+        rows: The other measurements.
+        count: Number of rows that were measured, the first ones.
+        variance_ratio: Factor on the covariance of the base wrench: below one for filtered measurements.
+        out: Filled link by link.
     """
-    joints = torque.shape[0]
-    links = sensors.depth.shape[0]
     w, P, L = out.wrench, out.covariance, out.information
     for i in range(6):
         w[0, i] = base_wrench[i] if has_base else 0.0
         for k in range(6):
             if has_base:
-                P[0, i, k] = sensors.base_covariance[i, k] * variance_ratio
-                L[0, i, k] = sensors.base_information[i, k] / variance_ratio
+                P[0, i, k] = base_covariance[i, k] * variance_ratio
+                L[0, i, k] = base_information[i, k] / variance_ratio
             else:
                 P[0, i, k] = PRIOR_STD * PRIOR_STD if i == k else 0.0
                 L[0, i, k] = 1.0 / (PRIOR_STD * PRIOR_STD) if i == k else 0.0
-    joint = 0
     energy = 0.0
-    # Product of the variances of all measurements but the base wrench, and their number.
-    volume, count = 1.0, 0
-    if has_torque:
-        count += joints
-        for j in range(joints):
-            energy += 0.5 * torque[j] * torque[j] / torque_variance[j]
-            volume *= torque_variance[j]
-    includes_wrist = False
-    wrist_energy = 0.0
-    force_variance = sensors.wrist_variance[0] * variance_ratio
-    moment_variance = sensors.wrist_variance[1] * variance_ratio
-    if has_wrist:
-        count += 6
-        wrist_energy = _wrist_energy_without_contact(
-            force_variance, moment_variance, wrist_wrench, wrist_origin
-        )
-        energy += wrist_energy
-        volume *= (force_variance * moment_variance) ** 3
-    for link in range(links):
+    # Product of the variances of all rows, as exp(log_volume) * volume: one logarithm for many factors.
+    log_volume, volume = 0.0, 1.0
+    for i in range(count):
+        energy += 0.5 * rows.value[i] * rows.value[i] / rows.variance[i]
+        volume *= rows.variance[i]
+        log_volume, volume = _within_range(log_volume, volume)
+    for link in range(w.shape[0]):
         if link > 0:
             copy(w[link - 1], w[link])
             for i in range(6):
                 copy(P[link - 1, i], P[link, i])
                 copy(L[link - 1, i], L[link, i])
-        while joint < sensors.depth[link]:
-            if has_torque:
-                # Under this hypothesis the joint carries the contact: its innovation replaces the energy
-                # of noise alone.
-                variance = torque_variance[joint]
-                energy_step, innovation_variance = _kalman_step(
-                    screw[joint], proximal_torque[joint], variance, w[link], P[link], L[link]
-                )
-                energy += energy_step - 0.5 * torque[joint] * torque[joint] / variance
-                volume *= innovation_variance / variance
-            joint += 1
-        if has_wrist and sensors.beyond_wrist[link] and not includes_wrist:
-            includes_wrist = True
-            energy_step, variance_product = _kalman_steps_wrist(
-                force_variance,
-                moment_variance,
-                proximal_wrist_wrench,
-                wrist_origin,
-                w[link],
-                P[link],
-                L[link],
+        for i in range(count):
+            if rows.first_link[i] != link:
+                continue
+            # Under this hypothesis the sensor carries the contact: its innovation replaces the energy of
+            # noise alone.
+            variance = rows.variance[i]
+            energy_step, innovation_variance = _kalman_step(
+                rows.screw[i], rows.proximal_value[i], variance, w[link], P[link], L[link]
             )
-            energy += energy_step - wrist_energy
-            volume *= variance_product
+            energy += energy_step - 0.5 * rows.value[i] * rows.value[i] / variance
+            volume *= innovation_variance / variance
+            log_volume, volume = _within_range(log_volume, volume)
         out.energy[link] = energy
-        out.log_evidence[link] = -energy - 0.5 * (math.log(volume) + count * _LOG_2PI)
+        out.log_evidence[link] = -energy - 0.5 * (log_volume + math.log(volume) + count * _LOG_2PI)
+
+
+@fused_kernel
+def _within_range(log_volume, volume):  # type: ignore[no-untyped-def]
+    """The same product with a second factor that can be multiplied further."""
+    if _LARGEST_INVERSE < volume < _LARGEST:
+        return log_volume, volume
+    return log_volume + math.log(volume), 1.0

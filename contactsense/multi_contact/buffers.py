@@ -203,7 +203,7 @@ class MultiContactBuffers(NamedTuple):
 
 def empty_multi_contact_buffers(constants: Constants) -> MultiContactBuffers:
     """Zero-filled arrays for one arm."""
-    rows = 6 + constants.model.joints + 6
+    rows = 6 + constants.model.joints + 6 * len(constants.link_sensors.body)
     seed_samples = choose_seed_samples(constants)
     return MultiContactBuffers(
         seed_samples=seed_samples,

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from contactsense.detection.thresholds import Usable
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact.buffers import MAX_CONTACTS, MultiContactBuffers, PrimitiveFrames
 from contactsense.multi_contact.contact_set_search import search_contact_sets
@@ -21,10 +22,10 @@ from contactsense.runtime.result_rows import MIN_PROBABILITY, write_row
 def explain_contact_sets(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int],
+    sizes: tuple[int, int, int, int, int, int],
     skin: Grids,
     buffers: MultiContactBuffers,
-    present: tuple[bool, bool, bool],
+    present: Usable,
     bandwidth: float,
     known_count: int,
     max_contacts: int,
@@ -36,7 +37,7 @@ def explain_contact_sets(
         floats, integers, sizes, skin: The localizer's kernel buffers after
             `contactsense.runtime.kernels.locate_once` or `step`, and the signed distance grids.
         buffers: With the known contacts filled in.
-        present: Which of base wrench, joint torques and wrist wrench were measured.
+        present: Which sensors have measured.
         bandwidth: Cut-off frequency of the observers [Hz]; infinite for an arm at rest, whose external
             wrench and torques are not filtered.
         known_count, max_contacts: Number of known contacts, and maximum number of contacts, those
@@ -50,14 +51,14 @@ def explain_contact_sets(
     """
     constants, state = buffer_views(floats, integers, sizes)
     scale, lag = 1.0, 0.0
-    external = (state.base_wrench, state.torque, state.wrist_wrench)
+    external = (state.base_wrench, state.torque, state.link_wrench)
     if bandwidth < math.inf:
         # The residuals of the observers, not their averages for a single contact.
         lag = 1.0 / (2.0 * math.pi * bandwidth)
         external = (
             state.base_observer.residual[:6],
             state.joint_observer.residual,
-            state.wrist_observer.residual,
+            state.link_observer.residual,
         )
         scale = residual_variance_ratio(state, present)
     update_covariances(constants, state, scale)
@@ -66,7 +67,7 @@ def explain_contact_sets(
     transform_samples(constants.samples, depth, state.motion, seed_samples, buffers.seeding)
     m = fill_measurement_rows(
         constants.sensors, state.motion, external, state.base_information, state.torque_variance,
-        state.wrist_origin, present, scale, lag, buffers.rows,
+        state.link_variance, state.link_origin, present, scale, lag, buffers.rows,
     )  # fmt: skip
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
     force_scale = estimate_force_scale(external, present)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from contactsense.detection.thresholds import Usable
 from contactsense.multi_contact.buffers import (
     MAX_CONTACTS,
     MAX_EXPLANATIONS,
@@ -66,7 +67,7 @@ class MultiContactLocator:
 
     def fit(
         self,
-        present: tuple[bool, bool, bool],
+        present: Usable,
         max_contacts: int,
         known: Sequence[KnownContact],
         bandwidth: float = math.inf,
@@ -74,7 +75,7 @@ class MultiContactLocator:
         """Explain the sample last taken by the kernels; `explanations` and `rows` return the result.
 
         Args:
-            present: Which of base wrench, joint torques and wrist wrench were measured.
+            present: Which sensors have measured.
             max_contacts: Maximum number of contacts in a set, known ones included.
             known: Contacts known before.
             bandwidth: Cut-off frequency of the observers [Hz]; infinite for an arm at rest.
@@ -94,7 +95,7 @@ class MultiContactLocator:
         return int(listed), int(rank)
 
     def explain(
-        self, present: tuple[bool, bool, bool], contacts: int, known: Sequence[Contact], drift: float | None
+        self, present: Usable, contacts: int, known: Sequence[Contact], drift: float | None
     ) -> Estimate:
         """Estimate of at most `contacts` simultaneous contacts from the static sample last taken.
 

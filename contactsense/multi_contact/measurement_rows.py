@@ -11,8 +11,10 @@ import math
 
 import numpy as np
 
+from contactsense.detection.thresholds import Usable
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
+from contactsense.kinematics.spatial import component_about
 from contactsense.multi_contact.buffers import MeasurementRows
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import fused_kernel
@@ -51,8 +53,9 @@ def fill_measurement_rows(
     parts: tuple[np.ndarray, np.ndarray, np.ndarray],
     base_information: np.ndarray,
     torque_variance: np.ndarray,
-    wrist_origin: np.ndarray,
-    present: tuple[bool, bool, bool],
+    link_variance: np.ndarray,
+    link_origin: np.ndarray,
+    present: Usable,
     scale: float,
     lag: float,
     rows: MeasurementRows,
@@ -60,15 +63,17 @@ def fill_measurement_rows(
     """Fill `rows` with the whitened external wrenches and torques; returns the number of rows.
 
     Args:
-        sensors: Which sensor measures which link, and the noise of the wrist sensor.
+        sensors: Which sensor measures which link.
         motion: Poses and twists.
-        parts: External base wrench (6,), joint torques as s_j . w (n,) and wrist wrench (6,), low-pass
-            filtered in base axes.
+        parts: External base wrench (6,), joint torques as s_j . w (n,) and wrenches on the link sensors (S,
+            6), low-pass filtered in base axes.
         base_information: Inverse covariance of the base wrench times `scale`, shape (6, 6).
         torque_variance: Variance of each torque, shape (n,) [Nm^2].
-        wrist_origin: Origin of the wrist sensor, base frame, shape (3,) [m].
-        present: Which of the parts were measured.
-        scale: Factor on the variances of the scene's noise.
+        link_variance: Variance of each component of the link sensors' wrenches about their origins, shape (S,
+            6).
+        link_origin: Those origins, base frame, shape (S, 3) [m].
+        present: Which sensors have measured.
+        scale: Factor on the covariance of the base wrench.
         lag: Time constant of the low-pass filter [s]; 0 without one.
         rows: Filled.
     """
@@ -110,35 +115,23 @@ def fill_measurement_rows(
                     twist = motion.twist[sensors.depth[link]]
                     _lagged_row(row, twist, motion.twist[j], lag, transformed, rows.matrix[link, m])
             m += 1
-    if present[2]:
+    for s in range(link_origin.shape[0]):
+        if not present[2] >> s & 1:
+            continue
         for i in range(6):
-            _wrist_row(i, wrist_origin, row)
-            inverse_deviation = 1.0 / math.sqrt(sensors.wrist_variance[i // 3] * scale)
+            component = component_about(link_origin[s], i)
+            inverse_deviation = 1.0 / math.sqrt(link_variance[s, i])
             y[m] = 0.0
             for k in range(6):
-                row[k] *= inverse_deviation
-                y[m] += row[k] * parts[2][k]
+                row[k] = component[k] * inverse_deviation
+                y[m] += row[k] * parts[2][s, k]
             for link in range(links):
-                if sensors.beyond_wrist[link]:
+                if link >= sensors.first_link[s]:
                     seen[link, m] = 1.0
                     twist = motion.twist[sensors.depth[link]]
                     _lagged_row(row, twist, sensor_twist, lag, transformed, rows.matrix[link, m])
             m += 1
     return m
-
-
-@fused_kernel
-def _wrist_row(i, o, row):  # type: ignore[no-untyped-def]
-    """Component i of a wrench about the wrist sensor's origin o: force, then moment m - o x f."""
-    for k in range(6):
-        row[k] = 0.0
-    row[i] = 1.0
-    if i == 3:
-        row[1], row[2] = o[2], -o[1]
-    elif i == 4:
-        row[0], row[2] = -o[2], o[0]
-    elif i == 5:
-        row[0], row[1] = o[1], -o[0]
 
 
 @fused_kernel

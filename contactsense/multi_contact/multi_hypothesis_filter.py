@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.detection.false_alarm_rate import sample_threshold
+from contactsense.detection.thresholds import Usable, degrees_of_freedom_of
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.tracked_contacts import (
     TrackedContact,
@@ -63,22 +64,19 @@ class MultiHypothesisFilter:
             kernel_buffers.state,
             locator,
         )
-        self._channels = (6, kernel_buffers.constants.model.joints, 6)
         self.hypotheses: list[Hypothesis] = []
 
-    def energy_limit(self, present: tuple[bool, bool, bool], count: int, drift: float) -> float:
+    def energy_limit(self, present: Usable, count: int, drift: float) -> float:
         """Energy of known contacts that noise alone exceeds at the false alarm rate of the scene.
 
         Each contact has as many unknowns as priors, plus three priors if its force is known.
         """
-        degrees_of_freedom = sum(
-            size for size, is_present in zip(self._channels, present, strict=True) if is_present
-        )
+        degrees_of_freedom = degrees_of_freedom_of(self._constants.model.joints, present)
         if drift < math.inf:
             degrees_of_freedom += 3 * count
         return sample_threshold(self._scene.false_alarms_per_hour, degrees_of_freedom, self._scene.bandwidth)
 
-    def evaluate(self, present: tuple[bool, bool, bool]) -> list[HypothesisFit]:
+    def evaluate(self, present: Usable) -> list[HypothesisFit]:
         """The hypotheses after this sample, the most probable first; the filter itself is not changed."""
         fits = []
         explanations = self._locator.explanations
@@ -97,7 +95,7 @@ class MultiHypothesisFilter:
 
     def explain(
         self,
-        present: tuple[bool, bool, bool],
+        present: Usable,
         before: Sequence[Hypothesis],
         contacts: int,
         drift: float,
@@ -127,9 +125,7 @@ class MultiHypothesisFilter:
             ]
         return sorted(after, key=lambda hypothesis: -hypothesis.log_probability)
 
-    def with_further_contact(
-        self, present: tuple[bool, bool, bool], before: Sequence[Hypothesis]
-    ) -> list[Hypothesis]:
+    def with_further_contact(self, present: Usable, before: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Sets with one more contact; the forces of the others either drift or are free."""
         count = len(before[0].contacts) + 1
         after = self.explain(present, before, count, FORCE_DRIFT) + self.explain(

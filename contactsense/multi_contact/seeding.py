@@ -31,9 +31,10 @@ def estimate_force_scale(external, present):  # type: ignore[no-untyped-def]
     if present[0]:
         y = external[0]
         force_scale = max(force_scale, math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]))
-    if present[2]:
-        y = external[2]
-        force_scale = max(force_scale, math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]))
+    for s in range(external[2].shape[0]):
+        if present[2] >> s & 1:
+            y = external[2][s]
+            force_scale = max(force_scale, math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]))
     if present[1]:
         for j in range(external[1].shape[0]):
             force_scale = max(force_scale, abs(external[1][j]) / TORQUE_LEVER)

@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from contactsense.detection.thresholds import Usable
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.multi_hypothesis_filter import (
@@ -110,13 +111,13 @@ class MultiContactTracker:
         return released
 
     def step(
-        self, t: float, present: tuple[bool, bool, bool], number: int, explained: bool, reason: str
+        self, t: float, present: Usable, number: int, explained: bool, reason: str
     ) -> tuple[Estimate | None, int]:
         """Explain the sample last taken by the kernels, while there is contact.
 
         Args:
             t: Time of the sample [s].
-            present: Which of base wrench, joint torques and wrist wrench can be used.
+            present: Which sensors can be used.
             number: Number of the single contact.
             explained: Whether a single contact explains the sample.
             reason: Why the estimate is `degraded`, empty if it is not.
@@ -136,9 +137,7 @@ class MultiContactTracker:
             self._return_to_single_contact()
         return estimate, number
 
-    def _check_single_contact(
-        self, t: float, present: tuple[bool, bool, bool], number: int, explained: bool
-    ) -> None:
+    def _check_single_contact(self, t: float, present: Usable, number: int, explained: bool) -> None:
         """Test the previous estimate of a single contact; start tracking if a further one is found."""
         if self._state.track.scalars[PHASE] == NEW:
             self._prior_hypotheses = []
@@ -191,7 +190,7 @@ class MultiContactTracker:
             )
         return hypotheses
 
-    def _update(self, t: float, present: tuple[bool, bool, bool], reason: str) -> Estimate | None:
+    def _update(self, t: float, present: Usable, reason: str) -> Estimate | None:
         """Estimate from the hypotheses; None if they explain nothing."""
         fits = self._filter.evaluate(present)
         limit = self._filter.energy_limit(present, len(self._members), FORCE_DRIFT)
@@ -219,7 +218,7 @@ class MultiContactTracker:
         return self._build_estimate(t, fits, reason)
 
     def _reestimate_newest(
-        self, t: float, present: tuple[bool, bool, bool], fits: Sequence[HypothesisFit], limit: float
+        self, t: float, present: Usable, fits: Sequence[HypothesisFit], limit: float
     ) -> bool:
         """Search again for the newest contact, whose force may have grown; returns whether it was found."""
         extended = self._filter.with_further_contact(present, self._before_onset)
@@ -240,7 +239,7 @@ class MultiContactTracker:
         return improved
 
     def _detect_change(
-        self, t: float, present: tuple[bool, bool, bool], unchanged: Sequence[Hypothesis], limit: float
+        self, t: float, present: Usable, unchanged: Sequence[Hypothesis], limit: float
     ) -> bool:
         """Search for a change since the prior; returns whether one was found."""
         hypothesis_filter, count = self._filter, len(self._members)
@@ -272,7 +271,7 @@ class MultiContactTracker:
     def _test_release(
         self,
         t: float,
-        present: tuple[bool, bool, bool],
+        present: Usable,
         indices: Sequence[int],
         unchanged: Sequence[Hypothesis],
         drift: float,

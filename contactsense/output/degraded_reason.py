@@ -1,31 +1,35 @@
 """Explain in words why an estimate is `degraded`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from contactsense.residuals.sensor_consistency import SensorConsistency, describe_inconsistency
-from contactsense.sensors.sample_fields import SENSORS
-from contactsense.sensors.stream_state import BLIND, INCONSISTENT, INVALID, MISSING, SETTLING
+from contactsense.sensors.stream_state import BLIND, INCONSISTENT, INVALID, MISSING, SETTLING, SHIFT
 from contactsense.sensors.timing import LONGEST_GAP
 
 
 def degraded_reason(
-    flags: int, consistency: SensorConsistency, refused: Mapping[str, str], step: float
+    sensors: Sequence[str],
+    flags: int,
+    consistency: SensorConsistency,
+    refused: Mapping[str, str],
+    step: float,
 ) -> str:
     """Why a sample's estimate is `degraded`, in words.
 
     Args:
+        sensors: Names of the sensors, in the order of their flags.
         flags: Of the sample, see `contactsense.sensors.stream_state`.
         consistency: Of the stream.
         refused: Sensor -> why its value was taken out of the sample.
         step: Time since the previous sample [s].
     """
     reasons = []
-    for i, name in enumerate(SENSORS):
-        if flags & ((MISSING | INVALID) << i | BLIND) and name in refused:
+    for name, shift in zip(sensors, SHIFT, strict=False):
+        if flags & ((MISSING | INVALID) << shift | BLIND) and name in refused:
             reasons.append(refused[name])
-        elif flags & MISSING << i:
+        elif flags & MISSING << shift:
             reasons.append(f"{name} is missing")
-        elif flags & INVALID << i:
+        elif flags & INVALID << shift:
             reasons.append(f"{name} is not finite or implausibly large")
     if flags & INCONSISTENT:
         reasons += describe_inconsistency(consistency)

@@ -18,7 +18,13 @@ import numpy as np
 from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.joint_friction import JointTorqueModel
-from contactsense.residuals.momentum_observer import MomentumObserver, advance, empty_observer, start_step
+from contactsense.residuals.momentum_observer import (
+    MomentumObserver,
+    advance,
+    empty_observer,
+    group_of,
+    start_step,
+)
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
 UPDATE_INTERVAL = 2.0
@@ -224,6 +230,27 @@ def _add_mass_covariance(bias_filter: BiasFilter, n: int) -> None:
 
 
 @kernel
+def mass_variance(
+    bias_filter: BiasFilter, first_body: int, row: tuple[float, float, float, float, float, float]
+) -> float:
+    """Variance that the masses add to one component of the wrench on a link sensor.
+
+    Args:
+        bias_filter: After `predict` for this sample.
+        first_body: First link that the sensor carries.
+        row: The component is `row` . wrench, base axes, base origin.
+    """
+    n = bias_filter.torque_variance.shape[0]
+    P, r, m = bias_filter.covariance, bias_filter.mass_regressor.residual, n + 6
+    variance = 0.0
+    for k in range(first_body - 1, n):
+        one = dot6(row, r[m * k + n : m * k + m])
+        for i in range(first_body - 1, n):
+            variance += one * P[m + k, m + i] * dot6(row, r[m * i + n : m * i + m])
+    return float(variance)
+
+
+@kernel
 def update(
     bias_filter: BiasFilter,
     equation: int,
@@ -276,7 +303,9 @@ def apply_correction(
     base_observer: MomentumObserver,
     torque_difference: MomentumObserver,
     joint_observer: MomentumObserver,
-    wrist_difference: MomentumObserver,
+    link_observer: MomentumObserver,
+    link_difference: MomentumObserver,
+    first_body: np.ndarray,
 ) -> None:
     """Apply `correction` to biases and masses, and shift the observers to the state that they would have had
     with the corrected model.
@@ -286,8 +315,9 @@ def apply_correction(
         model, torque_model: Masses and torque biases, changed in place.
         motion: Of this sample.
         bandwidth: Cut-off frequency of the observers [Hz].
-        base_observer, torque_difference, joint_observer, wrist_difference: The observers, changed in place;
-            see `contactsense.runtime.state`.
+        base_observer, torque_difference, joint_observer, link_observer, link_difference: The observers,
+            changed in place; see `contactsense.runtime.state`.
+        first_body: First link that each link sensor carries, shape (S,), int64.
     """
     x, n = bias_filter.correction, torque_model.bias.shape[0]
     m = n + 6
@@ -326,8 +356,17 @@ def apply_correction(
             d_joint_momentum - dot6(motion.screw[j], d_momentum),
             K,
         )
-    for i in range(6):
-        _shift_observer(wrist_difference, i, -d_wrench[i], -d_momentum[i], K)
+    for s in range(first_body.shape[0]):
+        for i in range(6):
+            d_link, d_link_momentum = 0.0, 0.0
+            if estimates_masses:
+                for k in range(first_body[s] - 1, n):
+                    d_link += x[m + k] * regressor[m * k + n + i]
+                    d_link_momentum += x[m + k] * (H[k + 1, i] - (H[k + 2, i] if k + 2 <= n else 0.0))
+            _shift_observer(group_of(link_observer, s), i, d_link, d_link_momentum, K)
+            _shift_observer(
+                group_of(link_difference, s), i, d_link - d_wrench[i], d_link_momentum - d_momentum[i], K
+            )
     for body in range(n + 1):
         R, o = motion.rotation[body], motion.origin[body]
         for i in range(3):

@@ -208,27 +208,28 @@ def observe_torque_difference(
 
 
 @kernel
-def observe_wrist_difference(
+def observe_wrench_difference(
     motion: Motion,
-    tool_momentum: np.ndarray,
-    wrist: np.ndarray,
+    momentum: np.ndarray,
+    gravity: np.ndarray,
+    link_wrench: np.ndarray,
     wrench: np.ndarray,
     dt: float,
     bandwidth: float,
     state: MomentumObserver,
 ) -> None:
-    """Advance by one sample the residual of the wrist sensor minus that of the base sensor, base axes, base
+    """Advance by one sample the residual of a link sensor minus that of the base sensor, base axes, base
     origin.
 
     Args:
         motion: After `contactsense.kinematics.momenta.kinematics_and_momenta` for this sample.
-        tool_momentum: Momentum and gravity wrench of the load on the wrist sensor, shape (2, 6).
-        wrist, wrench: Wrenches on the wrist sensor and on the base sensor, shape (6,) [N, Nm].
+        momentum, gravity: Of the link sensor's load, as for `observe_wrench`.
+        link_wrench, wrench: Wrenches on the link sensor and on the base sensor, shape (6,) [N, Nm].
         dt: Time since the last sample with both sensors [s]; 0 restarts.
         bandwidth: Cut-off frequency [Hz].
         state: Changed in place, six equations.
     """
     step = start_step(state, dt, bandwidth)
     for i in range(6):
-        drift = tool_momentum[1, i] - wrist[i] - motion.gravity[0, i] + wrench[i]
-        advance(state, i, tool_momentum[0, i] - motion.momentum[0, i], drift, step)
+        drift = gravity[i] - link_wrench[i] - motion.gravity[0, i] + wrench[i]
+        advance(state, i, momentum[i] - motion.momentum[0, i], drift, step)

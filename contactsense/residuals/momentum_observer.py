@@ -52,6 +52,22 @@ def empty_observer(size: int) -> MomentumObserver:
     return MomentumObserver(np.zeros(size), np.zeros((3, size)), np.zeros(size), np.zeros(7))
 
 
+def empty_observers(groups: int, size: int) -> MomentumObserver:
+    """The same for several groups of as many equations each, sampled at their own times: with a leading axis;
+    `group_of` returns one of them."""
+    return MomentumObserver(
+        np.zeros((groups, size)), np.zeros((groups, 3, size)), np.zeros((groups, size)), np.zeros((groups, 7))
+    )
+
+
+@inlined_kernel
+def group_of(state: MomentumObserver, group: int) -> MomentumObserver:
+    """One of the groups of `empty_observers`."""
+    return MomentumObserver(
+        state.momentum[group], state.integrand[group], state.residual[group], state.scalars[group]
+    )
+
+
 def noise_variance_ratio(bandwidth: float, dt: float) -> float:
     """Variance of the residual over that of white noise in the measurement, at constant sample time [s]."""
     state = empty_observer(0)

@@ -21,7 +21,7 @@ from contactsense.tracking.contact_tracker import NUMBER, PHASE
 def detect_and_localize_block(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int],
+    sizes: tuple[int, int, int, int, int, int],
     skin_values: np.ndarray,
     skin_start: np.ndarray,
     skin_shape: np.ndarray,
@@ -38,7 +38,7 @@ def detect_and_localize_block(
     qd: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
+    link_wrench: np.ndarray,
     flags: np.ndarray,
     phases: np.ndarray,
     residuals: np.ndarray,
@@ -57,7 +57,7 @@ def detect_and_localize_block(
         stop_at_touch: Return after the first sample that touches, ends a contact or restarts the stream;
             `localize` is not called.
         first: Sample to begin with.
-        t, present, q, qd, torque, base_wrench, wrist_wrench: As for
+        t, present, q, qd, torque, base_wrench, link_wrench: As for
             `contactsense.runtime.kernels.detect`, with a leading axis N.
         flags: Filled: flags of each sample, shape (N,), int64.
         phases: Filled: phase and number of the contact, shape (N, 2).
@@ -82,7 +82,7 @@ def detect_and_localize_block(
             fill_lanes(constants, state, i, q, qd, torque, base_wrench, lanes)
         found = relevant & detect_in_lane(
             constants, state, bandwidth, lanes, i - first_lane, t[i], present[i], q[i], qd[i], torque[i],
-            base_wrench[i], wrist_wrench[i],
+            base_wrench[i], link_wrench[i],
         )  # fmt: skip
         if state.bias_filter.scalars[TIME_SINCE_UPDATE] == 0.0:
             # Biases and masses have changed.

@@ -23,7 +23,7 @@ class BlockRunner:
     def __init__(
         self,
         scene: Scene,
-        scene_sensors: tuple[bool, bool, bool],
+        scene_sensors: tuple[bool, bool],
         links: int,
         first_primitive: np.ndarray,
         phases: np.ndarray,
@@ -32,7 +32,7 @@ class BlockRunner:
 
         Args:
             scene: The localizer's.
-            scene_sensors: Whether the scene has a base sensor, joint torques, a wrist sensor.
+            scene_sensors: Whether the scene has a base sensor and joint torques.
             links: Number of links that can be distinguished.
             first_primitive: Index of each link's first primitive.
             phases: The view of the localizer's state, see
@@ -45,6 +45,7 @@ class BlockRunner:
             first_primitive,
             phases,
         )
+        self._link_sensors = tuple(scene.link_sensors)
         self._flange = (scene.robot.flange_rotation, scene.robot.flange_translation)
         self._flags = np.zeros(MAX_BLOCK, dtype=np.int64)
         self._listed = np.zeros(MAX_BLOCK, dtype=np.int64)
@@ -92,17 +93,21 @@ class BlockRunner:
         """The samples as arguments of the kernel."""
         present = np.zeros(len(block), dtype=np.int64)
         values = []
-        sensors = (block.base_wrench, block.joint_torque, block.wrist_wrench)
-        for i, (value, size) in enumerate(zip(sensors, (6, self._joints, 6), strict=True)):
+        sensors = (block.base_wrench, block.joint_torque)
+        for i, (value, size) in enumerate(zip(sensors, (6, self._joints), strict=True)):
             if value is None or not self._scene_sensors[i]:
                 value = np.zeros((len(block), size))
             else:
                 present += (~np.isnan(value).all(axis=1)).astype(np.int64) << i
             values.append(value)
-        t, q, qd, torque, base, wrist = map(
-            _writeable, (block.t, block.q, block.qd, values[1], values[0], values[2])
-        )
-        return t, present, q, qd, torque, base, wrist
+        links = np.zeros((len(block), len(self._link_sensors), 6))
+        given = block.link_values
+        for s, name in enumerate(self._link_sensors):
+            if name in given:
+                links[:, s] = given[name]
+                present += (~np.isnan(given[name]).all(axis=1)).astype(np.int64) << s + 2
+        t, q, qd, torque, base = map(_writeable, (block.t, block.q, block.qd, values[1], values[0]))
+        return t, present, q, qd, torque, base, links
 
     def _collect(
         self, block: SampleBlock, residuals: np.ndarray, estimates: dict[int, Estimate]

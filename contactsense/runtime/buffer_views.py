@@ -4,7 +4,7 @@ The order of the fields is that of `contactsense.runtime.buffers`; a test compar
 """
 
 from contactsense.detection.thresholds import LONGEST_STEP_MS
-from contactsense.isolation.link_hypotheses import Hypotheses, SensorModel
+from contactsense.isolation.link_hypotheses import Hypotheses, SensorModel, SensorRows
 from contactsense.kinematics.model import Model, Motion
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
 from contactsense.localization.none_of_these import LeftOutLinks
@@ -22,8 +22,9 @@ from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.runtime.constants import Constants
+from contactsense.runtime.link_sensors import LinkSensors
 from contactsense.runtime.state import State
-from contactsense.sensors.stream_state import StreamState
+from contactsense.sensors.stream_state import LINK, StreamState
 from contactsense.solvers.posterior import Prior, SearchBuffers
 from contactsense.tracking.contact_tracker import WINDOWS, ContactTrack
 
@@ -115,18 +116,29 @@ def _cells(f, i, a, b, r, links):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def _sensors(f, i, a, b, n, links):  # type: ignore[no-untyped-def]
+def _sensors(f, i, a, b, n, links, u):  # type: ignore[no-untyped-def]
     depth, b = _take1(i, b, links)
-    beyond_wrist, b = _take1(i, b, links)
+    first_link, b = _take1(i, b, u)
     base_covariance, a = _take2(f, a, 6, 6)
     base_information, a = _take2(f, a, 6, 6)
     torque_variance, a = _take1(f, a, n)
-    wrist_variance, a = _take1(f, a, 2)
+    link_variance, a = _take2(f, a, u, 2)
     return (
-        SensorModel(depth, beyond_wrist, base_covariance, base_information, torque_variance, wrist_variance),
+        SensorModel(depth, first_link, base_covariance, base_information, torque_variance, link_variance),
         a,
         b,
     )
+
+
+@inlined_kernel
+def _link_sensors(f, i, a, b, u):  # type: ignore[no-untyped-def]
+    body, b = _take1(i, b, u)
+    origin, a = _take2(f, a, u, 3)
+    first_body, b = _take1(i, b, u)
+    mass, a = _take1(f, a, u)
+    com, a = _take2(f, a, u, 3)
+    inertia, a = _take3(f, a, u, 3, 3)
+    return LinkSensors(body, origin, first_body, mass, com, inertia), a, b
 
 
 @inlined_kernel
@@ -149,12 +161,12 @@ def _torque_model(f, a, n):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def _constants(f, i, n, links, p, s, t):  # type: ignore[no-untyped-def]
+def _constants(f, i, n, links, p, s, t, u):  # type: ignore[no-untyped-def]
     model, a = _model(f, 0, n, links)
     surfaces, a, b = _surfaces(f, i, a, 0, links, p)
     samples, a, b = _samples(f, i, a, b, p, s)
     subsamples, a, b = _subsamples(f, i, a, b, s, t)
-    sensors, a, b = _sensors(f, i, a, b, n, links)
+    sensors, a, b = _sensors(f, i, a, b, n, links, u)
     scalars = a
     log_link_density, a = _take1(f, a + 6, links)
     prior = Prior(
@@ -167,17 +179,13 @@ def _constants(f, i, n, links, p, s, t):  # type: ignore[no-untyped-def]
     covariance, a = _take3(f, a, links, 3, 3)
     left_out = LeftOutLinks(log_weight, centre, covariance)
     gravity, a = _take1(f, a, 3)
-    tool_mass = f[a]
-    tool_com, a = _take1(f, a + 1, 3)
-    tool_inertia, a = _take2(f, a, 3, 3)
-    wrist_rotation, a = _take2(f, a, 3, 3)
-    wrist_origin, a = _take1(f, a, 3)
+    link_sensors, a, b = _link_sensors(f, i, a, b, u)
     torque_model, a = _torque_model(f, a, n)
     bias_rate = f[a]
-    thresholds, a = _take3(f, a + 1, 8, LONGEST_STEP_MS, 2)
+    thresholds, a = _take3(f, a + 1, 4 * (u + 1), LONGEST_STEP_MS, 2)
     constants = Constants(
-        model, surfaces, samples, subsamples, sensors, prior, touchable, left_out, gravity, tool_mass,
-        tool_com, tool_inertia, wrist_rotation, wrist_origin, torque_model, bias_rate, thresholds,
+        model, surfaces, samples, subsamples, sensors, prior, touchable, left_out, gravity, link_sensors,
+        torque_model, bias_rate, thresholds,
     )  # fmt: skip
     return constants, a, b
 
@@ -256,8 +264,27 @@ def _observer(f, a, size):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def _track(f, a, n):  # type: ignore[no-untyped-def]
-    mean, a = _take2(f, a, WINDOWS, 6 * (n + 1) + 2 * n + 12)
+def _observers(f, a, groups, size):  # type: ignore[no-untyped-def]
+    momentum, a = _take2(f, a, groups, size)
+    integrand, a = _take3(f, a, groups, 3, size)
+    residual, a = _take2(f, a, groups, size)
+    scalars, a = _take2(f, a, groups, 7)
+    return MomentumObserver(momentum, integrand, residual, scalars), a
+
+
+@inlined_kernel
+def _rows(f, i, a, b, m):  # type: ignore[no-untyped-def]
+    screw, a = _take2(f, a, m, 6)
+    value, a = _take1(f, a, m)
+    proximal_value, a = _take1(f, a, m)
+    variance, a = _take1(f, a, m)
+    first_link, b = _take1(i, b, m)
+    return SensorRows(screw, value, proximal_value, variance, first_link), a, b
+
+
+@inlined_kernel
+def _track(f, a, n, u):  # type: ignore[no-untyped-def]
+    mean, a = _take2(f, a, WINDOWS, 6 * (n + 1) + 2 * n + 12 * u)
     variance_ratio, a = _take1(f, a, WINDOWS)
     residual_covariance, a = _take1(f, a, WINDOWS)
     samples, a = _take1(f, a, WINDOWS)
@@ -280,17 +307,17 @@ def _track(f, a, n):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def _stream(f, a, n):  # type: ignore[no-untyped-def]
+def _stream(f, a, n, u):  # type: ignore[no-untyped-def]
     q, a = _take1(f, a, n)
     qd, a = _take1(f, a, n)
     torque, a = _take1(f, a, n)
     base_wrench, a = _take1(f, a, 6)
-    wrist_wrench, a = _take1(f, a, 6)
-    timing, a = _take2(f, a, 5, 3)
-    steps, a = _take1(f, a, 5)
-    usable, a = _take1(f, a, 5)
+    link_wrench, a = _take2(f, a, u, 6)
+    timing, a = _take2(f, a, LINK + 2 * u, 3)
+    steps, a = _take1(f, a, LINK + 2 * u)
+    usable, a = _take1(f, a, LINK + 2 * u)
     scalars, a = _take1(f, a, 4)
-    return StreamState(q, qd, torque, base_wrench, wrist_wrench, timing, steps, usable, scalars), a
+    return StreamState(q, qd, torque, base_wrench, link_wrench, timing, steps, usable, scalars), a
 
 
 @inlined_kernel
@@ -368,10 +395,11 @@ def buffer_views(f, i, sizes):  # type: ignore[no-untyped-def]
 
     Args:
         f, i: `KernelBuffers.floats` and `KernelBuffers.integers`.
-        sizes: `KernelBuffers.sizes`: numbers of joints, links, primitives, surface samples and subsamples.
+        sizes: `KernelBuffers.sizes`: numbers of joints, links, primitives, surface samples, subsamples and
+            link sensors.
     """
-    n, links, p, s, t = sizes
-    constants, a, b = _constants(f, i, n, links, p, s, t)
+    n, links, p, s, t, u = sizes
+    constants, a, b = _constants(f, i, n, links, p, s, t, u)
     model, a = _model(f, a, n, links)
     torque_model, a = _torque_model(f, a, n)
     bias_filter, a = _bias_filter(f, a, n)
@@ -385,15 +413,15 @@ def buffer_views(f, i, sizes):  # type: ignore[no-untyped-def]
     joint_observer, a = _observer(f, a, n)
     base_observer, a = _observer(f, a, 6 * (n + 1))
     torque_difference, a = _observer(f, a, n)
-    wrist_observer, a = _observer(f, a, 6)
-    wrist_difference, a = _observer(f, a, 6)
-    track, a = _track(f, a, n)
-    stream, a = _stream(f, a, n)
+    link_observer, a = _observers(f, a, u, 6)
+    link_difference, a = _observers(f, a, u, 6)
+    track, a = _track(f, a, n, u)
+    stream, a = _stream(f, a, n, u)
     consistency, a = _consistency(f, a)
     noise_scale, a = _noise_scale(f, a, n)
     timing_error, a = _timing_error(f, a, n)
-    tool_momentum, a = _take2(f, a, 2, 6)
-    wrist_origin, a = _take1(f, a, 3)
+    link_load, a = _take3(f, a, u, 2, 6)
+    link_origin, a = _take2(f, a, u, 3)
     unbiased_wrench, a = _take1(f, a, 6)
     base_covariance, a = _take2(f, a, 6, 6)
     base_information, a = _take2(f, a, 6, 6)
@@ -401,20 +429,23 @@ def buffer_views(f, i, sizes):  # type: ignore[no-untyped-def]
     body_wrench, a = _take2(f, a, n + 1, 6)
     torque, a = _take1(f, a, n)
     proximal_torque, a = _take1(f, a, n)
-    wrist_wrench, a = _take1(f, a, 6)
-    proximal_wrist_wrench, a = _take1(f, a, 6)
+    link_wrench, a = _take2(f, a, u, 6)
+    proximal_link_wrench, a = _take2(f, a, u, 6)
     wrench_change, a = _take1(f, a, 6)
     unmodelled_std, a = _take1(f, a, n)
     torque_variance, a = _take1(f, a, n)
+    link_variance, a = _take2(f, a, u, 6)
+    link_mass_variance, a = _take2(f, a, u, 6)
+    rows, a, b = _rows(f, i, a, b, n + 6 * u)
     statistics, a = _take1(f, a, 5)
     zero_velocity, a = _take1(f, a, n)
     candidate_links, b = _take1(i, b, links)
     state = State(
         model, torque_model, bias_filter, friction_at_rest, motion, hypotheses, candidates, search_buffers,
-        surface_cells, link_probability, joint_observer, base_observer, torque_difference, wrist_observer,
-        wrist_difference, track, stream, consistency, noise_scale, timing_error, tool_momentum, wrist_origin,
+        surface_cells, link_probability, joint_observer, base_observer, torque_difference, link_observer,
+        link_difference, track, stream, consistency, noise_scale, timing_error, link_load, link_origin,
         unbiased_wrench, base_covariance, base_information, base_wrench, body_wrench, torque, proximal_torque,
-        wrist_wrench, proximal_wrist_wrench, wrench_change, unmodelled_std, torque_variance, statistics,
-        zero_velocity, candidate_links,
+        link_wrench, proximal_link_wrench, wrench_change, unmodelled_std, torque_variance, link_variance,
+        link_mass_variance, rows, statistics, zero_velocity, candidate_links,
     )  # fmt: skip
     return constants, state

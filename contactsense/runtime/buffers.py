@@ -29,8 +29,10 @@ class KernelBuffers:
             len(constants.samples.spread),
             len(constants.subsamples.spread),
         )
-        self.sizes = (constants.model.joints, len(constants.touchable), *surface)
-        """Numbers of joints, links, primitives, surface samples and subsamples."""
+        self.sizes = (
+            constants.model.joints, len(constants.touchable), *surface, len(constants.link_sensors.body),
+        )  # fmt: skip
+        """Numbers of joints, links, primitives, surface samples, subsamples and link sensors."""
         self._float, self._integer = 0, 0
         self.constants: Constants = self._view(constants)
         self.state: State = self._view(state)

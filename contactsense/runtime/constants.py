@@ -11,12 +11,14 @@ from contactsense.kinematics.model import Model, build_model
 from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
-from contactsense.robots import Inertia, Link, Robot
+from contactsense.robots import Link, Robot
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.robots.tool import join_inertia, move_inertia
+from contactsense.robots.tool import join_inertia
 from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
 from contactsense.runtime.link_prior import area_share, log_link_density
+from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
+from contactsense.runtime.tool_inertia import tool_in_last_link
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
 from contactsense.solvers.posterior import Prior
@@ -44,16 +46,8 @@ class Constants(NamedTuple):
     """The other links that can be touched."""
     gravity: np.ndarray
     """Gravity, base axes, shape (3,) [m/s^2]."""
-    tool_mass: float
-    """Mass beyond the wrist sensor [kg]."""
-    tool_com: np.ndarray
-    """Its centre of mass, last link's frame, shape (3,) [m]."""
-    tool_inertia: np.ndarray
-    """Its inertia about that, last link's axes, shape (3, 3) [kg m^2]."""
-    wrist_rotation: np.ndarray
-    """Orientation of the wrist sensor in the last link's frame, shape (3, 3)."""
-    wrist_origin: np.ndarray
-    """Origin of the wrist sensor in the last link's frame, shape (3,) [m]."""
+    link_sensors: LinkSensors
+    """Place and load of the force/torque sensors within the arm."""
     torque_model: JointTorqueModel
     """Bias and friction in the joint torque signal."""
     bias_rate: float
@@ -64,10 +58,7 @@ class Constants(NamedTuple):
 
 def build_constants(scene: Scene) -> Constants:
     """Constant arrays for the kernels."""
-    flange_rotation, flange_origin = scene.robot.flange_rotation, scene.robot.flange_translation
-    tool = tool_in_last_link(scene)
     torque = scene.joint_torque or JointTorqueSensor()
-    wrist = scene.wrist_wrench or WrenchSensor()
     surfaces = scene_surfaces(scene)
     unsearched = unsearched_surfaces(scene)
     samples, subsamples, area = sample_surface(surfaces, float(unsearched.area.sum()))
@@ -89,22 +80,11 @@ def build_constants(scene: Scene) -> Constants:
         touchable=touchable_links(scene),
         left_out=left_out_links(scene, unsearched, area),
         gravity=scene.gravity_base,
-        tool_mass=tool.mass,
-        tool_com=tool.com,
-        tool_inertia=tool.tensor,
-        wrist_rotation=flange_rotation @ wrist.rotation,
-        wrist_origin=flange_rotation @ np.array(wrist.translation) + flange_origin,
+        link_sensors=link_sensors(scene),
         torque_model=joint_torque_model(torque, len(scene.robot.joints)),
         bias_rate=0.0 if scene.bias_time is None else 1.0 / scene.bias_time,
-        thresholds=stream_thresholds(scene, (6, len(scene.robot.joints), 6)),
+        thresholds=stream_thresholds(scene),
     )
-
-
-def tool_in_last_link(scene: Scene) -> Inertia:
-    """Inertia of the tool in the last link's frame; zero without a tool."""
-    if scene.tool is None:
-        return Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
-    return move_inertia(scene.tool.inertia, scene.robot.flange_rotation, scene.robot.flange_translation)
 
 
 def model_with_tool(scene: Scene) -> Model:
@@ -131,15 +111,15 @@ def _sensors(scene: Scene) -> SensorModel:
     transfer = wrench_transform(np.eye(3), np.array(base.translation))
     noise = np.array([base.force_noise] * 3 + [base.moment_noise] * 3)
     torque_noise = scene.joint_torque.noise if scene.joint_torque is not None else 1.0
-    wrist = scene.wrist_wrench or WrenchSensor()
+    link_noise = [(s.force_noise, s.moment_noise) for s in scene.link_sensors.values()]
     return SensorModel(
         depth=np.minimum(np.arange(links), joints).astype(np.int64),
-        beyond_wrist=(np.arange(links) > joints).astype(np.int64),
+        first_link=np.array([mount.first_link for mount in mounts(scene).values()], dtype=np.int64),
         # The sensor's noise is isotropic, so its orientation does not matter here.
         base_covariance=transfer @ np.diag(noise**2) @ transfer.T,
         base_information=np.linalg.inv(transfer).T @ np.diag(noise**-2.0) @ np.linalg.inv(transfer),
         torque_variance=per_joint(torque_noise, joints) ** 2,
-        wrist_variance=np.array([wrist.force_noise**2, wrist.moment_noise**2]),
+        link_variance=np.array(link_noise, dtype=np.float64).reshape(-1, 2) ** 2,
     )
 
 

@@ -5,41 +5,44 @@ import math
 import numpy as np
 
 from contactsense.detection.detectable_force import detectable_force, detected_length
-from contactsense.detection.thresholds import SampleThresholds, threshold_index
+from contactsense.detection.thresholds import (
+    SampleThresholds,
+    Usable,
+    degrees_of_freedom_of,
+    sensor_set,
+    threshold_index,
+)
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
-from contactsense.sensors.stream_state import BASE, SCALE, USUAL_STEP
+from contactsense.sensors.stream_state import BASE, LINK, SCALE, TORQUE, USUAL_STEP, StreamState
 
 _INTERVAL = 64
 """Number of samples for which the value of a stream is kept: biases and noise change slowly."""
-Usable = tuple[bool, bool, bool]
-"""Which of base wrench, joint torques and wrist wrench are used."""
 
 
 class DetectableForce:
     """Detectable forces of one scene, for its stream and for single measurements."""
 
-    def __init__(
-        self, constants: Constants, state: State, sizes: tuple[int, int, int], thresholds: SampleThresholds
-    ) -> None:
+    def __init__(self, constants: Constants, state: State, thresholds: SampleThresholds) -> None:
         """Prepare for a scene.
 
         Args:
             constants, state: The scene's constants and the state of its stream.
-            sizes: Number of residuals of each sensor.
             thresholds: Of single measurements.
         """
         self._constants, self._state = constants, state
-        self._sizes, self._thresholds = sizes, thresholds
-        touchable = constants.touchable.astype(bool)
-        self._only_beyond_wrist = bool(constants.sensors.beyond_wrist[touchable].all())
+        self._thresholds = thresholds
+        # Link sensors that see every link that can be touched.
+        first = int(constants.touchable.argmax())
+        self._seeing = (constants.sensors.first_link <= first).tolist()
         self._lengths: dict[tuple[int, int], float] = {}
         self._measured: dict[Usable, float] = {}
         self.reset()
 
     def reset(self) -> None:
         """A new stream begins."""
-        self._value, self._left, self._usable = math.inf, 0, (False, False, False)
+        self._value, self._left = math.inf, 0
+        self._usable: Usable = (False, False, 0)
 
     def in_stream(self) -> float:
         """Of the newest sample of the stream [N]; infinite where no force is sure to be detected. The value
@@ -60,7 +63,7 @@ class DetectableForce:
     def of_measurement(self, usable: Usable) -> float:
         """Of a single measurement at rest [N]."""
         if usable not in self._measured:
-            degrees = sum(size for size, used in zip(self._sizes, usable, strict=True) if used)
+            degrees = degrees_of_freedom_of(self._constants.model.joints, usable)
             length = detected_length(self._thresholds.threshold(usable), degrees)
             noise = self._constants.sensors.base_covariance[:3, :3]
             self._measured[usable] = self._force(usable, length, noise, 1.0)
@@ -68,13 +71,12 @@ class DetectableForce:
 
     def _update(self) -> float:
         stream, sensors = self._state.stream, self._constants.sensors
-        base, torque, wrist = (stream.usable[:3] > 0.0).tolist()
-        self._usable = (base, torque, wrist)
-        key = (base + 2 * torque + 4 * wrist, threshold_index(stream.scalars[USUAL_STEP]))
+        self._usable = usable_in(stream)
+        key = (sensor_set(*self._usable), threshold_index(stream.scalars[USUAL_STEP]))
         if key not in self._lengths:
-            degrees = sum(size for size, used in zip(self._sizes, self._usable, strict=True) if used)
+            degrees = degrees_of_freedom_of(self._constants.model.joints, self._usable)
             threshold = float(self._constants.thresholds[*key, 0])
-            self._lengths[key] = detected_length(threshold, max(degrees, 1))
+            self._lengths[key] = detected_length(threshold, degrees)
         ratio = float(stream.scalars[SCALE])
         noise = ratio * self._state.noise_scale.scale[BASE] * sensors.base_covariance[:3, :3]
         biases = self._state.bias_filter.base_covariance[:3, :3]
@@ -84,6 +86,16 @@ class DetectableForce:
     def _force(self, usable: Usable, length: float, base_covariance: np.ndarray, ratio: float) -> float:
         if usable[0]:
             return detectable_force(length, base_covariance)
-        if usable[2] and self._only_beyond_wrist:
-            return length * math.sqrt(float(self._constants.sensors.wrist_variance[0]) * ratio)
-        return math.inf
+        variances = [
+            float(variance) * ratio
+            for s, variance in enumerate(self._constants.sensors.link_variance[:, 0])
+            if usable[2] >> s & 1 and self._seeing[s]
+        ]
+        return length * math.sqrt(min(variances)) if variances else math.inf
+
+
+def usable_in(stream: StreamState) -> Usable:
+    """Which sensors can be used in the newest sample of a stream."""
+    usable = (stream.usable > 0.0).tolist()
+    links = usable[LINK : LINK + len(stream.link_wrench)]
+    return usable[BASE], usable[TORQUE], sum(1 << s for s, there in enumerate(links) if there)

@@ -1,6 +1,6 @@
 """Whether a contact is present in the newest sample, and what follows from it for filter and monitor."""
 
-from contactsense.detection.thresholds import threshold_index
+from contactsense.detection.thresholds import sensor_set, threshold_index
 from contactsense.residuals.friction_at_rest import reset_friction_at_rest
 from contactsense.residuals.sensor_consistency import NO_CONTACT, exclude_inconsistent, update_consistency
 from contactsense.residuals.sensor_consistency import update_is_due as consistency_is_due
@@ -47,14 +47,14 @@ def decide(
     follow_noise_and_timing(constants, state, bandwidth)
     base_settled, torque_settled = stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0
     exclude_inconsistent(state.consistency, stream.usable)
-    has_base, has_torque, has_wrist = usable_sensors(stream)
+    has_base, has_torque, link_sensors = usable_sensors(stream)
     if not (has_base or has_torque):
         return False, False, False, base_settled, torque_settled, 0.0
-    variance_ratio = residual_variance_ratio(state, (has_base, has_torque, has_wrist))
+    variance_ratio = residual_variance_ratio(state, (has_base, has_torque, link_sensors))
     stream.scalars[SCALE] = variance_ratio
-    sensor_set = 1 * has_base + 2 * has_torque + 4 * has_wrist
-    thresholds = constants.thresholds[sensor_set, threshold_index(stream.scalars[USUAL_STEP])]
-    energy = energy_without_contact(constants, state, has_base, has_torque, has_wrist, variance_ratio)
+    used = sensor_set(has_base, has_torque, link_sensors)
+    thresholds = constants.thresholds[used, threshold_index(stream.scalars[USUAL_STEP])]
+    energy = energy_without_contact(constants, state, has_base, has_torque, link_sensors, variance_ratio)
     # With a base sensor, friction does not limit detection.
     if not has_base:
         energy = max(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactsense.isolation.link_hypotheses import SensorModel, isolate
+from contactsense.isolation.link_hypotheses import isolate
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
 from contactsense.localization.ranking import locate_contacts
@@ -12,7 +12,8 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.no_contact_hypothesis import update_covariances
-from contactsense.runtime.residual_update import update_tool
+from contactsense.runtime.residual_update import update_link_sensors
+from contactsense.runtime.sensor_rows import fill_rows
 from contactsense.runtime.state import State
 
 
@@ -23,7 +24,7 @@ def take_static_sample(
     q: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
+    link_wrench: np.ndarray,
     external: bool,
 ) -> None:
     """Fill `state` from one sample of an arm at rest: poses and residuals.
@@ -33,7 +34,7 @@ def take_static_sample(
     """
     motion = state.motion
     kinematics_and_momenta(constants.model, q, state.zero_velocity, constants.gravity, motion)
-    update_tool(constants, state)
+    update_link_sensors(constants, state)
     for j in range(q.shape[0]):
         model_torque = constants.torque_model.bias[j] - constants.torque_model.gravity * dot6(
             motion.screw[j], motion.gravity[j + 1]
@@ -42,15 +43,18 @@ def take_static_sample(
         state.unmodelled_std[j] = unmodelled_torque_std(constants.torque_model, j, 0.0, 0.0)
     for i in range(6):
         state.base_wrench[i] = base_wrench[i] - (0.0 if external else motion.gravity[0, i])
-        state.wrist_wrench[i] = wrist_wrench[i] - (0.0 if external else state.tool_momentum[1, i])
     state.bias_filter.base_covariance[:] = 0.0
     state.bias_filter.torque_variance[:] = 0.0
+    state.link_mass_variance[:] = 0.0
     state.timing_error.variance[:] = 0.0
     state.noise_scale.scale[:] = 1.0
     for body in range(state.body_wrench.shape[0]):
         copy(state.base_wrench, state.body_wrench[body])
     copy(state.torque, state.proximal_torque)
-    copy(state.wrist_wrench, state.proximal_wrist_wrench)
+    for s in range(link_wrench.shape[0]):
+        for i in range(6):
+            state.link_wrench[s, i] = link_wrench[s, i] - (0.0 if external else state.link_load[s, 1, i])
+            state.proximal_link_wrench[s, i] = state.link_wrench[s, i]
 
 
 @inlined_kernel
@@ -59,7 +63,7 @@ def isolate_links(
     state: State,
     has_base: bool,
     has_torque: bool,
-    has_wrist: bool,
+    link_sensors: int,
     variance_ratio: float,
 ) -> float:
     """Fused wrench and evidence of each link hypothesis, in `State.hypotheses`; arguments as for `explain`.
@@ -68,27 +72,14 @@ def isolate_links(
         Energy of the no-contact hypothesis: half the squared residuals in units of the noise.
     """
     update_covariances(constants, state, variance_ratio)
-    sensors = constants.sensors
+    count = fill_rows(constants, state, has_torque, link_sensors)
     isolate(
-        SensorModel(
-            sensors.depth,
-            sensors.beyond_wrist,
-            state.base_covariance,
-            state.base_information,
-            sensors.torque_variance,
-            sensors.wrist_variance,
-        ),
-        state.motion.screw,
+        state.base_covariance,
+        state.base_information,
         state.base_wrench,
         has_base,
-        state.torque,
-        state.proximal_torque,
-        state.torque_variance,
-        has_torque,
-        state.wrist_wrench,
-        state.proximal_wrist_wrench,
-        has_wrist,
-        state.wrist_origin,
+        state.rows,
+        count,
         variance_ratio,
         state.hypotheses,
     )
@@ -125,7 +116,7 @@ def explain(
     state: State,
     has_base: bool,
     has_torque: bool,
-    has_wrist: bool,
+    link_sensors: int,
     variance_ratio: float,
     gate: bool,
     threshold: float,
@@ -135,7 +126,8 @@ def explain(
     Args:
         constants: The scene's constants.
         state: With poses and residuals; the result is stored in `candidates` and `link_probability`.
-        has_base, has_torque, has_wrist: Which sensors have a value.
+        has_base, has_torque: Whether base wrench and torques have a value.
+        link_sensors: Which link sensors have one, one bit each.
         variance_ratio: Variance of the residuals over that of one sample's noise.
         gate: Choose the link of highest evidence first and search on that link only.
         threshold: No candidates are computed if the energy of the no-contact hypothesis is not above this.
@@ -144,7 +136,7 @@ def explain(
         Number of candidates, and the energy of the no-contact hypothesis: half the squared residuals in units
         of the noise.
     """
-    no_contact_energy = isolate_links(constants, state, has_base, has_torque, has_wrist, variance_ratio)
+    no_contact_energy = isolate_links(constants, state, has_base, has_torque, link_sensors, variance_ratio)
     if no_contact_energy <= threshold:
         return 0, no_contact_energy
     best = most_probable_link(constants, state)

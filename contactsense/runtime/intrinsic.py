@@ -77,7 +77,7 @@ def write_intrinsic_contact(constants: Constants, state: State, skin: Grids, row
 def localize_intrinsic(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int],
+    sizes: tuple[int, int, int, int, int, int],
     skin: Grids,
     rows: np.ndarray,
 ) -> int:
@@ -100,15 +100,15 @@ def localize_intrinsic(
 def batch_intrinsic(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int],
+    sizes: tuple[int, int, int, int, int, int],
     skin: Grids,
     q: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
+    link_wrench: np.ndarray,
     external: bool,
     has_torque: bool,
-    has_wrist: bool,
+    link_sensors: int,
     no_contact_energy: np.ndarray,
     link_probability: np.ndarray,
     best: np.ndarray,
@@ -117,8 +117,8 @@ def batch_intrinsic(
     `contactsense.runtime.kernels.batch`. The state after the last one remains."""
     constants, state = buffer_views(floats, integers, sizes)
     for i in range(q.shape[0]):
-        take_static_sample(constants, state, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
-        no_contact_energy[i] = isolate_links(constants, state, True, has_torque, has_wrist, 1.0)
+        take_static_sample(constants, state, q[i], torque[i], base_wrench[i], link_wrench[i], external)
+        no_contact_energy[i] = isolate_links(constants, state, True, has_torque, link_sensors, 1.0)
         if write_intrinsic_contact(constants, state, skin, best[i]) == 0:
             best[i] = 0.0
             best[i, 0] = -1.0

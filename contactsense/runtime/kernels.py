@@ -7,7 +7,7 @@ import numpy as np
 
 from contactsense.residuals.bias_filter import TIME_SINCE_CONTACT
 from contactsense.residuals.equations_of_motion import wrench_difference
-from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.runtime.buffer_views import buffer_views
@@ -43,7 +43,7 @@ from contactsense.tracking.sliding import extrapolate_sliding
 def detect(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int],
+    sizes: tuple[int, int, int, int, int, int],
     bandwidth: float,
     t: float,
     sensor_bits: int,
@@ -51,7 +51,7 @@ def detect(
     qd: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
+    link_wrench: np.ndarray,
 ) -> int:
     """Detect a contact in one sample of a live stream.
 
@@ -62,15 +62,16 @@ def detect(
         bandwidth: Cut-off frequency of the observers [Hz].
         t: Time of the sample [s].
         sensor_bits: Which sensors have a value, see `contactsense.sensors.stream_state.register_sample`.
-        q, qd, torque, base_wrench, wrist_wrench: As in `contactsense.types.Sample`; any values for a sensor
-            without a value.
+        q, qd, torque, base_wrench: As in `contactsense.types.Sample`; any values for a sensor without a
+            value.
+        link_wrench: The same of the link sensors, shape (S, 6).
 
     Returns:
         Flags of the sample, see `contactsense.sensors.stream_state`.
     """
     constants, state = buffer_views(floats, integers, sizes)
     stream = state.stream
-    if not store_sample(stream, q, qd, torque, base_wrench, wrist_wrench):
+    if not store_sample(stream, q, qd, torque, base_wrench, link_wrench):
         return WRONG_SIZE
     flags: int = register_sample(stream, t, sensor_bits, bandwidth)
     if flags & (REPEATED | UNUSABLE):
@@ -87,7 +88,7 @@ def detect(
 def localize(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int],
+    sizes: tuple[int, int, int, int, int, int],
     skin_values: np.ndarray,
     skin_start: np.ndarray,
     skin_shape: np.ndarray,
@@ -120,21 +121,21 @@ def localize(
         state.base_observer,
         state.torque_difference,
         state.joint_observer,
-        state.wrist_difference,
-        state.wrist_observer,
+        state.link_difference,
+        state.link_observer,
         stream.scalars[SCALE],
         usable_sensors_code(stream),
         dt,
         bandwidth,
     )
-    has_base, has_torque, has_wrist = usable_sensors(stream)
+    has_base, has_torque, link_sensors = usable_sensors(stream)
     slid = choose_window(constants.sensors, track, state.motion, has_base, dt, bandwidth)
     update_phase(track, slid, dt, bandwidth)
     window = int(track.scalars[WINDOW])
     if window > 0:
         _use_window_mean(state, window)
     count, _ = explain(
-        constants, state, has_base, has_torque, has_wrist, track.variance_ratio[window], gate, -1.0
+        constants, state, has_base, has_torque, link_sensors, track.variance_ratio[window], gate, -1.0
     )
     listed: int = write_candidates(constants, state, skin, count, rows)
     if listed > 0:
@@ -160,12 +161,14 @@ def is_finite_vector(vector: np.ndarray, size: int) -> bool:
 @inlined_kernel
 def _use_window_mean(state: State, window: int) -> None:
     """Replace the observers' residuals by a window's mean."""
-    n = state.torque.shape[0]
+    n, link_sensors = state.torque.shape[0], state.link_wrench.shape[0]
     mean = state.track.mean[window]
     a = 6 * (n + 1)
     b = a + n
     c = b + n
-    set_external(state, mean[:a], mean[a:b], mean[b:c], mean[c : c + 6], mean[c + 6 :])
+    d = c + 6 * link_sensors
+    difference, residual = block(mean, c, (link_sensors, 6)), block(mean, d, (link_sensors, 6))
+    set_external(state, mean[:a], mean[a:b], mean[b:c], difference, residual)
 
 
 @inlined_kernel
@@ -216,7 +219,7 @@ def _update_to_newest(constants: Constants, state: State, window: int, rows: np.
 def locate_once(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int],
+    sizes: tuple[int, int, int, int, int, int],
     skin_values: np.ndarray,
     skin_start: np.ndarray,
     skin_shape: np.ndarray,
@@ -225,11 +228,11 @@ def locate_once(
     q: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
+    link_wrench: np.ndarray,
     external: bool,
     has_base: bool,
     has_torque: bool,
-    has_wrist: bool,
+    link_sensors: int,
     gate: bool,
     threshold: float,
     rows: np.ndarray,
@@ -243,16 +246,14 @@ def locate_once(
     constants, state = buffer_views(floats, integers, sizes)
     skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
     n = sizes[0]
-    if not (
-        is_finite_vector(q, n)
-        and is_finite_vector(torque, n)
-        and is_finite_vector(base_wrench, 6)
-        and is_finite_vector(wrist_wrench, 6)
-    ):
+    if not (is_finite_vector(q, n) and is_finite_vector(torque, n) and is_finite_vector(base_wrench, 6)):
         return -1, 0.0
-    take_static_sample(constants, state, q, torque, base_wrench, wrist_wrench, external)
+    for s in range(link_wrench.shape[0]):
+        if not is_finite_vector(link_wrench[s], 6):
+            return -1, 0.0
+    take_static_sample(constants, state, q, torque, base_wrench, link_wrench, external)
     count, no_contact_energy = explain(
-        constants, state, has_base, has_torque, has_wrist, 1.0, gate, threshold
+        constants, state, has_base, has_torque, link_sensors, 1.0, gate, threshold
     )
     return write_candidates(constants, state, skin, count, rows), no_contact_energy
 
@@ -261,16 +262,16 @@ def locate_once(
 def batch(
     floats: np.ndarray,
     integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int],
+    sizes: tuple[int, int, int, int, int, int],
     skin: Grids,
     q: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
+    link_wrench: np.ndarray,
     external: bool,
     has_base: bool,
     has_torque: bool,
-    has_wrist: bool,
+    link_sensors: int,
     gate: bool,
     no_contact_energy: np.ndarray,
     link_probability: np.ndarray,
@@ -281,9 +282,9 @@ def batch(
     number is -1 if there is none."""
     constants, state = buffer_views(floats, integers, sizes)
     for i in range(q.shape[0]):
-        take_static_sample(constants, state, q[i], torque[i], base_wrench[i], wrist_wrench[i], external)
+        take_static_sample(constants, state, q[i], torque[i], base_wrench[i], link_wrench[i], external)
         count, no_contact_energy[i] = explain(
-            constants, state, has_base, has_torque, has_wrist, 1.0, gate, -1.0
+            constants, state, has_base, has_torque, link_sensors, 1.0, gate, -1.0
         )
         copy(state.link_probability, link_probability[i])
         if write_candidates(constants, state, skin, min(count, 1), rows) > 0:

@@ -1,17 +1,16 @@
 """The largest reading of a force/torque sensor that the arm's own weight and motion cause in its reach."""
 
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
-from contactsense.kinematics.model import Model, build_model, empty_motion
-from contactsense.robots import Inertia, Link, Robot
-from contactsense.runtime.constants import model_with_tool, tool_in_last_link
+from contactsense.kinematics.model import Model, empty_motion
+from contactsense.runtime.constants import model_with_tool
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.link_sensors import mounts
 from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
-from contactsense.runtime.wrist_frame import WristFrame
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
 
@@ -52,7 +51,7 @@ def largest_reading_at_rest(scene: Scene, sensor: WrenchSensor) -> np.ndarray:
     return np.asarray(largest)
 
 
-def largest_reading_in_motion(scene: Scene, field: Literal["base_wrench", "wrist_wrench"]) -> np.ndarray:
+def largest_reading_in_motion(scene: Scene, field: str) -> np.ndarray:
     """Largest magnitude of each component that a sensor reads of an arm in motion that touches nothing.
 
     In random postures within the joints' limits, every joint has its largest speed, either way, or rests, and
@@ -61,12 +60,12 @@ def largest_reading_in_motion(scene: Scene, field: Literal["base_wrench", "wrist
 
     Args:
         scene: The arm, its tool and its mounting; it has the sensor.
-        field: The sensor.
+        field: The sensor: `base_wrench`, or a key of `Scene.link_sensors`.
 
     Returns:
         Shape (6,), sensor axes, about its origin [N, Nm].
     """
-    model, reading = _base(scene) if field == "base_wrench" else _wrist(scene)
+    model, reading = _base(scene) if field == "base_wrench" else _within(scene, field)
     joints = scene.robot.joints
     n = len(joints)
     motion, torque, wrench = empty_motion(n), np.zeros(n), np.zeros(6)
@@ -101,11 +100,12 @@ def _base(scene: Scene) -> tuple[Model, _Reading]:
     return model_with_tool(scene), lambda _, wrench: reading_from_base_wrench(sensor, wrench)
 
 
-def _wrist(scene: Scene) -> tuple[Model, _Reading]:
-    """The tool alone, carried by an arm without mass."""
-    robot, sensor = scene.robot, scene.wrist_wrench
-    assert sensor is not None
-    nothing = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
-    bodies = [nothing] * (len(robot.links) - 1) + [tool_in_last_link(scene)]
-    links = tuple(Link(link.name, body) for link, body in zip(robot.links, bodies, strict=True))
-    return build_model(Robot(robot.name, links, robot.joints)), WristFrame(sensor, robot).reading
+def _within(scene: Scene, field: str) -> tuple[Model, _Reading]:
+    """What a link sensor carries, on an arm without other masses."""
+    model, mount = model_with_tool(scene), mounts(scene)[field]
+    for values in (model.mass, model.com, model.inertia):
+        values[: mount.first_body] = 0.0
+    if mount.load.mass > 0.0:
+        model.mass[mount.body], model.com[mount.body] = mount.load.mass, mount.load.com
+        model.inertia[mount.body] = mount.load.tensor
+    return model, LinkSensorFrame(scene, field).reading

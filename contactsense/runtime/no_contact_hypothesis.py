@@ -4,6 +4,7 @@ and masses while it holds."""
 import math
 
 from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
+from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import (
     TIME_SINCE_UPDATE,
     apply_correction,
@@ -25,7 +26,7 @@ def energy_without_contact(
     state: State,
     has_base: bool,
     has_torque: bool,
-    has_wrist: bool,
+    link_sensors: int,
     variance_ratio: float,
 ) -> float:
     """Energy of the no-contact hypothesis: half the squared residuals in units of their variance.
@@ -39,22 +40,11 @@ def energy_without_contact(
             energy += 0.5 * state.torque[j] ** 2 / state.torque_variance[j]
     if has_base:
         energy += half_squared_norm(state.base_covariance, state.base_wrench) / variance_ratio
-    if has_wrist:
-        s, w = state.wrist_origin, state.wrist_wrench
-        force, moment = (
-            constants.sensors.wrist_variance[0] * variance_ratio,
-            constants.sensors.wrist_variance[1] * variance_ratio,
-        )
-        energy += 0.5 * (w[0] ** 2 + w[1] ** 2 + w[2] ** 2) / force
-        energy += (
-            0.5
-            * (
-                (w[3] - s[1] * w[2] + s[2] * w[1]) ** 2
-                + (w[4] - s[2] * w[0] + s[0] * w[2]) ** 2
-                + (w[5] - s[0] * w[1] + s[1] * w[0]) ** 2
-            )
-            / moment
-        )
+    for s in range(state.link_wrench.shape[0]):
+        if link_sensors >> s & 1:
+            for i in range(6):
+                component = dot6(component_about(state.link_origin[s], i), state.link_wrench[s])
+                energy += 0.5 * component**2 / state.link_variance[s, i]
     return energy
 
 
@@ -81,6 +71,10 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
         state.torque_variance[j] = (
             _torque_noise(constants, state, j, variance_ratio) + bias_filter.torque_variance[j]
         )
+    for s in range(state.link_variance.shape[0]):
+        for i in range(6):
+            noise = sensors.link_variance[s, i // 3] * variance_ratio
+            state.link_variance[s, i] = noise + state.link_mass_variance[s, i]
     inverse_ratio, noise_scale = 1.0 / variance_ratio, state.noise_scale.scale[BASE]
     for i in range(6):
         for k in range(6):
@@ -174,7 +168,9 @@ def update_bias_filter(
         state.base_observer,
         state.torque_difference,
         state.joint_observer,
-        state.wrist_difference,
+        state.link_observer,
+        state.link_difference,
+        constants.link_sensors.first_body,
     )
     for j in range(n):
         for k in range(state.friction_at_rest.mean_residual.shape[0]):

@@ -1,12 +1,13 @@
 """Measurements that cannot be: units mistaken, values that no joint and no sensor reaches."""
 
+from collections.abc import Mapping
 from math import dist
 from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame, LoadWeight
 from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
-from contactsense.runtime.wrist_frame import ToolWeight, WristFrame
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
 
@@ -37,6 +38,15 @@ class Implausible(NamedTuple):
     """What was expected, and what came."""
 
 
+class _RangedSensor(NamedTuple):
+    """A link sensor whose range is known."""
+
+    frame: LinkSensorFrame
+    load: LoadWeight
+    limits: list[float]
+    """Of each component of its reading [N, Nm]."""
+
+
 class PlausibleLimits:
     """Limits of the measurements of one scene."""
 
@@ -57,11 +67,15 @@ class PlausibleLimits:
         self._range = ((1.0 - _ROUNDING) * self.sensor.limits).tolist()
         self._bias = np.array(self.sensor.bias)
         self._to_reading = reading_from_base_wrench(self.sensor, np.eye(6)) - self._bias
-        self._wrist, self._tool = None, ToolWeight(scene)
-        self._wrist_range = [np.inf] * 6
-        if scene.wrist_wrench is not None and scene.wrist_wrench.range is not None:
-            self._wrist = WristFrame(scene.wrist_wrench, scene.robot)
-            self._wrist_range = ((1.0 - _ROUNDING) * scene.wrist_wrench.limits).tolist()
+        self._links = {
+            field: _RangedSensor(
+                LinkSensorFrame(scene, field),
+                LoadWeight(scene, field),
+                ((1.0 - _ROUNDING) * sensor.limits).tolist(),
+            )
+            for field, sensor in scene.link_sensors.items()
+            if sensor.range is not None
+        }
         weight = float(np.linalg.norm(self.weight.force))
         self._largest = [LARGEST_FORCE + weight] * 3 + [LARGEST_MOMENT + weight] * 3
         self._weight, self._weight_force = weight, self.weight.force.tolist()
@@ -103,37 +117,43 @@ class PlausibleLimits:
         return _first("base_wrench", reading, self._range, "a reading within the sensor's range")
 
     @property
-    def has_wrist_range(self) -> bool:
-        """Whether the scene states the range of a wrist sensor."""
-        return self._wrist is not None
+    def has_link_range(self) -> bool:
+        """Whether the scene states the range of a link sensor."""
+        return bool(self._links)
 
-    def wrist_saturation(self, q: np.ndarray, wrench: np.ndarray) -> Implausible | None:
-        """The same for the wrist sensor, in the posture q, shape (n,) [rad]."""
-        if self._wrist is None:
+    def link_saturation(self, field: str, q: np.ndarray, wrench: np.ndarray) -> Implausible | None:
+        """The same for a link sensor, a key of `Scene.link_sensors`, in the posture q, shape (n,) [rad]."""
+        sensor = self._links.get(field)
+        if sensor is None:
             return None
-        reading = self._wrist.reading(q, wrench)
-        return _first("wrist_wrench", reading, self._wrist_range, "a reading within the sensor's range")
+        reading = sensor.frame.reading(q, wrench)
+        return _first(field, reading, sensor.limits, "a reading within the sensor's range")
 
     def request(
         self,
         q: np.ndarray,
         base_wrench: np.ndarray | None,
         joint_torque: np.ndarray | None,
-        wrist_wrench: np.ndarray | None,
+        links: Mapping[str, np.ndarray],
         external: bool,
     ) -> Implausible | None:
-        """The first of the arguments of `Localizer.locate` that cannot be."""
+        """The first of the arguments of `Localizer.locate` that cannot be; `links`: values of the link
+        sensors by field."""
         found = self.position(q)
         if found is None and joint_torque is not None:
             # What remains of a plausible torque after a plausible model's is subtracted.
             found = self.torque(joint_torque, TORQUE_SCALE + 1.0 if external else TORQUE_SCALE)
         if found is None and base_wrench is not None:
             found = self._base(q, base_wrench, external)
-        if found is None and wrist_wrench is not None:
-            if self._wrist is None:
-                return _first("wrist_wrench", wrist_wrench, self._largest, "the wrench of a contact")
-            raw = wrist_wrench + self._tool.wrench(q) if external else wrist_wrench
-            found = self.wrist_saturation(q, raw)
+        for field, wrench in links.items():
+            if found is not None:
+                return found
+            sensor = self._links.get(field)
+            if sensor is None:
+                found = _first(field, wrench, self._largest, "the wrench of a contact")
+            else:
+                raw = wrench + sensor.load.wrench(q) if external else wrench
+                found = self.link_saturation(field, q, raw)
         return found
 
     def suspects(
@@ -141,7 +161,7 @@ class PlausibleLimits:
         q: np.ndarray,
         base_wrench: np.ndarray | None,
         joint_torque: np.ndarray | None,
-        wrist_wrench: np.ndarray | None,
+        links: Mapping[str, np.ndarray],
         external: bool,
     ) -> np.ndarray:
         """Indices of those of N measurements, arrays as in `request` with a leading axis N, that may be
@@ -149,7 +169,7 @@ class PlausibleLimits:
         found = self.positions_beyond(q)
         if joint_torque is not None:
             found |= self.torques_beyond(joint_torque)
-        for wrench in (base_wrench, wrist_wrench):
+        for wrench in (base_wrench, *links.values()):
             if wrench is not None:
                 found |= (np.abs(wrench) >= self._largest).any(axis=1)
         if base_wrench is not None:
@@ -157,8 +177,7 @@ class PlausibleLimits:
             for other in (weight,) if external else (np.zeros(3), -weight):
                 found |= np.linalg.norm(force - other, axis=1) < _SAME * self._weight
             found |= self.sensor.range is not None
-        if wrist_wrench is not None:
-            found |= self.has_wrist_range
+        found |= any(field in self._links for field in links)
         return np.flatnonzero(found)
 
     def positions_beyond(self, q: np.ndarray) -> np.ndarray:
@@ -173,13 +192,13 @@ class PlausibleLimits:
         """Which of N base wrenches, shape (N, 6) [N, Nm], `saturation` finds, shape (N,), bool."""
         return np.asarray((np.abs(wrench @ self._to_reading + self._bias) >= self._range).any(axis=1))
 
-    def wrist_saturated(self, q: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-        """Which of N wrist wrenches, shape (N, 6) [N, Nm], in postures of shape (N, n) [rad],
-        `wrist_saturation` finds, shape (N,), bool."""
-        if self._wrist is None:
+    def link_saturated(self, field: str, q: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+        """Which of N wrenches on a link sensor, shape (N, 6) [N, Nm], in postures of shape (N, n) [rad],
+        `link_saturation` finds, shape (N,), bool."""
+        sensor = self._links.get(field)
+        if sensor is None:
             return np.zeros(len(q), dtype=bool)
-        readings = np.array([self._wrist.reading(*row) for row in zip(q, wrench, strict=True)])
-        return np.asarray((np.abs(readings.reshape(-1, 6)) >= self._wrist_range).any(axis=1))
+        return np.asarray((np.abs(sensor.frame.readings(q, wrench)) >= sensor.limits).any(axis=1))
 
     def _base(self, q: np.ndarray, wrench: np.ndarray, external: bool) -> Implausible | None:
         if self.sensor.range is None:

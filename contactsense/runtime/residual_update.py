@@ -3,47 +3,73 @@
 import numpy as np
 
 from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics_and_momenta
-from contactsense.kinematics.spatial import dot6
-from contactsense.residuals.bias_filter import (
-    predict,
-)
+from contactsense.kinematics.spatial import component_about, dot6
+from contactsense.residuals.bias_filter import ESTIMATES_MASSES, mass_variance, predict
 from contactsense.residuals.equations_of_motion import (
     observe_base_in_link_frames,
     observe_joints,
     observe_torque_difference,
     observe_wrench,
-    observe_wrist_difference,
+    observe_wrench_difference,
     wrenches_to_base_frame,
 )
-from contactsense.residuals.momentum_observer import VARIANCE_RATIO
+from contactsense.residuals.momentum_observer import VARIANCE_RATIO, group_of
 from contactsense.residuals.noise_scale import follow_noise
 from contactsense.residuals.timing_error import advance_timing_error
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
-from contactsense.sensors.stream_state import BASE, STEP, TORQUE, TORQUE_DIFFERENCE, WRIST, WRIST_DIFFERENCE
+from contactsense.sensors.stream_state import BASE, LINK, STEP, TORQUE, TORQUE_DIFFERENCE
 
 
 @inlined_kernel
-def update_tool(constants: Constants, state: State) -> None:
-    """Momentum and gravity wrench of the tool, and origin of the wrist sensor."""
-    last = state.motion.rotation.shape[0] - 1
-    R, o = state.motion.rotation[last], state.motion.origin[last]
-    body_momentum_and_weight(
-        constants.tool_mass,
-        constants.tool_com,
-        constants.tool_inertia,
-        R,
-        o,
-        state.motion.twist[last],
-        constants.gravity,
-        state.tool_momentum[0],
-        state.tool_momentum[1],
-    )
-    s = constants.wrist_origin
-    for i in range(3):
-        state.wrist_origin[i] = o[i] + R[i, 0] * s[0] + R[i, 1] * s[1] + R[i, 2] * s[2]
+def update_link_sensors(constants: Constants, state: State) -> None:
+    """Momentum and gravity wrench of what each link sensor carries, and the sensors' origins, for the poses
+    in `state`."""
+    motion, sensors = state.motion, constants.link_sensors
+    for s in range(sensors.body.shape[0]):
+        body, first = sensors.body[s], sensors.first_body[s]
+        R, o, c = motion.rotation[body], motion.origin[body], sensors.origin[s]
+        load = state.link_load[s]
+        body_momentum_and_weight(
+            sensors.mass[s], sensors.com[s], sensors.inertia[s], R, o, motion.twist[body], constants.gravity,
+            load[0], load[1],
+        )  # fmt: skip
+        if first < motion.momentum.shape[0]:
+            for i in range(6):
+                load[0, i] += motion.momentum[first, i]
+                load[1, i] += motion.gravity[first, i]
+        for i in range(3):
+            state.link_origin[s, i] = o[i] + R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2]
+
+
+@inlined_kernel
+def observe_link_sensors(state: State, bandwidth: float) -> None:
+    """Advance the observers of the link sensors by the newest sample, after `update_link_sensors`."""
+    stream, count = state.stream, state.link_load.shape[0]
+    for s in range(count):
+        load, wrench = state.link_load[s], stream.link_wrench[s]
+        step, difference_step = stream.steps[LINK + s], stream.steps[LINK + count + s]
+        if step >= 0.0:
+            observe_wrench(load[0], load[1], wrench, step, bandwidth, group_of(state.link_observer, s))
+        if difference_step >= 0.0:
+            observe_wrench_difference(
+                state.motion, load[0], load[1], wrench, state.unbiased_wrench, difference_step, bandwidth,
+                group_of(state.link_difference, s),
+            )  # fmt: skip
+
+
+@inlined_kernel
+def predict_link_sensors(constants: Constants, state: State) -> None:
+    """Variance of the link sensors' residuals due to the masses, after the prediction of the bias filter for
+    this sample."""
+    if state.bias_filter.scalars[ESTIMATES_MASSES] > 0.0:
+        for s in range(state.link_load.shape[0]):
+            first = constants.link_sensors.first_body[s]
+            for i in range(6):
+                row = component_about(state.link_origin[s], i)
+                state.link_mass_variance[s, i] = mass_variance(state.bias_filter, first, row)
 
 
 @inlined_kernel
@@ -61,9 +87,9 @@ def update_residuals(
     """
     motion, stream = state.motion, state.stream
     model, torque_model, unbiased_wrench = state.model, state.torque_model, state.unbiased_wrench
-    qd, torque, wrist_wrench, steps = stream.qd, stream.torque, stream.wrist_wrench, stream.steps
+    qd, torque, steps = stream.qd, stream.torque, stream.steps
     kinematics_and_momenta(model, stream.q, qd, constants.gravity, motion)
-    update_tool(constants, state)
+    update_link_sensors(constants, state)
     for i in range(6):
         unbiased_wrench[i] = stream.base_wrench[i] - state.bias_filter.bias[i]
     if steps[BASE] >= 0.0:
@@ -80,15 +106,6 @@ def update_residuals(
             state.joint_observer,
             state.unmodelled_std,
         )
-    if steps[WRIST] >= 0.0:
-        observe_wrench(
-            state.tool_momentum[0],
-            state.tool_momentum[1],
-            wrist_wrench,
-            steps[WRIST],
-            bandwidth,
-            state.wrist_observer,
-        )
     if steps[TORQUE_DIFFERENCE] >= 0.0:
         observe_torque_difference(
             model,
@@ -101,16 +118,7 @@ def update_residuals(
             bandwidth,
             state.torque_difference,
         )
-    if steps[WRIST_DIFFERENCE] >= 0.0:
-        observe_wrist_difference(
-            motion,
-            state.tool_momentum,
-            wrist_wrench,
-            unbiased_wrench,
-            steps[WRIST_DIFFERENCE],
-            bandwidth,
-            state.wrist_difference,
-        )
+    observe_link_sensors(state, bandwidth)
     predict(
         state.bias_filter,
         torque_model,
@@ -121,13 +129,14 @@ def update_residuals(
         stream.scalars[STEP],
         bandwidth,
     )
+    predict_link_sensors(constants, state)
     set_external(
         state,
         state.base_observer.residual,
         state.torque_difference.residual,
         state.joint_observer.residual,
-        state.wrist_difference.residual,
-        state.wrist_observer.residual,
+        state.link_difference.residual,
+        state.link_observer.residual,
     )
 
 
@@ -165,43 +174,47 @@ def set_external(
     base_residual: np.ndarray,
     torque_difference: np.ndarray,
     joint_residual: np.ndarray,
-    wrist_difference: np.ndarray,
-    wrist_residual: np.ndarray,
+    link_difference: np.ndarray,
+    link_residual: np.ndarray,
 ) -> None:
     """Store residuals, those of the observers or their window means, in `state` for the link hypotheses.
 
     Args:
         state: With the poses of this sample; its residual fields are filled.
-        base_residual, torque_difference, joint_residual, wrist_difference, wrist_residual: Residuals in the
-            order of `State`'s observers.
+        base_residual, torque_difference, joint_residual, link_difference, link_residual: Residuals of
+            `State`'s observers; the last two of shape (S, 6).
     """
     has_torque_difference = state.stream.usable[TORQUE_DIFFERENCE] > 0.0
-    has_wrist_difference = state.stream.usable[WRIST_DIFFERENCE] > 0.0
     wrenches_to_base_frame(state.motion, base_residual, state.body_wrench)
     copy(state.body_wrench[0], state.base_wrench)
     copy(joint_residual, state.torque)
-    copy(wrist_residual, state.wrist_wrench)
     for j in range(joint_residual.shape[0]):
         state.proximal_torque[j] = (
             dot6(state.motion.screw[j], state.base_wrench) + torque_difference[j]
             if has_torque_difference
             else joint_residual[j]
         )
-    for i in range(6):
-        state.proximal_wrist_wrench[i] = (
-            state.base_wrench[i] + wrist_difference[i] if has_wrist_difference else wrist_residual[i]
-        )
+    count = link_residual.shape[0]
+    for s in range(count):
+        has_difference = state.stream.usable[LINK + count + s] > 0.0
+        for i in range(6):
+            state.link_wrench[s, i] = link_residual[s, i]
+            state.proximal_link_wrench[s, i] = (
+                state.base_wrench[i] + link_difference[s, i] if has_difference else link_residual[s, i]
+            )
 
 
 @inlined_kernel
-def residual_variance_ratio(state: State, usable: tuple[bool, bool, bool]) -> float:
+def residual_variance_ratio(state: State, usable: tuple[bool, bool, int]) -> float:
     """Variance of the observers' residuals over that of one sample's noise: the largest of the usable
-    sensors. A sensor that has missed a sample has a larger ratio."""
+    sensors, see `contactsense.detection.thresholds.Usable`. A sensor that has missed a sample has a larger
+    ratio."""
     variance_ratio = 0.0
     if usable[0]:
         variance_ratio = max(variance_ratio, state.base_observer.scalars[VARIANCE_RATIO])
     if usable[1]:
         variance_ratio = max(variance_ratio, state.joint_observer.scalars[VARIANCE_RATIO])
-    if usable[2]:
-        variance_ratio = max(variance_ratio, state.wrist_observer.scalars[VARIANCE_RATIO])
+    for s in range(state.link_load.shape[0]):
+        if usable[2] >> s & 1:
+            variance_ratio = max(variance_ratio, state.link_observer.scalars[s, VARIANCE_RATIO])
     return variance_ratio

@@ -1,11 +1,12 @@
 """Samples of a recording as arrays, and the localizer's estimates for them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
+from contactsense.sensors.link_values import as_fields, by_field
 from contactsense.sensors.validation import as_floats
 from contactsense.types import Estimate, Sample
 
@@ -28,6 +29,8 @@ class SampleBlock:
     wrist_wrench: np.ndarray | None = None
     """Wrench on the wrist sensor of everything distal to it, base axes, about the base origin [N, Nm], shape
     (N, 6)."""
+    link_wrenches: Mapping[str, np.ndarray] | None = None
+    """The same of each further sensor within the arm, by its name in `Scene.link_wrenches`."""
 
     def __len__(self) -> int:
         return len(self.t)
@@ -46,37 +49,72 @@ class SampleBlock:
         t = as_floats("t", block.t)
         if t.ndim != 1:
             raise ValueError(f"t: expected shape (N,), got shape {t.shape}")
-        sizes = (joints, joints, joints, 6, 6)
-        fields = ("q", "qd", "joint_torque", "base_wrench", "wrist_wrench")
-        checked = []
-        for name, size in zip(fields, sizes, strict=True):
-            value = getattr(block, name)
-            if value is not None:
-                value = as_floats(name, value)
-                if value.shape != (len(t), size):
-                    raise ValueError(f"{name}: expected shape ({len(t)}, {size}), got shape {value.shape}")
-            checked.append(value)
-        return cls(t, *checked)
+
+        def checked(name: str, value: object, size: int) -> np.ndarray:
+            array = as_floats(name, value)
+            if array.shape != (len(t), size):
+                raise ValueError(f"{name}: expected shape ({len(t)}, {size}), got shape {array.shape}")
+            return array
+
+        torque, base = block.joint_torque, block.base_wrench
+        return cls(
+            t,
+            checked("q", block.q, joints),
+            checked("qd", block.qd, joints),
+            None if torque is None else checked("joint_torque", torque, joints),
+            None if base is None else checked("base_wrench", base, 6),
+            **as_fields({name: checked(name, value, 6) for name, value in block.link_values.items()}),
+        )
+
+    @property
+    def link_values(self) -> dict[str, np.ndarray]:
+        """Values of the link sensors by field, see `contactsense.sensors.link_values`."""
+        return by_field(self.wrist_wrench, self.link_wrenches)
 
     def split(self, size: int) -> Iterator[Self]:
         """The block in parts of at most `size` samples."""
         for at in range(0, len(self), size):
             yield self[at : at + size]
 
-    def __getitem__(self, rows: slice) -> Self:
-        sensors = (
-            None if value is None else value[rows]
-            for value in (self.joint_torque, self.base_wrench, self.wrist_wrench)
+    def __getitem__(self, rows: slice | np.ndarray) -> Self:
+        torque, base = self.joint_torque, self.base_wrench
+        return type(self)(
+            self.t[rows],
+            self.q[rows],
+            self.qd[rows],
+            None if torque is None else torque[rows],
+            None if base is None else base[rows],
+            **as_fields({name: value[rows] for name, value in self.link_values.items()}),
         )
-        return type(self)(self.t[rows], self.q[rows], self.qd[rows], *sensors)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Consecutive parts of one stream as one block; at least one, with the same sensors."""
+
+        def stacked(name: str) -> np.ndarray:
+            return np.concatenate([getattr(part, name) for part in parts])
+
+        first = parts[0]
+        links = {
+            name: np.concatenate([part.link_values[name] for part in parts]) for name in first.link_values
+        }
+        return cls(
+            stacked("t"),
+            stacked("q"),
+            stacked("qd"),
+            None if first.joint_torque is None else stacked("joint_torque"),
+            None if first.base_wrench is None else stacked("base_wrench"),
+            **as_fields(links),
+        )
 
     def sample(self, i: int) -> Sample:
         """Sample number i."""
-        torque, base, wrist = (
+        torque, base = (
             None if value is None or np.isnan(value[i]).all() else value[i]
-            for value in (self.joint_torque, self.base_wrench, self.wrist_wrench)
+            for value in (self.joint_torque, self.base_wrench)
         )
-        return Sample(float(self.t[i]), self.q[i], self.qd[i], torque, base, wrist)
+        links = {name: x[i] for name, x in self.link_values.items() if not np.isnan(x[i]).all()}
+        return Sample(float(self.t[i]), self.q[i], self.qd[i], torque, base, **as_fields(links))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

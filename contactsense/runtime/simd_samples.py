@@ -10,7 +10,6 @@ import numpy as np
 from contactsense.kinematics.simd_kinematics import kinematics_in_lanes, motion_of_lane
 from contactsense.residuals.bias_filter import ESTIMATES_MASSES, predict
 from contactsense.residuals.bias_filter import update_is_due as bias_update_is_due
-from contactsense.residuals.equations_of_motion import observe_wrench, observe_wrist_difference
 from contactsense.residuals.momentum_observer import in_step, start_step
 from contactsense.residuals.sensor_consistency import update_is_due as consistency_is_due
 from contactsense.residuals.simd_equations import (
@@ -23,18 +22,22 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
-from contactsense.runtime.residual_update import set_external, update_tool
+from contactsense.runtime.residual_update import (
+    observe_link_sensors,
+    predict_link_sensors,
+    set_external,
+    update_link_sensors,
+)
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import (
     BASE,
+    LINK,
     REPEATED,
     RESTARTED,
     STEP,
     TORQUE,
     TORQUE_DIFFERENCE,
     UNUSABLE,
-    WRIST,
-    WRIST_DIFFERENCE,
     register_sample,
     store_sample,
 )
@@ -73,19 +76,18 @@ def detect_in_lane(
     qd: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
+    link_wrench: np.ndarray,
 ) -> int:
     """As `contactsense.runtime.kernels.detect`, for the sample of one lane."""
     stream = state.stream
-    store_sample(stream, q, qd, torque, base_wrench, wrist_wrench)
+    store_sample(stream, q, qd, torque, base_wrench, link_wrench)
     flags: int = register_sample(stream, t, sensor_bits, bandwidth)
     if flags & (REPEATED | UNUSABLE):
         return flags
     if flags & RESTARTED:
         end_contact(state.track)
     copied = (
-        stream.steps[WRIST] >= 0.0
-        or stream.usable[WRIST] > 0.0
+        _has_link_sensor(state)
         or state.bias_filter.scalars[ESTIMATES_MASSES] > 0.0
         or state.track.scalars[PHASE] != NONE
     )
@@ -108,8 +110,8 @@ def detect_in_lane(
             state.base_observer.residual,
             state.torque_difference.residual,
             state.joint_observer.residual,
-            state.wrist_difference.residual,
-            state.wrist_observer.residual,
+            state.link_difference.residual,
+            state.link_observer.residual,
         )
     concluded: int = conclude(constants, state, flags, decision, bandwidth)
     return concluded
@@ -118,7 +120,17 @@ def detect_in_lane(
 @inlined_kernel
 def _copy_motion(constants: Constants, state: State, lanes: np.ndarray, lane: int) -> None:
     motion_of_lane(lanes, lane, state.motion)
-    update_tool(constants, state)
+    update_link_sensors(constants, state)
+
+
+@inlined_kernel
+def _has_link_sensor(state: State) -> bool:
+    """Whether a link sensor has a value in the newest sample, or can be used without one."""
+    steps, usable = state.stream.steps, state.stream.usable
+    found = False
+    for i in range(LINK, LINK + state.link_load.shape[0]):
+        found = found or steps[i] >= 0.0 or usable[i] > 0.0
+    return found
 
 
 @inlined_kernel
@@ -150,22 +162,17 @@ def _update_residuals(
         else:
             own = start_step(difference, steps[TORQUE_DIFFERENCE], bandwidth)
         advance_torque_difference(lanes, lane, own, difference)
-    if steps[WRIST] >= 0.0:
-        tool, wrench = state.tool_momentum, stream.wrist_wrench
-        observe_wrench(tool[0], tool[1], wrench, steps[WRIST], bandwidth, state.wrist_observer)
-    if steps[WRIST_DIFFERENCE] >= 0.0:
-        for i in range(6):
-            state.unbiased_wrench[i] = stream.base_wrench[i] - state.bias_filter.bias[i]
-        observe_wrist_difference(
-            motion, state.tool_momentum, stream.wrist_wrench, state.unbiased_wrench, steps[WRIST_DIFFERENCE],
-            bandwidth, state.wrist_difference,
-        )  # fmt: skip
+    for i in range(6):
+        state.unbiased_wrench[i] = stream.base_wrench[i] - state.bias_filter.bias[i]
+    observe_link_sensors(state, bandwidth)
     predict(
         state.bias_filter, state.torque_model, motion, constants.sensors.base_covariance,
         constants.sensors.torque_variance, constants.bias_rate, stream.scalars[STEP], bandwidth,
     )  # fmt: skip
+    predict_link_sensors(constants, state)
     # The base's own frame is the base frame.
     for i in range(6):
         state.base_wrench[i] = base.residual[i]
     copy(joints.residual, state.torque)
-    copy(state.wrist_observer.residual, state.wrist_wrench)
+    for s in range(state.link_load.shape[0]):
+        copy(state.link_observer.residual[s], state.link_wrench[s])

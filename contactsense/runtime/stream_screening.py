@@ -9,6 +9,7 @@ import numpy as np
 from contactsense.runtime.plausibility import Implausible, PlausibleLimits, in_words
 from contactsense.runtime.sample_blocks import SampleBlock
 from contactsense.scene import Scene
+from contactsense.sensors.link_values import by_field, with_values
 from contactsense.types import Sample
 
 WEIGHT_TOLERANCE = 0.3
@@ -35,7 +36,7 @@ class StreamScreening:
         # With payloads that come and go, the weight is unknown.
         self._checks_weight = self._has_base and not scene.picks_up
         self._has_range = scene.base_wrench is not None and scene.base_wrench.range is not None
-        self._has_wrist_range = limits.has_wrist_range
+        self._has_link_range = limits.has_link_range
         self._lowest, self._highest, self._largest_torque = limits.of_all_joints
         self.refused: dict[str, str] = {}
         """Field -> why it was taken out of the newest sample."""
@@ -73,12 +74,17 @@ class StreamScreening:
             if why:
                 self.refused["base_wrench"] = self._note("base_wrench", why)
                 sample = replace(sample, base_wrench=_without(sample.base_wrench))
-        if self._has_wrist_range and sample.wrist_wrench is not None:
-            found = self._limits.wrist_saturation(sample.q, sample.wrist_wrench)
+        without = {}
+        for field, wrench in self._ranged(sample).items():
+            found = self._limits.link_saturation(field, sample.q, wrench)
             if found is not None:
-                self.refused["wrist_wrench"] = self._note("wrist_wrench", found.reason)
-                sample = replace(sample, wrist_wrench=_without(sample.wrist_wrench))
-        return sample
+                self.refused[field] = self._note(field, found.reason)
+                without[field] = _without(wrench)
+        return with_values(sample, without)  # type: ignore[no-any-return]
+
+    def _ranged(self, record: Sample | SampleBlock) -> dict[str, np.ndarray]:
+        """Values of the link sensors by field, if the range of any of them is known."""
+        return by_field(record.wrist_wrench, record.link_wrenches) if self._has_link_range else {}
 
     def _is_surely_plausible(self, sample: Sample) -> bool:
         """A quick test that ordinary samples pass, except at the start of a stream."""
@@ -91,16 +97,19 @@ class StreamScreening:
             torque = sample.joint_torque.tolist()
             if not (-self._largest_torque < min(torque) and max(torque) < self._largest_torque):
                 return False
-        limits, base, wrist = self._limits, sample.base_wrench, sample.wrist_wrench
+        limits, base = self._limits, sample.base_wrench
         if self._has_range and base is not None and limits.saturation(base) is not None:
             return False
-        return not self._has_wrist_range or wrist is None or limits.wrist_saturation(sample.q, wrist) is None
+        return all(
+            limits.link_saturation(field, sample.q, wrench) is None
+            for field, wrench in self._ranged(sample).items()
+        )
 
     def screened_block(self, block: SampleBlock) -> SampleBlock:
         """The same for a part of a recording; `first` says why."""
         self.refused = {}
         limits = self._limits
-        q, torque, base, wrist = block.q, block.joint_torque, block.base_wrench, block.wrist_wrench
+        q, torque, base = block.q, block.joint_torque, block.base_wrench
         wrong = limits.positions_beyond(q)
         if wrong.any():
             self._note_first("q", wrong, q, limits.position)
@@ -115,13 +124,17 @@ class StreamScreening:
                 self._note_first("base_wrench", beyond, base, limits.saturation)
             if (beyond | contradicts).any():
                 base = _without_rows(base, beyond | contradicts)
-        if wrist is not None and self._has_wrist_range:
-            beyond = limits.wrist_saturated(q, wrist)
+        without = {}
+        for field, wrench in self._ranged(block).items():
+            beyond = limits.link_saturated(field, q, wrench)
             if beyond.any():
                 at = int(beyond.argmax())
-                self._note_first("wrist_wrench", beyond, wrist, lambda w: limits.wrist_saturation(q[at], w))
-                wrist = _without_rows(wrist, beyond)
-        return replace(block, q=q, joint_torque=torque, base_wrench=base, wrist_wrench=wrist)
+                found = limits.link_saturation(field, q[at], wrench[at])
+                assert found is not None
+                self._note(field, found.reason)
+                without[field] = _without_rows(wrench, beyond)
+        screened = replace(block, q=q, joint_torque=torque, base_wrench=base)
+        return with_values(screened, without)  # type: ignore[no-any-return]
 
     def _note_first(
         self,

@@ -10,10 +10,10 @@ import numpy as np
 
 from contactsense.residuals.sensor_consistency import AVERAGING_TIME
 from contactsense.sensors.stream_state import (
+    ALL_MISSING,
     BLIND,
     INCONSISTENT,
     INVALID,
-    MISSING,
     REPEATED,
     RESTARTED,
     SETTLING,
@@ -26,8 +26,6 @@ FROM_START = (
     "the readings have not fitted a free arm since the stream began: if nothing touches it, a line of the "
     "scene is wrong, and `contactsense check SCENE` finds it"
 )
-_ALL = 7
-"""One bit for each of the three sensors."""
 _MARGIN = 0.1
 """A contact is detected at most so long after the observers have settled, if it was there before: two samples
 at the lowest rate [s]."""
@@ -58,7 +56,7 @@ class StreamStart:
     @property
     def watches(self) -> bool:
         """Whether samples without any flag matter."""
-        return not self._decided or self._seen != _ALL
+        return not self._decided or self._seen != ALL_MISSING
 
     def update(self, t: float, flags: int) -> bool:
         """Take in one sample; returns whether it belongs to what has been there since the start.
@@ -72,7 +70,7 @@ class StreamStart:
             return False
         if flags & RESTARTED:
             self.reset()
-        present = _ALL & ~(flags // MISSING | flags // INVALID)
+        present = ALL_MISSING & ~(flags | flags // INVALID)
         if present & ~self._seen:
             # A sensor that joins later has a start of its own.
             self._seen |= present

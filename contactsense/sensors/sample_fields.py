@@ -1,61 +1,97 @@
 """Convert a `Sample` to the arguments of the kernels."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
-from contactsense.sensors.stream_state import INVALID, MISSING
+from contactsense.sensors.link_values import by_field, name_of, with_values
+from contactsense.sensors.stream_state import INVALID, MISSING, SHIFT
 from contactsense.sensors.validation import checked_vector
 from contactsense.types import Sample
 
-SENSORS = ("base_wrench", "joint_torque", "wrist_wrench")
+SENSORS = ("base_wrench", "joint_torque")
+"""The first two sensors of every scene; its link sensors follow."""
 
 
 class SampleFields:
     """Conversion for the sensors of one scene."""
 
-    def __init__(self, in_scene: tuple[bool, bool, bool], joints: int) -> None:
-        """`in_scene`: which of `SENSORS` the scene has."""
-        self._base, self._torque, self._wrist = in_scene
+    def __init__(self, in_scene: tuple[bool, bool], link_sensors: Sequence[str], joints: int) -> None:
+        """Prepare the placeholders for values that a sample does not have.
+
+        Args:
+            in_scene: Which of `SENSORS` the scene has.
+            link_sensors: Fields of its link sensors, see `contactsense.sensors.link_values`.
+            joints: Of its arm.
+        """
+        self._base, self._torque = in_scene
         self._joints = joints
         self._no_torque, self._no_wrench = _placeholder(joints), _placeholder(6)
-        self.relevant_flags = ~sum((MISSING | INVALID) << i for i, there in enumerate(in_scene) if not there)
+        self._link_sensors = tuple(link_sensors)
+        self._link_names = tuple(name_of(field) for field in self._link_sensors)
+        self._link_wrench = np.zeros((len(self._link_sensors), 6))
+        self.names = (*SENSORS, *self._link_sensors)
+        """Of the sensors, in the order of their flags."""
+        there = (*in_scene, *(True for _ in self._link_sensors))
+        absent = (shift for i, shift in enumerate(SHIFT) if i >= len(there) or not there[i])
+        self.relevant_flags = ~sum((MISSING | INVALID) << shift for shift in absent)
         """Flags that apply to this scene: a sensor that the scene does not have is not missing."""
 
     def fields(
         self, sample: Sample
     ) -> tuple[float, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Time; which sensors have a value, one bit each; positions, velocities; a value for each sensor."""
-        torque, base, wrist = sample.joint_torque, sample.base_wrench, sample.wrist_wrench
-        sensor_bits = 7
+        """Time; which sensors have a value, one bit each; positions, velocities; a value for each sensor,
+        those of the link sensors as one array of shape (S, 6), which the next call fills anew.
+
+        Raises:
+            ValueError: the value of a link sensor has the wrong shape.
+        """
+        torque, base = sample.joint_torque, sample.base_wrench
+        sensor_bits = 3
         if base is None or not self._base:
             sensor_bits, base = sensor_bits - 1, self._no_wrench
         if torque is None or not self._torque:
             sensor_bits, torque = sensor_bits - 2, self._no_torque
-        if wrist is None or not self._wrist:
-            sensor_bits, wrist = sensor_bits - 4, self._no_wrench
-        return sample.t, sensor_bits, sample.q, sample.qd, torque, base, wrist
+        if self._link_sensors:
+            others = sample.link_wrenches or {}
+            for s, name in enumerate(self._link_names):
+                value = sample.wrist_wrench if name is None else others.get(name)
+                if value is not None:
+                    if len(value) != 6:
+                        raise ValueError(f"{self._link_sensors[s]}: expected 6 numbers, got {len(value)}")
+                    self._link_wrench[s] = value
+                    sensor_bits += 4 << s
+        return sample.t, sensor_bits, sample.q, sample.qd, torque, base, self._link_wrench
 
     def compile_sample(self) -> Sample:
         """A sample to compile the kernels with: any float arrays are accepted afterwards."""
-        torque, wrench = self._no_torque, self._no_wrench
-        return Sample(0.0, torque, torque, torque, wrench, wrench)
+        torque = self._no_torque
+        return Sample(0.0, torque, torque, torque, self._no_wrench)
 
     def values(
         self,
         q: np.ndarray,
         torque: np.ndarray | None = None,
         base: np.ndarray | None = None,
-        wrist: np.ndarray | None = None,
+        links: Mapping[str, np.ndarray] | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Positions and a value for each sensor, in the order of the kernels; zeros for missing values."""
+        """Positions and a value for each sensor, in the order of the kernels; zeros for missing values.
+
+        Raises:
+            ValueError: the value of a link sensor has the wrong shape or is not finite; the message names it.
+        """
+        for s, name in enumerate(self._link_sensors):
+            value = (links or {}).get(name)
+            self._link_wrench[s] = 0.0 if value is None else checked_vector(name, value, 6, "N, Nm")
         return (
             q,
             self._no_torque if torque is None else torque,
             self._no_wrench if base is None else base,
-            self._no_wrench if wrist is None else wrist,
+            self._link_wrench,
         )
 
     def checked(
-        self, q: np.ndarray, torque: np.ndarray, base: np.ndarray, wrist: np.ndarray
+        self, q: np.ndarray, torque: np.ndarray, base: np.ndarray, link_wrench: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The same as arrays of finite floats that the kernels accept.
 
@@ -66,7 +102,7 @@ class SampleFields:
             checked_vector("q", q, self._joints, "rad"),
             checked_vector("joint_torque", torque, self._joints, "N, Nm"),
             checked_vector("base_wrench", base, 6, "N, Nm"),
-            checked_vector("wrist_wrench", wrist, 6, "N, Nm"),
+            link_wrench,
         )
 
     def shaped(self, sample: Sample) -> Sample:
@@ -76,14 +112,16 @@ class SampleFields:
             ValueError: a field has the wrong shape; the message names it.
         """
         n = self._joints
-        return Sample(
+        shaped = Sample(
             float(sample.t),
             _shaped("q", sample.q, n),
             _shaped("qd", sample.qd, n),
             None if sample.joint_torque is None else _shaped("joint_torque", sample.joint_torque, n),
             None if sample.base_wrench is None else _shaped("base_wrench", sample.base_wrench, 6),
-            None if sample.wrist_wrench is None else _shaped("wrist_wrench", sample.wrist_wrench, 6),
         )
+        values = by_field(sample.wrist_wrench, sample.link_wrenches)
+        links = {name: _shaped(name, value, 6) for name, value in values.items()}
+        return with_values(shaped, links)  # type: ignore[no-any-return]
 
 
 def _placeholder(size: int) -> np.ndarray:

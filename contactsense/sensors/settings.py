@@ -3,7 +3,15 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    field_validator,
+)
 from scipy.spatial.transform import Rotation
 
 from contactsense.robots import Inertia
@@ -97,6 +105,33 @@ class WrenchSensor(Part):
     def rotation(self) -> np.ndarray:
         """Orientation of the sensor's frame in the base frame, shape (3, 3)."""
         return np.asarray(Rotation.from_euler("xyz", self.rpy).as_matrix())
+
+
+class LinkWrenchSensor(WrenchSensor):
+    """A six-axis force/torque sensor between two links of the arm."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    """Name of the sensor: small letters, digits and underscores, neither `base` nor `wrist`. The readings in
+    a recording are the columns `NAME_wrench_0` to `NAME_wrench_5`."""
+    link: str
+    """The link at whose proximal end the sensor sits, beyond the joint that moves the link: any of the arm's
+    but the first, which `base_wrench` carries. The sensor carries that whole link and everything distal to
+    it, tool included, and measures contacts there."""
+    rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
+    """Orientation of the sensor's frame in the frame of `link`: roll, pitch, yaw about fixed x, y, z
+    [rad]."""
+    translation: Vector = (0.0, 0.0, 0.0)
+    """Origin of the sensor's frame in the frame of `link` [m]."""
+    sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor"
+    """Which side's push is counted as positive: with `arm_on_sensor` the weight of what the sensor carries
+    reads as a force along gravity."""
+
+    @field_validator("name")
+    @classmethod
+    def _is_free(cls, name: str) -> str:
+        if name in ("base", "wrist"):
+            raise ValueError(f"expected a name other than base and wrist, got {name!r}")
+        return name
 
 
 class Friction(Part):

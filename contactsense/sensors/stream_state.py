@@ -11,9 +11,9 @@ from contactsense.sensors.timing import has_settled, is_overdue, is_silent, rese
 SETTLING_TIME_CONSTANTS = 5.0
 """Time constants of the observer from a start until its residual is used: it is within 1 % of its value by
 then."""
-BASE, TORQUE, WRIST, TORQUE_DIFFERENCE, WRIST_DIFFERENCE = 0, 1, 2, 3, 4
-"""Indices of `StreamState.timing`, `steps` and `usable`: the three sensors, and the differences of torques
-and wrist wrench to the base wrench."""
+BASE, TORQUE, TORQUE_DIFFERENCE, LINK = 0, 1, 2, 3
+"""Indices of `StreamState.timing`, `steps` and `usable`: base sensor, joint torques, difference of torques to
+the base wrench; from `LINK` on the S link sensors, then their S differences to the base wrench."""
 T, STEP, USUAL_STEP, SCALE = 0, 1, 2, 3
 """Indices of `StreamState.scalars`."""
 _STEP_SMOOTHING = 0.05
@@ -27,12 +27,16 @@ _LONGEST_STEP = 86400.0
 MISSING, INVALID, INCONSISTENT, SETTLING, TOUCHED, RESTARTED = 1, 8, 64, 128, 256, 512
 REPEATED, UNUSABLE, WRONG_SIZE, BLIND = 1024, 2048, 4096, 8192
 """Flags of a sample, bits of one number; 0: sensors in order and no contact. `MISSING` and `INVALID` (a value
-is not finite or implausible) have three bits each, one per sensor in their order. `INCONSISTENT`: see
+is not finite or implausible), shifted by a sensor's `SHIFT`, are those of that sensor. `INCONSISTENT`: see
 `contactsense.residuals.sensor_consistency`. `SETTLING`: no sensor can be used yet. `TOUCHED`: a contact is
 detected. `RESTARTED`: time has jumped back, a new stream begins. `REPEATED`, `UNUSABLE` and `WRONG_SIZE` (a
 field has the wrong size): the sample was not used. `BLIND`: no sensor has a value, and at least one should
 have."""
-DEGRADED = 7 * MISSING | 7 * INVALID | INCONSISTENT | SETTLING | BLIND
+SHIFT = (0, 1, 2, 16, 22, 28, 34, 40, 46, 52, 58)
+"""Of the flags of each sensor: base sensor, joint torques, link sensors."""
+ALL_MISSING = sum(MISSING << shift for shift in SHIFT)
+"""Every sensor is missing."""
+DEGRADED = ALL_MISSING | ALL_MISSING * INVALID | INCONSISTENT | SETTLING | BLIND
 """Flags of used samples for which the estimate is `degraded`."""
 
 
@@ -40,32 +44,34 @@ class StreamState(NamedTuple):
     """State of a stream apart from its residuals."""
 
     q: np.ndarray
-    """These five: the newest sample, see `contactsense.types.Sample`; shape (n,)."""
+    """These four: the newest sample, see `contactsense.types.Sample`; shape (n,), the wrench (6,)."""
     qd: np.ndarray
     torque: np.ndarray
     base_wrench: np.ndarray
-    wrist_wrench: np.ndarray
+    link_wrench: np.ndarray
+    """Wrench on each of the S link sensors, base axes, base origin, shape (S, 6) [N, Nm]."""
     timing: np.ndarray
-    """See `contactsense.sensors.timing`, shape (5, 3)."""
+    """See `contactsense.sensors.timing`, shape (3 + 2 S, 3)."""
     steps: np.ndarray
-    """Step of each observer [s]: 0 restarts it, negative: no value; shape (5,)."""
+    """Step of each observer [s]: 0 restarts it, negative: no value; shape (3 + 2 S,)."""
     usable: np.ndarray
-    """1 where a residual can be used, shape (5,)."""
+    """1 where a residual can be used, shape (3 + 2 S,)."""
     scalars: np.ndarray
     """Time of the newest sample, step to it, usual step [s]; variance ratio of the residuals; shape (4,)."""
 
 
-def empty_stream_state(joints: int) -> StreamState:
+def empty_stream_state(joints: int, link_sensors: int) -> StreamState:
     """State before the first sample; `restart` initializes it."""
+    observers = LINK + 2 * link_sensors
     return StreamState(
         q=np.zeros(joints),
         qd=np.zeros(joints),
         torque=np.zeros(joints),
         base_wrench=np.zeros(6),
-        wrist_wrench=np.zeros(6),
-        timing=np.zeros((5, 3)),
-        steps=np.zeros(5),
-        usable=np.zeros(5),
+        link_wrench=np.zeros((link_sensors, 6)),
+        timing=np.zeros((observers, 3)),
+        steps=np.zeros(observers),
+        usable=np.zeros(observers),
         scalars=np.zeros(4),
     )
 
@@ -85,17 +91,20 @@ def store_sample(
     qd: np.ndarray,
     torque: np.ndarray,
     base_wrench: np.ndarray,
-    wrist_wrench: np.ndarray,
+    link_wrench: np.ndarray,
 ) -> bool:
-    """Store a sample's values; returns False if one has the wrong size."""
-    values = (q, qd, torque, base_wrench, wrist_wrench)
-    targets = (stream.q, stream.qd, stream.torque, stream.base_wrench, stream.wrist_wrench)
-    for i in range(5):
+    """Store a sample's values, `link_wrench` of shape (S, 6); returns False if one has the wrong size."""
+    values = (q, qd, torque, base_wrench)
+    targets = (stream.q, stream.qd, stream.torque, stream.base_wrench)
+    for i in range(4):
         if len(values[i]) != len(targets[i]):
             return False
-    for i in range(5):
+    for i in range(4):
         for k in range(len(targets[i])):
             targets[i][k] = values[i][k]
+    for s in range(stream.link_wrench.shape[0]):
+        for k in range(6):
+            stream.link_wrench[s, k] = link_wrench[s, k]
     return True
 
 
@@ -114,7 +123,7 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
     Args:
         stream: With the sample's values; changed in place.
         t: Time of the sample [s].
-        sensor_bits: Which sensors have a value in it: 1 base wrench, 2 torques, 4 wrist wrench.
+        sensor_bits: Which sensors have a value in it: 1 base wrench, 2 torques, 4, 8, ... link sensors.
         bandwidth: Cut-off frequency of the observers [Hz].
 
     Returns:
@@ -134,37 +143,57 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
         scalars[STEP] - scalars[USUAL_STEP]
     )
     scalars[T] = t
-    values = (stream.base_wrench, stream.torque, stream.wrist_wrench)
     blind = True
-    for i in range(3):
-        has_value = sensor_bits >> i & 1 == 1
-        valid = has_value and _is_plausible(values[i])
+    link_sensors = stream.link_wrench.shape[0]
+    for sensor in range(2 + link_sensors):
+        i = sensor if sensor < 2 else LINK + sensor - 2
+        has_value = sensor_bits >> sensor & 1 == 1
+        valid = has_value and _has_plausible_value(stream, sensor)
         steps[i] = time_since_last(timing[i], t, valid)
         if is_silent(timing[i], t):
-            flags |= MISSING << i
+            flags |= MISSING << SHIFT[sensor]
         elif has_value and not valid:
-            flags |= INVALID << i
+            flags |= INVALID << SHIFT[sensor]
         blind = blind and is_overdue(timing[i], t, scalars[STEP])
     if blind:
         flags |= BLIND
-    for i in (TORQUE_DIFFERENCE, WRIST_DIFFERENCE):
-        steps[i] = time_since_last(timing[i], t, steps[BASE] >= 0.0 and steps[i - 2] >= 0.0)
+    with_base = steps[BASE] >= 0.0
+    steps[TORQUE_DIFFERENCE] = time_since_last(
+        timing[TORQUE_DIFFERENCE], t, with_base and steps[TORQUE] >= 0.0
+    )
+    for i in range(LINK, LINK + link_sensors):
+        difference = i + link_sensors
+        steps[difference] = time_since_last(timing[difference], t, with_base and steps[i] >= 0.0)
     settling_time = SETTLING_TIME_CONSTANTS / (2.0 * math.pi * bandwidth)
-    for i in range(5):
+    for i in range(usable.shape[0]):
         usable[i] = 1.0 if has_settled(timing[i], t, settling_time) else 0.0
     return flags
 
 
 @kernel
-def usable_sensors(stream: StreamState) -> tuple[bool, bool, bool]:
-    """Which of base wrench, torques and wrist wrench can be used."""
-    return stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0, stream.usable[WRIST] > 0.0
+def _has_plausible_value(stream: StreamState, sensor: int) -> bool:
+    """Whether the newest value of a sensor is plausible; `sensor`: its bit in `sensor_bits`."""
+    if sensor == 0:
+        return bool(_is_plausible(stream.base_wrench))
+    if sensor == 1:
+        return bool(_is_plausible(stream.torque))
+    return bool(_is_plausible(stream.link_wrench[sensor - 2]))
+
+
+@kernel
+def usable_sensors(stream: StreamState) -> tuple[bool, bool, int]:
+    """Whether base wrench and torques can be used, and which link sensors, one bit each."""
+    link_sensors = 0
+    for s in range(stream.link_wrench.shape[0]):
+        if stream.usable[LINK + s] > 0.0:
+            link_sensors |= 1 << s
+    return stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0, link_sensors
 
 
 @kernel
 def usable_sensors_code(stream: StreamState) -> float:
     """A number that identifies the set of usable residuals."""
     code = 0.0
-    for i in range(5):
+    for i in range(stream.usable.shape[0]):
         code = 2.0 * code + stream.usable[i]
     return float(code)

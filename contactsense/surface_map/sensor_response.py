@@ -12,7 +12,7 @@ def sensor_response(scene: Scene, constants: Constants, motion: Motion) -> np.nd
     """Matrix S of each link: a wrench w on that link (base axes, about the base origin) changes the
     residuals, in units of their noise, by S w.
 
-    The rows are those of the scene's sensors: base wrench, joint torques, wrist wrench (theory as in
+    The rows are those of the scene's sensors: base wrench, joint torques, link sensors (theory as in
     `contactsense.isolation.link_hypotheses`). The noise is that of one sample; the joint torques' includes
     the errors of model and friction at rest. S^T S is the information about w under that link's hypothesis.
 
@@ -35,12 +35,14 @@ def sensor_response(scene: Scene, constants: Constants, motion: Motion) -> np.nd
         std = np.sqrt(sensors.torque_variance + np.square(unmodelled))
         proximal = np.arange(joints) < sensors.depth[:, None]
         parts.append(proximal[:, :, None] * (motion.screw / std[:, None]))
-    if scene.wrist_wrench is not None:
-        x, y, z = motion.origin[-1] + motion.rotation[-1] @ constants.wrist_origin
+    mounted = constants.link_sensors
+    for s, body in enumerate(mounted.body):
+        x, y, z = motion.origin[body] + motion.rotation[body] @ mounted.origin[s]
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         about_sensor = np.block([[np.eye(3), np.zeros((3, 3))], [-cross, np.eye(3)]])
-        std = np.sqrt(np.repeat(sensors.wrist_variance, 3))
-        parts.append(sensors.beyond_wrist[:, None, None] * (about_sensor / std[:, None]))
+        std = np.sqrt(np.repeat(sensors.link_variance[s], 3))
+        sees = np.arange(links) >= sensors.first_link[s]
+        parts.append(sees[:, None, None] * (about_sensor / std[:, None]))
     return np.concatenate(parts, axis=1)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from contactsense.detection.detectable_force import detected_length
-from contactsense.detection.thresholds import SampleThresholds
+from contactsense.detection.thresholds import SampleThresholds, degrees_of_freedom_of
 from contactsense.scene import Scene
 from contactsense.surface_map.sensor_response import wrench
 
@@ -18,15 +18,10 @@ def detected_size(scene: Scene, detection: float) -> float:
         scene: With sensors and false alarms per hour.
         detection: Probability of detection in one measurement.
     """
-    joints = len(scene.robot.joints)
-    sizes = (6, joints, 6)
-    usable = (
-        scene.base_wrench is not None,
-        scene.joint_torque is not None,
-        scene.wrist_wrench is not None,
-    )
-    degrees = sum(size for size, used in zip(sizes, usable, strict=True) if used)
-    return detected_length(SampleThresholds(scene, sizes).threshold(usable), degrees, detection)
+    link_sensors = (1 << len(scene.link_sensors)) - 1
+    usable = (scene.base_wrench is not None, scene.joint_torque is not None, link_sensors)
+    degrees = degrees_of_freedom_of(len(scene.robot.joints), usable)
+    return detected_length(SampleThresholds(scene).threshold(usable), degrees, detection)
 
 
 def smallest_force(response: np.ndarray, size: float, point: np.ndarray, normal: np.ndarray) -> np.ndarray:

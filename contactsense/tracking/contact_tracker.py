@@ -52,7 +52,7 @@ class ContactTrack(NamedTuple):
 
     mean: np.ndarray
     """Window means of the residuals, shape (WINDOWS, m): base wrench in the frame of each body, torque
-    differences, torques, wrist difference, wrist wrench."""
+    differences, torques, differences of the link sensors, their wrenches."""
     variance_ratio: np.ndarray
     """Variance of each window's mean over that of one sample's white noise, shape (WINDOWS,)."""
     residual_covariance: np.ndarray
@@ -78,10 +78,10 @@ PHASE, NUMBER, AGE, TIME_SINCE_SLIDE, WINDOW, SENSORS, ABOVE_ONSET = 0, 1, 2, 3,
 """Indices of `ContactTrack.scalars`."""
 
 
-def empty_contact_track(joint_observer: int) -> ContactTrack:
+def empty_contact_track(joints: int, link_sensors: int) -> ContactTrack:
     """State before the first contact."""
     return ContactTrack(
-        mean=np.zeros((WINDOWS, 6 * (joint_observer + 1) + 2 * joint_observer + 12)),
+        mean=np.zeros((WINDOWS, 6 * (joints + 1) + 2 * joints + 12 * link_sensors)),
         variance_ratio=np.zeros(WINDOWS),
         residual_covariance=np.zeros(WINDOWS),
         samples=np.zeros(WINDOWS),
@@ -120,21 +120,20 @@ def _concatenate_residuals(
     base_observer: MomentumObserver,
     torque_difference: MomentumObserver,
     joint_observer: MomentumObserver,
-    wrist_difference: MomentumObserver,
-    wrist_observer: MomentumObserver,
+    link_difference: MomentumObserver,
+    link_observer: MomentumObserver,
 ) -> None:
     """Concatenate the observers' residuals."""
     index = 0
-    for part in (
-        base_observer.residual,
-        torque_difference.residual,
-        joint_observer.residual,
-        wrist_difference.residual,
-        wrist_observer.residual,
-    ):
+    for part in (base_observer.residual, torque_difference.residual, joint_observer.residual):
         for i in range(part.shape[0]):
             out[index] = part[i]
             index += 1
+    for parts in (link_difference.residual, link_observer.residual):
+        for s in range(parts.shape[0]):
+            for i in range(6):
+                out[index] = parts[s, i]
+                index += 1
 
 
 @kernel
@@ -143,8 +142,8 @@ def average_windows(
     base_observer: MomentumObserver,
     torque_difference: MomentumObserver,
     joint_observer: MomentumObserver,
-    wrist_difference: MomentumObserver,
-    wrist_observer: MomentumObserver,
+    link_difference: MomentumObserver,
+    link_observer: MomentumObserver,
     variance_ratio: float,
     sensors: float,
     dt: float,
@@ -155,7 +154,7 @@ def average_windows(
 
     Args:
         track: Changed in place.
-        base_observer, torque_difference, joint_observer, wrist_difference, wrist_observer: The observers.
+        base_observer, torque_difference, joint_observer, link_difference, link_observer: The observers.
         variance_ratio: Variance of their residuals over that of one sample's white noise.
         sensors: Code of the usable sensors, see `contactsense.sensors.stream_state.usable_sensors_code`.
         dt: Time since the last sample [s].
@@ -163,7 +162,7 @@ def average_windows(
     """
     residual = track.mean[0]
     _concatenate_residuals(
-        residual, base_observer, torque_difference, joint_observer, wrist_difference, wrist_observer
+        residual, base_observer, torque_difference, joint_observer, link_difference, link_observer
     )
     track.variance_ratio[0] = variance_ratio
     track.residual_covariance[0] = variance_ratio

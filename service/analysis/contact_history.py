@@ -107,7 +107,7 @@ class ContactCollector:
             ContactHistory(
                 contact=self._count + 1,
                 row=rows[here],
-                block=_at(block, here),
+                block=block[here],
                 phase=found.phase[here],
                 energy=found.energy[here],
                 base_wrench=found.base_wrench[here],
@@ -130,35 +130,16 @@ class ContactCollector:
             self._open = []
 
 
-def _at(block: SampleBlock, rows: np.ndarray) -> SampleBlock:
-    sensors = (
-        None if value is None else value[rows]
-        for value in (block.joint_torque, block.base_wrench, block.wrist_wrench)
-    )
-    return SampleBlock(block.t[rows], block.q[rows], block.qd[rows], *sensors)
-
-
 def _join(parts: list[ContactHistory], complete: bool) -> ContactHistory:
     offsets = np.concatenate(([0], np.cumsum([len(part.row) for part in parts])))
 
     def stack(name: str) -> np.ndarray:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    def sensor(name: str) -> np.ndarray | None:
-        values = [getattr(part.block, name) for part in parts]
-        return None if values[0] is None else np.concatenate(values)
-
     return ContactHistory(
         contact=parts[0].contact,
         row=stack("row"),
-        block=SampleBlock(
-            np.concatenate([part.block.t for part in parts]),
-            np.concatenate([part.block.q for part in parts]),
-            np.concatenate([part.block.qd for part in parts]),
-            sensor("joint_torque"),
-            sensor("base_wrench"),
-            sensor("wrist_wrench"),
-        ),
+        block=SampleBlock.joined([part.block for part in parts]),
         phase=stack("phase"),
         energy=stack("energy"),
         base_wrench=stack("base_wrench"),
@@ -179,7 +160,7 @@ def _thin(history: ContactHistory) -> ContactHistory:
     return ContactHistory(
         contact=history.contact,
         row=history.row[kept],
-        block=_at(history.block, kept),
+        block=history.block[kept],
         phase=history.phase[kept],
         energy=history.energy[kept],
         base_wrench=history.base_wrench[kept],

@@ -7,7 +7,6 @@ from contactsense.service.analysis.analysis import Analysis
 TOO_LARGE = 1.3
 """Residuals larger than this many standard deviations indicate a wrong model or wrong noise."""
 _COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-_SENSORS = ("base_wrench", "joint_torque", "wrist_wrench")
 
 
 def health(analysis: Analysis) -> list[tuple[bool, str]]:
@@ -17,8 +16,13 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
     count = max(analysis.samples, 1)
     if analysis.gaps:
         findings.append((False, f"Time is missing in {analysis.gaps} places."))
-    for i, name in enumerate(_SENSORS):
-        if getattr(scene, name) is not None and found.missing[i]:
+    there = {
+        "base_wrench": scene.base_wrench is not None,
+        "joint_torque": scene.joint_torque is not None,
+        **dict.fromkeys(scene.link_sensors, True),
+    }
+    for i, (name, in_scene) in enumerate(there.items()):
+        if in_scene and found.missing[i]:
             findings.append(
                 (False, f"{name} was missing in {_share(found.missing[i], count)} of the samples.")
             )

@@ -8,7 +8,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from contactsense.detection.thresholds import stream_thresholds
+from contactsense.detection.thresholds import sensor_set, stream_thresholds
 from contactsense.scene import Scene
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.assumptions import assumptions
@@ -199,11 +199,10 @@ def _residual_panels(analysis: Analysis) -> list[tuple[str, str]]:
 
 def _threshold(scene: Scene, analysis: Analysis) -> float:
     """Energy at which a contact begins when all sensors of the scene have a value."""
-    joints = len(scene.robot.joints)
-    sensors = (scene.base_wrench, scene.joint_torque, scene.wrist_wrench)
-    chosen = sum(1 << i for i, sensor in enumerate(sensors) if sensor is not None)
+    links = (1 << len(scene.link_sensors)) - 1
+    chosen = sensor_set(scene.base_wrench is not None, scene.joint_torque is not None, links)
     step = round(1e3 * analysis.duration / max(analysis.samples - 1, 1))
-    return float(stream_thresholds(scene, (6, joints, 6))[chosen, min(max(step, 1), 20) - 1, 0])
+    return float(stream_thresholds(scene)[chosen, min(max(step, 1), 20) - 1, 0])
 
 
 def _views(analysis: Analysis, chosen: set[int]) -> dict[str, Any]:

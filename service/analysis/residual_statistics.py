@@ -7,7 +7,7 @@ import numpy as np
 
 from contactsense import BlockEstimates
 from contactsense.robots.jit.kernel import kernel
-from contactsense.sensors.stream_state import DEGRADED, MISSING, TOUCHED
+from contactsense.sensors.stream_state import DEGRADED, MISSING, SHIFT, TOUCHED
 
 BINS = 1200
 """Maximum number of points of a curve over a whole recording."""
@@ -42,8 +42,8 @@ class ResidualSummary:
     """Samples with one."""
     degraded: int
     """Samples in which a sensor was missing, invalid or inconsistent, or the observers were settling."""
-    missing: tuple[int, int, int]
-    """Samples in which base wrench, joint torques and wrist wrench were missing."""
+    missing: tuple[int, ...]
+    """Samples in which each sensor was missing: base sensor, joint torques, link sensors."""
 
     def __repr__(self) -> str:
         return (
@@ -68,7 +68,7 @@ class ResidualStatistics:
         self._width = np.array([width])
         self._largest = np.full((BINS, 2 + joints), np.nan)
         self._std = np.full((BINS, 1 + joints), np.nan)
-        self._squares, self._counts = np.zeros(6 + joints), np.zeros(6, dtype=np.int64)
+        self._squares, self._counts = np.zeros(6 + joints), np.zeros(3 + len(SHIFT), dtype=np.int64)
 
     def add(self, found: BlockEstimates) -> None:
         """Add a block."""
@@ -85,7 +85,7 @@ class ResidualStatistics:
     def summary(self) -> ResidualSummary:
         """Summary of the blocks so far."""
         filled = np.flatnonzero(np.isfinite(self._largest[:, 0]))
-        free, touched, degraded, base, torque, wrist = self._counts.tolist()
+        free, touched, degraded, *missing = self._counts.tolist()
         ratio = np.sqrt(self._squares / max(free, 1))
         largest, std = self._largest[filled], self._std[filled]
         return ResidualSummary(
@@ -100,7 +100,7 @@ class ResidualStatistics:
             free=free,
             touched=touched,
             degraded=degraded,
-            missing=(base, torque, wrist),
+            missing=tuple(missing),
         )
 
 
@@ -126,8 +126,8 @@ def _add(
         touched, degraded = flags[i] & TOUCHED != 0, flags[i] & DEGRADED != 0
         counts[1] += touched
         counts[2] += degraded
-        for k in range(3):
-            counts[3 + k] += flags[i] & MISSING << k != 0
+        for k in range(len(SHIFT)):
+            counts[3 + k] += flags[i] & MISSING << SHIFT[k] != 0
         if not math.isfinite(energy[i]):
             continue
         if not (touched or degraded):

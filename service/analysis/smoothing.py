@@ -44,7 +44,7 @@ HOPELESS = 200.0
 
 
 class ContactSmoother:
-    """Smooths the contacts of one scene, except those beyond a wrist sensor."""
+    """Smooths the contacts of one scene, except those beyond a force/torque sensor within the arm."""
 
     def __init__(self, scene: Scene) -> None:
         """Prepare for `scene`."""
@@ -61,7 +61,7 @@ class ContactSmoother:
     def smooth(self, history: ContactHistory) -> SmoothedContact | None:
         """Smooth a contact; None if its samples allow no result."""
         windows = contact_windows(history, self._scene.bandwidth)
-        if windows is None or len(history.rows) == 0 or self._is_beyond_wrist(history):
+        if windows is None or len(history.rows) == 0 or self._is_beyond_link_sensor(history):
             return None
         if not (np.isfinite(windows.base_wrench).all() and np.isfinite(windows.joint_torque).all()):
             return None
@@ -90,14 +90,14 @@ class ContactSmoother:
                 places += self._explanation([*self._paths(link, track, measured[link])], windows)
         return ranked(windows, places, len(self._scene.link_names))
 
-    def _is_beyond_wrist(self, history: ContactHistory) -> bool:
-        """Whether the live estimates leave it open that something beyond the wrist sensor was touched. If
-        not, that sensor measures nothing of the contact."""
-        if self._scene.wrist_wrench is None:
+    def _is_beyond_link_sensor(self, history: ContactHistory) -> bool:
+        """Whether the live estimates leave it open that something beyond a link sensor was touched. If not,
+        that sensor measures nothing of the contact."""
+        first = self._sensors.first_link
+        if len(first) == 0:
             return False
-        beyond = np.asarray(self._sensors.beyond_wrist, dtype=bool)
         late = history.link_probability[len(history.rows) // 2 :].mean(axis=0)
-        return bool(late[beyond].sum() >= LEAST_PROBABILITY)
+        return bool(late[int(first.min()) :].sum() >= LEAST_PROBABILITY)
 
     def _explanation(self, paths: list[Place], windows: ContactWindows) -> list[Place]:
         """The paths that fit, combined into one place; empty if no path fits."""

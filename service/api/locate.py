@@ -7,6 +7,7 @@ from fastapi import APIRouter, Response
 from starlette.exceptions import HTTPException
 
 from contactsense import Scene
+from contactsense.sensors.link_values import by_field
 from contactsense.service.api import messages
 from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError
 from contactsense.service.api.messages import ErrorOut, EstimateOut, EstimatesOut, LocateIn
@@ -37,11 +38,12 @@ async def locate(service: Shared, request: LocateIn) -> Response:
     for index, sample in enumerate(samples):
         prefix = f"samples[{index}]." if many else ""
         _check(sample, service.scene, prefix)
-        base, torque, wrist = (
-            None if value is None else np.array(value)
-            for value in (sample.base_wrench, sample.joint_torque, sample.wrist_wrench)
+        base, torque = (
+            None if value is None else np.array(value) for value in (sample.base_wrench, sample.joint_torque)
         )
-        found = service.plausible.request(np.array(sample.q), base, torque, wrist, request.external)
+        given = by_field(sample.wrist_wrench, sample.link_wrenches)
+        links = {field: np.array(value) for field, value in given.items()}
+        found = service.plausible.request(np.array(sample.q), base, torque, links, request.external)
         if found is not None:
             raise FieldRefusedError(prefix + found.field, found.reason)
     try:
@@ -64,8 +66,14 @@ def _check(sample: messages.SampleIn, here: Scene, prefix: str) -> None:
         raise FieldRefusedError(
             prefix + "base_wrench", "expected base_wrench or joint_torque or both, got neither"
         )
-    for name in ("base_wrench", "joint_torque", "wrist_wrench"):
-        if getattr(sample, name) is not None and getattr(here, name) is None:
-            raise FieldRefusedError(
-                prefix + name, f"the scene has no such sensor; leave it out or add {name} to the scene"
-            )
+    absent = [
+        name
+        for name in ("base_wrench", "joint_torque")
+        if getattr(sample, name) is not None and getattr(here, name) is None
+    ]
+    given = by_field(sample.wrist_wrench, sample.link_wrenches)
+    absent += [field for field in given if field not in here.link_sensors]
+    for name in absent:
+        raise FieldRefusedError(
+            prefix + name, f"the scene has no such sensor; leave it out or add {name} to the scene"
+        )

@@ -43,6 +43,11 @@ class SampleIn(_In):
         description="Wrench of all beyond the wrist sensor on that sensor, force then moment about the base "
         "origin, base axes [N, Nm].",
     )
+    link_wrenches: dict[str, Six] | None = Field(
+        None,
+        description="The same of each further sensor within the arm, by its name in the scene's "
+        "link_wrenches.",
+    )
 
 
 class LocateOneIn(SampleIn):

@@ -210,7 +210,9 @@ class Service:
         Raises:
             LocateError: The request cannot be answered at present; the text gives the reason.
         """
-        plain = [StaticSample(s.q, s.base_wrench, s.joint_torque, s.wrist_wrench) for s in samples]
+        plain = [
+            StaticSample(s.q, s.base_wrench, s.joint_torque, s.wrist_wrench, s.link_wrenches) for s in samples
+        ]
         return await self._locate.locate(plain, external)
 
     @property

@@ -28,6 +28,7 @@ from contactsense.service.logs import Format, Level
 from contactsense.service.reactions.state import ReactionSettings
 from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
+from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
 
 PREFIX = "CONTACTSENSE_"
@@ -62,6 +63,29 @@ Port = Annotated[int, Field(ge=0, le=65535)]
 Counts = Annotated[tuple[PositiveFloat, PositiveFloat], BeforeValidator(_split)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_split)]
 Fields = Annotated[tuple[str, ...], BeforeValidator(_split), Field(min_length=6, max_length=6)]
+
+
+class LinkWrenchSettings(BaseModel):
+    """Where the readings of a force/torque sensor within the arm come from."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    host: str | None = None
+    """Address of a Net F/T sensor."""
+    port: Port = 49152
+    """RDT port of the sensor (UDP)."""
+    http_port: Port = 80
+    """Port of the sensor's configuration page."""
+    counts: Counts | None = None
+    """The sensor's counts per N and per Nm, instead of reading the configuration page."""
+    fields: Names = ()
+    """RTDE fields with the sensor's reading [N, Nm], instead of `host`: one field of six numbers, or six
+    fields of one number."""
+
+    @property
+    def source(self) -> WrenchSource:
+        """The same for the reader."""
+        return WrenchSource(self.host, self.port, self.http_port, self.counts, self.fields)
 
 
 class Settings(BaseModel):
@@ -99,6 +123,9 @@ class Settings(BaseModel):
     wrist_fields: Names = ("ft_raw_wrench",)
     """RTDE fields with the wrist sensor's reading [N, Nm], if the scene has such a sensor: one field of six
     numbers, or six fields of one number."""
+    link_wrenches: Annotated[dict[str, LinkWrenchSettings], BeforeValidator(_from_json)] = {}
+    """Sources of the scene's further force/torque sensors within the arm, by name: `host`, `port`,
+    `http_port`, `counts` of a Net F/T sensor, or `fields`, RTDE fields with its reading [N, Nm]."""
     constant_readings: bool = False
     """Whether readings may be constant, like those of a simulator without noise; otherwise a signal that
     never changes counts as frozen and is ignored."""
@@ -260,11 +287,15 @@ class Settings(BaseModel):
             wrench_counts=self.ft_counts,
             wrench_fields=self.ft_fields or (),
             wrist_fields=self.wrist_fields,
+            link_wrenches={name: source.source for name, source in self.link_wrenches.items()},
             constant_readings=self.constant_readings,
         )
         try:
-            # Try without the base sensor, because its client would connect at once.
-            LiveSource(scene.model_copy(update={"base_wrench": None}), settings).close()
+            # Try without sensors on the network, because their clients would connect at once.
+            remote = {name for name, source in settings.link_wrenches.items() if source.host is not None}
+            local = tuple(sensor for sensor in scene.link_wrenches if sensor.name not in remote)
+            tried = scene.model_copy(update={"base_wrench": None, "link_wrenches": local})
+            LiveSource(tried, settings).close()
         except SensorError as error:
             raise SettingsError(str(error)) from None
         return partial(LiveSource, settings=settings)

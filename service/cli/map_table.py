@@ -75,7 +75,8 @@ def _explain(found: Detectability) -> None:
 def _sensors(scene: Scene) -> str:
     """The sensors and their noise."""
     parts = []
-    for name, sensor in (("base", scene.base_wrench), ("wrist", scene.wrist_wrench)):
+    others = ((sensor.name, sensor) for sensor in scene.link_wrenches)
+    for name, sensor in (("base", scene.base_wrench), *others, ("wrist", scene.wrist_wrench)):
         if sensor is not None:
             parts.append(f"{name} {sensor.force_noise:g} N, {sensor.moment_noise:g} Nm")
     if scene.joint_torque is not None:

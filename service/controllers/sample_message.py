@@ -17,7 +17,9 @@ MAX_SCENE = 900_000
 """Largest message with a scene [bytes]."""
 _REQUIRED = ("t", "q", "qd")
 _SENSORS = ("joint_torque", "base_wrench", "wrist_wrench")
-_FIELDS = frozenset((*_REQUIRED, *_SENSORS))
+_BY_JOINT = frozenset(("q", "qd", "joint_torque"))
+_LINKS = "link_wrenches"
+_FIELDS = frozenset((*_REQUIRED, *_SENSORS, _LINKS))
 
 
 class MessageError(ValueError):
@@ -65,6 +67,7 @@ class SampleDecoder:
         joints = len(scene.robot.joints)
         self._sizes = {"q": joints, "qd": joints, "joint_torque": joints, "base_wrench": 6, "wrist_wrench": 6}
         self._fitted = {name: getattr(scene, name) is not None for name in _SENSORS}
+        self._link_names = frozenset(sensor.name for sensor in scene.link_wrenches)
         self._robot = scene.robot.name
 
     def sample(self, content: Mapping[str, Any], size: int = 0) -> Sample:
@@ -85,8 +88,28 @@ class SampleDecoder:
             _number("t", content["t"]),
             self._vector("q", content["q"]),
             self._vector("qd", content["qd"]),
-            *(self._sensor(name, content.get(name)) for name in _SENSORS),
+            self._sensor("joint_torque", content.get("joint_torque")),
+            self._sensor("base_wrench", content.get("base_wrench")),
+            self._sensor("wrist_wrench", content.get("wrist_wrench")),
+            self._links(content.get(_LINKS)),
         )
+
+    def _links(self, value: Any) -> dict[str, np.ndarray] | None:
+        if value is None:
+            return None
+        if not isinstance(value, dict):
+            raise MessageError(_LINKS, f"expected an object with a wrench for each name, got {_kind(value)}")
+        for name in value:
+            if name not in self._link_names:
+                raise MessageError(
+                    f"{_LINKS}.{name!s:.40}",
+                    "the scene has no such sensor; leave it out or add it to the scene",
+                )
+        return {
+            name: self._vector(f"{_LINKS}.{name}", wrench)
+            for name, wrench in value.items()
+            if wrench is not None
+        }
 
     def _sensor(self, name: str, value: Any) -> np.ndarray | None:
         if value is None:
@@ -96,12 +119,12 @@ class SampleDecoder:
         return self._vector(name, value)
 
     def _vector(self, name: str, value: Any) -> np.ndarray:
-        size = self._sizes[name]
+        size = self._sizes.get(name, 6)
         if not isinstance(value, list) or len(value) != size:
             got = f"{len(value)} of them" if isinstance(value, list) else _kind(value)
             what = (
                 f"{size} numbers"
-                if name.endswith("wrench")
+                if name not in _BY_JOINT
                 else f"{size} numbers, one per joint of {self._robot}"
             )
             raise MessageError(name, f"expected a list of {what}, got {got}")

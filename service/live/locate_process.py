@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any, NamedTuple
@@ -37,6 +37,7 @@ class StaticSample(NamedTuple):
     base_wrench: Numbers | None
     joint_torque: Numbers | None
     wrist_wrench: Numbers | None
+    link_wrenches: Mapping[str, Numbers] | None = None
 
 
 class LocateError(Exception):
@@ -152,6 +153,7 @@ def _located(localizer: Localizer, sample: StaticSample, external: bool) -> byte
         base_wrench=_array(sample.base_wrench),
         joint_torque=_array(sample.joint_torque),
         wrist_wrench=_array(sample.wrist_wrench),
+        link_wrenches={name: np.array(value) for name, value in (sample.link_wrenches or {}).items()},
         external=external,
     )
     return estimate_json(estimate)

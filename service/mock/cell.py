@@ -21,6 +21,21 @@ S. Mikhel, "Practical Aspects of Model-Based Collision Detection", Frontiers in 
 
 
 @dataclass(frozen=True)
+class CellLinkSensor:
+    """A force/torque sensor between two links of the arm."""
+
+    name: str
+    link: int
+    """Number of the link that it carries."""
+    map: WrenchMap
+    """From the frame of that link to the sensor's."""
+    noise: np.ndarray
+    """Standard deviations of its reading, shape (6,) [N, Nm]."""
+    fields: tuple[str, ...]
+    """RTDE fields in which the controller sends its reading."""
+
+
+@dataclass(frozen=True)
 class Cell:
     """One arm in its cell, with its sensors."""
 
@@ -52,6 +67,8 @@ class Cell:
     """Whether the torques are computed from the actual minus the target current."""
     base_delay: float = 0.0
     """Delay of the readings of the sensor under the base [s]."""
+    links: tuple[CellLinkSensor, ...] = ()
+    """Further force/torque sensors within the arm."""
     link_names: tuple[str, ...] = field(default=())
     """Names of all links; the tool is the last."""
 
@@ -118,6 +135,7 @@ class Cell:
             torque_fields=torque.fields,
             by_difference=torque.signal == "actual_current_minus_target",
             base_delay=base.delay,
+            links=_link_sensors(scene),
             link_names=(*robot.link_names, *carried),
         )
 
@@ -139,6 +157,24 @@ def _friction_torques(
 ) -> None:
     for j in range(found.shape[0]):
         found[j] = friction_torque(drive, j, qd[j], gravity_torque[j])
+
+
+def link_wrench_fields(number: int) -> tuple[str, ...]:
+    """RTDE fields in which the mock sends the reading of sensor `number` of `Scene.link_wrenches`."""
+    return tuple(f"output_double_register_{i}" for i in range(6 * number, 6 * number + 6))
+
+
+def _link_sensors(scene: Scene) -> tuple[CellLinkSensor, ...]:
+    return tuple(
+        CellLinkSensor(
+            sensor.name,
+            scene.robot.link_names.index(sensor.link),
+            WrenchMap.of(sensor),
+            np.repeat([sensor.force_noise, sensor.moment_noise], 3),
+            link_wrench_fields(number),
+        )
+        for number, sensor in enumerate(scene.link_wrenches)
+    )
 
 
 def _noise(noise: Noise) -> np.ndarray:

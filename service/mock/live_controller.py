@@ -38,6 +38,9 @@ class LiveController(Controller):
         self._moving = _fields(self)
         for number, name in enumerate(robot.cell.torque_fields or ()):
             self._moving[name] = _component(number, lambda r: r.torque)
+        for sensor in robot.cell.links:
+            for number, name in enumerate(sensor.fields):
+                self._moving[name] = _component(number, _reading_of(sensor.name))
 
     def advance(self, t: float) -> None:
         """Advance the robot to time t [s]."""
@@ -73,6 +76,10 @@ class LiveController(Controller):
 
 
 _FieldOfReading = Callable[[Reading], Sequence[Number]]
+
+
+def _reading_of(name: str) -> Callable[[Reading], np.ndarray]:
+    return lambda reading: reading.links[name]
 
 
 def _component(number: int, of: Callable[[Reading], np.ndarray]) -> _FieldOfReading:

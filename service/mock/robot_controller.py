@@ -269,7 +269,12 @@ class RobotController:
     def _read(self) -> Reading:
         arm, cell = self.arm, self.cell
         joints = len(cell.robot.joints)
-        noise = self._chance.standard_normal(12 + joints)
+        noise = self._chance.standard_normal(12 + joints + 6 * len(cell.links))
+        starts = range(12 + joints, len(noise), 6)
+        loads = {
+            sensor.name: sensor.map.reading(arm.link_wrench(sensor.link)) + sensor.noise * noise[at : at + 6]
+            for at, sensor in zip(starts, cell.links, strict=True)
+        }
         at_flange = arm.last_link_wrench if cell.tool is not None else np.zeros(6)
         gravity, friction = arm.gravity_torque, cell.friction(arm.qd, arm.gravity_torque)
         taken = friction + cell.drive.bias - (1.0 - cell.drive.gravity) * gravity
@@ -281,11 +286,12 @@ class RobotController:
             q=arm.q,
             qd=arm.qd,
             target=arm.target,
-            torque=cell.torque_sign * (torque + cell.torque_noise * noise[12:]),
+            torque=cell.torque_sign * (torque + cell.torque_noise * noise[12 : 12 + joints]),
             model_torque=cell.torque_sign * (arm.model_torque + taken),
             external_torque=arm.external_torque,
             base=cell.base.reading(arm.base_wrench) + cell.base_noise * noise[:6],
             wrist=cell.wrist.reading(at_flange) + cell.wrist_noise * noise[6:12],
+            links=loads,
             external=arm.external_wrench,
             rotations=arm.rotations,
             origins=arm.origins,

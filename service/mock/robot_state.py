@@ -1,5 +1,6 @@
 """State of the simulated controller and its sensors at one instant."""
 
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -35,6 +36,8 @@ class Reading(NamedTuple):
     """Reading of the sensor under the base, shape (6,) [N, Nm]."""
     wrist: np.ndarray
     """Reading of the sensor at the flange, shape (6,) [N, Nm]."""
+    links: Mapping[str, np.ndarray]
+    """Readings of the cell's further sensors within the arm, by name, shape (6,) [N, Nm]."""
     external: np.ndarray
     """Total wrench of all contacts: force, moment about the base origin, shape (6,) [N, Nm]."""
     rotations: np.ndarray

@@ -4,12 +4,13 @@ Rows are those of the JointState topic; wrenches are interpolated to their stamp
 whole. From a truncated file, or a folder without `metadata.yaml`, all readable messages are used.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from contactsense.sensors.link_values import column_of
 from contactsense.service.recordings.column_mapping import ColumnMapping
 from contactsense.service.recordings.cut_bags import STORAGE, raw_messages, storage_files
 from contactsense.service.recordings.problems import Problem, RecordingError
@@ -29,8 +30,8 @@ def is_bag(path: Path) -> bool:
 class BagFile:
     """One bag as a table with the columns of `ColumnMapping`'s defaults."""
 
-    def __init__(self, path: Path, mapping: ColumnMapping) -> None:
-        """Read all messages of the mapped topics.
+    def __init__(self, path: Path, mapping: ColumnMapping, link_sensors: Sequence[str] = ()) -> None:
+        """Read all messages of the mapped topics, and of those of the link sensors, fields of a scene.
 
         Raises:
             RecordingError: The file cannot be read, or a topic or an extra package is missing.
@@ -38,7 +39,10 @@ class BagFile:
         self._path = path
         self.problems: list[Problem] = []
         self.meta: dict[str, str] = {}
-        messages, found = self._messages(mapping)
+        topics = {"base_wrench": mapping.base_wrench_topic, "wrist_wrench": mapping.wrist_wrench_topic}
+        columns = (column_of(field) for field in link_sensors)
+        topics |= {column: f"/{column}" for column in columns if column not in topics}
+        messages, found = self._messages((mapping.joint_states, *topics.values()))
         joint = messages.get(mapping.joint_states, [])
         if not joint:
             listed = "; ".join(f"{topic} ({kind})" for topic, kind in sorted(found.items())) or "no topics"
@@ -48,10 +52,7 @@ class BagFile:
             )
         self._columns = self._joint_columns(joint, mapping)
         t = self._columns["timestamp"]
-        for prefix, topic in (
-            ("base_wrench", mapping.base_wrench_topic),
-            ("wrist_wrench", mapping.wrist_wrench_topic),
-        ):
+        for prefix, topic in topics.items():
             if messages.get(topic):
                 stamps, values = _wrenches(messages[topic])
                 for i in range(6):
@@ -65,7 +66,7 @@ class BagFile:
         """The whole table at once."""
         yield 0, {name: self._columns[name] for name in names}
 
-    def _messages(self, mapping: ColumnMapping) -> tuple[dict[str, list[Any]], dict[str, str]]:
+    def _messages(self, wanted: tuple[str, ...]) -> tuple[dict[str, list[Any]], dict[str, str]]:
         try:
             from rosbags.highlevel import AnyReader, AnyReaderError
             from rosbags.typesys import Stores, get_typestore
@@ -74,7 +75,6 @@ class BagFile:
                 f"{self._path}: reading MCAP and rosbag2 needs extra packages: "
                 f"pip install contactsense[mcap] ({error.name})"
             ) from None
-        wanted = (mapping.joint_states, mapping.base_wrench_topic, mapping.wrist_wrench_topic)
         messages: dict[str, list[Any]] = {}
         store = get_typestore(Stores.ROS2_HUMBLE)
         if self._path.is_dir() and not (self._path / "metadata.yaml").exists():

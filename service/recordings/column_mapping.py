@@ -9,6 +9,7 @@ import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from contactsense.scene import describe
+from contactsense.sensors.link_values import column_of
 
 
 class MappingError(ValueError):
@@ -50,6 +51,8 @@ class ColumnMapping(BaseModel):
     """Reading of the sensor under the base, in the sensor's own frame and sign [N, Nm]."""
     wrist_wrench: Names = ("wrist_wrench",)
     """Reading of the sensor at the wrist, in its own frame and sign [N, Nm]."""
+    link_wrenches: dict[str, Names] = {}
+    """The same of a further sensor within the arm, by its name in the scene; by default, `NAME_wrench`."""
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
     angle_unit: Literal["rad", "deg"] = "rad"
     joint_states: str = "/joint_states"
@@ -57,9 +60,16 @@ class ColumnMapping(BaseModel):
     base_wrench_topic: str = "/base_wrench"
     """Topic of geometry_msgs/WrenchStamped of the sensor under the base."""
     wrist_wrench_topic: str = "/wrist_wrench"
-    """Topic of geometry_msgs/WrenchStamped of the sensor at the wrist."""
+    """Topic of geometry_msgs/WrenchStamped of the sensor at the wrist. That of a further sensor within the
+    arm is `/NAME_wrench`."""
     joint_names: tuple[str, ...] | None = None
     """Joint names of JointState in the order of the arm; by default, the order of the message."""
+
+    def of_link_sensor(self, field: str) -> Names:
+        """Columns of one of `Scene.link_sensors`."""
+        if field == "wrist_wrench":
+            return self.wrist_wrench
+        return self.link_wrenches.get(field.removeprefix("link_wrenches."), (column_of(field),))
 
     @property
     def seconds(self) -> float:
@@ -88,7 +98,11 @@ class ColumnMapping(BaseModel):
                 name, equals, value = part.partition("=")
                 if not equals:
                     raise MappingError(f"--columns: expected NAME=VALUE pairs, got {part!r}")
-                fields[name.strip()] = value.strip()
+                group, _, member = name.strip().partition(".")
+                if member:
+                    fields.setdefault(group, {})[member] = value.strip()
+                else:
+                    fields[group] = value.strip()
         else:
             try:
                 fields = yaml.safe_load(Path(text).read_text(encoding="utf-8"))

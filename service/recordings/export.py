@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 
+from contactsense.sensors.link_values import column_of
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.recording import Recording
 from contactsense.service.recordings.ros_messages import (
@@ -92,7 +93,8 @@ def _mcap(recording: Recording, path: Path, contacts: Iterable[tuple[float, list
             stamp = round(1e9 * t)
             writer.write_message(topic, schema, message, log_time=stamp, publish_time=stamp)
 
-        topics = (("/base_wrench", recording.base_wrench), ("/wrist_wrench", recording.wrist_wrench))
+        links = ((f"/{column_of(field)}", values) for field, values in recording.link_values.items())
+        topics = (("/base_wrench", recording.base_wrench), *links)
         for i, t in enumerate(recording.t.tolist()):
             torque = None if recording.joint_torque is None else recording.joint_torque[i]
             message = joint_state(t, names, recording.q[i], recording.qd[i], torque)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from contactsense.calibration import FreeMotion
-from contactsense.runtime.wrist_frame import WristFrame
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
 from contactsense.service.recordings.column_mapping import ColumnMapping
 from contactsense.service.recordings.problems import Problem, RecordingError
@@ -47,9 +47,7 @@ def read_free_motion(
         reading = WrenchMap.of(scene.base_wrench).reading(found.base_wrench)
     wrist = None
     if found.wrist_wrench is not None and scene.wrist_wrench is not None:
-        frame = WristFrame(scene.wrist_wrench, scene.robot)
-        wrist = np.array([frame.reading(*row) for row in zip(found.q, found.wrist_wrench, strict=True)])
-        wrist = wrist.reshape(-1, 6)
+        wrist = LinkSensorFrame(scene, "wrist_wrench").readings(found.q, found.wrist_wrench)
     signals = [found.q, found.qd, *(x for x in (found.joint_torque, reading, wrist) if x is not None)]
     finite = np.isfinite(np.hstack(signals)).all(axis=1)
     resets = np.flatnonzero(np.diff(found.t, prepend=found.t[:1]) < 0.0)

@@ -1,8 +1,8 @@
 """Records live samples in two tables, both the raw values and those that were used.
 
 `samples`: one row per robot packet: time stamps, every RTDE field of the recipe, the joint torques as used
-[Nm], and the base sensor's reading at that instant in the sensor's own frame. `wrench`: every reading of a
-networked force/torque sensor, at its own rate, with its own sequence number.
+[Nm], and the readings of the force/torque sensors at that instant, each in the sensor's own frame. `wrench`:
+every reading of a networked sensor under the base, at its own rate, with its own sequence number.
 """
 
 import time
@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
+from contactsense.sensors.link_values import by_field, column_of
 from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
 from contactsense.service.sensors.netft_client import WrenchRecord
@@ -44,6 +46,7 @@ class Recorder:
         # Host time at zero of the monotonic clock: arrival times are written as UNIX time.
         self._epoch = time.time() - time.monotonic()
         self._blank = np.full(self._joints, np.nan)
+        self._links = {field: LinkSensorFrame(scene, field) for field in scene.link_sensors}
 
     @property
     def rows(self) -> int:
@@ -86,9 +89,20 @@ class Recorder:
                 np.asarray(record.values, dtype=float),
                 self._blank if torque is None else torque,
                 np.full(6, np.nan) if reading is None else reading,
+                *self._link_readings(sample),
             )
         )
         self._samples.add(row)
+
+    def _link_readings(self, sample: Sample | None) -> list[np.ndarray]:
+        """Reading of each link sensor in its own frame, shape (6,) [N, Nm]; NaN where there is none."""
+        values = {} if sample is None else by_field(sample.wrist_wrench, sample.link_wrenches)
+        return [
+            frame.reading(sample.q, values[field])
+            if sample is not None and field in values
+            else np.full(6, np.nan)
+            for field, frame in self._links.items()
+        ]
 
     def wrench(self, readings: Sequence[WrenchRecord]) -> None:
         """Write readings of the networked force/torque sensor, in order."""
@@ -118,7 +132,9 @@ class Recorder:
         for name, where in ordered:
             width = where.stop - where.start
             raw += [name] if width == 1 else [f"{name}_{i}" for i in range(width)]
+        links = [f"{column_of(field)}_{i}" for field in self._links for i in range(6)]
         taken = {f"joint_torque_{i}" for i in range(self._joints)} | {f"base_wrench_{i}" for i in range(6)}
+        taken.update(links)
         raw = [f"raw_{name}" if name in taken or name == "timestamp" else name for name in raw]
         names = (
             "timestamp",
@@ -127,6 +143,7 @@ class Recorder:
             *raw,
             *(f"joint_torque_{i}" for i in range(self._joints)),
             *(f"base_wrench_{i}" for i in range(6)),
+            *links,
         )
         return SegmentWriter(
             self._folder, "samples", names, metadata(self._scene, table="samples"), self._rotation,

@@ -9,6 +9,7 @@ import numpy as np
 
 from contactsense.runtime.block_runner import MAX_BLOCK
 from contactsense.runtime.sample_blocks import SampleBlock
+from contactsense.sensors.link_values import by_field, column_of
 from contactsense.service.recordings.problems import Problem
 from contactsense.types import Sample
 
@@ -47,12 +48,16 @@ class Recording:
     """Number of rows dropped because they repeat the time stamp of the previous row."""
     meta: Mapping[str, str] = field(default_factory=dict)
     """Metadata of the file, such as the scene that it was recorded with."""
+    link_wrenches: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Wrench of everything beyond each further sensor within the arm on that sensor, by its name in
+    `Scene.link_wrenches`; as `wrist_wrench`."""
 
     def __len__(self) -> int:
         return len(self.t)
 
     def __repr__(self) -> str:
-        sensors = [n for n in ("joint_torque", "base_wrench", "wrist_wrench") if getattr(self, n) is not None]
+        sensors = [n for n in ("joint_torque", "base_wrench") if getattr(self, n) is not None]
+        sensors += self.link_values
         return (
             f"<Recording {self.name}: {len(self)} samples, {self.seconds:.1f} s, "
             f"{', '.join(sensors) or 'no sensors'}, {len(self.problems)} problems>"
@@ -65,6 +70,11 @@ class Recording:
         return float(step[step > 0.0].sum())
 
     @property
+    def link_values(self) -> dict[str, np.ndarray]:
+        """Values of the link sensors by field, see `contactsense.sensors.link_values`."""
+        return by_field(self.wrist_wrench, self.link_wrenches)
+
+    @property
     def gaps(self) -> tuple[Problem, ...]:
         """The gaps among `problems`."""
         return tuple(problem for problem in self.problems if problem.kind == "gap")
@@ -75,6 +85,7 @@ class Recording:
             name: None if getattr(self, name) is None else getattr(self, name)[key]
             for name in ("t", "q", "qd", "joint_torque", "base_wrench", "wrist_wrench", "rows")
         }
+        parts["link_wrenches"] = {name: values[key] for name, values in self.link_wrenches.items()}
         return Recording(self.name, **parts, problems=self.problems, repeated=self.repeated, meta=self.meta)
 
     def blocks(self, size: int = BLOCK) -> Iterator["Recording"]:
@@ -84,7 +95,10 @@ class Recording:
 
     def sample_blocks(self, size: int = MAX_BLOCK) -> Iterator[SampleBlock]:
         """The recording for `Localizer.run_blocks`."""
-        whole = SampleBlock(self.t, self.q, self.qd, self.joint_torque, self.base_wrench, self.wrist_wrench)
+        links = self.link_wrenches or None
+        whole = SampleBlock(
+            self.t, self.q, self.qd, self.joint_torque, self.base_wrench, self.wrist_wrench, links
+        )
         return whole.split(size)
 
     def samples(self) -> Iterator[Sample]:
@@ -97,6 +111,12 @@ class Recording:
                 _finite(self.joint_torque, i),
                 _finite(self.base_wrench, i),
                 _finite(self.wrist_wrench, i),
+                {
+                    name: values[i]
+                    for name, values in self.link_wrenches.items()
+                    if np.isfinite(values[i]).all()
+                }
+                or None,
             )
 
     def columns(self) -> dict[str, np.ndarray]:
@@ -107,7 +127,7 @@ class Recording:
             ("actual_qd", self.qd),
             ("joint_torque", self.joint_torque),
             ("base_wrench", self.base_wrench),
-            ("wrist_wrench", self.wrist_wrench),
+            *((column_of(name), values) for name, values in self.link_values.items()),
         )
         for name, array in parts:
             if array is not None:
@@ -153,4 +173,8 @@ def concatenate(parts: list[Recording], name: str, meta: Mapping[str, str]) -> R
         tuple(problem for part in parts for problem in part.problems),
         parts[-1].repeated,
         meta,
+        {
+            name: np.concatenate([part.link_wrenches[name] for part in parts])
+            for name in parts[0].link_wrenches
+        },
     )

@@ -3,11 +3,13 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.runtime.wrist_frame import WristFrame
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
+from contactsense.sensors.link_values import as_fields
 from contactsense.service.recordings.bag_files import BagFile, is_bag
 from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.column_mapping import ColumnMapping, expand
@@ -36,7 +38,9 @@ class RecordingFile:
         self.name = str(path)
         self._scene, self._mapping = scene, mapping or ColumnMapping()
         self._table: TableFile = (
-            BagFile(self.path, self._mapping) if is_bag(self.path) else open_table(self.path)
+            BagFile(self.path, self._mapping, tuple(scene.link_sensors))
+            if is_bag(self.path)
+            else open_table(self.path)
         )
         self.meta: Mapping[str, str] = self._table.meta
         """Metadata of the file."""
@@ -60,7 +64,7 @@ class RecordingFile:
             first, last: Range of rows to read: from `first` up to, but not including, `last`.
         """
         checker = RowChecker()
-        pending = _Pending(self._late)
+        pending = _Pending(self._late, self._links)
         reported = 0
         for row, columns in chosen_rows(self._table.batches(self._wanted, first, last), first, last):
             block = self._converted(columns, row, checker)
@@ -85,18 +89,23 @@ class RecordingFile:
         self._q = self._group("q", mapping.q, n)
         self._qd = self._group("qd", mapping.qd, n)
         self._torque_names, self._torque_map = self._torque_plan()
-        base, wrist = self._scene.base_wrench, self._scene.wrist_wrench
+        base = self._scene.base_wrench
         self._base = self._optional("base_wrench", mapping.base_wrench, base is not None)
-        self._wrist = self._optional("wrist_wrench", mapping.wrist_wrench, wrist is not None)
+        self._links: dict[str, _LinkColumns] = {}
+        for field, sensor in self._scene.link_sensors.items():
+            columns = self._optional(field, mapping.of_link_sensor(field), True)
+            if columns:
+                frame = LinkSensorFrame(self._scene, field)
+                self._links[field] = _LinkColumns(columns, frame, sensor.delay)
         self._base_map = None if base is None else WrenchMap.of(base)
-        self._wrist_map = None if wrist is None else WristFrame(wrist, self._scene.robot)
         self._late = 0.0 if base is None or not self._base else base.delay
         if not (self._torque_names or self._base):
             raise RecordingError(
                 f"{self.name}: expected columns of joint torques or of the base sensor, got neither; "
                 f"found {self._found()}"
             )
-        wanted = [mapping.timestamp, *self._q, *self._qd, *self._torque_names, *self._base, *self._wrist]
+        wanted = [mapping.timestamp, *self._q, *self._qd, *self._torque_names, *self._base]
+        wanted += [column for link in self._links.values() for column in link.columns]
         self._wanted = list(dict.fromkeys(wanted))
 
     def _torque_plan(self) -> tuple[list[str], TorqueMap | None]:
@@ -174,7 +183,7 @@ class RecordingFile:
             q, qd = q * self._mapping.radians, qd * self._mapping.radians
         bad = np.asarray(~(np.isfinite(q).all(axis=1) & np.isfinite(qd).all(axis=1)))
         checker.report(bad, first, "not_finite", "joint positions or velocities are not finite", rows)
-        torque = base = wrist = None
+        torque = base = None
         if self._torque_names:
             values = table(self._torque_names)
             torque = values if self._torque_map is None else self._signal(values, self._torque_map)
@@ -187,15 +196,16 @@ class RecordingFile:
             checker.report(
                 ~np.isfinite(base).all(axis=1), first, "not_finite", "base_wrench is not finite", rows
             )
-        if self._wrist:
-            assert self._wrist_map is not None
-            reading = table(self._wrist)
-            wrist = np.array([self._wrist_map.wrench(q[i], reading[i]) for i in range(len(rows))])
-            wrist = wrist.reshape(-1, 6)
-            checker.report(
-                ~np.isfinite(wrist).all(axis=1), first, "not_finite", "wrist_wrench is not finite", rows
-            )
-        return Recording(self.name, t[rows], q, qd, torque, base, wrist, first + rows.astype(np.int64))
+        wrenches = {}
+        for field, link in self._links.items():
+            wrenches[field] = link.frame.wrenches(q, table(link.columns))
+            finite = np.isfinite(wrenches[field]).all(axis=1)
+            checker.report(~finite, first, "not_finite", f"{field} is not finite", rows)
+        links = as_fields(wrenches)
+        return Recording(
+            self.name, t[rows], q, qd, torque, base, links["wrist_wrench"], first + rows.astype(np.int64),
+            link_wrenches=links["link_wrenches"] or {},
+        )  # fmt: skip
 
     def _signal(self, values: np.ndarray, source: TorqueMap) -> np.ndarray:
         width = self._joints if len(source.fields) == 1 else 1
@@ -203,25 +213,37 @@ class RecordingFile:
         return source.torque(fields)
 
 
+class _LinkColumns(NamedTuple):
+    """The columns of one link sensor."""
+
+    columns: list[str]
+    frame: LinkSensorFrame
+    late: float
+    """Its delay [s]."""
+
+
 class _Pending:
-    """Shifts the base sensor's readings by its delay: a reading belongs to the instant `late` before its
-    arrival.
+    """Shifts the readings of the force/torque sensors by their delays: a reading belongs to the instant
+    `late` before its arrival.
 
     Rows wait until the readings for their instant have arrived.
     """
 
-    def __init__(self, late: float) -> None:
+    def __init__(self, late: float, links: Mapping[str, _LinkColumns]) -> None:
+        """`late`: delay of the base sensor [s]; `links`: the link sensors."""
         self._late = late
+        self._links = {field: link for field, link in links.items() if link.late != 0.0}
+        self._longest = max([abs(late), *(abs(link.late) for link in self._links.values())])
         self._rest: Recording | None = None
 
     def add(self, block: Recording) -> Recording:
         """The rows that are now complete."""
-        if self._late == 0.0:
+        if self._longest == 0.0:
             # The last block waits: problems at the end of the file are known only after it.
             before, self._rest = self._rest, block
             return block[:0] if before is None else before
         whole = block if self._rest is None else concatenate([self._rest, block], block.name, {})
-        ready = int(np.searchsorted(whole.t, whole.t[-1] - abs(self._late))) if len(whole) else 0
+        ready = int(np.searchsorted(whole.t, whole.t[-1] - self._longest)) if len(whole) else 0
         self._rest = whole[ready:]
         return self._shifted(whole)[:ready]
 
@@ -230,10 +252,23 @@ class _Pending:
         return None if self._rest is None else self._shifted(self._rest)
 
     def _shifted(self, part: Recording) -> Recording:
-        if self._late == 0.0 or part.base_wrench is None or len(part) == 0:
+        if len(part) == 0:
             return part
-        shifted = [np.interp(part.t + self._late, part.t, column) for column in part.base_wrench.T]
-        return replace(part, base_wrench=np.column_stack(shifted))
+        if self._late != 0.0 and part.base_wrench is not None:
+            part = replace(part, base_wrench=_earlier(part.t, part.base_wrench, self._late))
+        values = {}
+        for field, link in self._links.items():
+            reading = link.frame.readings(part.q, part.link_values[field])
+            values[field] = link.frame.wrenches(part.q, _earlier(part.t, reading, link.late))
+        if not values:
+            return part
+        links = as_fields(part.link_values | values)
+        return replace(part, wrist_wrench=links["wrist_wrench"], link_wrenches=links["link_wrenches"] or {})
+
+
+def _earlier(t: np.ndarray, values: np.ndarray, late: float) -> np.ndarray:
+    """The values, shape (N, 6), that arrive `late` [s] after each of the times t, shape (N,) [s]."""
+    return np.column_stack([np.interp(t + late, t, column) for column in values.T])
 
 
 def read(

@@ -4,7 +4,9 @@ import time
 
 import numpy as np
 
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
+from contactsense.sensors.link_values import by_field, column_of
 from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.types import Estimate, Sample
 
@@ -18,6 +20,9 @@ class SampleRows:
     def __init__(self, scene: Scene) -> None:
         n = len(scene.robot.joints)
         self.joints = n
+        self._links = {
+            field: LinkSensorFrame(scene, field) for field in scene.link_sensors if field != "wrist_wrench"
+        }
         self.names: tuple[str, ...] = (
             "timestamp",
             "host_time",
@@ -26,6 +31,7 @@ class SampleRows:
             *(f"joint_torque_{i}" for i in range(n)),
             *(f"base_wrench_{i}" for i in range(6)),
             *(f"wrist_wrench_base_{i}" for i in range(6)),
+            *(f"{column_of(field)}_{i}" for field in self._links for i in range(6)),
             "status",
             "link",
             "probability",
@@ -49,18 +55,29 @@ class SampleRows:
         at = 8 + 3 * n
         if sample.wrist_wrench is not None:
             row[at : at + 6] = sample.wrist_wrench
-        row[at + 6] = STATUS.index(estimate.status)
+        at += 6
+        values = by_field(None, sample.link_wrenches)
+        for field in self._links:
+            if field in values:
+                row[at : at + 6] = values[field]
+            at += 6
+        row[at] = STATUS.index(estimate.status)
         if estimate.contacts:
             best = estimate.contacts[0]
-            row[at + 7], row[at + 8] = best.link_index, best.probability
-            row[at + 9 : at + 12] = best.force_base
-            row[at + 12 : at + 15] = best.point_base
+            row[at + 1], row[at + 2] = best.link_index, best.probability
+            row[at + 3 : at + 6] = best.force_base
+            row[at + 6 : at + 9] = best.point_base
 
     def stored(self, rows: np.ndarray) -> np.ndarray:
-        """Rows in the form that is stored: the base wrench is converted back to the sensor's own frame and
-        sign, so that the scene still applies when the file is read."""
+        """Rows in the form that is stored: the wrenches on the base sensor and on the sensors of
+        `Scene.link_wrenches` are converted back to each sensor's own frame and sign, so that the scene still
+        applies when the file is read."""
         if self._map is not None:
             rows[:, self._base] = self._map.reading(rows[:, self._base])
+        q = rows[:, 2 : 2 + self.joints]
+        for i, frame in enumerate(self._links.values()):
+            first = 14 + 3 * self.joints + 6 * i
+            rows[:, first : first + 6] = frame.readings(q, rows[:, first : first + 6])
         return rows
 
 

@@ -11,7 +11,13 @@ from pydantic.fields import FieldInfo
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.scene import Scene
-from contactsense.sensors.settings import Friction, JointTorqueSensor, LinkInertia, WrenchSensor
+from contactsense.sensors.settings import (
+    Friction,
+    JointTorqueSensor,
+    LinkInertia,
+    LinkWrenchSensor,
+    WrenchSensor,
+)
 
 PARTS: Mapping[tuple[type[BaseModel], str], type[BaseModel]] = {
     (Scene, "tool"): Tool,
@@ -24,6 +30,7 @@ PARTS: Mapping[tuple[type[BaseModel], str], type[BaseModel]] = {
 TABLES: Mapping[str, type[BaseModel]] = {
     "The scene": Scene,
     "`base_wrench`, `wrist_wrench`": WrenchSensor,
+    "`link_wrenches`, each": LinkWrenchSensor,
     "`joint_torque`": JointTorqueSensor,
     "`joint_torque.friction`": Friction,
     "`tool`": Tool,

@@ -6,7 +6,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from contactsense.scene import Scene
+from contactsense.scene import Scene, WrenchSensor
 from contactsense.service.drawing.figure_style import figure_style
 from contactsense.service.drawing.link_geometry import body_meshes, link_meshes
 from contactsense.service.drawing.palette import AXES, UNTOUCHED, link_colour
@@ -133,11 +133,18 @@ def _frames(scene: Scene, places: np.ndarray) -> list[tuple[str, np.ndarray, np.
     if scene.base_wrench is not None:
         sensor = scene.base_wrench
         found.append(("base sensor", sensor.rotation, np.array(sensor.translation)))
+    for sensor in scene.link_wrenches:
+        link = places[scene.robot.link_names.index(sensor.link)]
+        found.append((f"{sensor.name} sensor", *_placed(sensor, link)))
     if scene.wrist_wrench is not None:
-        flange = places[-1]
-        R, o = scene.wrist_wrench.rotation, np.array(scene.wrist_wrench.translation)
-        found.append(("wrist sensor", flange[:3, :3] @ R, flange[:3, :3] @ o + flange[:3, 3]))
+        found.append(("wrist sensor", *_placed(scene.wrist_wrench, places[-1])))
     return found
+
+
+def _placed(sensor: WrenchSensor, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Orientation and origin of a sensor that is given in the frame with this pose, shape (4, 4)."""
+    R, o = sensor.rotation, np.array(sensor.translation)
+    return place[:3, :3] @ R, place[:3, :3] @ o + place[:3, 3]
 
 
 def _draw_frame(

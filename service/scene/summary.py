@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from math import acos, degrees
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def summarize(scene: Scene, q: np.ndarray) -> tuple[Line, ...]:
         Line("bodies", _bodies(scene)),
         *_base_sensor(scene, weight, q),
         Line("joint_torque", _torque(scene)),
-        *_wrist_sensor(scene),
+        *_link_sensors(scene),
         Line("touchable", _touchable(scene)),
         Line("surface", f"detail {scene.detail}, within {1e3 * scene.surface_deviation:g} mm (one sigma)"),
         Line(
@@ -76,17 +76,16 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
     """What is possible but cannot work well, one line each, with the field to change."""
-    found = [*_range_warnings(scene, "base_wrench", "arm"), *_range_warnings(scene, "wrist_wrench", "tool")]
+    found = list(_range_warnings(scene, "base_wrench", scene.base_wrench, "arm"))
+    for field, sensor in scene.link_sensors.items():
+        found += _range_warnings(scene, field, sensor, "tool" if field == "wrist_wrench" else "load")
     if scene.tool is not None and scene.tool.mass > 0.0 and not scene.tool.primitives:
         found.append("tool.primitives: the tool has no surface; contacts on it cannot be found")
     return tuple(found)
 
 
-def _range_warnings(
-    scene: Scene, field: Literal["base_wrench", "wrist_wrench"], carried: str
-) -> Iterator[str]:
+def _range_warnings(scene: Scene, field: str, sensor: WrenchSensor | None, carried: str) -> Iterator[str]:
     """Components of a sensor whose range the weight of what it carries reaches, or its weight and motion."""
-    sensor: WrenchSensor | None = getattr(scene, field)
     if sensor is None or sensor.range is None:
         return
     at_rest = largest_reading_at_rest(scene, sensor) if field == "base_wrench" else np.zeros(6)
@@ -146,10 +145,13 @@ def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, 
     )
 
 
-def _wrist_sensor(scene: Scene) -> tuple[Line, ...]:
-    if scene.wrist_wrench is None:
-        return (Line("wrist_wrench", "none"),)
-    return (Line("wrist_wrench", _sensor(scene.wrist_wrench, "flange")),)
+def _link_sensors(scene: Scene) -> tuple[Line, ...]:
+    found = [
+        Line(f"link_wrenches.{sensor.name}", _sensor(sensor, sensor.link)) for sensor in scene.link_wrenches
+    ]
+    wrist = scene.wrist_wrench
+    found.append(Line("wrist_wrench", "none" if wrist is None else _sensor(wrist, "flange")))
+    return tuple(found)
 
 
 def _sensor(sensor: WrenchSensor, frame: str) -> str:

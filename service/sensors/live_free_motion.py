@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense.calibration import FreeMotion
-from contactsense.runtime.wrist_frame import WristFrame
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError
@@ -76,7 +76,7 @@ def _free_motion(scene: Scene, samples: list[Sample], name: str) -> FreeMotion:
         reading = WrenchMap.of(scene.base_wrench).reading(np.array([wrench[i] for i in kept]))
     own = None
     if wrist is not None and scene.wrist_wrench is not None:
-        frame = WristFrame(scene.wrist_wrench, scene.robot)
+        frame = LinkSensorFrame(scene, "wrist_wrench")
         own = np.array([frame.reading(samples[i].q, np.array(wrist[i])) for i in kept])
     return FreeMotion(
         np.array([samples[i].t for i in kept]),

@@ -2,17 +2,25 @@
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from contactsense.runtime.wrist_frame import WristFrame
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
+from contactsense.sensors.link_values import as_fields
 from contactsense.service.sensors import netft_client as netft
 from contactsense.service.sensors import rtde_client as rtde
-from contactsense.service.sensors.netft_client import NetFtStream, WrenchHealth, WrenchRecord
+from contactsense.service.sensors.netft_client import WrenchHealth, WrenchRecord
+from contactsense.service.sensors.network_wrench import (
+    NO_READING,
+    NetworkWrench,
+    Timing,
+    WrenchSource,
+    believable,
+)
 from contactsense.service.sensors.plausibility import (
     REPEAT_LIMIT,
     TORQUE_AGE,
@@ -21,10 +29,10 @@ from contactsense.service.sensors.plausibility import (
     RobotCheck,
 )
 from contactsense.service.sensors.recent_trouble import describe_recent
-from contactsense.service.sensors.robot_stream import NS, RobotRecord, RobotStream, SensorError, StreamHealth
+from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError, StreamHealth
 from contactsense.service.sensors.rtde_client import RtdeStream
 from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
-from contactsense.service.sensors.time_alignment import Aligned, Aligner
+from contactsense.service.sensors.time_alignment import Aligned
 from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
 from contactsense.service.wire.recipe import Number
 from contactsense.service.wire.rtde_fields import OUTPUTS, WIDTHS
@@ -32,13 +40,8 @@ from contactsense.types import Sample
 
 OUTAGE = 0.5
 """A gap in the robot's stream longer than this is an outage, reported by the state, not packet loss [s]."""
-_LOST = 0.5
-"""If readings arrive for this long without matching any sample, the estimate of the sensor's clock is wrong
-[s]."""
 _TORQUE_SCALE = 1.5
 """A torque larger than this multiple of the joint's limit is invalid."""
-_ALIVE = 0.05
-"""If the force/torque sensor is silent for longer than this, samples no longer wait for it [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,8 @@ class SourceSettings:
     `wrench_host`."""
     wrist_fields: tuple[str, ...] = ("ft_raw_wrench",)
     """RTDE fields that contain the wrist sensor's six values [N, Nm], if the scene has one."""
+    link_wrenches: Mapping[str, WrenchSource] = field(default_factory=dict)
+    """Sources of the scene's further sensors within the arm, by name."""
     extra_fields: tuple[str, ...] = ()
     """Further RTDE fields to read, for recordings."""
     wrench_rate: float | None = None
@@ -95,6 +100,8 @@ class SourceHealth:
     wrench_age: float
     """Age of the force/torque value of the latest sample relative to that sample [s]; infinite if there was
     none."""
+    links: Mapping[str, WrenchHealth] = field(default_factory=dict)
+    """Networked sensors within the arm, by field of the scene."""
     recent: tuple[str, ...] = ()
     """Problems with the readings in the last second, one readable line each."""
 
@@ -106,8 +113,20 @@ class SourceHealth:
             found.append(self.robot.error or "no data from the robot yet")
         if self.wrench is not None and self.wrench.state != "streaming":
             found.append(self.wrench.error or "no data from the force/torque sensor yet")
+        for name, sensor in self.links.items():
+            if sensor.state != "streaming":
+                found.append(f"{name}: {sensor.error or 'no data from the sensor yet'}")
         found += self.recent
         return "; ".join(found)
+
+
+class LinkReader(NamedTuple):
+    """How one sensor within the arm is read."""
+
+    frame: LinkSensorFrame
+    fields: tuple[str, ...]
+    """RTDE fields with its reading, unless it is on the network."""
+    network: NetworkWrench | None
 
 
 class RawObserver(Protocol):
@@ -149,37 +168,35 @@ class LiveSource:
         if scene.base_wrench is not None:
             self._wrench_map = WrenchMap.of(scene.base_wrench)
             fields += _wrench_fields(settings)
-        self._wrist: WristFrame | None = None
-        self._wrist_fields = settings.wrist_fields
-        if scene.wrist_wrench is not None:
-            self._wrist = WristFrame(scene.wrist_wrench, scene.robot)
-            fields += _wrist_fields(settings)
+        self._recent = RecentCounts()
+        self._checked = not settings.constant_readings
+        sources = {name: _link_source(name, settings) for name in scene.link_sensors}
+        fields += [name for source in sources.values() for name in source.fields if name not in fields]
         fields += [name for name in settings.extra_fields if name not in fields]
         self._robot: RobotStream = _robot_stream(settings, fields)
-        self._sensor: NetFtStream | None = None
-        if self._wrench_map is not None and settings.wrench_host is not None:
-            self._sensor = NetFtStream(
-                settings.wrench_host,
-                port=settings.wrench_port,
-                http_port=settings.wrench_http_port,
-                counts=settings.wrench_counts,
+        self._sensor: NetworkWrench | None = None
+        if scene.base_wrench is not None and settings.wrench_host is not None:
+            base = WrenchSource(
+                settings.wrench_host, settings.wrench_port, settings.wrench_http_port, settings.wrench_counts
             )
-        self._aligner = Aligner(
-            period=None if settings.wrench_rate is None else 1.0 / settings.wrench_rate,
-            max_age=settings.wrench_max_age,
-            delay=settings.wrench_delay + (scene.base_wrench.delay if scene.base_wrench is not None else 0.0),
-        )
-        self._wait = settings.wrench_wait
+            late = settings.wrench_delay + scene.base_wrench.delay
+            self._sensor = self._network(base, settings.wrench_rate, late, settings, self._observe_wrench)
+        self._links = {
+            name: LinkReader(
+                LinkSensorFrame(scene, name),
+                source.fields,
+                None
+                if source.host is None
+                else self._network(source, None, scene.link_sensors[name].delay, settings),
+            )
+            for name, source in sources.items()
+        }
         self._max_age = settings.wrench_max_age
         self._torque_limit = _TORQUE_SCALE * np.array([joint.torque_limit for joint in scene.robot.joints])
-        self._without_since: float | None = None
-        self._checked = not settings.constant_readings
         self._period = 1.0 / settings.frequency
         self._robot_check = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
         self._wrench_check = RepeatCheck()
-        self._recent = RecentCounts()
         self._seen = replace(self._robot.health)
-        self._last_reading_ns = 0
         self._unusable = 0
         self._without_wrench = 0
         self._age = math.inf
@@ -195,12 +212,14 @@ class LiveSource:
             RtdeFieldError: The robot does not know a field that the scene requires.
         """
         records = self._robot.poll(timeout)
-        if self._sensor is not None:
-            self._take_readings(self._sensor.poll())
+        streams = self._streams
+        for stream in streams:
+            stream.poll()
         self._count_losses(records)
         samples = []
         for record in records:
-            self._aligner.observe_robot(record.timestamp, record.arrival_ns)
+            for stream in streams:
+                stream.observe_robot(record)
         for record in records:
             self._used_reading = None
             sample = self._sample(record)
@@ -218,17 +237,20 @@ class LiveSource:
     @property
     def health(self) -> SourceHealth:
         """Current counters and latest problems of all sensors."""
-        wrench = None if self._sensor is None else self._sensor.health
+        wrench = None if self._sensor is None else self._sensor.stream.health
         robot = replace(self._robot.health)
         recent = describe_recent(self._recent.totals(time.monotonic()), self._period)
-        return SourceHealth(robot, wrench, self._unusable, self._without_wrench, self._age, recent)
+        links = {
+            name: link.network.stream.health for name, link in self._links.items() if link.network is not None
+        }
+        return SourceHealth(robot, wrench, self._unusable, self._without_wrench, self._age, links, recent)
 
     def close(self) -> None:
         """Close the connections to all sensors."""
         self._closed = True
         self._robot.close()
-        if self._sensor is not None:
-            self._sensor.close()
+        for stream in self._streams:
+            stream.close()
 
     def __enter__(self) -> "LiveSource":
         return self
@@ -236,26 +258,26 @@ class LiveSource:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _take_readings(self, readings: list[WrenchRecord]) -> None:
+    @property
+    def _streams(self) -> list[NetworkWrench]:
+        """All sensors on the network."""
+        streams = (self._sensor, *(link.network for link in self._links.values()))
+        return [stream for stream in streams if stream is not None]
+
+    def _network(
+        self,
+        source: WrenchSource,
+        rate: float | None,
+        delay: float,
+        settings: SourceSettings,
+        observe: Callable[[Sequence[WrenchRecord]], None] = lambda _: None,
+    ) -> NetworkWrench:
+        timing = Timing(rate, settings.wrench_max_age, delay, settings.wrench_wait)
+        return NetworkWrench(source, timing, self._checked, self._recent, observe)
+
+    def _observe_wrench(self, readings: Sequence[WrenchRecord]) -> None:
         if self.observer is not None:
             self.observer.wrench(readings)
-        for reading in readings:
-            if self._believable(reading.arrival_ns / NS, reading.wrench):
-                self._aligner.add(*reading)
-                self._last_reading_ns = reading.arrival_ns
-
-    def _believable(self, t: float, wrench: tuple[Number, ...]) -> bool:
-        """Whether a force/torque reading is plausible: not exactly zero, and not constant."""
-        repeated = self._wrench_check.update(t, wrench)
-        if not self._checked:
-            return True
-        if not any(wrench):
-            self._recent.add(time.monotonic(), "wrench zero")
-            return False
-        if repeated > REPEAT_LIMIT:
-            self._recent.add(time.monotonic(), "wrench frozen")
-        # A repeated reading is as old as its first occurrence.
-        return repeated <= (0.0 if self._sensor is not None else self._max_age)
 
     def _count_losses(self, records: list[RobotRecord]) -> None:
         """Record what the robot's stream has lost or rejected since the last call."""
@@ -309,29 +331,27 @@ class LiveSource:
             self._age, self._used_reading = reading.age, reading.wrench
             wrench = None if reading.wrench is None else _finite(self._wrench_map.wrench(reading.wrench))
             self._note_wrench(wrench is not None)
-        wrist = None
-        if self._wrist is not None:
-            read = np.concatenate([values[slices[name]] for name in self._wrist_fields])
-            wrist = _finite(self._wrist.wrench(q, read))
-        return Sample(record.timestamp, q, qd, torque, wrench, wrist)
+        links = {name: self._link_wrench(link, record, q) for name, link in self._links.items()}
+        return Sample(record.timestamp, q, qd, torque, wrench, **as_fields(links))
+
+    def _link_wrench(self, link: LinkReader, record: RobotRecord, q: np.ndarray) -> np.ndarray | None:
+        if link.network is None:
+            slices = self._robot.slices
+            reading = np.concatenate([record.values[slices[name]] for name in link.fields])
+            return _finite(link.frame.wrench(q, reading))
+        aligned = link.network.at(record).wrench
+        wrench = None if aligned is None else _finite(link.frame.wrench(q, aligned))
+        link.network.note(wrench is not None)
+        if wrench is None:
+            self._recent.add(time.monotonic(), "without wrench")
+        return wrench
 
     def _note_wrench(self, there: bool) -> None:
-        now = time.monotonic()
-        if there:
-            self._without_since = None
-            return
-        self._without_wrench += 1
-        self._recent.add(now, "without wrench")
-        arriving = now - self._last_reading_ns / NS < _ALIVE
-        if self._sensor is not None and arriving and not self._aligner.ready:
-            self._recent.add(now, "wrench unaligned")
-            self._without_since = now
-        elif self._without_since is None:
-            self._without_since = now
-        elif arriving and now - self._without_since > _LOST:
-            # Readings arrive, but match no instant: the estimate of the sensor's clock is wrong.
-            self._aligner.forget_sensor()
-            self._without_since = now
+        if self._sensor is not None:
+            self._sensor.note(there)
+        if not there:
+            self._without_wrench += 1
+            self._recent.add(time.monotonic(), "without wrench")
 
     def _frozen(self, t: float, q: np.ndarray, qd: np.ndarray, torque: tuple[Number, ...]) -> bool:
         """Whether the robot repeats an old state instead of sending the current one."""
@@ -348,16 +368,12 @@ class LiveSource:
         if self._sensor is None:
             slices = self._robot.slices
             wrench = tuple(record.values[slices[name].start] for name in self._wrench_fields)
-            if not self._believable(record.timestamp, wrench):
-                return Aligned(None, math.inf)
+            if not believable(
+                self._wrench_check, record.timestamp, wrench, self._max_age, self._checked, self._recent
+            ):
+                return NO_READING
             return Aligned(np.array(wrench), 0.0)
-        deadline = record.arrival_ns + int(self._wait * NS)
-        while not self._aligner.covers(record.timestamp):
-            now = time.monotonic_ns()
-            if now >= deadline or now - self._last_reading_ns > _ALIVE * NS:
-                break
-            self._take_readings(self._sensor.poll((deadline - now) / NS))
-        return self._aligner.at(record.timestamp)
+        return self._sensor.at(record)
 
 
 def _finite(array: np.ndarray) -> np.ndarray | None:
@@ -377,15 +393,24 @@ def _wrench_fields(settings: SourceSettings) -> tuple[str, ...]:
     return settings.wrench_fields
 
 
-def _wrist_fields(settings: SourceSettings) -> tuple[str, ...]:
-    names = settings.wrist_fields
+def _link_source(name: str, settings: SourceSettings) -> WrenchSource:
+    """Where the readings of one of `Scene.link_sensors` come from."""
+    if name == "wrist_wrench":
+        place, source = "wrist_fields", WrenchSource(fields=settings.wrist_fields)
+    else:
+        own = name.removeprefix("link_wrenches.")
+        place, source = f"{name}.fields", settings.link_wrenches.get(own, WrenchSource())
+        if bool(source.fields) == (source.host is not None):
+            raise SensorError(
+                f"{name}: expected either the sensor's address (host) or RTDE fields that carry its reading "
+                f"(fields), got {'both' if source.fields else 'neither'}"
+            )
     # An unknown name is left to the robot to report.
-    numbers = sum(WIDTHS[OUTPUTS[name]] for name in names if name in OUTPUTS)
-    if numbers != 6 and all(name in OUTPUTS for name in names):
-        raise SensorError(
-            f"wrist_fields: expected RTDE fields with 6 numbers, got {', '.join(names)} with {numbers}"
-        )
-    return names
+    numbers = sum(WIDTHS[OUTPUTS[field]] for field in source.fields if field in OUTPUTS)
+    if source.host is None and numbers != 6 and all(field in OUTPUTS for field in source.fields):
+        fields = ", ".join(source.fields)
+        raise SensorError(f"{place}: expected RTDE fields with 6 numbers, got {fields} with {numbers}")
+    return source
 
 
 def _robot_stream(settings: SourceSettings, fields: list[str]) -> RobotStream:

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
 from contactsense.calibration import FreeMotion
-from contactsense.runtime.wrist_frame import WristFrame
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
 from contactsense.service.cli.check import check
 from contactsense.service.mock.script import Script
@@ -138,7 +138,7 @@ def test_readings_of_the_wrist_sensor_come_as_they_were_read(tmp_path: Path) -> 
     (read,), problems = read_free_motion(tmp_path / "free.csv", case.scene)
     assert problems == ()
     np.testing.assert_allclose(read.wrist, part.wrist, atol=1e-9)
-    frame = WristFrame(sensor, case.scene.robot)
+    frame = LinkSensorFrame(case.scene, "wrist_wrench")
     samples = [
         Sample(float(t), q, qd, wrist_wrench=frame.wrench(q, wrist))
         for t, q, qd, wrist in zip(part.t, part.q, part.qd, part.wrist, strict=True)

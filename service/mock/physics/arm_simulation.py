@@ -190,7 +190,12 @@ class ArmSimulation:
     def last_link_wrench(self) -> np.ndarray:
         """Wrench of the last link (the tool, if there is one) on the body that carries it, in its own axes
         about its own origin [N, Nm], shape (6,)."""
-        return np.asarray(-self._work.wrench[-1])
+        return self.link_wrench(-1)
+
+    def link_wrench(self, link: int) -> np.ndarray:
+        """Wrench of a link and everything beyond it on the body that carries it, in the link's axes about its
+        origin [N, Nm], shape (6,)."""
+        return np.asarray(-self._work.wrench[link])
 
     @property
     def rotations(self) -> np.ndarray:

@@ -69,7 +69,7 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
     base, torque = trial.measure(trial.pushes)
     base = base + rng.standard_normal(6) * np.repeat((0.25, 0.05), 3)
     take_static_sample(
-        case.constants, case.state, trial.q, torque + rng.standard_normal(6), base, np.zeros(6), True
+        case.constants, case.state, trial.q, torque + rng.standard_normal(6), base, np.zeros((0, 6)), True
     )
     surfaces, frames, optimizer = case.constants.surfaces, case.state.candidates, case.buffers.optimizer
     place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, frames)
@@ -81,12 +81,12 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
         start = push.point + shift * rng.standard_normal(3)
         joint_optimization.set_contact(surfaces, frames, optimizer, i, p, tuple(start), tuple(push.force))
     state = case.state
-    external = (state.base_wrench, state.torque, state.wrist_wrench)
+    external = (state.base_wrench, state.torque, state.link_wrench)
     return int(
         fill_measurement_rows(
             case.constants.sensors, state.motion, external, case.constants.sensors.base_information,
-            case.constants.sensors.torque_variance, state.wrist_origin, (True, True, False), 1.0, 0.0,
-            case.buffers.rows,
+            case.constants.sensors.torque_variance, state.link_variance, state.link_origin, (True, True, 0),
+            1.0, 0.0, case.buffers.rows,
         )
     )  # fmt: skip
 

@@ -13,6 +13,7 @@ from contactsense.robots.primitives import Capsule
 from contactsense.robots.tool import Tool
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.explanation import take_static_sample
+from contactsense.runtime.no_contact_hypothesis import update_covariances
 from contactsense.runtime.state import State, empty_state
 from tests.plain_arm import plain_ur5e
 
@@ -40,12 +41,14 @@ def case() -> Case:
 
 def _fill(case: Case, *sensors: bool, lag: float = 0.0) -> int:
     constants, state = case.constants, case.state
-    external = (state.base_wrench, state.torque, state.wrist_wrench)
-    origin = state.wrist_origin
+    external = (state.base_wrench, state.torque, state.link_wrench)
+    base, torque, link = sensors
+    update_covariances(constants, state, 1.0)
     return int(
         fill_measurement_rows(
             constants.sensors, state.motion, external, constants.sensors.base_information,
-            constants.sensors.torque_variance, origin, sensors, 1.0, lag, case.buffers.rows,
+            constants.sensors.torque_variance, state.link_variance, state.link_origin,
+            (base, torque, int(link)), 1.0, lag, case.buffers.rows,
         )
     )  # fmt: skip
 
@@ -53,13 +56,13 @@ def _fill(case: Case, *sensors: bool, lag: float = 0.0) -> int:
 def _take(case: Case, wrenches: dict[int, np.ndarray]) -> None:
     """Exact measurement of wrenches on links."""
     zero = np.zeros(6)
-    take_static_sample(case.constants, case.state, Q, zero, zero, zero, True)
+    take_static_sample(case.constants, case.state, Q, zero, zero, zero[None], True)
     total = sum(wrenches.values(), np.zeros(6))
     torque = np.zeros(6)
     for link, wrench in wrenches.items():
         torque[:link] -= case.state.motion.screw[:link] @ wrench
     beyond = wrenches.get(7, np.zeros(6))
-    take_static_sample(case.constants, case.state, Q, torque, total, beyond, True)
+    take_static_sample(case.constants, case.state, Q, torque, total, beyond[None], True)
 
 
 @pytest.mark.parametrize("sensors", [(True, True, True), (True, False, False), (False, True, True)])
@@ -128,16 +131,18 @@ def test_rows_of_a_moving_arm_include_the_lag_of_the_observers(case: Case, link:
         base[i], torque[i, :body] = current, motion.screw[:body] @ current
         beyond[i] = current if link == 7 else 0.0
     weight = np.exp(-ages / lag) / lag
-    external = tuple(
+    base, torque, beyond = (
         np.trapezoid(values * weight[:, None], ages, axis=0) for values in (base, torque, beyond)
     )
+    external = (base, torque, beyond[None])
     constants, state, rows = case.constants, case.state, case.buffers.rows
     sensors, origin = constants.sensors, motion.origin[6] + motion.rotation[6] @ [0, 0, 0.1]
-    noise = sensors.base_information, sensors.torque_variance
+    link_variance = np.repeat(sensors.link_variance, 3, axis=1)
+    noise = sensors.base_information, sensors.torque_variance, link_variance
     residual = []
     for delay in (lag, 0.0):
         m = fill_measurement_rows(
-            sensors, state.motion, external, *noise, origin, (True,) * 3, 1.0, delay, rows
+            sensors, state.motion, external, *noise, origin[None], (True, True, 1), 1.0, delay, rows
         )
         residual.append(np.abs(rows.matrix[link, :m] @ current - rows.value[:m]).max())
     assert residual[0] < 0.06 * residual[1], "the residual is of second order in the lag"

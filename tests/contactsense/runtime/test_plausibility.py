@@ -98,10 +98,10 @@ def test_no_ordinary_contact_is_refused() -> None:
     weight = np.array([limits.weight.wrench(q) for q in truth.q])
     for external, wrench in ((True, truth.base_wrench), (False, truth.base_wrench + weight)):
         torque = truth.torque if external else None
-        assert limits.suspects(truth.q, wrench, torque, None, external).size == 0
+        assert limits.suspects(truth.q, wrench, torque, {}, external).size == 0
         for i in range(len(wrench)):
             one = None if torque is None else torque[i]
-            assert limits.request(truth.q[i], wrench[i], one, None, external) is None
+            assert limits.request(truth.q[i], wrench[i], one, {}, external) is None
 
 
 def test_readings_beyond_the_sensors_range_are_refused() -> None:
@@ -110,10 +110,10 @@ def test_readings_beyond_the_sensors_range_are_refused() -> None:
     limits = PlausibleLimits(Scene(robot=ARM, base_wrench=sensor))
     push = np.array([-150.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     weight = limits.weight.wrench(Q)
-    assert limits.request(Q, 0.1 * push, None, None, True) is None
-    assert limits.request(Q, weight + 0.1 * push, None, None, False) is None
+    assert limits.request(Q, 0.1 * push, None, {}, True) is None
+    assert limits.request(Q, weight + 0.1 * push, None, {}, False) is None
     for wrench, external in ((push, True), (weight + push, False)):
-        found = limits.request(Q, wrench, None, None, external)
+        found = limits.request(Q, wrench, None, {}, external)
         assert found is not None
         assert found.field == "base_wrench"
         assert "within the sensor's range, below 60 Nm in my" in found.reason

@@ -10,8 +10,8 @@ from contactsense.benchmarks.calibration.simulate import arm_of
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.tool import Tool
 from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_at_rest, largest_reading_in_motion
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame, LoadWeight
 from contactsense.runtime.weight import reading_from_base_wrench
-from contactsense.runtime.wrist_frame import ToolWeight, WristFrame
 from contactsense.sensors.settings import LinkInertia
 from contactsense.sensors.stream_state import INVALID
 from contactsense.service.mock.newton_euler import inverse_dynamics
@@ -24,7 +24,8 @@ WRIST = WrenchSensor(
     range=(100.0, 8.0),
 )  # fmt: skip
 SCENE = Scene(robot=ARM, tool=Tool(mass=1.5, com=(0.0, 0.0, 0.05)), wrist_wrench=WRIST)
-FRAME = WristFrame(WRIST, ARM)
+FRAME = LinkSensorFrame(SCENE, "wrist_wrench")
+TOOL_WEIGHT = LoadWeight(SCENE, "wrist_wrench")
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def localizer() -> Localizer:
 
 def readings(moment: float) -> np.ndarray:
     """A wrist wrench at rest, base axes, with which the sensor reads this moment about its x axis [Nm]."""
-    read = FRAME.reading(Q, ToolWeight(SCENE).wrench(Q))
+    read = FRAME.reading(Q, TOOL_WEIGHT.wrench(Q))
     read[3] = moment
     return FRAME.wrench(Q, read)
 
@@ -60,7 +61,7 @@ def test_a_saturated_wrist_sensor_is_told_and_not_used_in_streams_and_recordings
         Sample(
             0.002 * i, Q, np.zeros(6), torque + chance.standard_normal(6),
             base + noise * chance.standard_normal(6),
-            ToolWeight(SCENE).wrench(Q) + 0.1 * noise * chance.standard_normal(6),
+            TOOL_WEIGHT.wrench(Q) + 0.1 * noise * chance.standard_normal(6),
         )
         for i in range(120)
     ]  # fmt: skip
@@ -82,7 +83,7 @@ def test_a_saturated_wrist_sensor_is_told_and_not_used_in_streams_and_recordings
 
 def test_a_request_with_a_saturated_wrist_sensor_is_refused(localizer: Localizer) -> None:
     torque, base = forward_model(SCENE, Q, "base", np.zeros(3), np.zeros(3))
-    weight = ToolWeight(SCENE).wrench(Q)
+    weight = TOOL_WEIGHT.wrench(Q)
     for wrist, external in ((readings(8.5), False), (readings(8.5) - weight, True)):
         given = {
             "base_wrench": np.zeros(6) if external else base,
@@ -104,7 +105,7 @@ def test_no_motion_within_the_limits_loads_a_sensor_more(field: str) -> None:
     """Against the mock's dynamics; for the wrist, of an arm of which only the tool has a mass."""
     sensor = WrenchSensor(rpy=(0.2, 0.1, 0.4), translation=(0.02, 0.0, -0.05), bias=(5, 0, 0, 0, 1, 0))
     scene = SCENE.model_copy(update={field: sensor, "mounting": (0.3, -0.2, 0.0)})
-    bound = largest_reading_in_motion(scene, field)  # type: ignore[arg-type]
+    bound = largest_reading_in_motion(scene, field)
     arm, chance = arm_of(scene), np.random.default_rng(1)
     if field == "wrist_wrench":
         tool = arm_of(scene.model_copy(update={"inertia": massless()})).links[-1]
@@ -115,9 +116,8 @@ def test_no_motion_within_the_limits_loads_a_sensor_more(field: str) -> None:
     qd, ramp = speed * chance.uniform(-1.0, 1.0, q.shape), speed / RAMP_TIME
     qdd = ramp * chance.choice([-1.0, 1.0], q.shape)
     wrench = inverse_dynamics(arm, q, qd, qdd, (), tuple(scene.gravity_base))[1]  # type: ignore[arg-type]
-    frame = WristFrame(sensor, ARM)
     if field == "wrist_wrench":
-        read = np.array([frame.reading(*row) for row in zip(q, wrench, strict=True)])
+        read = LinkSensorFrame(scene, field).readings(q, wrench)
     else:
         read = reading_from_base_wrench(sensor, wrench)
         assert (bound >= largest_reading_at_rest(scene, sensor)).all()

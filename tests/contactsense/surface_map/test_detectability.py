@@ -137,7 +137,7 @@ def test_a_coarser_map_has_some_of_the_places(both: Detectability) -> None:
 def test_the_detected_size_is_detected_as_often() -> None:
     rng = np.random.default_rng(0)
     of = scene(base_wrench=BASE, joint_torque=None)
-    level = SampleThresholds(of, (6, 6, 6)).threshold((True, False, False))
+    level = SampleThresholds(of).threshold((True, False, 0))
     for detection in (0.5, 0.9):
         residuals = rng.standard_normal((200_000, 6))
         residuals[:, 0] += detected_size(of, detection)

@@ -71,6 +71,24 @@ def test_errors_name_the_field(change: dict[str, Any], field: str, reason: str, 
     assert reason in caught.value.reason
 
 
+def test_sensors_between_links_come_by_name() -> None:
+    decoder = SampleDecoder(Scene(robot="ur5e", link_wrenches=[{"name": "elbow", "link": "forearm"}]))
+    assert decoder.sample(GOOD).link_wrenches is None
+    sample = decoder.sample({**GOOD, "link_wrenches": {"elbow": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]}})
+    assert sample.link_wrenches is not None
+    np.testing.assert_array_equal(sample.link_wrenches["elbow"], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    assert decoder.sample({**GOOD, "link_wrenches": {"elbow": None}}).link_wrenches == {}
+    for links, field, reason in (
+        ([0.0] * 6, "link_wrenches", "an object with a wrench for each name, got a list"),
+        ({"forearm": [0.0] * 6}, "link_wrenches.forearm", "no such sensor"),
+        ({"elbow": [0.0] * 5}, "link_wrenches.elbow", "6 numbers, got 5 of them"),
+    ):
+        with pytest.raises(MessageError) as caught:
+            decoder.sample({**GOOD, "link_wrenches": links})
+        assert caught.value.field == field
+        assert reason in caught.value.reason
+
+
 @pytest.mark.parametrize("name", ["t", "q", "qd"])
 def test_a_missing_field_is_named(name: str) -> None:
     with pytest.raises(MessageError, match=f"^{name}: expected a value"):

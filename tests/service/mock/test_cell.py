@@ -5,8 +5,8 @@ import pytest
 
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
-from contactsense.runtime.wrist_frame import WristFrame
-from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.sensors.settings import Friction
 from contactsense.service.mock.cell import Cell
 from contactsense.service.mock.live_controller import LiveController
@@ -77,10 +77,33 @@ def test_a_mounted_arm_with_a_tool_reads_as_pinocchio_says():
         np.testing.assert_allclose(reading.torque, torque, atol=1e-6)
         np.testing.assert_allclose(WrenchMap.of(SENSOR).wrench(reading.base), wrench, atol=1e-6)
         # The wrist sensor feels what is beyond it: the tool and the push.
-        beyond = WristFrame(WRIST, here.robot).wrench(reading.q, reading.wrist)
+        beyond = LinkSensorFrame(here, "wrist_wrench").wrench(reading.q, reading.wrist)
         bare, alone = oracle(scene(tool=BALL.model_copy(update={"mass": 0.0})), reading, qdd, 0.0)
         np.testing.assert_allclose(beyond, wrench - alone, atol=1e-5)
         assert np.abs(torque - bare).max() > 1.0
+
+
+def test_a_sensor_between_links_reads_as_pinocchio_says():
+    place = LinkWrenchSensor(
+        name="elbow", link="forearm", translation=(0.02, 0.0, 0.05), rpy=(0.3, 0.2, -0.4),
+        sign="sensor_on_arm", bias=(1, 2, 3, 4, 5, 6), force_noise=TINY, moment_noise=TINY,
+    )  # fmt: skip
+    here = scene(link_wrenches=[place])
+    robot = RobotController(Cell.of_scene(here), SCRIPT)
+    for t in (0.3, 0.6, 0.8):
+        robot.advance_to(t)
+        reading, qdd = robot.at(t), robot.arm.qdd
+        arm = PinocchioArm(with_tool(here.robot, here.tool), here.gravity_base)
+        push, point = np.array([-20.0, 0.0, 0.0]), np.array([0.04, 0.0, 0.08])
+        arm.inverse_dynamics(
+            *(np.append(values, 0.0) for values in (reading.q, reading.qd, qdd)),
+            [(7, push, np.cross(point, push))],
+        )
+        # What the upper arm exerts on the forearm, in the forearm's frame.
+        force, moment = arm.data.f[3].linear, arm.data.f[3].angular
+        turn = place.rotation.T
+        own = np.concatenate((turn @ force, turn @ (moment - np.cross(place.translation, force))))
+        np.testing.assert_allclose(reading.links["elbow"], own + place.bias, atol=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from contactsense.robots.tool import Tool
-from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.service.mock.cell import TORQUE_CONSTANTS
 from contactsense.service.mock.controller import Controller
+from contactsense.service.mock.netft_server import NetFtServer
 from contactsense.service.mock.newton_euler import link_poses
+from contactsense.service.mock.playback import Playback, PlaybackWrench
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.wire_faults import Fault
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
+from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.service.wire.recipe import RtdeFieldError
@@ -162,6 +165,71 @@ def test_a_wrist_sensor_comes_with_the_robot_and_turns_with_its_flange(registers
         turn = turn @ place.rotation
         force, moment = turn @ felt[:3], turn @ felt[3:]
         assert sample.wrist_wrench == pytest.approx(np.append(force, moment + np.cross(origin, force)))
+
+
+ELBOW = LinkWrenchSensor(name="elbow", link="forearm", rpy=(0.0, 0.0, 0.5), translation=(0.0, 0.0, 0.02))
+
+
+def felt_in_base_axes(scene, q, reading):
+    """A reading of the sensor in the elbow in base axes, about the base origin, by the mock's kinematics."""
+    rotations, origins = link_poses(scene.robot, q[None])
+    turn, place = rotations[3, 0] @ ELBOW.rotation, origins[3, 0] + 0.02 * rotations[3, 0][:, 2]
+    force, moment = turn @ reading[:3], turn @ reading[3:]
+    return np.append(force, moment + np.cross(place, force))
+
+
+def test_a_sensor_between_links_comes_with_the_robot():
+    names = tuple(f"output_double_register_{i}" for i in range(6))
+    scene = Scene(robot="ur5e", base_wrench=None, link_wrenches=[ELBOW])
+    with MockServers(FEED, MOCK, fields={name: WRENCH[:, i] for i, name in enumerate(names)}) as servers:
+        sources = {"elbow": WrenchSource(fields=names)}
+        settings = SourceSettings(servers.rtde.host, servers.rtde.port, link_wrenches=sources)
+        with LiveSource(scene, settings) as source:
+            samples = collect(source, 50)
+    for sample in samples:
+        felt = felt_in_base_axes(scene, sample.q, WRENCH[round(sample.t * 500)])
+        assert sample.link_wrenches["elbow"] == pytest.approx(felt)
+        assert sample.wrist_wrench is None
+
+
+def test_a_sensor_between_links_has_its_own_box():
+    """Beside the base sensor's, each at its own rate: both readings are those of the sample's instant."""
+    scene = Scene(robot="ur5e", link_wrenches=[ELBOW])
+    with MockServers(FEED, MOCK) as servers:
+        reading = PlaybackWrench(FEED, Playback(FEED, loop=True), np.eye(6))
+        own = NetFtServer(reading, servers.clock, port=0, http_port=0, rate=800.0)
+        with own:
+            sources = {"elbow": WrenchSource(own.host, own.port, own.http_port)}
+            settings = settings_for(servers, wrench_rate=None, link_wrenches=sources)
+            with LiveSource(scene, settings) as source:
+                assert until(lambda: any(s.link_wrenches for s in source.poll(0.1))), source.health
+                samples = [s for s in with_wrench(source, 300) if s.link_wrenches]
+                assert len(samples) > 200
+                assert_of_its_instant(samples)
+                own.close()
+                assert until(lambda: all(not s.link_wrenches for s in source.poll(0.1)[-1:]))
+                assert with_wrench(source, 50)
+    read = [
+        np.linalg.solve(
+            np.column_stack([felt_in_base_axes(scene, s.q, unit) for unit in np.eye(6)]),
+            s.link_wrenches["elbow"],
+        )
+        - (s.t + np.arange(6))
+        for s in samples
+    ]
+    assert np.abs(np.median(read)) < 2e-3
+
+
+def test_a_sensor_between_links_needs_one_source():
+    scene = Scene(robot="ur5e", base_wrench=None, link_wrenches=[ELBOW])
+    with pytest.raises(SensorError, match=r"^link_wrenches\.elbow: expected either .* got neither$"):
+        LiveSource(scene, SourceSettings("127.0.0.1"))
+    both = {"elbow": WrenchSource(host="127.0.0.1", fields=("ft_raw_wrench",))}
+    with pytest.raises(SensorError, match=r"^link_wrenches\.elbow: expected either .* got both$"):
+        LiveSource(scene, SourceSettings("127.0.0.1", link_wrenches=both))
+    one = {"elbow": WrenchSource(fields=("timestamp",))}
+    with pytest.raises(SensorError, match=r"^link_wrenches\.elbow\.fields: .*got timestamp with 1$"):
+        LiveSource(scene, SourceSettings("127.0.0.1", link_wrenches=one))
 
 
 def test_time_stamps_in_milliseconds_are_told(monkeypatch):

@@ -1,0 +1,74 @@
+"""The frame of a link sensor, which moves with the arm, and the weight that the sensor carries."""
+
+import numpy as np
+
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.runtime.constants import model_with_tool, wrench_transform
+from contactsense.runtime.link_sensors import mounts
+from contactsense.scene import Scene
+
+
+class LinkSensorFrame:
+    """From the frame of one of `Scene.link_sensors` to base axes and back."""
+
+    def __init__(self, scene: Scene, field: str) -> None:
+        """Create the map for one sensor; `field`: its key in `Scene.link_sensors`."""
+        self._model, self._motion = build_model(scene.robot), empty_motion(len(scene.robot.joints))
+        self._mount = mounts(scene)[field]
+        self._sign = 1.0 if self._mount.settings.sign == "arm_on_sensor" else -1.0
+        self._bias = np.array(self._mount.settings.bias)
+
+    def wrench(self, q: np.ndarray, reading: np.ndarray) -> np.ndarray:
+        """Wrench of everything beyond the sensor on it, base axes and origin, shape (..., 6) [N, Nm].
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+            reading: In the sensor's own frame and sign, shape (..., 6) [N, Nm].
+        """
+        return np.asarray(self._sign * (reading - self._bias) @ self._to_base(q).T)
+
+    def reading(self, q: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+        """The sensor's reading under a wrench; the inverse of `wrench`."""
+        return np.asarray(self._sign * wrench @ np.linalg.inv(self._to_base(q)).T + self._bias)
+
+    def wrenches(self, q: np.ndarray, readings: np.ndarray) -> np.ndarray:
+        """`wrench` of N readings, shape (N, 6), each in its posture, shape (N, n)."""
+        found = [self.wrench(*row) for row in zip(q, readings, strict=True)]
+        return np.array(found, dtype=np.float64).reshape(-1, 6)
+
+    def readings(self, q: np.ndarray, wrenches: np.ndarray) -> np.ndarray:
+        """`reading` of N wrenches, shape (N, 6), each in its posture, shape (N, n)."""
+        found = [self.reading(*row) for row in zip(q, wrenches, strict=True)]
+        return np.array(found, dtype=np.float64).reshape(-1, 6)
+
+    def _to_base(self, q: np.ndarray) -> np.ndarray:
+        forward_kinematics(self._model, q, self._motion)
+        R, o = self._motion.rotation[self._mount.body], self._motion.origin[self._mount.body]
+        return wrench_transform(R @ self._mount.rotation, o + R @ self._mount.origin)
+
+
+class LoadWeight:
+    """Weight of what a link sensor of one scene carries."""
+
+    def __init__(self, scene: Scene, field: str) -> None:
+        """Take masses and gravity from `scene`; `field`: the sensor's key in `Scene.link_sensors`."""
+        mount = mounts(scene)[field]
+        self._gravity, self._body, self._load = scene.gravity_base, mount.body, mount.load
+        self._model, self._motion = model_with_tool(scene), empty_motion(len(scene.robot.joints))
+        self._carried = range(mount.first_body, len(scene.robot.links))
+
+    def wrench(self, q: np.ndarray) -> np.ndarray:
+        """Wrench of the load at rest on the sensor, base axes, base origin, shape (6,) [N, Nm].
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+        """
+        forward_kinematics(self._model, q, self._motion)
+        R, o = self._motion.rotation, self._motion.origin
+        mass = self._load.mass
+        moment = mass * (o[self._body] + R[self._body] @ self._load.com)
+        for link in self._carried:
+            mass = mass + self._model.mass[link]
+            moment = moment + self._model.mass[link] * (o[link] + R[link] @ self._model.com[link])
+        return np.concatenate((mass * self._gravity, np.cross(moment, self._gravity)))

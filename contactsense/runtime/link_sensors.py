@@ -1,0 +1,82 @@
+"""Link sensors: the force/torque sensors within the arm, where they sit and what they carry.
+
+A sensor between two links carries the distal one and everything beyond it, the wrist sensor the tool. Apart
+from that they are alike.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense.robots import Inertia
+from contactsense.runtime.tool_inertia import tool_in_last_link
+from contactsense.scene import Scene
+from contactsense.sensors.settings import WrenchSensor
+
+
+class Mount(NamedTuple):
+    """Place and load of one link sensor."""
+
+    settings: WrenchSensor
+    body: int
+    """Index of the link in whose frame the sensor's is given, the base being 0."""
+    rotation: np.ndarray
+    """Orientation of the sensor's frame in that of the link, shape (3, 3)."""
+    origin: np.ndarray
+    """Its origin in that of the link, shape (3,) [m]."""
+    first_link: int
+    """First link on which the sensor measures contacts, a tool being one beyond the last."""
+    first_body: int
+    """First of the arm's links that it carries, the tool being a part of the last; their number: none."""
+    load: Inertia
+    """What else it carries, fixed to `body`, in that link's frame."""
+
+
+class LinkSensors(NamedTuple):
+    """The same of all S link sensors, for the kernels."""
+
+    body: np.ndarray
+    """See `Mount`, shape (S,), int64."""
+    origin: np.ndarray
+    """Shape (S, 3) [m]."""
+    first_body: np.ndarray
+    """Shape (S,), int64."""
+    mass: np.ndarray
+    """Mass of the load, shape (S,) [kg]."""
+    com: np.ndarray
+    """Its centre of mass, shape (S, 3) [m]."""
+    inertia: np.ndarray
+    """Its inertia about that, shape (S, 3, 3) [kg m^2]."""
+
+
+def mounts(scene: Scene) -> dict[str, Mount]:
+    """Place and load of each of `Scene.link_sensors`, in that order."""
+    robot, found = scene.robot, {}
+    for sensor in scene.link_wrenches:
+        link = robot.link_names.index(sensor.link)
+        found[f"link_wrenches.{sensor.name}"] = Mount(
+            sensor, link, sensor.rotation, np.array(sensor.translation), link, link,
+            Inertia(0.0, np.zeros(3), np.zeros((3, 3))),
+        )  # fmt: skip
+    wrist, links = scene.wrist_wrench, len(robot.links)
+    if wrist is not None:
+        rotation = robot.flange_rotation
+        found["wrist_wrench"] = Mount(
+            wrist, links - 1, rotation @ wrist.rotation,
+            rotation @ np.array(wrist.translation) + robot.flange_translation, links, links,
+            tool_in_last_link(scene),
+        )  # fmt: skip
+    return found
+
+
+def link_sensors(scene: Scene) -> LinkSensors:
+    """The link sensors of a scene."""
+    found = list(mounts(scene).values())
+    return LinkSensors(
+        body=np.array([mount.body for mount in found], dtype=np.int64),
+        origin=np.array([mount.origin for mount in found]).reshape(-1, 3),
+        first_body=np.array([mount.first_body for mount in found], dtype=np.int64),
+        mass=np.array([mount.load.mass for mount in found], dtype=np.float64),
+        com=np.array([mount.load.com for mount in found]).reshape(-1, 3),
+        inertia=np.array([mount.load.tensor for mount in found]).reshape(-1, 3, 3),
+    )

@@ -1,0 +1,167 @@
+"""A force/torque sensor on the network (Net F/T), joined with the robot's samples per instant."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from contactsense.service.sensors import netft_client as netft
+from contactsense.service.sensors.netft_client import NetFtStream, WrenchRecord
+from contactsense.service.sensors.plausibility import REPEAT_LIMIT, RecentCounts, RepeatCheck
+from contactsense.service.sensors.robot_stream import NS, RobotRecord
+from contactsense.service.sensors.time_alignment import Aligned, Aligner
+from contactsense.service.wire.recipe import Number
+
+_LOST = 0.5
+"""If readings arrive for this long without matching any sample, the estimate of the sensor's clock is wrong
+[s]."""
+_ALIVE = 0.05
+"""If the sensor is silent for longer than this, samples no longer wait for it [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchSource:
+    """Where the readings of one force/torque sensor come from: an address, or RTDE fields."""
+
+    host: str | None = None
+    """Address of a Net F/T sensor; None: the reading is in `fields`."""
+    port: int = netft.DEFAULT_PORT
+    """Its UDP port."""
+    http_port: int = netft.DEFAULT_HTTP_PORT
+    """Port of its configuration page."""
+    counts: tuple[float, float] | None = None
+    """Counts per newton and newton metre; None: ask the configuration page."""
+    fields: tuple[str, ...] = ()
+    """RTDE fields that contain the six values [N, Nm], instead of `host`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How readings are joined with the robot's samples."""
+
+    rate: float | None
+    """Rate of the sensor's sequence numbers [Hz]; None: estimated from arrival times."""
+    max_age: float
+    """An older reading is not used [s]."""
+    delay: float
+    """Constant delay of the reading, that of the sensor and that of its network [s]."""
+    wait: float
+    """Maximum time that a robot sample waits for the reading of its instant [s]."""
+
+
+class NetworkWrench:
+    """Readings of one Net F/T sensor at the instants of the robot's samples. It may disconnect and reconnect.
+
+    Args:
+        source: Address of the sensor.
+        timing: How its readings are joined with the samples.
+        checked: Whether readings that never change are left out.
+        recent: Counts problems.
+        observe: Called with all readings as they arrive.
+
+    Raises:
+        SensorError: The address is invalid.
+    """
+
+    def __init__(
+        self,
+        source: WrenchSource,
+        timing: Timing,
+        checked: bool,
+        recent: RecentCounts,
+        observe: Callable[[Sequence[WrenchRecord]], None],
+    ) -> None:
+        assert source.host is not None
+        self.stream = NetFtStream(
+            source.host, port=source.port, http_port=source.http_port, counts=source.counts
+        )
+        """The sensor's stream."""
+        period = None if timing.rate is None else 1.0 / timing.rate
+        self._aligner = Aligner(period=period, max_age=timing.max_age, delay=timing.delay)
+        self._wait, self._checked = timing.wait, checked
+        self._recent, self._observe = recent, observe
+        self._repeats = RepeatCheck()
+        self._last_ns = 0
+        self._without_since: float | None = None
+
+    def poll(self) -> None:
+        """Take in the readings that have arrived."""
+        self._take(self.stream.poll())
+
+    def observe_robot(self, record: RobotRecord) -> None:
+        """Learn the robot's clock from a packet."""
+        self._aligner.observe_robot(record.timestamp, record.arrival_ns)
+
+    def at(self, record: RobotRecord) -> Aligned:
+        """The reading at the instant of a packet, after waiting for it."""
+        deadline = record.arrival_ns + int(self._wait * NS)
+        while not self._aligner.covers(record.timestamp):
+            now = time.monotonic_ns()
+            if now >= deadline or now - self._last_ns > _ALIVE * NS:
+                break
+            self._take(self.stream.poll((deadline - now) / NS))
+        return self._aligner.at(record.timestamp)
+
+    def note(self, there: bool) -> None:
+        """Whether the newest sample had a reading: without any for a while, the clocks are aligned anew."""
+        now = time.monotonic()
+        if there:
+            self._without_since = None
+            return
+        arriving = now - self._last_ns / NS < _ALIVE
+        if arriving and not self._aligner.ready:
+            self._recent.add(now, "wrench unaligned")
+            self._without_since = now
+        elif self._without_since is None:
+            self._without_since = now
+        elif arriving and now - self._without_since > _LOST:
+            # Readings arrive, but match no instant: the estimate of the sensor's clock is wrong.
+            self._aligner.forget_sensor()
+            self._without_since = now
+
+    def close(self) -> None:
+        """Close the connection."""
+        self.stream.close()
+
+    def _take(self, readings: Sequence[WrenchRecord]) -> None:
+        self._observe(readings)
+        for reading in readings:
+            # A repeated reading is as old as its first occurrence.
+            if believable(
+                self._repeats, reading.arrival_ns / NS, reading.wrench, 0.0, self._checked, self._recent
+            ):
+                self._aligner.add(*reading)
+                self._last_ns = reading.arrival_ns
+
+
+def believable(
+    repeats: RepeatCheck,
+    t: float,
+    wrench: tuple[Number, ...],
+    max_age: float,
+    checked: bool,
+    recent: RecentCounts,
+) -> bool:
+    """Whether a force/torque reading is plausible: not exactly zero, and not constant.
+
+    Args:
+        repeats: Of this sensor.
+        t: Time of the reading [s].
+        wrench: As received.
+        max_age: A reading may be repeated for this time [s].
+        checked: False: any reading is plausible.
+        recent: Counts those that are not.
+    """
+    repeated = repeats.update(t, wrench)
+    if not checked:
+        return True
+    if not any(wrench):
+        recent.add(time.monotonic(), "wrench zero")
+        return False
+    if repeated > REPEAT_LIMIT:
+        recent.add(time.monotonic(), "wrench frozen")
+    return repeated <= max_age
+
+
+NO_READING = Aligned(None, math.inf)
+"""There is no reading for an instant."""
