@@ -83,7 +83,7 @@ class Oracle:
             q,
             joint_torque,
             base_wrench,
-            np.zeros(6),
+            np.zeros((0, 6)),
             True,
             *present,
             False,
