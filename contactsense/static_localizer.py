@@ -254,13 +254,17 @@ class StaticLocalizer:
         return batch_of(best, link_probability, no_contact_energy > self._thresholds.threshold(usable))
 
     def _given_sensors(self, given: tuple[np.ndarray | None, ...], links: Mapping[str, np.ndarray]) -> Usable:
-        there = dict(zip(SENSORS, self._scene_sensors, strict=True)) | dict.fromkeys(self._link_sensors, True)
-        for name, value in (*zip(SENSORS, given, strict=True), *links.items()):
-            if value is not None and not there.get(name, False):
+        base, torque = given[0] is not None, given[1] is not None
+        in_scene = self._scene_sensors
+        if (base and not in_scene[0]) or (torque and not in_scene[1]):
+            name = SENSORS[0] if base and not in_scene[0] else SENSORS[1]
+            raise ValueError(f"{name}: the scene has no such sensor, got a value")
+        for name in links:
+            if name not in self._link_sensors:
                 raise ValueError(f"{name}: the scene has no such sensor, got a value")
         if self._intrinsic and given[0] is None:
             raise ValueError("base_wrench: expected a value, which method 'intrinsic' needs, got none")
         if given[0] is None and given[1] is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two, got none")
-        bits = sum(1 << s for s, name in enumerate(self._link_sensors) if name in links)
-        return given[0] is not None, given[1] is not None, bits
+        bits = sum(1 << s for s, name in enumerate(self._link_sensors) if name in links) if links else 0
+        return base, torque, bits

@@ -96,6 +96,9 @@ class DetectableForce:
 
 def usable_in(stream: StreamState) -> Usable:
     """Which sensors can be used in the newest sample of a stream."""
-    usable = (stream.usable > 0.0).tolist()
-    links = usable[LINK : LINK + len(stream.link_wrench)]
-    return usable[BASE], usable[TORQUE], sum(1 << s for s, there in enumerate(links) if there)
+    usable = stream.usable.tolist()
+    links = 0
+    for s in range(len(stream.link_wrench)):
+        if usable[LINK + s] > 0.0:
+            links += 1 << s
+    return usable[BASE] > 0.0, usable[TORQUE] > 0.0, links

@@ -100,7 +100,7 @@ class StreamScreening:
         limits, base = self._limits, sample.base_wrench
         if self._has_range and base is not None and limits.saturation(base) is not None:
             return False
-        return all(
+        return not self._has_link_range or all(
             limits.link_saturation(field, sample.q, wrench) is None
             for field, wrench in self._ranged(sample).items()
         )
