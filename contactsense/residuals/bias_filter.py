@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.kinematics.model import Model, Motion
-from contactsense.kinematics.spatial import dot6
+from contactsense.kinematics.spatial import Six, dot6
 from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import (
     MomentumObserver,
@@ -230,9 +230,7 @@ def _add_mass_covariance(bias_filter: BiasFilter, n: int) -> None:
 
 
 @kernel
-def mass_variance(
-    bias_filter: BiasFilter, first_body: int, row: tuple[float, float, float, float, float, float]
-) -> float:
+def mass_variance(bias_filter: BiasFilter, first_body: int, row: Six) -> float:
     """Variance that the masses add to one component of the wrench on a link sensor.
 
     Args:

@@ -80,7 +80,7 @@ class StreamScreening:
             if found is not None:
                 self.refused[field] = self._note(field, found.reason)
                 without[field] = _without(wrench)
-        return with_values(sample, without)  # type: ignore[no-any-return]
+        return with_values(sample, without)
 
     def _ranged(self, record: Sample | SampleBlock) -> dict[str, np.ndarray]:
         """Values of the link sensors by field, if the range of any of them is known."""
@@ -134,7 +134,7 @@ class StreamScreening:
                 self._note(field, found.reason)
                 without[field] = _without_rows(wrench, beyond)
         screened = replace(block, q=q, joint_torque=torque, base_wrench=base)
-        return with_values(screened, without)  # type: ignore[no-any-return]
+        return with_values(screened, without)
 
     def _note_first(
         self,

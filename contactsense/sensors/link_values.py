@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar, cast
+
+Record = TypeVar("Record")
 
 WRIST = "wrist_wrench"
 _OTHERS = "link_wrenches."
@@ -31,11 +33,13 @@ def name_of(field: str) -> str | None:
     return None if field == WRIST else field.removeprefix(_OTHERS)
 
 
-def with_values(record: Any, values: Mapping[str, Any]) -> Any:
+def with_values(record: Record, values: Mapping[str, Any]) -> Record:
     """The same `Sample` or `SampleBlock` with other values of some link sensors."""
     if not values:
         return record
-    return replace(record, **as_fields(by_field(record.wrist_wrench, record.link_wrenches) | dict(values)))
+    fields = cast(Any, record)
+    before = by_field(fields.wrist_wrench, fields.link_wrenches)
+    return cast(Record, replace(fields, **as_fields(before | dict(values))))
 
 
 def column_of(field: str) -> str:

@@ -121,7 +121,7 @@ class SampleFields:
         )
         values = by_field(sample.wrist_wrench, sample.link_wrenches)
         links = {name: _shaped(name, value, 6) for name, value in values.items()}
-        return with_values(shaped, links)  # type: ignore[no-any-return]
+        return with_values(shaped, links)
 
 
 def _placeholder(size: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from contactsense.robots.vectors import Vector, dot, norm, scale
 from contactsense.solvers.cylinder import directions
 from contactsense.solvers.ellipsoid import unit_sphere
 from contactsense.solvers.nearest_point import enter, nearest_to_line
-from contactsense.solvers.patch import Patch, no_patch, on_patch
+from contactsense.solvers.patch import Patch, nearer, no_patch, on_patch
 from contactsense.solvers.solution import (
     NOT_CONVERGED,
     OK,
@@ -125,21 +125,16 @@ def patch_of_box(wrench: Wrench, half: Vector, r: float) -> Patch:
     best = no_patch(0)
     # Each axis in turn is z.
     for axis in range(3):
-        patch = _turned_back(_face(_turned_wrench(wrench, axis), _turned(half, axis), r), axis)
-        if patch.outside < best.outside:
-            best = patch
-            if best.outside <= 0.0:
-                return best
+        best = nearer(best, _turned_back(_face(_turned_wrench(wrench, axis), _turned(half, axis), r), axis))
+        if best.outside <= 0.0:
+            return best
     if r > 0.0:
         for axis in range(3):
             patch = _turned_back(_edges(_turned_wrench(wrench, axis), _turned(half, axis), r, reach), axis)
-            if patch.outside < best.outside:
-                best = patch
-                if best.outside <= 0.0:
-                    return best
-        patch = _corners(wrench, half, r, reach)
-        if patch.outside < best.outside:
-            best = patch
+            best = nearer(best, patch)
+            if best.outside <= 0.0:
+                return best
+        best = nearer(best, _corners(wrench, half, r, reach))
     return best
 
 

@@ -29,6 +29,12 @@ def no_patch(curved: int) -> Patch:
 
 
 @kernel
+def nearer(one: Patch, other: Patch) -> Patch:
+    """The contact that is less far outside of its patch, the first one if they are equal."""
+    return other if other.outside < one.outside else one
+
+
+@kernel
 def on_patch(status: int, wrench: Wrench, patch: Patch, r: float) -> Answer:
     """The answer for a contact on a patch of a body that is rounded by a ball of radius r."""
     c = add_scaled(patch.core, r, patch.normal)

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from contactsense.robots.jit.typed_kernel import kernel
 from contactsense.robots.vectors import Vector, add, add_scaled, cross, divide, dot, norm, scale, vector
 from contactsense.solvers.ellipsoid import unit_sphere
-from contactsense.solvers.patch import Patch, no_patch, on_patch
+from contactsense.solvers.patch import Patch, nearer, no_patch, on_patch
 from contactsense.solvers.solution import (
     FAR,
     MISS,
@@ -235,13 +235,9 @@ def _best_vertex(wrench: Wrench, hull: Hull, r: float) -> Patch:
 def _polytope(wrench: Wrench, hull: Hull, r: float) -> Answer:
     best = _best_face(wrench, hull, r)
     if best.outside > 0.0 and r > 0.0:
-        patch = _best_edge(wrench, hull, r)
-        if patch.outside < best.outside:
-            best = patch
+        best = nearer(best, _best_edge(wrench, hull, r))
         if best.outside > 0.0:
-            patch = _best_vertex(wrench, hull, r)
-            if patch.outside < best.outside:
-                best = patch
+            best = nearer(best, _best_vertex(wrench, hull, r))
     if best.outside <= PATCH_TOLERANCE * (hull.reach + r):
         return on_patch(OK, wrench, best, r)
     status = MISS if r == 0.0 or invariant(wrench) == 0.0 else NOT_CONVERGED

@@ -10,8 +10,8 @@ from contactsense.scene import Scene
 from contactsense.service.controllers.framing import Unframer, frame
 from contactsense.service.controllers.sample_message import MessageError, SampleDecoder, decode
 from contactsense.service.controllers.track_session import error_message
-from contactsense.service.sensors.live_source import SourceHealth
 from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.sensors.source_health import SourceHealth
 from contactsense.types import Sample
 
 _SILENT = 0.5

@@ -29,7 +29,7 @@ from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.live.listener import Listener, Reporter
 from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry
 from contactsense.service.live.step_times import StepTimes
-from contactsense.service.sensors import live_source as live
+from contactsense.service.sensors import source_health
 from contactsense.service.sensors.netft_client import WrenchHealth
 from contactsense.service.sensors.robot_stream import StreamHealth
 
@@ -53,7 +53,7 @@ class Source(Protocol):
     """A source of samples. Problems with a sensor are reported by `health`, not raised."""
 
     @property
-    def health(self) -> live.SourceHealth:
+    def health(self) -> source_health.SourceHealth:
         """State of the sensors."""
 
     def poll(self, timeout: float) -> list[Sample]:
@@ -325,7 +325,7 @@ def utc_now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
-def _as_message(health: live.SourceHealth) -> SourceHealth:
+def _as_message(health: source_health.SourceHealth) -> SourceHealth:
     def sensor(stream: StreamHealth | WrenchHealth) -> SensorHealth:
         return SensorHealth(
             state=stream.state, received=stream.received, lost=stream.lost, last_error=stream.error

@@ -13,7 +13,7 @@ from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields
 from contactsense.service.sensors import netft_client as netft
 from contactsense.service.sensors import rtde_client as rtde
-from contactsense.service.sensors.netft_client import WrenchHealth, WrenchRecord
+from contactsense.service.sensors.netft_client import WrenchRecord
 from contactsense.service.sensors.network_wrench import (
     NO_READING,
     NetworkWrench,
@@ -29,9 +29,10 @@ from contactsense.service.sensors.plausibility import (
     RobotCheck,
 )
 from contactsense.service.sensors.recent_trouble import describe_recent
-from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError, StreamHealth
+from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError
 from contactsense.service.sensors.rtde_client import RtdeStream
 from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
+from contactsense.service.sensors.source_health import SourceHealth
 from contactsense.service.sensors.time_alignment import Aligned
 from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
 from contactsense.service.wire.recipe import Number
@@ -83,41 +84,6 @@ class SourceSettings:
     never changes counts as frozen."""
     wrench_wait: float = 0.003
     """Maximum time that a robot sample waits for the force/torque reading of its instant [s]."""
-
-
-@dataclass(frozen=True, slots=True)
-class SourceHealth:
-    """State of the sensors."""
-
-    robot: StreamHealth
-    wrench: WrenchHealth | None
-    """None if the force/torque values are part of the robot's packets, or if there is no such sensor."""
-    unusable: int
-    """Robot records without usable joint positions and velocities; not delivered."""
-    without_wrench: int
-    """Samples delivered without the base wrench that the scene requires: sensor silent, or value not
-    finite."""
-    wrench_age: float
-    """Age of the force/torque value of the latest sample relative to that sample [s]; infinite if there was
-    none."""
-    links: Mapping[str, WrenchHealth] = field(default_factory=dict)
-    """Networked sensors within the arm, by field of the scene."""
-    recent: tuple[str, ...] = ()
-    """Problems with the readings in the last second, one readable line each."""
-
-    @property
-    def trouble(self) -> str:
-        """Current problem in one readable line; empty if there is none."""
-        found = []
-        if self.robot.state != "streaming":
-            found.append(self.robot.error or "no data from the robot yet")
-        if self.wrench is not None and self.wrench.state != "streaming":
-            found.append(self.wrench.error or "no data from the force/torque sensor yet")
-        for name, sensor in self.links.items():
-            if sensor.state != "streaming":
-                found.append(f"{name}: {sensor.error or 'no data from the sensor yet'}")
-        found += self.recent
-        return "; ".join(found)
 
 
 class LinkReader(NamedTuple):

@@ -6,8 +6,8 @@ import time
 import numpy as np
 
 from contactsense import Sample, Scene
-from contactsense.service.sensors.live_source import SourceHealth
 from contactsense.service.sensors.robot_stream import State, StreamHealth
+from contactsense.service.sensors.source_health import SourceHealth
 
 _FREE = 650
 """Samples of the free arm; 1 s of it ends the doubt."""

@@ -10,8 +10,8 @@ import pytest
 from contactsense import Estimate, Sample
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.live.pipeline_process import ESTIMATE, HEAD, HEALTH, Outbox, run
-from contactsense.service.sensors.live_source import SourceHealth
 from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.sensors.source_health import SourceHealth
 
 
 def read_all(connection: socket.socket) -> list[tuple[bytes, float, bytes]]:

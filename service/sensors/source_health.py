@@ -1,0 +1,42 @@
+"""State of the sensors of a live source: their connections, and problems with their readings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from contactsense.service.sensors.netft_client import WrenchHealth
+from contactsense.service.sensors.robot_stream import StreamHealth
+
+
+@dataclass(frozen=True, slots=True)
+class SourceHealth:
+    """State of the sensors."""
+
+    robot: StreamHealth
+    wrench: WrenchHealth | None
+    """None if the force/torque values are part of the robot's packets, or if there is no such sensor."""
+    unusable: int
+    """Robot records without usable joint positions and velocities; not delivered."""
+    without_wrench: int
+    """Samples delivered without the base wrench that the scene requires: sensor silent, or value not
+    finite."""
+    wrench_age: float
+    """Age of the force/torque value of the latest sample relative to that sample [s]; infinite if there was
+    none."""
+    links: Mapping[str, WrenchHealth] = field(default_factory=dict)
+    """Networked sensors within the arm, by field of the scene."""
+    recent: tuple[str, ...] = ()
+    """Problems with the readings in the last second, one readable line each."""
+
+    @property
+    def trouble(self) -> str:
+        """Current problem in one readable line; empty if there is none."""
+        found = []
+        if self.robot.state != "streaming":
+            found.append(self.robot.error or "no data from the robot yet")
+        if self.wrench is not None and self.wrench.state != "streaming":
+            found.append(self.wrench.error or "no data from the force/torque sensor yet")
+        for name, sensor in self.links.items():
+            if sensor.state != "streaming":
+                found.append(f"{name}: {sensor.error or 'no data from the sensor yet'}")
+        found += self.recent
+        return "; ".join(found)
