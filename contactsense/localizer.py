@@ -16,6 +16,7 @@ from contactsense.residuals.bias_filter import restart as restart_bias_filter
 from contactsense.residuals.noise_scale import restart as restart_noise_scale
 from contactsense.residuals.sensor_consistency import restart as restart_consistency
 from contactsense.robots.jit.compilation import CompilationProgress
+from contactsense.robots.jit.declaration import numbers
 from contactsense.robots.jit.kernel import disable_compilation
 from contactsense.robots.jit.progress_bar import shown_compilation
 from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
@@ -34,8 +35,6 @@ from contactsense.sensors.stream_state import (
     LINK,
     REPEATED,
     RESTARTED,
-    SCALE,
-    STEP,
     TORQUE,
     TOUCHED,
     UNUSABLE,
@@ -44,7 +43,7 @@ from contactsense.sensors.stream_state import (
 from contactsense.sensors.stream_state import restart as restart_stream
 from contactsense.sensors.timing import reset_timing
 from contactsense.static_localizer import Method, StaticLocalizer
-from contactsense.tracking.contact_tracker import HOLD, NEW, NONE, NUMBER, PHASE, SLIDE, end_contact
+from contactsense.tracking.contact_tracker import HOLD, NEW, NONE, SLIDE, end_contact
 from contactsense.types import Estimate, Event, EventKind, Phase, Sample
 
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
@@ -86,6 +85,8 @@ class Localizer(StaticLocalizer):
         self._screening = StreamScreening(scene, self._plausible)
         self._start = StreamStart(scene.bandwidth)
         self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
+        status = self._buffers.state.track.status
+        self._contact_phase, self._contact_number = numbers(status, "phase"), numbers(status, "number")
         self._multi_tracker: MultiContactTracker | None = None
         if self._locator is not None:
             self._multi_tracker = MultiContactTracker(
@@ -103,7 +104,7 @@ class Localizer(StaticLocalizer):
         restart_stream(state.stream)
         restart_consistency(state.consistency, self.scene.force, self.scene.contacts == 1)
         end_contact(state.track)
-        state.track.scalars[NUMBER] = 0.0
+        state.track.status[0].number = 0
         if self._multi_tracker is not None:
             self._multi_tracker.forget()
         self._screening.reset()
@@ -193,7 +194,7 @@ class Localizer(StaticLocalizer):
                 return self._picked_up(t, mass)
         reason = ""
         if flags & DEGRADED:
-            step = float(self._stream.scalars[STEP])
+            step = self._stream.clock[0].step
             consistency = self._buffers.state.consistency
             names, refused = self._sample_fields.names, self._screening.refused
             reason = degraded_reason(names, flags, consistency, refused, step)
@@ -233,15 +234,14 @@ class Localizer(StaticLocalizer):
 
     def _phase_change(self, t: float) -> tuple[tuple[EventKind, ...], tuple[Event, ...]]:
         """Events of the contact in this sample: kinds of its own events, and its release."""
-        scalars = self._buffers.state.track.scalars
-        phase, previous = int(scalars[PHASE]), self._phase
+        phase, previous = int(self._contact_phase[0]), self._phase
         if phase == previous:
             return (), ()
         self._phase = phase
         if phase == NONE:
             return (), (Event("release", self._number, t),)
         if phase == NEW:
-            self._number = int(scalars[NUMBER])
+            self._number = int(self._contact_number[0])
         return (_EVENTS[phase],), ()
 
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
@@ -271,7 +271,7 @@ class Localizer(StaticLocalizer):
         if self._block_runner is None:
             first = self._buffers.constants.surfaces.start
             self._block_runner = BlockRunner(
-                self.scene, self._scene_sensors, self._links, first, track.scalars
+                self.scene, self._scene_sensors, self._links, first, track.status
             )
         compiled = self._multi_tracker is None and self._payload is None and not self._intrinsic
         compiled_only = compiled and not estimates
@@ -282,7 +282,7 @@ class Localizer(StaticLocalizer):
                 found = self._block_runner.run(
                     self._sample_args, settings, part, self._rows, None if compiled_only else self._estimate
                 )
-                self._phase, self._number = int(track.scalars[PHASE]), int(track.scalars[NUMBER])
+                self._phase, self._number = int(self._contact_phase[0]), int(self._contact_number[0])
                 self._start.update_block(found.t, found.flags)
                 yield found
 
@@ -319,10 +319,10 @@ class Localizer(StaticLocalizer):
             *self._sample_fields.fields(self._sample_fields.compile_sample()),
         )  # fmt: skip
         disable_compilation(detect)
-        self._stream.usable[:] = 0.0
+        self._stream.usable[:] = 0
         self._stream.usable[[BASE, TORQUE]] = self._scene_sensors
-        self._stream.usable[LINK : LINK + len(links)] = 1.0
-        self._stream.scalars[SCALE] = 1.0
+        self._stream.usable[LINK : LINK + len(links)] = 1
+        self._stream.clock[0].variance_ratio = 1.0
         localize(*self._sample_args, self._bandwidth, self._gate, self._rows)
         self._locate_once(
             self._sample_fields.values(self._sample_fields.compile_sample().q),

@@ -21,8 +21,7 @@ from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.buffer_views import buffer_views
-from contactsense.runtime.buffers import KernelBuffers
+from contactsense.runtime.buffers import KernelBuffers, buffer_views
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.kernels import locate_once
 from contactsense.runtime.result_rows import WIDTH

@@ -51,7 +51,7 @@ def build_stage(scene: Scene, least_torque: float = 0.0, least_moment: float = 0
     torque = np.zeros(joints)
     if scene.joint_torque is not None:
         torque = 1.0 / np.maximum(np.sqrt(arm.sensors.torque_variance), least_torque)
-    base = np.zeros((6, 6))
+    base: np.ndarray = np.zeros((6, 6))
     if scene.base_wrench is not None:
         base = np.linalg.cholesky(arm.sensors.base_information).T.copy()
         base *= min(1.0, scene.base_wrench.moment_noise / max(least_moment, 1e-12))

@@ -24,12 +24,11 @@ from contactsense.benchmarks.posterior.samples import SPACING, Samples, of_meshe
 from contactsense.isolation.link_hypotheses import (
     Hypotheses,
     SensorRows,
-    empty_hypotheses,
-    empty_rows,
     isolate,
 )
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, empty_motion
+from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.kernel import allocating_fused_kernel
 from contactsense.runtime.constants import Constants, build_constants
 
@@ -112,7 +111,7 @@ class Dense:
         self._rule = _RULES.index(rule)
         self._constants = build_constants(scene)
         joints, links = self._constants.model.joints, len(self._constants.touchable)
-        self._state = (empty_motion(joints), empty_hypotheses(links), empty_rows(joints))
+        self._state = (empty_motion(joints), zeros(Hypotheses, links=links), zeros(SensorRows, rows=joints))
         self._scratch = (np.zeros(6), np.zeros((6, 6)), np.zeros((8, 8)), np.zeros((6, 6)), np.zeros(6))
         self._transform = np.zeros((6, 6))
         self._probes = (np.zeros(_PROBES, np.int64), np.zeros(_PROBES, np.int64), np.zeros((_PROBES, 3)))

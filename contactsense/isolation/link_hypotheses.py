@@ -11,13 +11,14 @@ row, going outward, gives all hypotheses in turn. For a subset of the sensors th
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from contactsense.kinematics.linalg.outer_product import add_outer_product, add_scaled_vector, symmetrize
 from contactsense.kinematics.spatial import dot6
 from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
 
 PRIOR_STD = 1e3
@@ -32,20 +33,20 @@ class SensorModel(NamedTuple):
     """Which sensor measures a contact on which link, and the noise. Covariances are about the base origin,
     base axes."""
 
-    depth: np.ndarray
-    """Number of joints between the base and each link, increasing, shape (links,), int64."""
-    first_link: np.ndarray
+    depth: Annotated[Integers, "links"]
+    """Number of joints between the base and each link, increasing."""
+    first_link: Annotated[Integers, "link_sensors"]
     """First link on which each of the S link sensors, force/torque sensors within the arm, measures a
-    contact, as it does on all further ones, shape (S,), int64."""
-    base_covariance: np.ndarray
-    """Covariance of the base wrench, shape (6, 6)."""
-    base_information: np.ndarray
-    """Its inverse, shape (6, 6)."""
-    torque_variance: np.ndarray
-    """Variance of each joint torque's noise in one sample, shape (n,) [Nm^2]."""
-    link_variance: np.ndarray
-    """Variance of each force and each moment component of the link sensors about their own origin, shape (S,
-    2) [N^2, Nm^2]."""
+    contact, as it does on all further ones."""
+    base_covariance: Annotated[Floats, "6, 6"]
+    """Covariance of the base wrench."""
+    base_information: Annotated[Floats, "6, 6"]
+    """Its inverse."""
+    torque_variance: Annotated[Floats, "joints"]
+    """Variance of each joint torque's noise in one sample [Nm^2]."""
+    link_variance: Annotated[Floats, "link_sensors, 2"]
+    """Variance of each force and each moment component of the link sensors about their own origin [N^2,
+    Nm^2]."""
 
 
 class SensorRows(NamedTuple):
@@ -53,54 +54,31 @@ class SensorRows(NamedTuple):
     base origin, base axes, on links that the sensor sees, else noise alone. M is the most that there can
     be."""
 
-    screw: np.ndarray
-    """Shape (M, 6)."""
-    value: np.ndarray
-    """The measurement, shape (M,)."""
-    proximal_value: np.ndarray
+    screw: Annotated[Floats, "rows, 6"]
+    value: Annotated[Floats, "rows"]
+    """The measurement."""
+    proximal_value: Annotated[Floats, "rows"]
     """The same for contacts that the sensor sees; differs from `value` where the base wrench was low-passed
-    in other frames, see `contactsense.residuals.equations_of_motion`, shape (M,)."""
-    variance: np.ndarray
-    """Variance of its noise, from all sources, shape (M,)."""
-    first_link: np.ndarray
-    """The sensor sees this link and all further ones, shape (M,), int64."""
-
-
-def empty_rows(count: int) -> SensorRows:
-    """Arrays for that many rows."""
-    return SensorRows(
-        screw=np.zeros((count, 6)),
-        value=np.zeros(count),
-        proximal_value=np.zeros(count),
-        variance=np.zeros(count),
-        first_link=np.zeros(count, dtype=np.int64),
-    )
+    in other frames, see `contactsense.residuals.equations_of_motion`."""
+    variance: Annotated[Floats, "rows"]
+    """Variance of its noise, from all sources."""
+    first_link: Annotated[Integers, "rows"]
+    """The sensor sees this link and all further ones."""
 
 
 class Hypotheses(NamedTuple):
     """One row per link, filled by `isolate`."""
 
-    wrench: np.ndarray
-    """Fused contact wrench about the base origin, base axes, shape (links, 6) [N, Nm]."""
-    covariance: np.ndarray
-    """Its covariance, shape (links, 6, 6)."""
-    information: np.ndarray
-    """Inverse of `covariance`; accumulated, not inverted, shape (links, 6, 6)."""
-    energy: np.ndarray
-    """Half the squared residuals at the fused wrench, in units of the noise, shape (links,)."""
-    log_evidence: np.ndarray
-    """Log likelihood of all measurements under a contact on this link with any wrench, shape (links,)."""
-
-
-def empty_hypotheses(links: int) -> Hypotheses:
-    """Arrays for that many links."""
-    return Hypotheses(
-        wrench=np.empty((links, 6)),
-        covariance=np.empty((links, 6, 6)),
-        information=np.empty((links, 6, 6)),
-        energy=np.empty(links),
-        log_evidence=np.empty(links),
-    )
+    wrench: Annotated[Floats, "links, 6"]
+    """Fused contact wrench about the base origin, base axes [N, Nm]."""
+    covariance: Annotated[Floats, "links, 6, 6"]
+    """Its covariance."""
+    information: Annotated[Floats, "links, 6, 6"]
+    """Inverse of `covariance`; accumulated, not inverted."""
+    energy: Annotated[Floats, "links"]
+    """Half the squared residuals at the fused wrench, in units of the noise."""
+    log_evidence: Annotated[Floats, "links"]
+    """Log likelihood of all measurements under a contact on this link with any wrench."""
 
 
 @fused_kernel

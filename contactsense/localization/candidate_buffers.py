@@ -1,9 +1,8 @@
 """Arrays for the candidate contacts of one measurement, and how a candidate is stored in them."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-import numpy as np
-
+from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
 
 MAX_CANDIDATES = 8
@@ -25,52 +24,32 @@ class Candidates(NamedTuple):
     order in which candidates are found, and a primitive may have several.
     """
 
-    order: np.ndarray
-    """Rows by falling probability, shape (R,), int64."""
-    primitive: np.ndarray
-    """Index of the touched primitive, shape (R,), int64."""
-    score: np.ndarray
-    """Log evidence, shape (R,)."""
-    probability: np.ndarray
-    """Probability, set for the rows listed in `order`, shape (R,)."""
-    point: np.ndarray
-    """Contact centroid [m], shape (R, 3)."""
-    normal: np.ndarray
-    """Outward unit normal, shape (R, 3)."""
-    force: np.ndarray
-    """Force on the robot [N], shape (R, 3)."""
-    torsion: np.ndarray
-    """Moment on the robot about the outward normal [Nm], shape (R,)."""
-    covariance: np.ndarray
-    """Covariance of `point` [m^2], shape (R, 3, 3)."""
-    wrench: np.ndarray
-    """Fused wrench of the link hypothesis in the body frame of each primitive, shape (P, 6) [N, Nm]."""
-    information: np.ndarray
-    """Its information matrix, shape (P, 6, 6)."""
-    rotation: np.ndarray
-    """Rotation from the body frame of each primitive to the base frame, shape (P, 3, 3)."""
-    origin: np.ndarray
-    """Origin of the body frame of each primitive, base frame [m], shape (P, 3)."""
-
-
-def empty_candidates(primitives: int) -> Candidates:
-    """Zero-filled arrays for that many primitives."""
-    rows = max(primitives, MAX_CANDIDATES)
-    return Candidates(
-        order=np.zeros(rows, dtype=np.int64),
-        primitive=np.zeros(rows, dtype=np.int64),
-        score=np.zeros(rows),
-        probability=np.zeros(rows),
-        point=np.zeros((rows, 3)),
-        normal=np.zeros((rows, 3)),
-        force=np.zeros((rows, 3)),
-        torsion=np.zeros(rows),
-        covariance=np.zeros((rows, 3, 3)),
-        wrench=np.zeros((primitives, 6)),
-        information=np.zeros((primitives, 6, 6)),
-        rotation=np.zeros((primitives, 3, 3)),
-        origin=np.zeros((primitives, 3)),
-    )
+    order: Annotated[Integers, "candidates"]
+    """Rows by falling probability."""
+    primitive: Annotated[Integers, "candidates"]
+    """Index of the touched primitive."""
+    score: Annotated[Floats, "candidates"]
+    """Log evidence."""
+    probability: Annotated[Floats, "candidates"]
+    """Probability, set for the rows listed in `order`."""
+    point: Annotated[Floats, "candidates, 3"]
+    """Contact centroid [m]."""
+    normal: Annotated[Floats, "candidates, 3"]
+    """Outward unit normal."""
+    force: Annotated[Floats, "candidates, 3"]
+    """Force on the robot [N]."""
+    torsion: Annotated[Floats, "candidates"]
+    """Moment on the robot about the outward normal [Nm]."""
+    covariance: Annotated[Floats, "candidates, 3, 3"]
+    """Covariance of `point` [m^2]."""
+    wrench: Annotated[Floats, "primitives, 6"]
+    """Fused wrench of the link hypothesis in the body frame of each primitive [N, Nm]."""
+    information: Annotated[Floats, "primitives, 6, 6"]
+    """Its information matrix."""
+    rotation: Annotated[Floats, "primitives, 3, 3"]
+    """Rotation from the body frame of each primitive to the base frame."""
+    origin: Annotated[Floats, "primitives, 3"]
+    """Origin of the body frame of each primitive, base frame [m]."""
 
 
 @fused_kernel

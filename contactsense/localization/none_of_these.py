@@ -8,11 +8,10 @@ evidence has a closed form.
 """
 
 import math
-from typing import NamedTuple
-
-import numpy as np
+from typing import Annotated, NamedTuple
 
 from contactsense.kinematics.linalg.ldl import ldl_solve
+from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
@@ -29,13 +28,13 @@ SMALLEST_MOMENT = 1e-3
 class LeftOutLinks(NamedTuple):
     """Surfaces of links that can be touched but are left out of the search."""
 
-    log_weight: np.ndarray
-    """Log of the prior probability of a touch on each link relative to that of a touch on any searched link,
-    shape (links,); minus infinity for searched links, and for links that cannot be touched."""
-    centre: np.ndarray
-    """Centre of the surface, link frame, shape (links, 3) [m]."""
-    covariance: np.ndarray
-    """Covariance of the surface's points, link axes, shape (links, 3, 3) [m^2]."""
+    log_weight: Annotated[Floats, "links"]
+    """Log of the prior probability of a touch on each link relative to that of a touch on any searched link;
+    minus infinity for searched links, and for links that cannot be touched."""
+    centre: Annotated[Floats, "links, 3"]
+    """Centre of the surface, link frame [m]."""
+    covariance: Annotated[Floats, "links, 3, 3"]
+    """Covariance of the surface's points, link axes [m^2]."""
 
 
 @fused_kernel

@@ -6,11 +6,12 @@ if the posterior is narrow.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from contactsense.localization.farthest_point_sampling import farthest_point_sampling
+from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 
@@ -31,35 +32,35 @@ MOUNTING_HEIGHT = 0.002
 class SurfaceSamples(NamedTuple):
     """S samples, sorted by primitive; link frames."""
 
-    point: np.ndarray
-    """Point of the surface, shape (S, 3) [m]."""
-    normal: np.ndarray
-    """Outward unit normal, shape (S, 3)."""
-    spread: np.ndarray
-    """Standard deviation of the cell along each tangent, shape (S,) [m]."""
-    log_share: np.ndarray
-    """Logarithm of the cell's share of the touchable area, shape (S,)."""
-    primitive: np.ndarray
-    """Primitive on which it lies, shape (S,), int64."""
-    start: np.ndarray
-    """First sample of each primitive, then the total number, shape (P + 1,), int64."""
+    point: Annotated[Floats, "samples, 3"]
+    """Point of the surface [m]."""
+    normal: Annotated[Floats, "samples, 3"]
+    """Outward unit normal."""
+    spread: Annotated[Floats, "samples"]
+    """Standard deviation of the cell along each tangent [m]."""
+    log_share: Annotated[Floats, "samples"]
+    """Logarithm of the cell's share of the touchable area."""
+    primitive: Annotated[Integers, "samples"]
+    """Primitive on which it lies."""
+    start: Annotated[Integers, "primitives + 1"]
+    """First sample of each primitive, then the total number."""
 
 
 class SurfaceSubsamples(NamedTuple):
     """T subsamples of the cells of S samples, sorted by cell; link frames."""
 
-    point: np.ndarray
-    """Point of the surface, shape (T, 3) [m]."""
-    normal: np.ndarray
-    """Outward unit normal, shape (T, 3)."""
-    spread: np.ndarray
-    """Standard deviation of the subcell along each tangent, shape (T,) [m]."""
-    log_share: np.ndarray
-    """Logarithm of the subcell's share of the touchable area, shape (T,)."""
-    primitive: np.ndarray
-    """Primitive on which it lies; may differ from that of the cell's sample, shape (T,), int64."""
-    start: np.ndarray
-    """First subsample of each cell, then the total number, shape (S + 1,), int64."""
+    point: Annotated[Floats, "subsamples, 3"]
+    """Point of the surface [m]."""
+    normal: Annotated[Floats, "subsamples, 3"]
+    """Outward unit normal."""
+    spread: Annotated[Floats, "subsamples"]
+    """Standard deviation of the subcell along each tangent [m]."""
+    log_share: Annotated[Floats, "subsamples"]
+    """Logarithm of the subcell's share of the touchable area."""
+    primitive: Annotated[Integers, "subsamples"]
+    """Primitive on which it lies; may differ from that of the cell's sample."""
+    start: Annotated[Integers, "samples + 1"]
+    """First subsample of each cell, then the total number."""
 
 
 class Patches(NamedTuple):

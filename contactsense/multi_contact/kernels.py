@@ -12,7 +12,7 @@ from contactsense.multi_contact.measurement_rows import fill_measurement_rows, r
 from contactsense.multi_contact.seeding import estimate_force_scale, transform_samples
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.signed_distance_grid import Grids
-from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.buffers import buffer_views
 from contactsense.runtime.no_contact_hypothesis import update_covariances
 from contactsense.runtime.residual_update import residual_variance_ratio
 from contactsense.runtime.result_rows import MIN_PROBABILITY, write_row

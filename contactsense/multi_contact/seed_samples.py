@@ -1,9 +1,10 @@
 """Selects the surface samples at which the search for several contacts starts."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.runtime.constants import Constants
 
 MAX_SEED_SAMPLES = 160
@@ -16,14 +17,14 @@ class SeedSamples(NamedTuple):
     """The samples of `contactsense.localization.surface_samples`, and a coarse subset that covers the
     arm."""
 
-    primitive: np.ndarray
-    """Primitive of every sample, shape (S,), int64."""
-    link: np.ndarray
-    """Its link, shape (S,), int64."""
-    spread: np.ndarray
-    """Standard deviation of its cell along each tangent, shape (S,) [m]."""
-    coarse: np.ndarray
-    """Indices of the coarse subset, shape (at most MAX_SEED_SAMPLES,), int64."""
+    primitive: Annotated[Integers, "samples"]
+    """Primitive of every sample."""
+    link: Annotated[Integers, "samples"]
+    """Its link."""
+    spread: Annotated[Floats, "samples"]
+    """Standard deviation of its cell along each tangent [m]."""
+    coarse: Annotated[Integers, "coarse"]
+    """Indices of the coarse subset, at most MAX_SEED_SAMPLES."""
     coarse_factor: float
     """Ratio of the cell size of the subset to that of all samples."""
 

@@ -30,7 +30,7 @@ from contactsense.multi_contact.tracked_contacts import TrackedContact, tracked_
 from contactsense.runtime.buffers import KernelBuffers
 from contactsense.runtime.result_rows import PROBABILITY
 from contactsense.scene import Scene
-from contactsense.tracking.contact_tracker import NEW, NEW_TIME_CONSTANTS, NUMBER, PHASE, restart_windows
+from contactsense.tracking.contact_tracker import NEW, NEW_TIME_CONSTANTS, restart_windows
 from contactsense.types import Estimate, Event, Phase
 
 PRIOR_INTERVAL = 3.0
@@ -139,7 +139,7 @@ class MultiContactTracker:
 
     def _check_single_contact(self, t: float, present: Usable, number: int, explained: bool) -> None:
         """Test the previous estimate of a single contact; start tracking if a further one is found."""
-        if self._state.track.scalars[PHASE] == NEW:
+        if self._state.track.status[0].phase == NEW:
             self._prior_hypotheses = []
             return
         now = self._single_contact_hypotheses() if explained else []
@@ -301,10 +301,10 @@ class MultiContactTracker:
     def _add_contact(self, t: float, hypotheses: Sequence[Hypothesis], before: Sequence[Hypothesis]) -> None:
         """Add a further contact, found in `hypotheses`, given the hypotheses `before` its onset."""
         self._before_onset, self._onset_force = list(before), math.inf
-        life = self._state.track.scalars
-        life[NUMBER] += 1.0
-        self._members.append(Member(int(life[NUMBER]), t, t, "new"))
-        self._events.append(Event("onset", int(life[NUMBER]), t))
+        status = self._state.track.status[0]
+        status.number += 1
+        self._members.append(Member(status.number, t, t, "new"))
+        self._events.append(Event("onset", status.number, t))
         self._set_prior(t, hypotheses)
         self._explained_time = t
 

@@ -11,7 +11,7 @@ over a time T: sigma^2 dt / T^2 per second for white noise sigma in samples dt a
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -21,10 +21,10 @@ from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import (
     MomentumObserver,
     advance,
-    empty_observer,
     group_of,
     start_step,
 )
+from contactsense.robots.jit.declaration import Floats, Records, Sized, record
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
 UPDATE_INTERVAL = 2.0
@@ -33,53 +33,43 @@ PAUSE_AFTER_CONTACT = 5.0
 """Time from the end of a contact to the next update, in time constants of the observer."""
 MIN_MASS_CHANGE = -0.5
 """Lower bound of the relative change of a mass in one update."""
-TIME_SINCE_UPDATE, TIME_SINCE_CONTACT, ESTIMATES_MASSES = 0, 1, 2
-"""Indices of `BiasFilter.scalars`."""
+
+
+@record
+class BiasFilterStatus:
+    """When the filter was updated, and what it estimates."""
+
+    time_since_update: float
+    """[s]"""
+    time_since_contact: float
+    """[s]"""
+    estimates_masses: bool
 
 
 class BiasFilter(NamedTuple):
     """State of the filter: 6 biases of the base sensor, n of the torques, n relative masses; N in all."""
 
-    covariance: np.ndarray
-    """Covariance of biases and relative masses, shape (N, N)."""
-    bias: np.ndarray
-    """Bias of the base wrench in addition to the scene's, base axes, base origin, shape (6,) [N, Nm]."""
-    mass_regressor: MomentumObserver
+    covariance: Annotated[Floats, "6 + 2 * joints, 6 + 2 * joints"]
+    """Covariance of biases and relative masses."""
+    bias: Annotated[Floats, "6"]
+    """Bias of the base wrench in addition to the scene's, base axes, base origin [N, Nm]."""
+    mass_regressor: Annotated[MomentumObserver, Sized(equations="(joints + 6) * joints")]
     """Columns of Phi for the masses: n + 6 equations (joints, then base) for each of n links."""
-    base_covariance: np.ndarray
-    """Covariance of the base wrench due to biases and masses, shape (6, 6)."""
-    torque_variance: np.ndarray
-    """Variance of each torque due to biases and masses, shape (n,)."""
-    residual_mass_covariance: np.ndarray
-    """Scratch: covariance of each residual with the masses, shape (n + 6, n)."""
-    measurement_row: np.ndarray
-    """Scratch: row of Phi for one residual, shape (N,)."""
-    cross_covariance: np.ndarray
-    """Scratch: covariance of all estimates with one residual, P times the row, shape (N,)."""
-    correction: np.ndarray
-    """Scratch: correction of all estimates in an update, shape (N,)."""
-    wrench_correction: np.ndarray
-    """Scratch: correction of base wrench and momentum, shape (2, 6)."""
-    scalars: np.ndarray
-    """Time since the last update and since the last contact [s]; 1 if masses are estimated; shape (3,)."""
-
-
-def empty_bias_filter(joints: int) -> BiasFilter:
-    """State before the first sample, for that many joints; `restart` initializes it."""
-    size = 6 + 2 * joints
-    return BiasFilter(
-        covariance=np.zeros((size, size)),
-        bias=np.zeros(6),
-        mass_regressor=empty_observer((joints + 6) * joints),
-        base_covariance=np.zeros((6, 6)),
-        torque_variance=np.zeros(joints),
-        residual_mass_covariance=np.zeros((joints + 6, joints)),
-        measurement_row=np.zeros(size),
-        cross_covariance=np.zeros(size),
-        correction=np.zeros(size),
-        wrench_correction=np.zeros((2, 6)),
-        scalars=np.zeros(3),
-    )
+    base_covariance: Annotated[Floats, "6, 6"]
+    """Covariance of the base wrench due to biases and masses."""
+    torque_variance: Annotated[Floats, "joints"]
+    """Variance of each torque due to biases and masses."""
+    residual_mass_covariance: Annotated[Floats, "joints + 6, joints"]
+    """Scratch: covariance of each residual with the masses."""
+    measurement_row: Annotated[Floats, "6 + 2 * joints"]
+    """Scratch: row of Phi for one residual."""
+    cross_covariance: Annotated[Floats, "6 + 2 * joints"]
+    """Scratch: covariance of all estimates with one residual, P times the row."""
+    correction: Annotated[Floats, "6 + 2 * joints"]
+    """Scratch: correction of all estimates in an update."""
+    wrench_correction: Annotated[Floats, "2, 6"]
+    """Scratch: correction of base wrench and momentum."""
+    status: Annotated[Records[BiasFilterStatus], "1"]
 
 
 def restart(bias_filter: BiasFilter, inertia_error: float, base_weight: np.ndarray) -> None:
@@ -91,14 +81,14 @@ def restart(bias_filter: BiasFilter, inertia_error: float, base_weight: np.ndarr
         base_weight: Gravity wrench on the base link, shape (6,) [N, Nm]; an error of it is a bias.
     """
     for array in (*bias_filter[:2], *bias_filter.mass_regressor, *bias_filter[3:]):
-        array[:] = 0.0
+        np.asarray(array).fill(0)
     base_weight_error = inertia_error * base_weight
     bias_filter.covariance[:6, :6] = np.outer(base_weight_error, base_weight_error)
     masses = np.arange(
         len(bias_filter.measurement_row) - len(bias_filter.torque_variance), len(bias_filter.measurement_row)
     )
     bias_filter.covariance[masses, masses] = inertia_error**2
-    bias_filter.scalars[ESTIMATES_MASSES] = 1.0 if inertia_error > 0.0 else 0.0
+    bias_filter.status[0].estimates_masses = inertia_error > 0.0
 
 
 @inlined_kernel
@@ -125,8 +115,9 @@ def predict(
         bandwidth: Cut-off frequency of the observers [Hz].
     """
     P, n = bias_filter.covariance, torque_noise.shape[0]
-    bias_filter.scalars[TIME_SINCE_UPDATE] += dt
-    bias_filter.scalars[TIME_SINCE_CONTACT] += dt
+    status = bias_filter.status[0]
+    status.time_since_update += dt
+    status.time_since_contact += dt
     growth = (bias_rate * dt) ** 2
     for i in range(6):
         P[i, i] += growth * base_noise[i, i]
@@ -137,7 +128,7 @@ def predict(
             bias_filter.base_covariance[a, b] = P[a, b]
     for j in range(n):
         bias_filter.torque_variance[j] = P[6 + j, 6 + j]
-    if bias_filter.scalars[ESTIMATES_MASSES] > 0.0:
+    if status.estimates_masses:
         _advance_mass_regressor(bias_filter, torque_model, motion, dt, bandwidth)
         _add_mass_covariance(bias_filter, n)
 
@@ -145,10 +136,10 @@ def predict(
 @inlined_kernel
 def update_is_due(bias_filter: BiasFilter, bandwidth: float) -> bool:
     """Whether the filter takes in the residuals of this sample, where nothing touches."""
-    K = 2.0 * math.pi * bandwidth
-    return bool(
-        bias_filter.scalars[TIME_SINCE_UPDATE] * K >= UPDATE_INTERVAL
-        and bias_filter.scalars[TIME_SINCE_CONTACT] * K >= PAUSE_AFTER_CONTACT
+    K, status = 2.0 * math.pi * bandwidth, bias_filter.status[0]
+    return (
+        status.time_since_update * K >= UPDATE_INTERVAL
+        and status.time_since_contact * K >= PAUSE_AFTER_CONTACT
     )
 
 
@@ -262,7 +253,7 @@ def update(
         bias_filter.measurement_row,
         bias_filter.cross_covariance,
     )
-    estimates_masses = bias_filter.scalars[ESTIMATES_MASSES] > 0.0
+    estimates_masses = bias_filter.status[0].estimates_masses
     # Masses that are not estimated have no covariance.
     size = measurement_row.shape[0] if estimates_masses else 6 + n
     index, coefficient = _bias_index(n, equation), _bias_coefficient(n, equation)
@@ -324,7 +315,7 @@ def apply_correction(
     for i in range(6):
         bias_filter.bias[i] += x[i]
         d_wrench[i], d_momentum[i] = -x[i], 0.0
-    estimates_masses = bias_filter.scalars[ESTIMATES_MASSES] > 0.0
+    estimates_masses = bias_filter.status[0].estimates_masses
     regressor, H = bias_filter.mass_regressor.residual, motion.momentum
     if estimates_masses:
         for k in range(n):

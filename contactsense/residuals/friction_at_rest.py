@@ -15,13 +15,14 @@ friction is learned afterwards.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from contactsense.residuals.joint_friction import JointTorqueModel, unmodelled_torque_std
 from contactsense.robots.jit.array_views import copy
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.declaration import Floats, Records, record
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
 PRESLIDING_DISPLACEMENT = 5e-4
 """A joint that has moved further has slipped; below, friction acts as a spring [rad]."""
@@ -36,49 +37,65 @@ SLICE_LENGTH, SLICE_COUNT = 0.1, 8
 RELEASE_RATIO = 0.25
 """The contact ends when its energy has fallen to this fraction of its maximum, its torques to half: friction
 may have shifted meanwhile, so the torques need not return to their references."""
-_STARTED, _REST_TIME, _LOG_TIME, _DEVIATION_TIME, _IN_CONTACT, _PEAK_ENERGY, _WAS_TOUCHED, _ENERGY = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-)
+
+
+@record
+class RestStatus:
+    """What is known of the arm at rest."""
+
+    started: bool
+    """Whether there was a sample at all."""
+    rest_time: float
+    """Time since the last slip [s]."""
+    log_time: float
+    """Its logarithm."""
+    deviation_time: float
+    """For how long the torques have deviated from their references [s]."""
+    in_contact: bool
+    """Whether that is a contact."""
+    peak_energy: float
+    """The largest energy of it."""
+    was_touched: bool
+    """Whether any contact was present at the last sample."""
+    energy: float
+    """The energy returned for it."""
+
+
+@record
+class TimeSlice:
+    """A slice of ln(s)."""
+
+    log_time: float
+    """Its ln(s)."""
+    variance_ratio: float
+    """Variance of its mean over that of one residual, infinite for empty slices."""
+    duration: float
+    """[s]"""
 
 
 class FrictionAtRest(NamedTuple):
     """Reference torques of joints at rest. n joints."""
 
-    mean_residual: np.ndarray
-    """Mean residual of the slice being filled and of those before, the latest first, shape (SLICE_COUNT + 1,
-    n) [Nm]."""
-    slices: np.ndarray
-    """Of each slice: its ln(s); variance of its mean over that of one residual, infinite for empty slices;
-    its duration [s]; shape (SLICE_COUNT + 1, 3)."""
-    anchor: np.ndarray
-    """Joint positions at the last slip, shape (n,) [rad]."""
-    scalars: np.ndarray
-    """Whether it has started; time since the last slip [s], and its logarithm; for how long the torques have
-    deviated from their references [s]; whether that is a contact, and the largest energy of it; whether any
-    contact was present at the last sample; the energy returned for it; shape (8,)."""
+    mean_residual: Annotated[Floats, f"{SLICE_COUNT} + 1, joints"]
+    """Mean residual of the slice being filled and of those before, the latest first [Nm]."""
+    slices: Annotated[Records[TimeSlice], f"{SLICE_COUNT} + 1"]
+    """The slice being filled and those before."""
+    anchor: Annotated[Floats, "joints"]
+    """Joint positions at the last slip [rad]."""
+    status: Annotated[Records[RestStatus], "1"]
 
 
-def empty_friction_at_rest(joints: int) -> FrictionAtRest:
-    """State before the first sample, for that many joints."""
-    return FrictionAtRest(
-        mean_residual=np.zeros((SLICE_COUNT + 1, joints)),
-        slices=np.zeros((SLICE_COUNT + 1, 3)),
-        anchor=np.zeros(joints),
-        scalars=np.zeros(8),
-    )
+@inlined_kernel
+def _clear_status(status: RestStatus) -> None:
+    status.started, status.in_contact, status.was_touched = False, False, False
+    status.rest_time, status.log_time, status.deviation_time = 0.0, 0.0, 0.0
+    status.peak_energy, status.energy = 0.0, 0.0
 
 
 @kernel
 def reset_friction_at_rest(state: FrictionAtRest) -> None:
     """Restart with the next sample."""
-    state.scalars[:] = 0.0
+    _clear_status(state.status[0])
 
 
 @kernel
@@ -115,42 +132,42 @@ def energy_beyond_static_friction(
         0 while the arm moves or nothing has changed; half the squared deviations in units of their variance
         once torques have deviated from their references for `BREAKAWAY_TIME`.
     """
-    scalars = state.scalars
+    status = state.status[0]
     if dt < 0.0:
-        return float(scalars[_ENERGY])
-    slipped = dt == 0.0 or scalars[_STARTED] == 0.0 or (scalars[_WAS_TOUCHED] > 0.0 and not touched)
+        return status.energy
+    slipped = dt == 0.0 or not status.started or (status.was_touched and not touched)
     for j in range(q.shape[0]):
         slipped = slipped or abs(q[j] - state.anchor[j]) > PRESLIDING_DISPLACEMENT
     if slipped:
         _restart(state, q)
-    scalars[_WAS_TOUCHED] = 1.0 if touched else 0.0
-    scalars[_ENERGY] = 0.0
-    scalars[_REST_TIME] += dt
-    if scalars[_REST_TIME] < SETTLING_TIME:
+    status.was_touched = touched
+    status.energy = 0.0
+    status.rest_time += dt
+    if status.rest_time < SETTLING_TIME:
         return 0.0
-    scalars[_LOG_TIME] += dt / min(scalars[_REST_TIME], CREEP_TIME)
+    status.log_time += dt / min(status.rest_time, CREEP_TIME)
     energy = _largest_deviation_energy(
         state, torque_model, residual, noise_variance, variance_ratio, model_variance
     )
     onset, release = thresholds
-    if scalars[_IN_CONTACT] > 0.0:
-        scalars[_PEAK_ENERGY] = max(scalars[_PEAK_ENERGY], energy)
-        if energy <= release or energy <= RELEASE_RATIO * scalars[_PEAK_ENERGY]:
+    if status.in_contact:
+        status.peak_energy = max(status.peak_energy, energy)
+        if energy <= release or energy <= RELEASE_RATIO * status.peak_energy:
             _restart(state, q)
         else:
-            scalars[_ENERGY] = energy
-    elif energy > (onset if scalars[_DEVIATION_TIME] == 0.0 else release):
+            status.energy = energy
+    elif energy > (onset if status.deviation_time == 0.0 else release):
         _clear_slice(state, 0)
-        scalars[_DEVIATION_TIME] += dt
-        if scalars[_DEVIATION_TIME] >= BREAKAWAY_TIME:
-            scalars[_IN_CONTACT], scalars[_PEAK_ENERGY], scalars[_ENERGY] = 1.0, energy, energy
+        status.deviation_time += dt
+        if status.deviation_time >= BREAKAWAY_TIME:
+            status.in_contact, status.peak_energy, status.energy = True, energy, energy
     else:
-        scalars[_DEVIATION_TIME] = 0.0
+        status.deviation_time = 0.0
         if touched:
             _clear_slice(state, 0)
         else:
             _update_slice(state, residual, dt, bandwidth)
-    return float(scalars[_ENERGY])
+    return status.energy
 
 
 @kernel
@@ -165,18 +182,15 @@ def _largest_deviation_energy(
     """Energy of the deviation of the residuals from the slice that differs most."""
     highest = 0.0
     for k in range(1, SLICE_COUNT + 1):
-        if math.isinf(state.slices[k, 1]):
+        if math.isinf(state.slices[k].variance_ratio):
             break
-        log_time = (state.scalars[_LOG_TIME] - state.slices[k, 0]) ** 2
+        log_time = (state.status[0].log_time - state.slices[k].log_time) ** 2
         energy = 0.0
         for j in range(residual.shape[0]):
             deviation = residual[j] - state.mean_residual[k, j]
+            noise = (1.0 + state.slices[k].variance_ratio) * variance_ratio * noise_variance[j]
             sigma2 = unmodelled_torque_std(torque_model, j, 0.0, 0.0) ** 2 + model_variance[j]
-            energy += (
-                deviation
-                * deviation
-                / (log_time * sigma2 + (1.0 + state.slices[k, 1]) * variance_ratio * noise_variance[j])
-            )
+            energy += deviation * deviation / (log_time * sigma2 + noise)
         highest = max(highest, 0.5 * energy)
     return highest
 
@@ -184,36 +198,38 @@ def _largest_deviation_energy(
 @kernel
 def _update_slice(state: FrictionAtRest, residual: np.ndarray, dt: float, bandwidth: float) -> None:
     """Add residuals to the slice being filled; close it when it is long enough."""
-    mean_residual, slices, log_time = state.mean_residual, state.slices, state.scalars[_LOG_TIME]
-    if slices[0, 2] == 0.0:
-        slices[0, 0] = log_time
-    slices[0, 2] += dt
-    weight = dt / slices[0, 2]
+    mean_residual, slices, log_time = state.mean_residual, state.slices, state.status[0].log_time
+    newest = slices[0]
+    if newest.duration == 0.0:
+        newest.log_time = log_time
+    newest.duration += dt
+    weight = dt / newest.duration
     for j in range(residual.shape[0]):
         mean_residual[0, j] += weight * (residual[j] - mean_residual[0, j])
-    if log_time - slices[0, 0] < SLICE_LENGTH:
+    if log_time - newest.log_time < SLICE_LENGTH:
         return
-    slices[0, 0] = 0.5 * (slices[0, 0] + log_time)
+    newest.log_time = 0.5 * (newest.log_time + log_time)
     # Mean of an Ornstein-Uhlenbeck process over k of its time constants.
-    k = 2.0 * math.pi * bandwidth * slices[0, 2]
-    slices[0, 1] = 2.0 / k * (1.0 - (1.0 - math.exp(-k)) / k)
+    k = 2.0 * math.pi * bandwidth * newest.duration
+    newest.variance_ratio = 2.0 / k * (1.0 - (1.0 - math.exp(-k)) / k)
     for i in range(SLICE_COUNT, 0, -1):
         copy(mean_residual[i - 1], mean_residual[i])
-        copy(slices[i - 1], slices[i])
+        slices[i] = slices[i - 1]
     _clear_slice(state, 0)
 
 
 @kernel
 def _clear_slice(state: FrictionAtRest, k: int) -> None:
     state.mean_residual[k] = 0.0
-    state.slices[k, 0], state.slices[k, 1], state.slices[k, 2] = 0.0, math.inf, 0.0
+    empty = state.slices[k]
+    empty.log_time, empty.variance_ratio, empty.duration = 0.0, math.inf, 0.0
 
 
 @kernel
 def _restart(state: FrictionAtRest, q: np.ndarray) -> None:
     """Discard all references."""
-    state.scalars[:] = 0.0
-    state.scalars[_STARTED] = 1.0
+    _clear_status(state.status[0])
+    state.status[0].started = True
     copy(q, state.anchor)
     for k in range(SLICE_COUNT + 1):
         _clear_slice(state, k)

@@ -7,10 +7,9 @@ towards rest. That error does not average out at any bandwidth.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-import numpy as np
-
+from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.sensors.settings import JointTorqueSensor, per_joint
 
@@ -22,21 +21,21 @@ class JointTorqueModel(NamedTuple):
     """1 if the signal contains gravity, else 0."""
     inertia: float
     """1 if the signal contains inertia and rotors, else 0."""
-    bias: np.ndarray
+    bias: Annotated[Floats, "joints"]
     """Reading at zero torque [Nm]."""
-    coulomb: np.ndarray
+    coulomb: Annotated[Floats, "joints"]
     """Coulomb friction [Nm]."""
-    load: np.ndarray
+    load: Annotated[Floats, "joints"]
     """Coulomb friction per gravity torque."""
-    viscous: np.ndarray
+    viscous: Annotated[Floats, "joints"]
     """Viscous friction [Nms/rad]."""
-    lubricant: np.ndarray
+    lubricant: Annotated[Floats, "joints"]
     """Friction of the lubricant [Nm]."""
-    friction_error: np.ndarray
+    friction_error: Annotated[Floats, "joints"]
     """Relative error of friction, standard deviation."""
-    rest_variance: np.ndarray
+    rest_variance: Annotated[Floats, "joints"]
     """Variance of the model error at rest, in addition to `model_variance` [Nm^2]."""
-    model_variance: np.ndarray
+    model_variance: Annotated[Floats, "joints"]
     """Variance of the model error at any velocity [Nm^2]."""
     velocity: float
     """Width of Coulomb friction's smooth sign [rad/s]."""

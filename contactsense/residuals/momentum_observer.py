@@ -13,59 +13,71 @@ Where a sample is late (the steps before it are much shorter than its own) a cub
 g is a straight line. The sample rate need not be constant, and every dt is stable.
 
 The variance of the residual due to the noise of single samples depends on the steps too.
-`MomentumObserver.scalars` propagates it, so that the covariance is right for streams with jitter and gaps as
+`SampleHistory` propagates it, so that the covariance is right for streams with jitter and gaps as
 well.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-import numpy as np
-
+from contactsense.robots.jit.declaration import Floats, Records, record
+from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
-SAMPLES, STEP, STEP_BEFORE, VARIANCE_RATIO = 0, 1, 2, 3
-"""Indices of `MomentumObserver.scalars`."""
 _SERIES_TOLERANCE = 1e-18
 """Terms of a series about 1/4 below this are negligible."""
 _MIN_STEP_RATIO = 0.45
 """A sample is late, and g linear, where a step before is shorter than this fraction of the new one."""
 
 
+@record
+class SampleHistory:
+    """What an observer knows of the samples so far; the same for all its equations."""
+
+    samples: int
+    """Number of samples since the start."""
+    step: float
+    """Last step [s]."""
+    step_before: float
+    """The one before [s]."""
+    variance_ratio: float
+    """Variance of the residual over that of white noise in the measurement."""
+    covariance_0: float
+    """Covariance of the residual with the noise of the last sample, in the same unit."""
+    covariance_1: float
+    """The same for the sample before."""
+    covariance_2: float
+    """The same for the one before that."""
+
+
 class MomentumObserver(NamedTuple):
     """State of one group of k equations that are sampled together."""
 
-    momentum: np.ndarray
-    """h at the last sample, shape (k,) [Nms for joints; Ns and Nms for a sensor]."""
-    integrand: np.ndarray
-    """g at the last three samples, the latest first, shape (3, k)."""
-    residual: np.ndarray
-    """Low-passed external part, shape (k,): s_j . w of contacts distal to each joint [Nm], or the wrench w
-    [N, Nm]."""
-    scalars: np.ndarray
-    """Samples since the start, last two steps [s], variance of the residual over that of white noise in the
-    measurement, covariance of the residual with the noise of the last three samples; shape (7,)."""
+    momentum: Annotated[Floats, "equations"]
+    """h at the last sample [Nms for joints; Ns and Nms for a sensor]."""
+    integrand: Annotated[Floats, "3, equations"]
+    """g at the last three samples, the latest first."""
+    residual: Annotated[Floats, "equations"]
+    """Low-passed external part: s_j . w of contacts distal to each joint [Nm], or the wrench w [N, Nm]."""
+    history: Annotated[Records[SampleHistory], "1"]
 
 
 def empty_observer(size: int) -> MomentumObserver:
     """State before the first sample, for that many equations."""
-    return MomentumObserver(np.zeros(size), np.zeros((3, size)), np.zeros(size), np.zeros(7))
-
-
-def empty_observers(groups: int, size: int) -> MomentumObserver:
-    """The same for several groups of as many equations each, sampled at their own times: with a leading axis;
-    `group_of` returns one of them."""
-    return MomentumObserver(
-        np.zeros((groups, size)), np.zeros((groups, 3, size)), np.zeros((groups, size)), np.zeros((groups, 7))
-    )
+    return zeros(MomentumObserver, equations=size)
 
 
 @inlined_kernel
 def group_of(state: MomentumObserver, group: int) -> MomentumObserver:
-    """One of the groups of `empty_observers`."""
-    return MomentumObserver(
-        state.momentum[group], state.integrand[group], state.residual[group], state.scalars[group]
-    )
+    """One of several groups that are sampled at their own times, from arrays with a leading axis."""
+    history: Any = state.history[group]
+    return MomentumObserver(state.momentum[group], state.integrand[group], state.residual[group], history)
+
+
+@inlined_kernel
+def copy_history(source: MomentumObserver, target: MomentumObserver) -> None:
+    """Give a group the history of another one that has had the same samples."""
+    target.history[0] = source.history[0]
 
 
 def noise_variance_ratio(bandwidth: float, dt: float) -> float:
@@ -73,7 +85,7 @@ def noise_variance_ratio(bandwidth: float, dt: float) -> float:
     state = empty_observer(0)
     for i in range(4 + math.ceil(20.0 / (2.0 * math.pi * bandwidth * dt))):
         start_step(state, dt if i else 0.0, bandwidth)
-    return float(state.scalars[VARIANCE_RATIO])
+    return state.history[0].variance_ratio
 
 
 @kernel
@@ -100,30 +112,31 @@ def _moments(k: float) -> tuple[float, float, float, float]:
 def start_step(
     state: MomentumObserver, dt: float, bandwidth: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Start a step of dt [s] for all equations of a group and update its scalars; dt = 0 restarts the group.
+    """Start a step of dt [s] for all equations of a group and update its history; dt = 0 restarts the group.
 
     Returns:
         a, and K dt times the weights of g at the new sample and the three before it; and K [1/s]. `advance`
         takes them.
     """
-    scalars = state.scalars
+    history = state.history[0]
     K = 2.0 * math.pi * bandwidth
     if dt <= 0.0:
-        scalars[:] = 0.0
-        scalars[SAMPLES] = 1.0
+        history.samples = 1
+        history.step, history.step_before, history.variance_ratio = 0.0, 0.0, 0.0
+        history.covariance_0, history.covariance_1, history.covariance_2 = 0.0, 0.0, 0.0
         return 0.0, 0.0, 0.0, 0.0, 0.0, K
     k = K * dt
     a = math.exp(-k)
     m0, m1, m2, m3 = _moments(k)
     b0, b1, b2, b3 = m1, m0 - m1, 0.0, 0.0
     if (
-        scalars[SAMPLES] >= 3.0
-        and scalars[STEP] >= _MIN_STEP_RATIO * dt
-        and scalars[STEP_BEFORE] >= _MIN_STEP_RATIO * dt
+        history.samples >= 3
+        and history.step >= _MIN_STEP_RATIO * dt
+        and history.step_before >= _MIN_STEP_RATIO * dt
     ):
         # Newton's form of the cubic through the nodes 1, 0, -p, -q, in units of dt.
-        p = scalars[STEP] / dt
-        q = p + scalars[STEP_BEFORE] / dt
+        p = history.step / dt
+        q = p + history.step_before / dt
         second = m2 - m1
         third = m3 - m2 + p * second
         b0 += second / (1.0 + p) + third / ((1.0 + p) * (1.0 + q))
@@ -134,27 +147,34 @@ def start_step(
     b1 *= k
     b2 *= k
     b3 *= k
-    ratio, c0, c1, c2 = scalars[VARIANCE_RATIO], scalars[4], scalars[5], scalars[6]
+    ratio = history.variance_ratio
+    c0, c1, c2 = history.covariance_0, history.covariance_1, history.covariance_2
     # White noise n of the samples propagates as r1 = a r0 - b0 n1 - b1 n0 - ...
-    scalars[VARIANCE_RATIO] = (
+    history.variance_ratio = (
         a * a * ratio
         + b0 * b0 + b1 * b1 + b2 * b2 + b3 * b3
         - 2.0 * a * (b1 * c0 + b2 * c1 + b3 * c2)
     )  # fmt: skip
-    scalars[4], scalars[5], scalars[6] = -b0, a * c0 - b1, a * c1 - b2
-    scalars[SAMPLES] += 1.0
-    scalars[STEP_BEFORE] = scalars[STEP]
-    scalars[STEP] = dt
+    history.covariance_0, history.covariance_1, history.covariance_2 = -b0, a * c0 - b1, a * c1 - b2
+    history.samples += 1
+    history.step_before = history.step
+    history.step = dt
     return a, b0, b1, b2, b3, K
 
 
 @inlined_kernel
 def in_step(state: MomentumObserver, other: MomentumObserver) -> bool:
     """Whether two groups have had the same steps, so that `start_step` gives the same for both."""
-    same = True
-    for i in range(7):
-        same = same and state.scalars[i] == other.scalars[i]
-    return same
+    one, two = state.history[0], other.history[0]
+    return (
+        one.samples == two.samples
+        and one.step == two.step
+        and one.step_before == two.step_before
+        and one.variance_ratio == two.variance_ratio
+        and one.covariance_0 == two.covariance_0
+        and one.covariance_1 == two.covariance_1
+        and one.covariance_2 == two.covariance_2
+    )
 
 
 @inlined_kernel

@@ -10,10 +10,11 @@ a sensor less noisy than stated.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.kernel import kernel
 
 AVERAGING_TIME = 0.5
@@ -30,35 +31,36 @@ _CORRELATION = 2.31
 """Number of squared third differences over the number of independent ones that would average as well: 1 + 2
 times the sum of their squared autocorrelations -15/20, 6/20, -1/20."""
 _ORDER = 3
-TAKEN, REGULAR_SAMPLES, LAST_STEP, LIMIT = 0, 1, 2, 3
-"""Columns of `NoiseScale.counts`."""
-SENSORS = 2
+
+
+@record
+class SensorNoise:
+    """Noise of one sensor."""
+
+    scale: float
+    """Its variance over the stated one, at least 1."""
+    mean_square: float
+    """Mean squared third difference in units of the stated noise's."""
+    limit: float
+    """`mean_square` above which noise is larger than stated."""
+    differences: int
+    """Number of third differences taken."""
+    regular_samples: int
+    """Number of readings at a constant interval."""
+    last_step: float
+    """[s]"""
 
 
 class NoiseScale(NamedTuple):
     """State of one stream, for base sensor and joint torques (indices of `StreamState.steps`)."""
 
-    base_readings: np.ndarray
-    """Last three readings of the base sensor, the newest first, shape (3, 6) [N, Nm]."""
-    torque_readings: np.ndarray
-    """The same of the joint torques, shape (3, n) [Nm]."""
-    mean_square: np.ndarray
-    """Mean squared third difference of each sensor in units of the stated noise's, shape (2,)."""
-    counts: np.ndarray
-    """Of each sensor: third differences taken; readings at a constant interval; last step [s]; `mean_square`
-    above which noise is larger than stated; shape (2, 4)."""
-    scale: np.ndarray
-    """Variance of each sensor's noise over the stated one, at least 1, shape (2,)."""
-    base_variance: np.ndarray
-    """Stated variance of each component of the base sensor's readings, shape (6,) [N^2, Nm^2]."""
-
-
-def empty_noise_scale(joints: int) -> NoiseScale:
-    """State before the first sample, for that many joints."""
-    return NoiseScale(
-        np.zeros((_ORDER, 6)), np.zeros((_ORDER, joints)), np.ones(SENSORS), np.zeros((SENSORS, 4)),
-        np.ones(SENSORS), np.ones(6),
-    )  # fmt: skip
+    base_readings: Annotated[Floats, "3, 6"]
+    """Last three readings of the base sensor, the newest first [N, Nm]."""
+    torque_readings: Annotated[Floats, "3, joints"]
+    """The same of the joint torques [Nm]."""
+    noise: Annotated[Records[SensorNoise], "2"]
+    base_variance: Annotated[Floats, "6"]
+    """Stated variance of each component of the base sensor's readings [N^2, Nm^2]."""
 
 
 def restart(state: NoiseScale, base_covariance: np.ndarray) -> None:
@@ -69,8 +71,9 @@ def restart(state: NoiseScale, base_covariance: np.ndarray) -> None:
         base_covariance: Stated covariance of the base sensor's noise, shape (6, 6).
     """
     for array in state:
-        array[:] = 0.0
-    state.mean_square[:], state.scale[:] = 1.0, 1.0
+        np.asarray(array).fill(0)
+    for noise in state.noise:
+        noise.scale, noise.mean_square = 1.0, 1.0
     state.base_variance[:] = np.diag(base_covariance)
 
 
@@ -88,29 +91,28 @@ def follow_noise(
         variance: Stated variance of the noise of each component, shape (k,).
         dt: Time since its last reading [s]; 0 after a gap, negative: none in this sample.
     """
-    counts = state.counts[sensor]
+    noise = state.noise[sensor]
     if dt < 0.0:
         return
     if dt == 0.0:
-        counts[REGULAR_SAMPLES] = 0.0
-    if counts[REGULAR_SAMPLES] > 1.0 and abs(dt - counts[LAST_STEP]) > REGULAR * counts[LAST_STEP]:
-        counts[REGULAR_SAMPLES] = 0.0
+        noise.regular_samples = 0
+    if noise.regular_samples > 1 and abs(dt - noise.last_step) > REGULAR * noise.last_step:
+        noise.regular_samples = 0
     size = reading.shape[0]
-    if counts[REGULAR_SAMPLES] >= _ORDER:
+    if noise.regular_samples >= _ORDER:
         total = 0.0
         for i in range(size):
             difference = reading[i] - 3.0 * last[0, i] + 3.0 * last[1, i] - last[2, i]
             total += difference * difference / (_GAIN * variance[i])
-        ratio = min(total / size, LARGEST_RATIO * state.mean_square[sensor])
-        counts[TAKEN] += 1.0
-        weight = max(min(dt / AVERAGING_TIME, 1.0), 1.0 / counts[TAKEN])
-        state.mean_square[sensor] += weight * (ratio - state.mean_square[sensor])
+        ratio = min(total / size, LARGEST_RATIO * noise.mean_square)
+        noise.differences += 1
+        weight = max(min(dt / AVERAGING_TIME, 1.0), 1.0 / noise.differences)
+        noise.mean_square += weight * (ratio - noise.mean_square)
         # A running mean with that weight has the variance of 2 / weight - 1 equal weights.
-        independent = size * min(counts[TAKEN], 2.0 / weight - 1.0) / _CORRELATION
-        counts[LIMIT] = 1.0 + SIGNIFICANT * math.sqrt(2.0 / independent)
-    mean_square = state.mean_square[sensor]
-    state.scale[sensor] = mean_square if mean_square > counts[LIMIT] else 1.0
+        independent = size * min(noise.differences, 2.0 / weight - 1.0) / _CORRELATION
+        noise.limit = 1.0 + SIGNIFICANT * math.sqrt(2.0 / independent)
+    noise.scale = noise.mean_square if noise.mean_square > noise.limit else 1.0
     for i in range(size):
         last[2, i], last[1, i], last[0, i] = last[1, i], last[0, i], reading[i]
-    counts[REGULAR_SAMPLES] += 1.0
-    counts[LAST_STEP] = dt
+    noise.regular_samples += 1
+    noise.last_step = dt

@@ -8,10 +8,11 @@ consistent.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.kernel import kernel
 
 BASE, TORQUE, AGREEMENT, FORCE, NO_CONTACT = 0, 1, 2, 3, 4
@@ -32,32 +33,41 @@ DOUBT_TIME = 3.0
 """A sensor that is inconsistent for this long is excluded [s]."""
 IMPLAUSIBLE_FORCE = 10.0
 """A force at the base this many times the usual contact force, without joint torques, is implausible."""
-SINCE_UPDATE, FORCE_LIMIT, SINGLE_CONTACT = 0, 1, 2
-"""Indices of `SensorConsistency.scalars`."""
 _NAMES = ("base_wrench", "joint_torque")
+
+
+@record
+class SensorDoubt:
+    """Whether one sensor is consistent with the others and the model."""
+
+    too_large: bool
+    """Whether its residual is too large."""
+    excluded: bool
+    doubt_time: float
+    """For how long it has been inconsistent, or consistent again while it is excluded [s]."""
+
+
+@record
+class MonitorStatus:
+    """What the monitor knows besides its statistics."""
+
+    time_since_update: float
+    """[s]"""
+    force_limit: float
+    """Smallest implausible force at the base [N]."""
+    single_contact: bool
+    """Whether only one contact at a time is expected. Several contacts may leave no link on which the sensors
+    agree, so torques are then never excluded."""
 
 
 class SensorConsistency(NamedTuple):
     """State of the monitor for one stream."""
 
-    mean_statistic: np.ndarray
-    """Running mean of `State.statistics` except the force, shape (3,)."""
-    too_large: np.ndarray
-    """1 where the residual of base wrench or torques is too large, shape (2,)."""
-    excluded: np.ndarray
-    """1 where one of the two is excluded, shape (2,)."""
-    doubt_time: np.ndarray
-    """For how long a sensor has been inconsistent, or consistent again while it is excluded, shape (2,) [s].
-    """
-    scalars: np.ndarray
-    """Time since the last update [s]; smallest implausible force at the base [N]; 1 if only one contact at a
-    time is expected. Several contacts may leave no link on which the sensors agree, so torques are then never
-    excluded. Shape (3,)."""
-
-
-def empty_consistency() -> SensorConsistency:
-    """State before the first sample; `restart` initializes it."""
-    return SensorConsistency(np.zeros(3), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(3))
+    mean_statistic: Annotated[Floats, "3"]
+    """Running mean of `State.statistics` except the force."""
+    doubt: Annotated[Records[SensorDoubt], "2"]
+    """Of base wrench and torques."""
+    status: Annotated[Records[MonitorStatus], "1"]
 
 
 def restart(consistency: SensorConsistency, force: float, single: bool) -> None:
@@ -69,24 +79,26 @@ def restart(consistency: SensorConsistency, force: float, single: bool) -> None:
         single: Whether only one contact at a time is expected.
     """
     consistency.mean_statistic[:] = 1.0
-    for array in (consistency.too_large, consistency.excluded, consistency.doubt_time):
-        array[:] = 0.0
-    consistency.scalars[:] = 0.0, IMPLAUSIBLE_FORCE * force, float(single)
+    np.asarray(consistency.doubt).fill(0)
+    status = consistency.status[0]
+    status.time_since_update, status.force_limit = 0.0, IMPLAUSIBLE_FORCE * force
+    status.single_contact = single
 
 
 @kernel
 def exclude_inconsistent(consistency: SensorConsistency, usable: np.ndarray) -> None:
     """Exclude inconsistent sensors if the other is available; `usable`: 1 for sensors that can be used, base
-    wrench and torques first; changed in place."""
-    if usable[BASE] > 0.0 and usable[TORQUE] > 0.0:
-        usable[BASE] -= consistency.excluded[BASE]
-        usable[TORQUE] -= consistency.excluded[TORQUE]
+    wrench and torques first, int64; changed in place."""
+    if usable[BASE] > 0 and usable[TORQUE] > 0:
+        for sensor in (BASE, TORQUE):
+            if consistency.doubt[sensor].excluded:
+                usable[sensor] = 0
 
 
 @kernel
 def update_is_due(consistency: SensorConsistency, dt: float) -> bool:
     """Whether `update_consistency` takes in the statistics of a sample; `dt`: time since the last one [s]."""
-    return bool(consistency.scalars[SINCE_UPDATE] + dt >= UPDATE_PERIOD)
+    return consistency.status[0].time_since_update + dt >= UPDATE_PERIOD
 
 
 @kernel
@@ -107,20 +119,13 @@ def update_consistency(
         has_base, has_torque: Which sensors could be used, excluded or not.
         dt: Time since the last sample [s].
     """
-    due = update_is_due(consistency, dt)
-    consistency.scalars[SINCE_UPDATE] += dt
+    due, status = update_is_due(consistency, dt), consistency.status[0]
+    status.time_since_update += dt
     if due:
-        _update_statistics(
-            consistency, statistics, touched, has_base, has_torque, consistency.scalars[SINCE_UPDATE]
-        )
-        consistency.scalars[SINCE_UPDATE] = 0.0
-    return bool(
-        consistency.too_large[BASE]
-        + consistency.too_large[TORQUE]
-        + consistency.excluded[BASE]
-        + consistency.excluded[TORQUE]
-        > 0.0
-    )
+        _update_statistics(consistency, statistics, touched, has_base, has_torque, status.time_since_update)
+        status.time_since_update = 0.0
+    base, torque = consistency.doubt[BASE], consistency.doubt[TORQUE]
+    return base.too_large or torque.too_large or base.excluded or torque.excluded
 
 
 @kernel
@@ -140,14 +145,12 @@ def _update_statistics(
             _check_residual(consistency, TORQUE, statistics, weight)
     if has_base and has_torque:
         _update_mean(consistency, AGREEMENT, statistics, weight)
-        disagreement = (
-            consistency.mean_statistic[AGREEMENT] if consistency.scalars[SINGLE_CONTACT] > 0.0 else 1.0
-        )
-        force_limit = consistency.scalars[FORCE_LIMIT]
+        disagreement = consistency.mean_statistic[AGREEMENT] if consistency.status[0].single_contact else 1.0
+        force_limit = consistency.status[0].force_limit
         implausible = statistics[FORCE] > force_limit and statistics[TORQUE] < DISAGREE
         _update_exclusion(consistency, BASE, elapsed, implausible, statistics[FORCE] < 0.5 * force_limit)
         # An excluded base sensor cannot contradict the torques.
-        contradicts = disagreement > DISAGREE and consistency.excluded[BASE] == 0.0
+        contradicts = disagreement > DISAGREE and not consistency.doubt[BASE].excluded
         _update_exclusion(consistency, TORQUE, elapsed, contradicts, disagreement < AGREE_AGAIN)
 
 
@@ -164,21 +167,23 @@ def _update_mean(
 def _check_residual(
     consistency: SensorConsistency, sensor: int, statistics: np.ndarray, weight: float
 ) -> None:
-    if consistency.excluded[sensor] == 0.0:
+    doubt = consistency.doubt[sensor]
+    if not doubt.excluded:
         _update_mean(consistency, sensor, statistics, weight)
-        limit = FITS_AGAIN if consistency.too_large[sensor] > 0.0 else TOO_LARGE
-        consistency.too_large[sensor] = 1.0 if consistency.mean_statistic[sensor] > limit else 0.0
+        limit = FITS_AGAIN if doubt.too_large else TOO_LARGE
+        doubt.too_large = consistency.mean_statistic[sensor] > limit
 
 
 @kernel
 def _update_exclusion(
     consistency: SensorConsistency, sensor: int, dt: float, inconsistent: bool, consistent: bool
 ) -> None:
-    contradicts = consistent if consistency.excluded[sensor] > 0.0 else inconsistent
-    consistency.doubt_time[sensor] = consistency.doubt_time[sensor] + dt if contradicts else 0.0
-    if consistency.doubt_time[sensor] >= DOUBT_TIME:
-        consistency.excluded[sensor] = 1.0 - consistency.excluded[sensor]
-        consistency.doubt_time[sensor] = 0.0
+    doubt = consistency.doubt[sensor]
+    contradicts = consistent if doubt.excluded else inconsistent
+    doubt.doubt_time = doubt.doubt_time + dt if contradicts else 0.0
+    if doubt.doubt_time >= DOUBT_TIME:
+        doubt.excluded = not doubt.excluded
+        doubt.doubt_time = 0.0
 
 
 def describe_inconsistency(consistency: SensorConsistency) -> list[str]:
@@ -187,12 +192,12 @@ def describe_inconsistency(consistency: SensorConsistency) -> list[str]:
         f"{name}: without contact its residual is "
         f"{math.sqrt(consistency.mean_statistic[i]):.1f} times as large as noise and model allow"
         for i, name in enumerate(_NAMES)
-        if consistency.too_large[i]
+        if consistency.doubt[i].too_large
     ]
-    if consistency.excluded[BASE]:
+    if consistency.doubt[BASE].excluded:
         messages.append(
             "base_wrench is excluded: its force is implausibly large, and the joint torques show none"
         )
-    if consistency.excluded[TORQUE]:
+    if consistency.doubt[TORQUE].excluded:
         messages.append("joint_torque is excluded: it contradicts base_wrench for a contact on any link")
     return messages

@@ -13,10 +13,11 @@ while this error decays.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import inlined_kernel
 
 _UNIFORM_VARIANCE = 1.0 / 12.0
@@ -26,21 +27,16 @@ _UNIFORM_VARIANCE = 1.0 / 12.0
 class TimingError(NamedTuple):
     """State for n joints."""
 
-    momentum: np.ndarray
-    """h of each joint at the last sample, shape (n,) [Nms]."""
-    rate: np.ndarray
-    """Its change per time up to that sample, shape (n,) [Nm]."""
-    stream_variance: np.ndarray
-    """Variance of each residual of the stream due to the instants of the samples, shape (n,) [Nm^2]."""
-    variance: np.ndarray
-    """That of the present residuals: the same, or zero for a single measurement, shape (n,) [Nm^2]."""
-    scalars: np.ndarray
-    """Samples since the start, shape (1,)."""
-
-
-def empty_timing_error(joints: int) -> TimingError:
-    """State before the first sample, for that many joints."""
-    return TimingError(np.zeros(joints), np.zeros(joints), np.zeros(joints), np.zeros(joints), np.zeros(1))
+    momentum: Annotated[Floats, "joints"]
+    """h of each joint at the last sample [Nms]."""
+    rate: Annotated[Floats, "joints"]
+    """Its change per time up to that sample [Nm]."""
+    stream_variance: Annotated[Floats, "joints"]
+    """Variance of each residual of the stream due to the instants of the samples [Nm^2]."""
+    variance: Annotated[Floats, "joints"]
+    """That of the present residuals: the same, or zero for a single measurement [Nm^2]."""
+    samples: Annotated[Integers, "1"]
+    """Number of samples since the start."""
 
 
 @inlined_kernel
@@ -55,7 +51,7 @@ def advance_timing_error(state: TimingError, momentum: np.ndarray, dt: float, ba
         bandwidth: Cut-off frequency of the observer [Hz].
     """
     if dt == 0.0:
-        state.scalars[0] = 0.0
+        state.samples[0] = 0
     step = 2.0 * math.pi * bandwidth * dt
     decay = math.exp(-2.0 * step)
     # After a gap longer than its time constant the observer has forgotten what was before.
@@ -64,11 +60,11 @@ def advance_timing_error(state: TimingError, momentum: np.ndarray, dt: float, ba
         if dt < 0.0:
             state.variance[j] = state.stream_variance[j]
             continue
-        rate = (momentum[j] - state.momentum[j]) / dt if state.scalars[0] >= 1.0 else 0.0
-        change = rate - state.rate[j] if state.scalars[0] >= 2.0 else 0.0
+        rate = (momentum[j] - state.momentum[j]) / dt if state.samples[0] >= 1 else 0.0
+        change = rate - state.rate[j] if state.samples[0] >= 2 else 0.0
         variance = decay * state.stream_variance[j] + gain * change * change if dt > 0.0 else 0.0
         state.stream_variance[j], state.variance[j] = variance, variance
         state.rate[j] = rate
         state.momentum[j] = momentum[j]
     if dt >= 0.0:
-        state.scalars[0] += 1.0
+        state.samples[0] += 1

@@ -6,15 +6,13 @@ import math
 import numpy as np
 
 from contactsense.kinematics.simd_kinematics import LANES
-from contactsense.residuals.bias_filter import TIME_SINCE_UPDATE
 from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
-from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.buffers import buffer_views
 from contactsense.runtime.kernels import localize
 from contactsense.runtime.simd_samples import detect_in_lane, fill_lanes
-from contactsense.sensors.stream_state import REPEATED, RESTARTED, SCALE, TOUCHED, UNUSABLE
-from contactsense.tracking.contact_tracker import NUMBER, PHASE
+from contactsense.sensors.stream_state import REPEATED, RESTARTED, TOUCHED, UNUSABLE
 
 
 @kernel
@@ -60,7 +58,7 @@ def detect_and_localize_block(
         t, present, q, qd, torque, base_wrench, link_wrench: As for
             `contactsense.runtime.kernels.detect`, with a leading axis N.
         flags: Filled: flags of each sample, shape (N,), int64.
-        phases: Filled: phase and number of the contact, shape (N, 2).
+        phases: Filled: phase and number of the contact, shape (N, 2), int64.
         residuals: Filled: energy of "nothing touches", consistency levels (3), external base wrench (6) and
             its standard deviation (6), external joint torques (n), their standard deviation (n) and biases
             (n), shape (N, 16 + 3 n).
@@ -76,7 +74,7 @@ def detect_and_localize_block(
     n = state.torque.shape[0]
     first_lane = first - LANES
     for i in range(first, t.shape[0]):
-        before = state.track.scalars[PHASE]
+        before = state.track.status[0].phase
         if i >= first_lane + LANES:
             first_lane = i
             fill_lanes(constants, state, i, q, qd, torque, base_wrench, lanes)
@@ -84,7 +82,7 @@ def detect_and_localize_block(
             constants, state, bandwidth, lanes, i - first_lane, t[i], present[i], q[i], qd[i], torque[i],
             base_wrench[i], link_wrench[i],
         )  # fmt: skip
-        if state.bias_filter.scalars[TIME_SINCE_UPDATE] == 0.0:
+        if state.bias_filter.status[0].time_since_update == 0.0:
             # Biases and masses have changed.
             first_lane = i + 1 - LANES
         flags[i] = found
@@ -94,7 +92,7 @@ def detect_and_localize_block(
             for k in range(16 + 3 * n):
                 row[k] = math.nan
         else:
-            scale = state.stream.scalars[SCALE]
+            scale = state.stream.clock[0].variance_ratio
             row[0] = state.statistics[NO_CONTACT]
             for k in range(3):
                 row[1 + k] = state.consistency.mean_statistic[k]
@@ -113,7 +111,7 @@ def detect_and_localize_block(
             if listed[i] > 0:
                 copy(rows[0], best[i])
                 copy(state.link_probability, link_probability[i])
-        phases[i, 0], phases[i, 1] = state.track.scalars[PHASE], state.track.scalars[NUMBER]
-        if stop_at_touch and (found & (TOUCHED | RESTARTED) or before != state.track.scalars[PHASE]):
+        phases[i, 0], phases[i, 1] = state.track.status[0].phase, state.track.status[0].number
+        if stop_at_touch and (found & (TOUCHED | RESTARTED) or before != state.track.status[0].phase):
             return -i - 1
     return int(t.shape[0])

@@ -5,11 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from contactsense.kinematics.simd_kinematics import empty_lanes
+from contactsense.robots.jit.declaration import Records
 from contactsense.runtime.block_kernel import detect_and_localize_block
 from contactsense.runtime.result_rows import LINK, POINT, WIDTH
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.scene import Scene
-from contactsense.tracking.contact_tracker import NUMBER, PHASE
+from contactsense.tracking.contact_tracker import ContactStatus
 from contactsense.types import Contact, Estimate
 
 MAX_BLOCK = 8192
@@ -26,7 +27,7 @@ class BlockRunner:
         scene_sensors: tuple[bool, bool],
         links: int,
         first_primitive: np.ndarray,
-        phases: np.ndarray,
+        status: Records[ContactStatus],
     ) -> None:
         """Allocate the arrays.
 
@@ -35,21 +36,16 @@ class BlockRunner:
             scene_sensors: Whether the scene has a base sensor and joint torques.
             links: Number of links that can be distinguished.
             first_primitive: Index of each link's first primitive.
-            phases: The view of the localizer's state, see
-                `contactsense.tracking.contact_tracker.ContactTrack.scalars`.
+            status: Of the localizer's contact.
         """
         joints = len(scene.robot.joints)
-        self._joints, self._scene_sensors, self._first, self._track_scalars = (
-            joints,
-            scene_sensors,
-            first_primitive,
-            phases,
-        )
+        self._joints, self._scene_sensors, self._first = joints, scene_sensors, first_primitive
+        self._status = status
         self._link_sensors = tuple(scene.link_sensors)
         self._flange = (scene.robot.flange_rotation, scene.robot.flange_translation)
         self._flags = np.zeros(MAX_BLOCK, dtype=np.int64)
         self._listed = np.zeros(MAX_BLOCK, dtype=np.int64)
-        self._phases = np.zeros((MAX_BLOCK, 2))
+        self._phases = np.zeros((MAX_BLOCK, 2), dtype=np.int64)
         self._best = np.zeros((MAX_BLOCK, WIDTH))
         self._link_probability = np.zeros((MAX_BLOCK, links))
         self._lanes = empty_lanes(joints)
@@ -86,7 +82,7 @@ class BlockRunner:
             at = abs(after)
             if after < 0 and estimate is not None:
                 estimates[at - 1] = estimate(float(block.t[at - 1]), int(flags[at - 1]))
-                phases[at - 1, 0], phases[at - 1, 1] = self._track_scalars[PHASE], self._track_scalars[NUMBER]
+                phases[at - 1, 0], phases[at - 1, 1] = self._status[0].phase, self._status[0].number
         return self._collect(block, residuals, estimates)
 
     def _inputs(self, block: SampleBlock) -> tuple[np.ndarray, ...]:
@@ -114,7 +110,7 @@ class BlockRunner:
     ) -> BlockEstimates:
         count, n = len(block), self._joints
         located = np.flatnonzero(self._listed[:count] > 0)
-        sample, contact = located, self._phases[located, 1].astype(np.int64)
+        sample, contact = located, self._phases[located, 1]
         rows, link_probability = self._best[located], self._link_probability[located]
         # A tool's own frame is that of the flange, not of the body that carries it.
         tool = rows[:, LINK] > self._joints
@@ -130,7 +126,7 @@ class BlockRunner:
         return BlockEstimates(
             t=block.t,
             flags=self._flags[:count].copy(),
-            phase=self._phases[:count, 0].astype(np.int64),
+            phase=self._phases[:count, 0].copy(),
             energy=residuals[:, 0],
             consistency=residuals[:, 1:4],
             base_wrench=residuals[:, 4:10],

@@ -26,14 +26,14 @@ def consistency_statistics(constants: Constants, state: State, variance_ratio: f
     """
     w, n = state.base_wrench, state.torque.shape[0]
     # Each sensor against its stated noise, also where larger noise is followed.
-    followed = state.noise_scale.scale
+    base, torque = state.noise_scale.noise[BASE], state.noise_scale.noise[TORQUE]
     state.statistics[BASE] = half_squared_norm(state.base_covariance, w) / variance_ratio / 3.0
-    state.statistics[BASE] *= followed[BASE]
+    state.statistics[BASE] *= base.scale
     state.statistics[FORCE] = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     distal, stated = 0.0, 0.0
     for j in range(n):
         distal += state.torque[j] ** 2 / state.torque_variance[j]
-        excess = (followed[TORQUE] - 1.0) * constants.sensors.torque_variance[j] * variance_ratio
+        excess = (torque.scale - 1.0) * constants.sensors.torque_variance[j] * variance_ratio
         stated += state.torque[j] ** 2 / (state.torque_variance[j] - excess)
     state.statistics[TORQUE] = stated / n
     best, proximal = distal, 0.0

@@ -1,17 +1,18 @@
 """The scene as the kernels use it: everything about arm, tool, sensors and surface that does not change with
 a sample."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from contactsense.detection.thresholds import stream_thresholds
+from contactsense.detection.thresholds import LONGEST_STEP_MS, stream_thresholds
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Model, build_model
 from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots import Link, Robot
+from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia
 from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
@@ -40,20 +41,32 @@ class Constants(NamedTuple):
     """Which sensor measures a contact on which link, and the noise."""
     prior: Prior
     """Prior distribution of contacts."""
-    touchable: np.ndarray
-    """1 for links that are searched, else 0, shape (links,), int64."""
+    touchable: Annotated[Integers, "links"]
+    """1 for links that are searched, else 0."""
     left_out: LeftOutLinks
     """The other links that can be touched."""
-    gravity: np.ndarray
-    """Gravity, base axes, shape (3,) [m/s^2]."""
+    gravity: Annotated[Floats, "3"]
+    """Gravity, base axes [m/s^2]."""
     link_sensors: LinkSensors
     """Place and load of the force/torque sensors within the arm."""
     torque_model: JointTorqueModel
     """Bias and friction in the joint torque signal."""
     bias_rate: float
     """Inverse of the averaging time of biases [1/s]; 0: biases are constant."""
-    thresholds: np.ndarray
+    thresholds: Annotated[Floats, f"4 * (link_sensors + 1), {LONGEST_STEP_MS}, 2"]
     """Onset and release thresholds, see `contactsense.detection.thresholds.stream_thresholds`."""
+
+
+def sizes_of(constants: Constants) -> dict[str, int]:
+    """The sizes that the declarations of `Constants` and of the state name."""
+    return {
+        "joints": constants.model.joints,
+        "links": len(constants.touchable),
+        "primitives": len(constants.surfaces.kind),
+        "samples": len(constants.samples.spread),
+        "subsamples": len(constants.subsamples.spread),
+        "link_sensors": len(constants.link_sensors.body),
+    }
 
 
 def build_constants(scene: Scene) -> Constants:

@@ -12,9 +12,10 @@ from contactsense.detection.thresholds import (
     sensor_set,
     threshold_index,
 )
+from contactsense.robots.jit.declaration import numbers
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
-from contactsense.sensors.stream_state import BASE, LINK, SCALE, TORQUE, USUAL_STEP, StreamState
+from contactsense.sensors.stream_state import BASE, LINK, TORQUE, StreamState
 
 _INTERVAL = 64
 """Number of samples for which the value of a stream is kept: biases and noise change slowly."""
@@ -31,6 +32,9 @@ class DetectableForce:
             thresholds: Of single measurements.
         """
         self._constants, self._state = constants, state
+        self._usual_step = numbers(state.stream.clock, "usual_step")
+        self._variance_ratio = numbers(state.stream.clock, "variance_ratio")
+        self._noise_scale = numbers(state.noise_scale.noise, "scale")
         self._thresholds = thresholds
         # Link sensors that see every link that can be touched.
         first = int(constants.touchable.argmax())
@@ -72,13 +76,13 @@ class DetectableForce:
     def _update(self) -> float:
         stream, sensors = self._state.stream, self._constants.sensors
         self._usable = usable_in(stream)
-        key = (sensor_set(*self._usable), threshold_index(stream.scalars[USUAL_STEP]))
+        key = (sensor_set(*self._usable), threshold_index(self._usual_step[0]))
         if key not in self._lengths:
             degrees = degrees_of_freedom_of(self._constants.model.joints, self._usable)
             threshold = float(self._constants.thresholds[*key, 0])
             self._lengths[key] = detected_length(threshold, degrees)
-        ratio = float(stream.scalars[SCALE])
-        noise = ratio * self._state.noise_scale.scale[BASE] * sensors.base_covariance[:3, :3]
+        ratio = float(self._variance_ratio[0])
+        noise = ratio * self._noise_scale[BASE] * sensors.base_covariance[:3, :3]
         biases = self._state.bias_filter.base_covariance[:3, :3]
         self._value = self._force(self._usable, self._lengths[key], noise + biases, ratio)
         return self._value
@@ -99,6 +103,6 @@ def usable_in(stream: StreamState) -> Usable:
     usable = stream.usable.tolist()
     links = 0
     for s in range(len(stream.link_wrench)):
-        if usable[LINK + s] > 0.0:
+        if usable[LINK + s] > 0:
             links += 1 << s
-    return usable[BASE] > 0.0, usable[TORQUE] > 0.0, links
+    return usable[BASE] > 0, usable[TORQUE] > 0, links

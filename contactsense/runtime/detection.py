@@ -17,15 +17,12 @@ from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import (
     BASE,
     INCONSISTENT,
-    SCALE,
     SETTLING,
-    STEP,
     TORQUE,
     TOUCHED,
-    USUAL_STEP,
     usable_sensors,
 )
-from contactsense.tracking.contact_tracker import ABOVE_ONSET, NONE, PHASE, end_contact
+from contactsense.tracking.contact_tracker import NONE, end_contact
 
 
 @inlined_kernel
@@ -45,15 +42,15 @@ def decide(
     """
     track, stream = state.track, state.stream
     follow_noise_and_timing(constants, state, bandwidth)
-    base_settled, torque_settled = stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0
+    base_settled, torque_settled = stream.usable[BASE] > 0, stream.usable[TORQUE] > 0
     exclude_inconsistent(state.consistency, stream.usable)
     has_base, has_torque, link_sensors = usable_sensors(stream)
     if not (has_base or has_torque):
         return False, False, False, base_settled, torque_settled, 0.0
     variance_ratio = residual_variance_ratio(state, (has_base, has_torque, link_sensors))
-    stream.scalars[SCALE] = variance_ratio
+    stream.clock[0].variance_ratio = variance_ratio
     used = sensor_set(has_base, has_torque, link_sensors)
-    thresholds = constants.thresholds[used, threshold_index(stream.scalars[USUAL_STEP])]
+    thresholds = constants.thresholds[used, threshold_index(stream.clock[0].usual_step)]
     energy = energy_without_contact(constants, state, has_base, has_torque, link_sensors, variance_ratio)
     # With a base sensor, friction does not limit detection.
     if not has_base:
@@ -63,11 +60,9 @@ def decide(
         )
     state.statistics[NO_CONTACT] = energy
     # Onset needs two samples in a row above the threshold: sensors have outliers.
-    above_threshold, no_contact_yet = not energy <= thresholds[0], track.scalars[PHASE] == NONE
+    above_threshold, no_contact_yet = not energy <= thresholds[0], track.status[0].phase == NONE
     touched = (
-        above_threshold and track.scalars[ABOVE_ONSET] > 0.0
-        if no_contact_yet
-        else not energy <= thresholds[1]
+        above_threshold and track.status[0].above_onset if no_contact_yet else not energy <= thresholds[1]
     )
     onset = above_threshold and no_contact_yet
     return True, touched, onset, base_settled, torque_settled, variance_ratio
@@ -99,7 +94,7 @@ def conclude(
         end_contact(track)
         reset_friction_at_rest(state.friction_at_rest)
         return flags | SETTLING
-    dt = stream.scalars[STEP]
+    dt = stream.clock[0].step
     if consistency_is_due(consistency, dt):
         consistency_statistics(constants, state, variance_ratio)
     if update_consistency(consistency, state.statistics, touched, base_settled, torque_settled, dt):
@@ -108,7 +103,7 @@ def conclude(
         return flags | TOUCHED
     end_contact(track)
     if onset:
-        track.scalars[ABOVE_ONSET] = 1.0
+        track.status[0].above_onset = True
     else:
         has_base, has_torque, _ = usable_sensors(stream)
         update_bias_filter(constants, state, has_base, has_torque, variance_ratio, bandwidth)

@@ -47,7 +47,8 @@ def take_static_sample(
     state.bias_filter.torque_variance[:] = 0.0
     state.link_mass_variance[:] = 0.0
     state.timing_error.variance[:] = 0.0
-    state.noise_scale.scale[:] = 1.0
+    for i in range(len(state.noise_scale.noise)):
+        state.noise_scale.noise[i].scale = 1.0
     for body in range(state.body_wrench.shape[0]):
         copy(state.base_wrench, state.body_wrench[body])
     copy(state.torque, state.proximal_torque)

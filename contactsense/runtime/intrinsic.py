@@ -8,7 +8,7 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.robots.vectors import add, rotate, vector
-from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.buffers import buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import isolate_links, most_probable_link, take_static_sample
 from contactsense.runtime.result_rows import write_row

@@ -5,12 +5,11 @@ import math
 
 import numpy as np
 
-from contactsense.residuals.bias_filter import TIME_SINCE_CONTACT
 from contactsense.residuals.equations_of_motion import wrench_difference
 from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids
-from contactsense.runtime.buffer_views import buffer_views
+from contactsense.runtime.buffers import buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.explanation import explain, take_static_sample
@@ -20,8 +19,6 @@ from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import (
     REPEATED,
     RESTARTED,
-    SCALE,
-    STEP,
     UNUSABLE,
     WRONG_SIZE,
     register_sample,
@@ -30,7 +27,6 @@ from contactsense.sensors.stream_state import (
     usable_sensors_code,
 )
 from contactsense.tracking.contact_tracker import (
-    WINDOW,
     average_windows,
     choose_window,
     end_contact,
@@ -114,8 +110,8 @@ def localize(
     constants, state = buffer_views(floats, integers, sizes)
     skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
     track, stream = state.track, state.stream
-    dt = stream.scalars[STEP]
-    state.bias_filter.scalars[TIME_SINCE_CONTACT] = 0.0
+    dt = stream.clock[0].step
+    state.bias_filter.status[0].time_since_contact = 0.0
     average_windows(
         track,
         state.base_observer,
@@ -123,7 +119,7 @@ def localize(
         state.joint_observer,
         state.link_difference,
         state.link_observer,
-        stream.scalars[SCALE],
+        stream.clock[0].variance_ratio,
         usable_sensors_code(stream),
         dt,
         bandwidth,
@@ -131,7 +127,7 @@ def localize(
     has_base, has_torque, link_sensors = usable_sensors(stream)
     slid = choose_window(constants.sensors, track, state.motion, has_base, dt, bandwidth)
     update_phase(track, slid, dt, bandwidth)
-    window = int(track.scalars[WINDOW])
+    window = track.status[0].window
     if window > 0:
         _use_window_mean(state, window)
     count, _ = explain(
@@ -176,11 +172,11 @@ def _store_last_contact(constants: Constants, state: State, row: np.ndarray) -> 
     """Store body, point and normal of the best candidate for the next sample."""
     body = constants.sensors.depth[int(row[0])]
     R = state.motion.rotation[body]
-    last_contact = state.track.last_contact
-    last_contact[0] = body
+    track = state.track
+    track.status[0].last_body = body
     for i in range(3):
-        last_contact[1 + i] = row[4 + i]
-        last_contact[4 + i] = R[0, i] * row[10] + R[1, i] * row[11] + R[2, i] * row[12]
+        track.last_point[i] = row[4 + i]
+        track.last_normal[i] = R[0, i] * row[10] + R[1, i] * row[11] + R[2, i] * row[12]
 
 
 @inlined_kernel

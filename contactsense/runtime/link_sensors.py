@@ -4,11 +4,12 @@ A sensor between two links carries the distal one and everything beyond it, the 
 from that they are alike.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from contactsense.robots import Inertia
+from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.runtime.tool_inertia import tool_in_last_link
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
@@ -35,18 +36,17 @@ class Mount(NamedTuple):
 class LinkSensors(NamedTuple):
     """The same of all S link sensors, for the kernels."""
 
-    body: np.ndarray
-    """See `Mount`, shape (S,), int64."""
-    origin: np.ndarray
-    """Shape (S, 3) [m]."""
-    first_body: np.ndarray
-    """Shape (S,), int64."""
-    mass: np.ndarray
-    """Mass of the load, shape (S,) [kg]."""
-    com: np.ndarray
-    """Its centre of mass, shape (S, 3) [m]."""
-    inertia: np.ndarray
-    """Its inertia about that, shape (S, 3, 3) [kg m^2]."""
+    body: Annotated[Integers, "link_sensors"]
+    """See `Mount`."""
+    origin: Annotated[Floats, "link_sensors, 3"]
+    """[m]"""
+    first_body: Annotated[Integers, "link_sensors"]
+    mass: Annotated[Floats, "link_sensors"]
+    """Mass of the load [kg]."""
+    com: Annotated[Floats, "link_sensors, 3"]
+    """Its centre of mass [m]."""
+    inertia: Annotated[Floats, "link_sensors, 3, 3"]
+    """Its inertia about that [kg m^2]."""
 
 
 def mounts(scene: Scene) -> dict[str, Mount]:

@@ -5,19 +5,14 @@ import math
 
 from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
 from contactsense.kinematics.spatial import component_about, dot6
-from contactsense.residuals.bias_filter import (
-    TIME_SINCE_UPDATE,
-    apply_correction,
-    update,
-    update_is_due,
-)
+from contactsense.residuals.bias_filter import apply_correction, update, update_is_due
 from contactsense.residuals.friction_at_rest import energy_beyond_static_friction
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import BASE, TORQUE
-from contactsense.tracking.contact_tracker import NONE, PHASE
+from contactsense.tracking.contact_tracker import NONE
 
 
 @inlined_kernel
@@ -57,7 +52,7 @@ def update_covariances(constants: Constants, state: State, variance_ratio: float
     for i in range(6):
         bias_filter_trace += state.bias_filter.base_covariance[i, i]
     # Zero trace and noise as stated: the precomputed inverse holds.
-    if bias_filter_trace > 0.0 or state.noise_scale.scale[BASE] > 1.0:
+    if bias_filter_trace > 0.0 or state.noise_scale.noise[BASE].scale > 1.0:
         invert_spd(state.base_covariance, state.base_information)
     else:
         for i in range(6):
@@ -75,7 +70,7 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
         for i in range(6):
             noise = sensors.link_variance[s, i // 3] * variance_ratio
             state.link_variance[s, i] = noise + state.link_mass_variance[s, i]
-    inverse_ratio, noise_scale = 1.0 / variance_ratio, state.noise_scale.scale[BASE]
+    inverse_ratio, noise_scale = 1.0 / variance_ratio, state.noise_scale.noise[BASE].scale
     for i in range(6):
         for k in range(6):
             state.base_covariance[i, k] = (
@@ -87,7 +82,7 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
 @inlined_kernel
 def _torque_noise(constants: Constants, state: State, j: int, variance_ratio: float) -> float:
     """Variance of the residual of joint j from noise, model error and the instants of the samples [Nm^2]."""
-    noise = constants.sensors.torque_variance[j] * state.noise_scale.scale[TORQUE]
+    noise = constants.sensors.torque_variance[j] * state.noise_scale.noise[TORQUE].scale
     return float(noise * variance_ratio + state.unmodelled_std[j] ** 2 + state.timing_error.variance[j])
 
 
@@ -112,10 +107,10 @@ def energy_at_rest(
         state.stream.q,
         state.torque,
         constants.sensors.torque_variance,
-        variance_ratio * state.noise_scale.scale[TORQUE],
+        variance_ratio * state.noise_scale.noise[TORQUE].scale,
         state.bias_filter.torque_variance,
         state.stream.steps[TORQUE],
-        state.track.scalars[PHASE] != NONE,
+        state.track.status[0].phase != NONE,
         thresholds,
         bandwidth,
     )
@@ -146,9 +141,9 @@ def update_bias_filter(
     if not update_is_due(bias_filter, bandwidth):
         return
     K = 2.0 * math.pi * bandwidth
-    correlation = math.exp(-K * bias_filter.scalars[TIME_SINCE_UPDATE])
+    correlation = math.exp(-K * bias_filter.status[0].time_since_update)
     variance_inflation = (1.0 + correlation) / (1.0 - correlation)
-    bias_filter.scalars[TIME_SINCE_UPDATE] = 0.0
+    bias_filter.status[0].time_since_update = 0.0
     if has_torque:
         for j in range(n):
             variance = _torque_noise(constants, state, j, variance_ratio)
@@ -156,7 +151,7 @@ def update_bias_filter(
     if has_base:
         for i in range(6):
             variance = (
-                constants.sensors.base_covariance[i, i] * state.noise_scale.scale[BASE] * variance_ratio
+                constants.sensors.base_covariance[i, i] * state.noise_scale.noise[BASE].scale * variance_ratio
             )
             update(bias_filter, n + i, n, state.base_wrench[i], variance * variance_inflation)
     apply_correction(

@@ -11,7 +11,6 @@ from contactsense.robots import Inertia
 from contactsense.robots.tool import join_inertia
 from contactsense.runtime.buffers import KernelBuffers
 from contactsense.scene import Scene
-from contactsense.tracking.contact_tracker import AGE
 
 MIN_DURATION = 0.5
 """A load is tested once the contact has lasted this long [s]."""
@@ -62,12 +61,12 @@ class PickedUpPayload:
         Returns:
             Change of the payload's mass [kg]; `State.model` includes it already. None: not a payload.
         """
-        scalars = self._state.track.scalars
-        if scalars[AGE] < MIN_DURATION:
+        age = self._state.track.status[0].age
+        if age < MIN_DURATION:
             self._last_check, self._steady_checks = 0.0, 0
-        if scalars[AGE] < max(MIN_DURATION, self._last_check + CHECK_INTERVAL):
+        if age < max(MIN_DURATION, self._last_check + CHECK_INTERVAL):
             return None
-        self._last_check = float(scalars[AGE])
+        self._last_check = age
         wrench, covariance = self._mean_wrench()
         force = float(self._down @ wrench[:3])
         tolerance = MAX_FORCE_CHANGE * np.sqrt(self._down @ covariance[:3, :3] @ self._down)

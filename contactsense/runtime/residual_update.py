@@ -4,7 +4,7 @@ import numpy as np
 
 from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics_and_momenta
 from contactsense.kinematics.spatial import component_about, dot6
-from contactsense.residuals.bias_filter import ESTIMATES_MASSES, mass_variance, predict
+from contactsense.residuals.bias_filter import mass_variance, predict
 from contactsense.residuals.equations_of_motion import (
     observe_base_in_link_frames,
     observe_joints,
@@ -13,14 +13,14 @@ from contactsense.residuals.equations_of_motion import (
     observe_wrench_difference,
     wrenches_to_base_frame,
 )
-from contactsense.residuals.momentum_observer import VARIANCE_RATIO, group_of
+from contactsense.residuals.momentum_observer import group_of
 from contactsense.residuals.noise_scale import follow_noise
 from contactsense.residuals.timing_error import advance_timing_error
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
-from contactsense.sensors.stream_state import BASE, LINK, STEP, TORQUE, TORQUE_DIFFERENCE
+from contactsense.sensors.stream_state import BASE, LINK, TORQUE, TORQUE_DIFFERENCE
 
 
 @inlined_kernel
@@ -64,7 +64,7 @@ def observe_link_sensors(state: State, bandwidth: float) -> None:
 def predict_link_sensors(constants: Constants, state: State) -> None:
     """Variance of the link sensors' residuals due to the masses, after the prediction of the bias filter for
     this sample."""
-    if state.bias_filter.scalars[ESTIMATES_MASSES] > 0.0:
+    if state.bias_filter.status[0].estimates_masses:
         for s in range(state.link_load.shape[0]):
             first = constants.link_sensors.first_body[s]
             for i in range(6):
@@ -126,7 +126,7 @@ def update_residuals(
         constants.sensors.base_covariance,
         constants.sensors.torque_variance,
         constants.bias_rate,
-        stream.scalars[STEP],
+        stream.clock[0].step,
         bandwidth,
     )
     predict_link_sensors(constants, state)
@@ -184,7 +184,7 @@ def set_external(
         base_residual, torque_difference, joint_residual, link_difference, link_residual: Residuals of
             `State`'s observers; the last two of shape (S, 6).
     """
-    has_torque_difference = state.stream.usable[TORQUE_DIFFERENCE] > 0.0
+    has_torque_difference = state.stream.usable[TORQUE_DIFFERENCE] > 0
     wrenches_to_base_frame(state.motion, base_residual, state.body_wrench)
     copy(state.body_wrench[0], state.base_wrench)
     copy(joint_residual, state.torque)
@@ -196,7 +196,7 @@ def set_external(
         )
     count = link_residual.shape[0]
     for s in range(count):
-        has_difference = state.stream.usable[LINK + count + s] > 0.0
+        has_difference = state.stream.usable[LINK + count + s] > 0
         for i in range(6):
             state.link_wrench[s, i] = link_residual[s, i]
             state.proximal_link_wrench[s, i] = (
@@ -211,10 +211,10 @@ def residual_variance_ratio(state: State, usable: tuple[bool, bool, int]) -> flo
     ratio."""
     variance_ratio = 0.0
     if usable[0]:
-        variance_ratio = max(variance_ratio, state.base_observer.scalars[VARIANCE_RATIO])
+        variance_ratio = max(variance_ratio, state.base_observer.history[0].variance_ratio)
     if usable[1]:
-        variance_ratio = max(variance_ratio, state.joint_observer.scalars[VARIANCE_RATIO])
+        variance_ratio = max(variance_ratio, state.joint_observer.history[0].variance_ratio)
     for s in range(state.link_load.shape[0]):
         if usable[2] >> s & 1:
-            variance_ratio = max(variance_ratio, state.link_observer.scalars[s, VARIANCE_RATIO])
+            variance_ratio = max(variance_ratio, group_of(state.link_observer, s).history[0].variance_ratio)
     return variance_ratio

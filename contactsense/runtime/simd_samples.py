@@ -8,9 +8,9 @@ something reads them: without a contact that is one sample in several.
 import numpy as np
 
 from contactsense.kinematics.simd_kinematics import kinematics_in_lanes, motion_of_lane
-from contactsense.residuals.bias_filter import ESTIMATES_MASSES, predict
+from contactsense.residuals.bias_filter import predict
 from contactsense.residuals.bias_filter import update_is_due as bias_update_is_due
-from contactsense.residuals.momentum_observer import in_step, start_step
+from contactsense.residuals.momentum_observer import copy_history, in_step, start_step
 from contactsense.residuals.sensor_consistency import update_is_due as consistency_is_due
 from contactsense.residuals.simd_equations import (
     advance_base,
@@ -34,14 +34,13 @@ from contactsense.sensors.stream_state import (
     LINK,
     REPEATED,
     RESTARTED,
-    STEP,
     TORQUE,
     TORQUE_DIFFERENCE,
     UNUSABLE,
     register_sample,
     store_sample,
 )
-from contactsense.tracking.contact_tracker import NONE, PHASE, end_contact
+from contactsense.tracking.contact_tracker import NONE, end_contact
 
 
 @inlined_kernel
@@ -88,8 +87,8 @@ def detect_in_lane(
         end_contact(state.track)
     copied = (
         _has_link_sensor(state)
-        or state.bias_filter.scalars[ESTIMATES_MASSES] > 0.0
-        or state.track.scalars[PHASE] != NONE
+        or state.bias_filter.status[0].estimates_masses
+        or state.track.status[0].phase != NONE
     )
     if copied:
         _copy_motion(constants, state, lanes, lane)
@@ -98,7 +97,7 @@ def detect_in_lane(
     touched = decision[1]
     if (
         touched
-        or consistency_is_due(state.consistency, stream.scalars[STEP])
+        or consistency_is_due(state.consistency, stream.clock[0].step)
         or bias_update_is_due(state.bias_filter, bandwidth)
     ):
         if not copied:
@@ -129,7 +128,7 @@ def _has_link_sensor(state: State) -> bool:
     steps, usable = state.stream.steps, state.stream.usable
     found = False
     for i in range(LINK, LINK + state.link_load.shape[0]):
-        found = found or steps[i] >= 0.0 or usable[i] > 0.0
+        found = found or steps[i] >= 0.0 or usable[i] > 0
     return found
 
 
@@ -151,14 +150,14 @@ def _update_residuals(
     if steps[TORQUE] >= 0.0:
         own = step
         if joints_alike:
-            copy(base.scalars, joints.scalars)
+            copy_history(base, joints)
         else:
             own = start_step(joints, steps[TORQUE], bandwidth)
         advance_joints(lanes, lane, steps[TORQUE], own, joints, state.unmodelled_std)
     if steps[TORQUE_DIFFERENCE] >= 0.0:
         own = step
         if difference_alike:
-            copy(base.scalars, difference.scalars)
+            copy_history(base, difference)
         else:
             own = start_step(difference, steps[TORQUE_DIFFERENCE], bandwidth)
         advance_torque_difference(lanes, lane, own, difference)
@@ -167,7 +166,7 @@ def _update_residuals(
     observe_link_sensors(state, bandwidth)
     predict(
         state.bias_filter, state.torque_model, motion, constants.sensors.base_covariance,
-        constants.sensors.torque_variance, constants.bias_rate, stream.scalars[STEP], bandwidth,
+        constants.sensors.torque_variance, constants.bias_rate, stream.clock[0].step, bandwidth,
     )  # fmt: skip
     predict_link_sensors(constants, state)
     # The base's own frame is the base frame.

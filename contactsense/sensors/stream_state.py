@@ -1,12 +1,20 @@
 """State of one live stream in the kernels: its newest sample, and which sensors can be used in it."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.robots.jit.declaration import Floats, Integers, Records, record
 from contactsense.robots.jit.kernel import kernel
-from contactsense.sensors.timing import has_settled, is_overdue, is_silent, reset_timing, time_since_last
+from contactsense.sensors.timing import (
+    SensorTiming,
+    has_settled,
+    is_overdue,
+    is_silent,
+    reset_timing,
+    time_since_last,
+)
 
 SETTLING_TIME_CONSTANTS = 5.0
 """Time constants of the observer from a start until its residual is used: it is within 1 % of its value by
@@ -14,8 +22,6 @@ then."""
 BASE, TORQUE, TORQUE_DIFFERENCE, LINK = 0, 1, 2, 3
 """Indices of `StreamState.timing`, `steps` and `usable`: base sensor, joint torques, difference of torques to
 the base wrench; from `LINK` on the S link sensors, then their S differences to the base wrench."""
-T, STEP, USUAL_STEP, SCALE = 0, 1, 2, 3
-"""Indices of `StreamState.scalars`."""
 _STEP_SMOOTHING = 0.05
 """Weight of the newest step in the stream's usual one."""
 _LARGEST_VALUE = 1e6
@@ -40,48 +46,47 @@ DEGRADED = ALL_MISSING | ALL_MISSING * INVALID | INCONSISTENT | SETTLING | BLIND
 """Flags of used samples for which the estimate is `degraded`."""
 
 
+@record
+class StreamClock:
+    """Times of the samples."""
+
+    t: float
+    """Time of the newest sample [s]."""
+    step: float
+    """Step to it [s]."""
+    usual_step: float
+    """[s]"""
+    variance_ratio: float
+    """Variance of its residuals over that of one sample's noise."""
+
+
 class StreamState(NamedTuple):
     """State of a stream apart from its residuals."""
 
-    q: np.ndarray
-    """These four: the newest sample, see `contactsense.types.Sample`; shape (n,), the wrench (6,)."""
-    qd: np.ndarray
-    torque: np.ndarray
-    base_wrench: np.ndarray
-    link_wrench: np.ndarray
-    """Wrench on each of the S link sensors, base axes, base origin, shape (S, 6) [N, Nm]."""
-    timing: np.ndarray
-    """See `contactsense.sensors.timing`, shape (3 + 2 S, 3)."""
-    steps: np.ndarray
-    """Step of each observer [s]: 0 restarts it, negative: no value; shape (3 + 2 S,)."""
-    usable: np.ndarray
-    """1 where a residual can be used, shape (3 + 2 S,)."""
-    scalars: np.ndarray
-    """Time of the newest sample, step to it, usual step [s]; variance ratio of the residuals; shape (4,)."""
-
-
-def empty_stream_state(joints: int, link_sensors: int) -> StreamState:
-    """State before the first sample; `restart` initializes it."""
-    observers = LINK + 2 * link_sensors
-    return StreamState(
-        q=np.zeros(joints),
-        qd=np.zeros(joints),
-        torque=np.zeros(joints),
-        base_wrench=np.zeros(6),
-        link_wrench=np.zeros((link_sensors, 6)),
-        timing=np.zeros((observers, 3)),
-        steps=np.zeros(observers),
-        usable=np.zeros(observers),
-        scalars=np.zeros(4),
-    )
+    q: Annotated[Floats, "joints"]
+    """Joint positions of the newest sample, see `contactsense.types.Sample` [rad]."""
+    qd: Annotated[Floats, "joints"]
+    """[rad/s]"""
+    torque: Annotated[Floats, "joints"]
+    """[Nm]"""
+    base_wrench: Annotated[Floats, "6"]
+    """[N, Nm]"""
+    link_wrench: Annotated[Floats, "link_sensors, 6"]
+    """Wrench on each of the S link sensors, base axes, base origin [N, Nm]."""
+    timing: Annotated[Records[SensorTiming], f"{LINK} + 2 * link_sensors"]
+    steps: Annotated[Floats, f"{LINK} + 2 * link_sensors"]
+    """Step of each observer [s]: 0 restarts it, negative: no value."""
+    usable: Annotated[Integers, f"{LINK} + 2 * link_sensors"]
+    """1 where a residual can be used."""
+    clock: Annotated[Records[StreamClock], "1"]
 
 
 @kernel
 def restart(stream: StreamState) -> None:
     """Reset to the state before the first sample."""
     reset_timing(stream.timing)
-    stream.scalars[:] = 0.0
-    stream.scalars[T] = -math.inf
+    clock = stream.clock[0]
+    clock.t, clock.step, clock.usual_step, clock.variance_ratio = -math.inf, 0.0, 0.0, 0.0
 
 
 @kernel
@@ -129,20 +134,19 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
     Returns:
         Flags of the sample.
     """
-    scalars, timing, steps, usable = stream.scalars, stream.timing, stream.steps, stream.usable
+    clock, timing, steps, usable = stream.clock[0], stream.timing, stream.steps, stream.usable
     if not (math.isfinite(t) and _is_plausible(stream.q) and _is_plausible(stream.qd)):
         return UNUSABLE
-    if t == scalars[T]:
+    if t == clock.t:
         return REPEATED
     flags = 0
-    if t < scalars[T]:
+    if t < clock.t:
         restart(stream)
         flags = RESTARTED
-    scalars[STEP] = min(t - scalars[T], _LONGEST_STEP) if scalars[T] > -math.inf else 0.0
-    scalars[USUAL_STEP] += (_STEP_SMOOTHING if scalars[USUAL_STEP] > 0.0 else 1.0) * (
-        scalars[STEP] - scalars[USUAL_STEP]
-    )
-    scalars[T] = t
+    clock.step = min(t - clock.t, _LONGEST_STEP) if clock.t > -math.inf else 0.0
+    weight = _STEP_SMOOTHING if clock.usual_step > 0.0 else 1.0
+    clock.usual_step += weight * (clock.step - clock.usual_step)
+    clock.t = t
     blind = True
     link_sensors = stream.link_wrench.shape[0]
     for sensor in range(2 + link_sensors):
@@ -154,7 +158,7 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
             flags |= MISSING << SHIFT[sensor]
         elif has_value and not valid:
             flags |= INVALID << SHIFT[sensor]
-        blind = blind and is_overdue(timing[i], t, scalars[STEP])
+        blind = blind and is_overdue(timing[i], t, clock.step)
     if blind:
         flags |= BLIND
     with_base = steps[BASE] >= 0.0
@@ -166,7 +170,7 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
         steps[difference] = time_since_last(timing[difference], t, with_base and steps[i] >= 0.0)
     settling_time = SETTLING_TIME_CONSTANTS / (2.0 * math.pi * bandwidth)
     for i in range(usable.shape[0]):
-        usable[i] = 1.0 if has_settled(timing[i], t, settling_time) else 0.0
+        usable[i] = 1 if has_settled(timing[i], t, settling_time) else 0
     return flags
 
 
@@ -185,15 +189,15 @@ def usable_sensors(stream: StreamState) -> tuple[bool, bool, int]:
     """Whether base wrench and torques can be used, and which link sensors, one bit each."""
     link_sensors = 0
     for s in range(stream.link_wrench.shape[0]):
-        if stream.usable[LINK + s] > 0.0:
+        if stream.usable[LINK + s] > 0:
             link_sensors |= 1 << s
-    return stream.usable[BASE] > 0.0, stream.usable[TORQUE] > 0.0, link_sensors
+    return stream.usable[BASE] > 0, stream.usable[TORQUE] > 0, link_sensors
 
 
 @kernel
-def usable_sensors_code(stream: StreamState) -> float:
+def usable_sensors_code(stream: StreamState) -> int:
     """A number that identifies the set of usable residuals."""
-    code = 0.0
+    code = 0
     for i in range(stream.usable.shape[0]):
-        code = 2.0 * code + stream.usable[i]
-    return float(code)
+        code = 2 * code + stream.usable[i]
+    return code

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contactsense.kinematics.linalg.ldl import ldl_solve
+from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.posterior import (
     Contact,
     Prior,
     SearchBuffers,
-    empty_search_buffers,
     energy_at,
     inflate_by_surface_deviation,
     linearize,
@@ -173,7 +173,7 @@ class _Search:
             area=1.0,
             log_link_density=np.zeros(1),
         )
-        self.buffers: SearchBuffers = empty_search_buffers()
+        self.buffers: SearchBuffers = zeros(SearchBuffers)
 
     def starts(self) -> tuple[Status, list[_State]]:
         """The contact of the measured wrench, and the place that its axis enters or comes nearest to."""

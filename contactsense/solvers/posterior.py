@@ -20,12 +20,11 @@ gives the covariance and the evidence (Laplace approximation).
 """
 
 import math
-from typing import NamedTuple
-
-import numpy as np
+from typing import Annotated, NamedTuple
 
 from contactsense.kinematics.linalg.outer_product import add_outer_product, add_scaled_vector
 from contactsense.kinematics.wrench_information import blocks, dot, matvec, shift_information
+from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector, tangents
 
@@ -51,9 +50,9 @@ class Prior(NamedTuple):
     """Free height above the surface that a touching object needs [m]."""
     area: float
     """Area of the touchable surface [m^2]."""
-    log_link_density: np.ndarray
-    """Log of the density of places on each link relative to 1 / `area`, that of places uniform by area, shape
-    (links,). It is the same on the whole surface of a link."""
+    log_link_density: Annotated[Floats, "links"]
+    """Log of the density of places on each link relative to 1 / `area`, that of places uniform by area. It is
+    the same on the whole surface of a link."""
 
 
 class Contact(NamedTuple):
@@ -72,21 +71,12 @@ class Contact(NamedTuple):
 class SearchBuffers(NamedTuple):
     """Scratch arrays of `find_posterior_mode`, and its matrix results."""
 
-    normal_equations: np.ndarray
-    """Upper triangle: Gauss-Newton matrix of (f, xi, v1, v2), shape (6, 6)."""
-    gradient: np.ndarray
-    """Gradient of the energy, then the step, shape (6,)."""
-    frame: np.ndarray
-    """Columns: outward normal and two tangents, body axes, shape (3, 3)."""
-
-
-def empty_search_buffers() -> SearchBuffers:
-    """Zero-filled buffers, for one thread."""
-    return SearchBuffers(
-        normal_equations=np.zeros((6, 6)),
-        gradient=np.zeros(6),
-        frame=np.zeros((3, 3)),
-    )
+    normal_equations: Annotated[Floats, "6, 6"]
+    """Upper triangle: Gauss-Newton matrix of (f, xi, v1, v2)."""
+    gradient: Annotated[Floats, "6"]
+    """Gradient of the energy, then the step."""
+    frame: Annotated[Floats, "3, 3"]
+    """Columns: outward normal and two tangents, body axes."""
 
 
 @fused_kernel

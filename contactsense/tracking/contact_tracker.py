@@ -16,7 +16,7 @@ residual.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
 from contactsense.residuals.momentum_observer import MomentumObserver
 from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.kernel import kernel
 
 WINDOWS = 6
@@ -47,61 +48,58 @@ NONE, NEW, HOLD, SLIDE = 0, 1, 2, 3
 """Phases of a contact."""
 
 
+@record
+class ContactStatus:
+    """Phase of the current contact."""
+
+    phase: int
+    number: int
+    """Id of the contact."""
+    age: float
+    """[s]"""
+    time_since_slide: float
+    """Time since it last moved [s]."""
+    window: int
+    """Index of the window in use."""
+    sensors: int
+    """Code of the sensors whose residuals are in the windows."""
+    above_onset: bool
+    """Whether the last sample was above the onset threshold."""
+    last_body: int
+    """Index of the body of the last estimate; -1: there was none."""
+
+
 class ContactTrack(NamedTuple):
     """State of the current contact."""
 
-    mean: np.ndarray
-    """Window means of the residuals, shape (WINDOWS, m): base wrench in the frame of each body, torque
-    differences, torques, differences of the link sensors, their wrenches."""
-    variance_ratio: np.ndarray
-    """Variance of each window's mean over that of one sample's white noise, shape (WINDOWS,)."""
-    residual_covariance: np.ndarray
-    """Covariance of each mean with the newest residual, in the same unit, shape (WINDOWS,)."""
-    samples: np.ndarray
-    """Number of samples in each window, shape (WINDOWS,)."""
-    age: np.ndarray
-    """Mean age of the content of each window, the observer's lag included, shape (WINDOWS,) [s]."""
-    last_contact: np.ndarray
-    """Last estimate: index of the body or -1, point and outward normal in its frame, shape (7,) [m]."""
-    window_point: np.ndarray
-    """Scratch: each window's point in the tangent plane [m] and its normal force [N], shape (WINDOWS, 3)."""
-    moment_covariance: np.ndarray
-    """Scratch: covariance of the moment about the last point, tangential components, as xx, xy, yy, shape
-    (3,)."""
-    scalars: np.ndarray
-    """Phase; contact id; age [s]; time since it last moved [s]; index of the window in use; code of the
-    sensors whose residuals are in the windows; whether the last sample was above the onset threshold; shape
-    (7,)."""
-
-
-PHASE, NUMBER, AGE, TIME_SINCE_SLIDE, WINDOW, SENSORS, ABOVE_ONSET = 0, 1, 2, 3, 4, 5, 6
-"""Indices of `ContactTrack.scalars`."""
-
-
-def empty_contact_track(joints: int, link_sensors: int) -> ContactTrack:
-    """State before the first contact."""
-    return ContactTrack(
-        mean=np.zeros((WINDOWS, 6 * (joints + 1) + 2 * joints + 12 * link_sensors)),
-        variance_ratio=np.zeros(WINDOWS),
-        residual_covariance=np.zeros(WINDOWS),
-        samples=np.zeros(WINDOWS),
-        age=np.zeros(WINDOWS),
-        last_contact=np.full(7, -1.0),
-        window_point=np.zeros((WINDOWS, 3)),
-        moment_covariance=np.zeros(3),
-        scalars=np.zeros(7),
-    )
+    mean: Annotated[Floats, f"{WINDOWS}, 6 * (joints + 1) + 2 * joints + 12 * link_sensors"]
+    """Window means of the residuals: base wrench in the frame of each body, torque differences, torques,
+    differences of the link sensors, their wrenches."""
+    variance_ratio: Annotated[Floats, f"{WINDOWS}"]
+    """Variance of each window's mean over that of one sample's white noise."""
+    residual_covariance: Annotated[Floats, f"{WINDOWS}"]
+    """Covariance of each mean with the newest residual, in the same unit."""
+    samples: Annotated[Floats, f"{WINDOWS}"]
+    """Number of samples in each window."""
+    age: Annotated[Floats, f"{WINDOWS}"]
+    """Mean age of the content of each window, the observer's lag included [s]."""
+    last_point: Annotated[Floats, "3"]
+    """Point of the last estimate, in the frame of its body [m]."""
+    last_normal: Annotated[Floats, "3"]
+    """Its outward normal, in the same frame."""
+    window_point: Annotated[Floats, f"{WINDOWS}, 3"]
+    """Scratch: each window's point in the tangent plane [m] and its normal force [N]."""
+    moment_covariance: Annotated[Floats, "3"]
+    """Scratch: covariance of the moment about the last point, tangential components, as xx, xy, yy."""
+    status: Annotated[Records[ContactStatus], "1"]
 
 
 @kernel
 def end_contact(track: ContactTrack) -> None:
     """End the contact; ids continue."""
-    track.scalars[PHASE] = NONE
-    track.scalars[AGE] = 0.0
-    track.scalars[TIME_SINCE_SLIDE] = 0.0
-    track.scalars[WINDOW] = 0.0
-    track.scalars[ABOVE_ONSET] = 0.0
-    track.last_contact[0] = -1.0
+    status = track.status[0]
+    status.phase, status.window, status.above_onset, status.last_body = NONE, 0, False, -1
+    status.age, status.time_since_slide = 0.0, 0.0
 
 
 @kernel
@@ -145,7 +143,7 @@ def average_windows(
     link_difference: MomentumObserver,
     link_observer: MomentumObserver,
     variance_ratio: float,
-    sensors: float,
+    sensors: int,
     dt: float,
     bandwidth: float,
 ) -> None:
@@ -168,8 +166,9 @@ def average_windows(
     track.residual_covariance[0] = variance_ratio
     K = 2.0 * math.pi * bandwidth
     track.age[0] = 1.0 / K
-    restart = track.scalars[PHASE] == NONE or track.scalars[SENSORS] != sensors
-    track.scalars[SENSORS] = sensors
+    status = track.status[0]
+    restart = status.phase == NONE or status.sensors != sensors
+    status.sensors = sensors
     decay = math.exp(-K * dt)
     length = WINDOW_GROWTH / K
     for i in range(1, WINDOWS):
@@ -215,12 +214,13 @@ def choose_window(
         dt: Time since the last sample [s].
         bandwidth: Cut-off frequency of the observers [Hz].
     """
-    track.scalars[WINDOW] = 0.0
-    if track.last_contact[0] < 0.0:
+    status = track.status[0]
+    status.window = 0
+    if status.last_body < 0:
         return False
     longest = 0
     slid = False
-    agreement = AGREE_HOLDING if track.scalars[PHASE] == HOLD else AGREE
+    agreement = AGREE_HOLDING if status.phase == HOLD else AGREE
     if has_base:
         _position_covariance(sensors, motion, track)
         for i in range(WINDOWS):
@@ -243,7 +243,7 @@ def choose_window(
             copy(track.window_point[longest], track.window_point[i])
         elif max_distance <= agreement and longest == i - 1:
             longest = i
-    track.scalars[WINDOW] = _most_precise_window(track, longest) if has_base else longest
+    status.window = _most_precise_window(track, longest) if has_base else longest
     return slid
 
 
@@ -282,15 +282,15 @@ def _window_position(track: ContactTrack, i: int) -> None:
     With r = m - c x f the moment about the point c, shifting the contact by v in the tangent plane changes r
     by -v x f; the tangential part of r vanishes at v = (n x r) / (f . n), n being the normal.
     """
-    p = track.last_contact
-    index = 6 * int(p[0])
+    c, n = track.last_point, track.last_normal
+    index = 6 * track.status[0].last_body
     w = track.mean[i]
     fx, fy, fz = w[index], w[index + 1], w[index + 2]
-    rx = w[index + 3] - p[2] * fz + p[3] * fy
-    ry = w[index + 4] - p[3] * fx + p[1] * fz
-    rz = w[index + 5] - p[1] * fy + p[2] * fx
-    ax, ay, az, bx, by, bz = tangents(p[4], p[5], p[6])
-    normal_force = fx * p[4] + fy * p[5] + fz * p[6]
+    rx = w[index + 3] - c[1] * fz + c[2] * fy
+    ry = w[index + 4] - c[2] * fx + c[0] * fz
+    rz = w[index + 5] - c[0] * fy + c[1] * fx
+    ax, ay, az, bx, by, bz = tangents(n[0], n[1], n[2])
+    normal_force = fx * n[0] + fy * n[1] + fz * n[2]
     track.window_point[i, 0] = -(bx * rx + by * ry + bz * rz) / normal_force
     track.window_point[i, 1] = (ax * rx + ay * ry + az * rz) / normal_force
     track.window_point[i, 2] = normal_force
@@ -299,13 +299,12 @@ def _window_position(track: ContactTrack, i: int) -> None:
 @kernel
 def _position_covariance(sensors: SensorModel, motion: Motion, track: ContactTrack) -> None:
     """Covariance of (n x r) in the tangent plane, for the noise of one sample of the base sensor."""
-    p = track.last_contact
-    body = int(p[0])
+    p, normal, body = track.last_point, track.last_normal, track.status[0].last_body
     R, o = motion.rotation[body], motion.origin[body]
-    cx = o[0] + R[0, 0] * p[1] + R[0, 1] * p[2] + R[0, 2] * p[3]
-    cy = o[1] + R[1, 0] * p[1] + R[1, 1] * p[2] + R[1, 2] * p[3]
-    cz = o[2] + R[2, 0] * p[1] + R[2, 1] * p[2] + R[2, 2] * p[3]
-    t = tangents(p[4], p[5], p[6])
+    cx = o[0] + R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2]
+    cy = o[1] + R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2]
+    cz = o[2] + R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2]
+    t = tangents(normal[0], normal[1], normal[2])
     C = sensors.base_covariance
     track.moment_covariance[:] = 0.0
     for k in range(3):
@@ -372,21 +371,20 @@ def _torque_distance(sensors: SensorModel, track: ContactTrack, i: int, j: int) 
 @kernel
 def update_phase(track: ContactTrack, slid: bool, dt: float, bandwidth: float) -> None:
     """Update the phase of the current contact; `slid`: result of `choose_window`."""
-    scalars = track.scalars
+    status = track.status[0]
     time_constant = 1.0 / (2.0 * math.pi * bandwidth)
-    if scalars[PHASE] == NONE:
-        scalars[PHASE] = NEW
-        scalars[NUMBER] += 1.0
-        scalars[AGE] = 0.0
-        scalars[TIME_SINCE_SLIDE] = 0.0
+    if status.phase == NONE:
+        status.phase = NEW
+        status.number += 1
+        status.age, status.time_since_slide = 0.0, 0.0
         return
-    scalars[AGE] += dt
-    scalars[TIME_SINCE_SLIDE] = 0.0 if slid else scalars[TIME_SINCE_SLIDE] + dt
-    if scalars[AGE] < NEW_TIME_CONSTANTS * time_constant:
+    status.age += dt
+    status.time_since_slide = 0.0 if slid else status.time_since_slide + dt
+    if status.age < NEW_TIME_CONSTANTS * time_constant:
         return
-    if scalars[PHASE] == NEW:
-        scalars[PHASE] = HOLD
+    if status.phase == NEW:
+        status.phase = HOLD
     if slid:
-        scalars[PHASE] = SLIDE
-    elif scalars[PHASE] == SLIDE and scalars[TIME_SINCE_SLIDE] >= HOLD_TIME_CONSTANTS * time_constant:
-        scalars[PHASE] = HOLD
+        status.phase = SLIDE
+    elif status.phase == SLIDE and status.time_since_slide >= HOLD_TIME_CONSTANTS * time_constant:
+        status.phase = HOLD

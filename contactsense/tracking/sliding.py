@@ -9,7 +9,7 @@ import numpy as np
 
 from contactsense.kinematics.model import Motion
 from contactsense.robots.jit.kernel import kernel
-from contactsense.tracking.contact_tracker import PHASE, SLIDE, WINDOW, WINDOWS, ContactTrack, tangents
+from contactsense.tracking.contact_tracker import SLIDE, WINDOWS, ContactTrack, tangents
 
 _MIN_AGE_RATIO = 0.5
 """The age difference of the two windows must be at least this fraction of the newer one's age."""
@@ -27,8 +27,9 @@ def extrapolate_sliding(track: ContactTrack, motion: Motion, body: int, row: np.
         body: Index of the candidate's body; on another body than before the velocity is unknown.
         row: The candidate, see `contactsense.runtime.result_rows`; its point is changed in place.
     """
-    i = int(track.scalars[WINDOW])
-    if track.scalars[PHASE] != SLIDE or int(track.last_contact[0]) != body or i + 1 >= WINDOWS:
+    status = track.status[0]
+    i = status.window
+    if status.phase != SLIDE or status.last_body != body or i + 1 >= WINDOWS:
         return
     age_difference = track.age[i + 1] - track.age[i]
     normal_force = track.window_point[i, 2]
@@ -53,8 +54,8 @@ def extrapolate_sliding(track: ContactTrack, motion: Motion, body: int, row: np.
         return
     # Shrinkage by the noise (W. James, C. Stein, 1961).
     weight = max(0.0, 1.0 - noise / squared_distance)
-    p = track.last_contact
-    t = tangents(p[4], p[5], p[6])
+    normal = track.last_normal
+    t = tangents(normal[0], normal[1], normal[2])
     R = motion.rotation[body]
     for k in range(3):
         row[4 + k] += weight * (a * t[k] + b * t[3 + k])

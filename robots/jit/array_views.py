@@ -27,26 +27,49 @@ def block(buffer: np.ndarray, at: int, shape: tuple[int, ...]) -> np.ndarray:
     return buffer[at : at + int(np.prod(shape))].reshape(shape)
 
 
+def records(buffer: np.ndarray, at: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> np.ndarray:
+    """The same for records, see `contactsense.robots.jit.declaration.record`, in a buffer of numbers."""
+    words = dtype.itemsize // buffer.itemsize * int(np.prod(shape))
+    return buffer[at : at + words].view(dtype).reshape(shape)
+
+
 # Numba assumes that a function which returns an array allocates.
 @overload(block, jit_options={"_nrt": True})  # type: ignore[typeddict-unknown-key]
 def _block(buffer, at, shape):  # type: ignore[no-untyped-def]
-    return lambda buffer, at, shape: _view(buffer, at, shape)  # type: ignore[call-arg]
+    return lambda buffer, at, shape: _array_view(buffer, at, shape)  # type: ignore[call-arg]
+
+
+@overload(records, jit_options={"_nrt": True})  # type: ignore[typeddict-unknown-key]
+def _records(buffer, at, shape, dtype):  # type: ignore[no-untyped-def]
+    return lambda buffer, at, shape, dtype: _record_view(buffer, at, shape, dtype)  # type: ignore[call-arg]
 
 
 @intrinsic
-def _view(context: Any, buffer: Any, at: Any, shape: Any) -> Any:
+def _array_view(context: Any, buffer: Any, at: Any, shape: Any) -> Any:
     kind = types.Array(buffer.dtype, len(shape), "C")
+    return kind(buffer, at, shape), _generator(kind)
+
+
+@intrinsic
+def _record_view(context: Any, buffer: Any, at: Any, shape: Any, dtype: Any) -> Any:
+    kind = types.Array(dtype.dtype, len(shape), "C")
+    return kind(buffer, at, shape, dtype), _generator(kind)
+
+
+def _generator(kind: Any) -> Any:
+    """Code that makes an array of that type."""
 
     def generate(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        whole = cgutils.create_struct_proxy(buffer)(target, builder, value=arguments[0])  # type: ignore[no-untyped-call]
-        view = cgutils.create_struct_proxy(kind)(target, builder)  # type: ignore[no-untyped-call]
-        lengths = cgutils.unpack_tuple(builder, arguments[2], len(shape))  # type: ignore[no-untyped-call]
-        strides = [whole.itemsize]
+        buffer = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])  # type: ignore[no-untyped-call]
+        item = target.get_data_type(kind.dtype)
+        data = builder.bitcast(builder.gep(buffer.data, [arguments[1]]), item.as_pointer())
+        lengths = cgutils.unpack_tuple(builder, arguments[2], kind.ndim)  # type: ignore[no-untyped-call]
+        size = target.get_constant(types.intp, target.get_abi_sizeof(item))
+        strides = [size]
         for length in reversed(lengths[1:]):
             strides.insert(0, builder.mul(strides[0], length))
-        populate_array(  # type: ignore[no-untyped-call]
-            view, builder.gep(whole.data, [arguments[1]]), lengths, strides, whole.itemsize, None
-        )
+        view = cgutils.create_struct_proxy(kind)(target, builder)  # type: ignore[no-untyped-call]
+        populate_array(view, data, lengths, strides, size, None)  # type: ignore[no-untyped-call]
         return view._getvalue()
 
-    return kind(buffer, at, shape), generate
+    return generate

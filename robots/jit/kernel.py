@@ -8,7 +8,7 @@ extends the check to all of them, so that editing or updating one file never lea
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -24,6 +24,8 @@ _INLINED = "inlined"
 _ALLOCATING = "allocating"
 _NOGIL = "nogil"
 _FOR_KERNELS = "for kernels"
+_GENERATED = "__generated_source__"
+"""Global name under which a generated function finds its source."""
 VARIANT = ".called_by_kernels"
 """Added to a function's name for `Kernel.called_by_kernels`."""
 _ROOT = str(Path(__file__).parents[2])
@@ -83,6 +85,22 @@ def allocating_kernel(function: Callable[..., Any]) -> Any:
 def allocating_fused_kernel(function: Callable[..., Any]) -> Any:
     """`allocating_kernel` and `fused_kernel` combined."""
     return _compile(function, _FUSED | {_ALLOCATING})
+
+
+def generated_kernel(name: str, source: str, names: Mapping[str, Any], module: str) -> Any:
+    """An inlined kernel from generated source.
+
+    Args:
+        name: Name of the function in the source.
+        source: A function definition.
+        names: Values of the names that it uses.
+        module: Name of the module that holds the kernel; the cache is kept beside its file.
+    """
+    file = sys.modules[module].__file__
+    assert file is not None
+    namespace = {**names, "__name__": module, _GENERATED: source}
+    exec(compile(source, file, "exec"), namespace)
+    return _compile(namespace[name], frozenset({_INLINED}))
 
 
 def loaded(compiled: Any) -> bool:
@@ -216,6 +234,8 @@ def _dependencies(compiled: Any, dependencies: set[tuple[str, ...]], seen: set[A
     function, compile_options = _SOURCES[compiled]
     dependencies.add(("options", *sorted(compile_options)))
     dependencies.add(("file", _relative_path(function.__code__.co_filename)))
+    if _GENERATED in function.__globals__:
+        dependencies.add(("source", function.__globals__[_GENERATED]))
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
         if isinstance(value, int | float | str | tuple):

@@ -15,10 +15,11 @@ is not unique and one is picked.
 
 from collections.abc import Sequence
 from math import fabs, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.robot import Link
@@ -39,20 +40,20 @@ _TOUCHING = 1e-9
 class Surfaces(NamedTuple):
     """Primitives of several links in contiguous arrays; those of link i are `start[i]` to `start[i + 1]`."""
 
-    kind: np.ndarray
-    """`REVOLVED`, `ELLIPSOID` or `BOX`, shape (P,), int64."""
-    link: np.ndarray
-    """Number of the link that carries the primitive, base 0, shape (P,), int64."""
-    rotation: np.ndarray
-    """Axes of the body frame in the link frame, as columns, shape (P, 3, 3)."""
-    origin: np.ndarray
-    """Origin of the body frame in the link frame [m], shape (P, 3)."""
-    size: np.ndarray
-    """Dimensions by kind, see the module's text [m], shape (P, 8), unused ones zero."""
-    radius: np.ndarray
-    """Radius of the ball about `origin` that holds the primitive [m], shape (P,)."""
-    start: np.ndarray
-    """First primitive of each link, and their number at the end, shape (links + 1,), int64."""
+    kind: Annotated[Integers, "primitives"]
+    """`REVOLVED`, `ELLIPSOID` or `BOX`."""
+    link: Annotated[Integers, "primitives"]
+    """Number of the link that carries the primitive, base 0."""
+    rotation: Annotated[Floats, "primitives, 3, 3"]
+    """Axes of the body frame in the link frame, as columns."""
+    origin: Annotated[Floats, "primitives, 3"]
+    """Origin of the body frame in the link frame [m]."""
+    size: Annotated[Floats, "primitives, 8"]
+    """Dimensions by kind, see the module's text [m], unused ones zero."""
+    radius: Annotated[Floats, "primitives"]
+    """Radius of the ball about `origin` that holds the primitive [m]."""
+    start: Annotated[Integers, "links + 1"]
+    """First primitive of each link, and their number at the end."""
 
 
 def pack(links: Sequence[Link], coarse: bool = False) -> Surfaces:

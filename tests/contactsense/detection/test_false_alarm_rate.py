@@ -10,7 +10,6 @@ from contactsense.detection.false_alarm_rate import (
     sample_threshold,
 )
 from contactsense.residuals.momentum_observer import (
-    VARIANCE_RATIO,
     MomentumObserver,
     advance,
     empty_observer,
@@ -32,7 +31,7 @@ def _alarms(  # type: ignore[no-untyped-def]
         for k in range(noise.shape[1]):
             advance(state, k, 0.0, noise[i, k], step)
             energy += 0.5 * state.residual[k] ** 2
-        energy /= state.scalars[VARIANCE_RATIO]
+        energy /= state.history[0].variance_ratio
         if on:
             on = energy > release
         elif energy > onset and above:

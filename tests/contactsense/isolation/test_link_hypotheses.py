@@ -7,9 +7,9 @@ from contactsense.isolation.link_hypotheses import (
     PRIOR_STD,
     Hypotheses,
     SensorRows,
-    empty_hypotheses,
     isolate,
 )
+from contactsense.robots.jit.flat_buffers import zeros
 
 JOINTS = 6
 LINKS = 8  # seven of the arm and a tool beyond the wrist sensor
@@ -110,7 +110,7 @@ def _dense(case, link, has_base, has_torque, sensors):  # type: ignore[no-untype
 def test_every_subset_of_sensors_equals_the_dense_gaussian(
     has_base: bool, has_torque: bool, sensors: dict[int, str], seed: int
 ) -> None:
-    case, out = _case(seed), empty_hypotheses(LINKS)
+    case, out = _case(seed), zeros(Hypotheses, links=LINKS)
     _isolate(case, has_base, _rows(case, has_torque, sensors), 1.0, out)
     for link in range(LINKS):
         wrench, covariance, energy, evidence = _dense(case, link, has_base, has_torque, sensors)
@@ -126,7 +126,7 @@ def test_every_subset_of_sensors_equals_the_dense_gaussian(
 
 
 def test_scaled_noise_is_the_same_as_scaled_sensors() -> None:
-    case, scaled, direct = _case(9), empty_hypotheses(LINKS), empty_hypotheses(LINKS)
+    case, scaled, direct = _case(9), zeros(Hypotheses, links=LINKS), zeros(Hypotheses, links=LINKS)
     rows = _rows(case, True, {JOINTS + 1: "wrist"})
     _isolate(case, True, rows, 0.25, scaled)
     _isolate(case, True, rows, 1.0, direct, COVARIANCE / 4)
@@ -136,7 +136,7 @@ def test_scaled_noise_is_the_same_as_scaled_sensors() -> None:
 
 def test_the_torques_decide_for_the_touched_link_where_they_can() -> None:
     """A contact wrench on link k leaves the joints beyond k still: exactly known torques tell k at once."""
-    case, out = _case(5), empty_hypotheses(LINKS)
+    case, out = _case(5), zeros(Hypotheses, links=LINKS)
     w = case["base"]
     for link in range(JOINTS + 1):
         torque = np.where(np.arange(JOINTS) < link, case["screw"] @ w, 0.0)
@@ -147,7 +147,7 @@ def test_the_torques_decide_for_the_touched_link_where_they_can() -> None:
 
 def test_many_precise_sensors_do_not_underflow() -> None:
     """The product of their variances is far below the smallest number."""
-    case, out = _case(3), empty_hypotheses(LINKS)
+    case, out = _case(3), zeros(Hypotheses, links=LINKS)
     rows = _rows(case, True, {2: "forearm", 7: "wrist"})
     many = SensorRows(*(np.concatenate([array] * 6) for array in rows))
     _isolate(case, True, many._replace(variance=many.variance * 1e-10), 1.0, out)

@@ -10,11 +10,12 @@ from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.localization.accessibility import accessible_share, apply_accessibility, clearance
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.ranking import place_primitives
+from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
-from contactsense.solvers.posterior import Contact, empty_search_buffers
+from contactsense.solvers.posterior import Contact, SearchBuffers
 from contactsense.solvers.posterior_mode import Mode
 
 TRIALS = 4000
@@ -63,7 +64,7 @@ def test_share_and_mean_agree_with_monte_carlo(
     _, *projected = project(constants.surfaces.kind[p], constants.surfaces.size[p], *(R.T @ (base - o)))
     normal = R @ np.array(projected[3:])
     V = root @ root.T
-    buffers = empty_search_buffers()
+    buffers = zeros(SearchBuffers)
     buffers.frame[:, 0] = projected[3:]
     buffers.frame[:, 1:] = R.T @ np.array(tangents(tuple(normal))).T
     force = tuple(-10.0 * component for component in projected[3:])

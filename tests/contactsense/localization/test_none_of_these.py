@@ -16,7 +16,8 @@ from contactsense.localization.none_of_these import (
     LeftOutLinks,
     none_of_these_evidence,
 )
-from contactsense.solvers.posterior import Prior, empty_search_buffers
+from contactsense.robots.jit.flat_buffers import zeros
+from contactsense.solvers.posterior import Prior, SearchBuffers
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LINKS = 3
@@ -67,7 +68,7 @@ def test_it_is_that_of_normal_variables(seed: int, log_weight: float) -> None:
         np.einsum("lij,lkj->lik", spread, spread),
     )
     found, is_touch = none_of_these_evidence(
-        left_out, depth, motion, hypotheses, 2, PRIOR, empty_search_buffers()
+        left_out, depth, motion, hypotheses, 2, PRIOR, zeros(SearchBuffers)
     )
 
     F = NONE_OF_THESE_FORCE * PRIOR.force

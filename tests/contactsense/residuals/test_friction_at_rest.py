@@ -10,11 +10,12 @@ from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.friction_at_rest import (
     BREAKAWAY_TIME,
     PRESLIDING_DISPLACEMENT,
-    empty_friction_at_rest,
+    FrictionAtRest,
     energy_beyond_static_friction,
 )
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque, joint_torque_model
 from contactsense.residuals.momentum_observer import noise_variance_ratio
+from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
 
@@ -57,7 +58,7 @@ def _joint(
 
 
 def _energies(q: np.ndarray, torque: np.ndarray, torque_model: JointTorqueModel | None = None) -> np.ndarray:
-    state, torque_model = empty_friction_at_rest(1), torque_model or joint_torque_model(SENSOR, 1)
+    state, torque_model = zeros(FrictionAtRest, joints=1), torque_model or joint_torque_model(SENSOR, 1)
     noise, unknown, ratio = np.array([NOISE**2]), np.zeros(1), noise_variance_ratio(BANDWIDTH, DT)
     energies, touched = [], False
     for i, (position, value) in enumerate(zip(q, torque, strict=True)):

@@ -20,7 +20,6 @@ from contactsense.residuals.equations_of_motion import (
 )
 from contactsense.residuals.joint_friction import joint_torque_model
 from contactsense.residuals.momentum_observer import (
-    VARIANCE_RATIO,
     MomentumObserver,
     empty_observer,
     noise_variance_ratio,
@@ -182,10 +181,10 @@ def test_the_variance_ratio_is_that_of_filtered_noise(ragged: bool) -> None:
     for i in range(n):
         observe_wrench(np.zeros(6), np.zeros(6), chance.standard_normal(6), steps[i], BANDWIDTH, state)
         if i > 1000:
-            ratio.append(np.mean(state.residual**2) / state.scalars[VARIANCE_RATIO])
+            ratio.append(np.mean(state.residual**2) / state.history[0].variance_ratio)
     # 234,000 values with a correlation time of ten samples: the variance is known to about 1 %.
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.05)
     if not ragged:
-        assert state.scalars[VARIANCE_RATIO] == pytest.approx(
+        assert state.history[0].variance_ratio == pytest.approx(
             noise_variance_ratio(BANDWIDTH, 0.002), rel=1e-6
         )

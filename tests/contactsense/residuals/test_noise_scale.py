@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from contactsense.residuals.noise_scale import empty_noise_scale, follow_noise
+from contactsense.residuals.noise_scale import NoiseScale, follow_noise, restart
+from contactsense.robots.jit.flat_buffers import zeros
 
 DT, JOINTS = 0.002, 6
 STATED = np.full(JOINTS, 0.25)
@@ -11,12 +12,13 @@ STATED = np.full(JOINTS, 0.25)
 
 def _followed(readings: np.ndarray, dt: float | np.ndarray = DT) -> np.ndarray:
     """Scale of the torques' noise after every reading, shape (N,)."""
-    state, steps = empty_noise_scale(JOINTS), np.broadcast_to(dt, len(readings)).copy()
+    state, steps = zeros(NoiseScale, joints=JOINTS), np.broadcast_to(dt, len(readings)).copy()
+    restart(state, np.eye(6))
     steps[0] = 0.0
     scales = []
     for reading, step in zip(readings, steps, strict=True):
         follow_noise(state, 1, state.torque_readings, reading, STATED, float(step))
-        scales.append(state.scale[1])
+        scales.append(state.noise[1].scale)
     return np.array(scales)
 
 

@@ -7,12 +7,13 @@ from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, 
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.sensor_consistency import (
+    SensorConsistency,
     describe_inconsistency,
-    empty_consistency,
     exclude_inconsistent,
     restart,
     update_consistency,
 )
+from contactsense.robots.jit.flat_buffers import zeros
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()
@@ -120,12 +121,12 @@ def test_a_new_stream_starts_with_consistent_sensors(localizer: Localizer) -> No
 
 @pytest.mark.parametrize("single", [True, False])
 def test_with_several_contacts_disagreement_excludes_no_sensor(single: bool) -> None:
-    consistency, statistics = empty_consistency(), np.array([1.0, 1.0, 30.0, 0.0])
+    consistency, statistics = zeros(SensorConsistency), np.array([1.0, 1.0, 30.0, 0.0])
     restart(consistency, 20.0, single)
     wrong = [update_consistency(consistency, statistics, True, True, True, 0.01) for _ in range(1000)]
-    usable = np.array([1.0, 1.0, 0.0, 1.0, 0.0])
+    usable = np.array([1, 1, 0, 1, 0])
     exclude_inconsistent(consistency, usable)
-    np.testing.assert_array_equal(usable, (1.0, 0.0 if single else 1.0, 0.0, 1.0, 0.0))
+    np.testing.assert_array_equal(usable, (1, 0 if single else 1, 0, 1, 0))
     assert wrong[0] is False
     assert wrong[-1] is single
     assert len(describe_inconsistency(consistency)) == int(single)

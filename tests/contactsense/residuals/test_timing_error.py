@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from contactsense.residuals.momentum_observer import advance, empty_observer, start_step
-from contactsense.residuals.timing_error import advance_timing_error, empty_timing_error
+from contactsense.residuals.timing_error import TimingError, advance_timing_error
+from contactsense.robots.jit.flat_buffers import zeros
 
 BANDWIDTH = 10.0
 NO_STEP = -1.0
 
 
 def _variance(momentum: np.ndarray, dt: float) -> np.ndarray:
-    state = empty_timing_error(1)
+    state = zeros(TimingError, joints=1)
     variances = []
     for i, h in enumerate(momentum):
         advance_timing_error(state, np.array([h]), dt if i else 0.0, BANDWIDTH)
@@ -37,7 +38,7 @@ def test_it_is_as_large_as_the_error_of_velocities_at_unknown_instants() -> None
         read = t + rng.uniform(-0.5 * dt, 0.5 * dt, len(t))
         momentum = -_braked(read - begin, deceleration, duration)[0]
         torque = -_braked(t - begin, deceleration, duration)[1]
-        observer, timing = empty_observer(1), empty_timing_error(1)
+        observer, timing = empty_observer(1), zeros(TimingError, joints=1)
         error, variance = [], []
         for i in range(len(t)):
             step = start_step(observer, dt if i else 0.0, BANDWIDTH)
@@ -68,7 +69,7 @@ def test_it_vanishes_with_the_sample_interval() -> None:
 
 
 def test_it_is_kept_without_a_sample_and_forgotten_after_a_gap() -> None:
-    state = empty_timing_error(1)
+    state = zeros(TimingError, joints=1)
     for i, h in enumerate((5.0, 5.0, 0.0)):
         advance_timing_error(state, np.array([h]), 0.01 if i else 0.0, BANDWIDTH)
     before = state.variance[0]

@@ -9,8 +9,7 @@ from contactsense import LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.robots.jit.kernel import allocating_kernel
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
-from contactsense.runtime.buffer_views import buffer_views
-from contactsense.runtime.buffers import KernelBuffers
+from contactsense.runtime.buffers import KernelBuffers, buffer_views
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.state import empty_state
 from tests.plain_arm import plain_ur5e

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.surface.convex_primitives import BOX, ELLIPSOID, REVOLVED, bounding_radius
 from contactsense.solvers import (
     Box,
@@ -27,7 +28,7 @@ from contactsense.solvers import (
     solve,
 )
 from contactsense.solvers.line_of_action import enter_surface
-from contactsense.solvers.posterior import STUDENT_DOF, Contact, Prior, empty_search_buffers, pushing_force
+from contactsense.solvers.posterior import STUDENT_DOF, Contact, Prior, SearchBuffers, pushing_force
 from contactsense.solvers.posterior_mode import find_posterior_mode
 from contactsense.solvers.wrench import wrench_of
 
@@ -87,7 +88,7 @@ def test_it_is_the_mode_that_the_localization_finds(
 ) -> None:
     """The localization's search on a primitive stops a tenth of a standard deviation before the mode."""
     rng = np.random.default_rng(2)
-    packed, buffers = np.array((*size, 0.0, 0.0, 0.0, 0.0)), empty_search_buffers()
+    packed, buffers = np.array((*size, 0.0, 0.0, 0.0, 0.0)), zeros(SearchBuffers)
     prior = Prior(PRIOR.friction / 2.0, PRIOR.torsion, 0.0, PRIOR.force, 0.0, 1.0, np.zeros(1))
     for _ in range(15):
         w = draw(surface, rng)[1] + rng.standard_normal(6) * np.sqrt(np.diag(NOISE))

@@ -6,6 +6,7 @@ from scipy.optimize import minimize
 
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.robots import Inertia, Link
+from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import pack, project
 from contactsense.solvers.line_of_action import enter_surface
@@ -13,7 +14,7 @@ from contactsense.solvers.posterior import (
     STUDENT_DOF,
     Contact,
     Prior,
-    empty_search_buffers,
+    SearchBuffers,
     energy_at,
     inflate_by_surface_deviation,
     pushing_force,
@@ -62,7 +63,7 @@ def _contact(rng: np.random.Generator, kind: int, size: np.ndarray) -> tuple[np.
 
 def _search(shape: Primitive, wrench: np.ndarray, information: np.ndarray, prior: Prior):  # type: ignore[no-untyped-def]
     surfaces = pack([Link("one", Inertia(1.0, np.zeros(3), np.eye(3)), (shape,))])
-    buffers = empty_search_buffers()
+    buffers = zeros(SearchBuffers)
     kind, size = surfaces.kind[0], surfaces.size[0]
     R, o = surfaces.rotation[0], surfaces.origin[0]
     w, L = np.empty(6), np.empty((6, 6))

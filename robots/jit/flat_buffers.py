@@ -1,0 +1,153 @@
+"""Declared arrays (`contactsense.robots.jit.declaration`) in two flat buffers: passing a hundred arrays to a
+compiled function takes longer than its computation.
+
+One buffer holds floats and records, the other one integers, in the order in which the fields are declared.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from contactsense.robots.jit.array_views import block, records
+from contactsense.robots.jit.declaration import WORD, Leaf, Node, fields_of
+from contactsense.robots.jit.kernel import generated_kernel, inlined_kernel
+
+D = TypeVar("D")
+
+
+def zeros(kind: type[D], **sizes: int) -> D:
+    """Zero-filled arrays of a declaration. Numbers that are passed by value are zero as well.
+
+    Raises:
+        NameError: A size is missing.
+    """
+
+    def fill(part: Node | Leaf) -> Any:
+        if isinstance(part, Node):
+            return part.kind(*map(fill, part.fields))
+        return 0.0 if part.by_value else np.zeros(_shape(part, sizes), part.dtype)
+
+    made: D = fill(fields_of(kind))
+    return made
+
+
+class FlatBuffers:
+    """The two buffers and the arrays in them."""
+
+    def __init__(self, values: tuple[Any, ...], sizes: Mapping[str, int]) -> None:
+        """Copy declared arrays into new buffers.
+
+        Args:
+            values: NamedTuples whose types are declared.
+            sizes: The sizes that the declarations name.
+
+        Raises:
+            ValueError: An array does not have the declared shape.
+        """
+        leaves = [leaf for value in values for leaf in _leaves(fields_of(type(value)), value)]
+        floats, integers = [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
+        for leaf, array in leaves:
+            if np.shape(array) != _shape(leaf, sizes):
+                raise ValueError(f"{leaf.name}: expected shape {_shape(leaf, sizes)}, got {np.shape(array)}")
+            words = np.ascontiguousarray(array, dtype=leaf.dtype).ravel()
+            if leaf.dtype == np.int64:
+                integers.append(words)
+            else:
+                floats.append(words.view(np.float64))
+        self.floats = np.concatenate(floats)
+        self.integers = np.concatenate(integers)
+        self._float, self._integer = 0, 0
+        self.views = tuple(self._view(fields_of(type(value)), sizes) for value in values)
+        """The same declarations; their arrays are parts of the buffers."""
+
+    def _view(self, part: Node | Leaf, sizes: Mapping[str, int]) -> Any:
+        if isinstance(part, Node):
+            return part.kind(*(self._view(field, sizes) for field in part.fields))
+        shape = _shape(part, sizes)
+        if part.dtype == np.int64:
+            first, self._integer = self._integer, self._integer + math.prod(shape)
+            return self.integers[first : self._integer].reshape(shape)
+        words = math.prod(shape) * part.dtype.itemsize // WORD
+        first, self._float = self._float, self._float + words
+        if part.by_value:
+            return float(self.floats[first])
+        return self.floats[first : self._float].view(part.dtype).reshape(shape)
+
+
+def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], module: str) -> Any:
+    """A kernel, inlined into others, that finds declared arrays in flat buffers.
+
+    Its arguments are `FlatBuffers.floats`, `FlatBuffers.integers`, and the sizes as a tuple of integers. It
+    returns the declarations as a tuple. It is generated, as Numba cannot loop over fields of different types.
+
+    Args:
+        name: Name of the kernel.
+        kinds: The declarations, in the order in which they lie in the buffers.
+        sizes: Names of the sizes, in order.
+        module: Name of the module that holds the kernel.
+    """
+    lines = [f"def {name}(floats, integers, sizes):", f"    {', '.join(sizes)}, = sizes", "    f = i = 0"]
+    names: dict[str, Any] = {take.__name__: take for take in (*_TAKE, *_TAKE_RECORDS)}
+
+    def value(part: Node | Leaf) -> str:
+        if isinstance(part, Node):
+            names[part.kind.__name__] = part.kind
+            return f"{part.kind.__name__}({', '.join([value(field) for field in part.fields])})"
+        variable, shape = f"x{len(lines)}", ", ".join(part.shape)
+        if part.by_value:
+            lines.append(f"    {variable}, f = floats[f], f + 1")
+        elif part.dtype == np.int64:
+            lines.append(f"    {variable}, i = _take{len(part.shape)}(integers, i, {shape})")
+        elif part.dtype == np.float64:
+            lines.append(f"    {variable}, f = _take{len(part.shape)}(floats, f, {shape})")
+        else:
+            dtype, words = f"dtype{len(lines)}", part.dtype.itemsize // WORD
+            names[dtype] = part.dtype
+            call = f"_records{len(part.shape)}(floats, f, {dtype}, {words}, {shape})"
+            # The comment makes the layout a part of the source, whose change invalidates the cache.
+            lines.append(f"    {variable}, f = {call}  # {part.dtype}")
+        return variable
+
+    values = [value(fields_of(kind)) for kind in kinds]
+    return generated_kernel(name, "\n".join([*lines, f"    return {', '.join(values)}", ""]), names, module)
+
+
+def _leaves(part: Node | Leaf, value: Any) -> list[tuple[Leaf, Any]]:
+    if isinstance(part, Leaf):
+        return [(part, value)]
+    return [leaf for field, inner in zip(part.fields, value, strict=True) for leaf in _leaves(field, inner)]
+
+
+def _shape(leaf: Leaf, sizes: Mapping[str, int]) -> tuple[int, ...]:
+    return tuple(int(eval(axis, {"max": max, "min": min}, dict(sizes))) for axis in leaf.shape)
+
+
+@inlined_kernel
+def _take1(buffer, at, a):  # type: ignore[no-untyped-def]
+    return block(buffer, at, (a,)), at + a
+
+
+@inlined_kernel
+def _take2(buffer, at, a, b):  # type: ignore[no-untyped-def]
+    return block(buffer, at, (a, b)), at + a * b
+
+
+@inlined_kernel
+def _take3(buffer, at, a, b, c):  # type: ignore[no-untyped-def]
+    return block(buffer, at, (a, b, c)), at + a * b * c
+
+
+@inlined_kernel
+def _records1(buffer, at, dtype, words, a):  # type: ignore[no-untyped-def]
+    return records(buffer, at, (a,), dtype), at + words * a
+
+
+@inlined_kernel
+def _records2(buffer, at, dtype, words, a, b):  # type: ignore[no-untyped-def]
+    return records(buffer, at, (a, b), dtype), at + words * a * b
+
+
+_TAKE = (_take1, _take2, _take3)
+_TAKE_RECORDS = (_records1, _records2)
