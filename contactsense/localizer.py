@@ -156,12 +156,12 @@ class Localizer(StaticLocalizer):
         """
         screen, fields = self._screening.screened, self._sample_fields.fields
         try:
-            flags = detect(*self._buffer_args, self._bandwidth, *fields(screen(sample)))
+            flags = detect(self._buffers.arguments, self._bandwidth, *fields(screen(sample)))
         except (TypeError, ValueError, AttributeError):
             flags = WRONG_SIZE
         if flags == WRONG_SIZE:
             sample = self._sample_fields.shaped(sample)
-            flags = detect(*self._buffer_args, self._bandwidth, *fields(screen(sample)))
+            flags = detect(self._buffers.arguments, self._bandwidth, *fields(screen(sample)))
         flags &= self._sample_fields.relevant_flags
         if flags == 0 and self._phase == NONE:
             if self._start.watches:
@@ -183,10 +183,10 @@ class Localizer(StaticLocalizer):
             self._multi_tracker.forget()
         count = -1
         if flags & TOUCHED:
-            count = localize(*self._sample_args, self._bandwidth, self._gate, self._rows)
+            count = localize(*self._kernel_args, self._bandwidth, self._gate, self._rows)
             if self._intrinsic:
                 base = self._usable()[0]
-                count = localize_intrinsic(*self._batch_args, self._rows) if base else 0
+                count = localize_intrinsic(*self._kernel_args, self._rows) if base else 0
         kinds, release = self._phase_change(t)
         if self._phase == HOLD and self._payload is not None and self._usable()[:2] == (True, True):
             mass = self._payload.step()
@@ -280,7 +280,7 @@ class Localizer(StaticLocalizer):
             whole = self._screening.screened_block(SampleBlock.checked(block, self._joints))
             for part in whole.split(MAX_BLOCK):
                 found = self._block_runner.run(
-                    self._sample_args, settings, part, self._rows, None if compiled_only else self._estimate
+                    self._kernel_args, settings, part, self._rows, None if compiled_only else self._estimate
                 )
                 self._phase, self._number = int(self._contact_phase[0]), int(self._contact_number[0])
                 self._start.update_block(found.t, found.flags)
@@ -315,7 +315,7 @@ class Localizer(StaticLocalizer):
         )
         links = dict.fromkeys(self._link_sensors, np.zeros(6))
         detect(
-            *self._buffer_args, self._bandwidth,
+            self._buffers.arguments, self._bandwidth,
             *self._sample_fields.fields(self._sample_fields.compile_sample()),
         )  # fmt: skip
         disable_compilation(detect)
@@ -323,7 +323,7 @@ class Localizer(StaticLocalizer):
         self._stream.usable[[BASE, TORQUE]] = self._scene_sensors
         self._stream.usable[LINK : LINK + len(links)] = 1
         self._stream.clock[0].variance_ratio = 1.0
-        localize(*self._sample_args, self._bandwidth, self._gate, self._rows)
+        localize(*self._kernel_args, self._bandwidth, self._gate, self._rows)
         self._locate_once(
             self._sample_fields.values(self._sample_fields.compile_sample().q),
             False,

@@ -13,7 +13,8 @@ from contactsense.output.batch import Batch, batch_of
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.kernel import loaded
 from contactsense.robots.jit.progress_bar import Notify, shown_compilation
-from contactsense.runtime.buffers import KernelBuffers
+from contactsense.robots.surface.signed_distance_grid import Skin
+from contactsense.runtime.buffers import Buffers, KernelBuffers
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
 from contactsense.runtime.intrinsic import batch_intrinsic
@@ -58,17 +59,17 @@ class StaticLocalizer:
         self._intrinsic = method == "intrinsic"
         constants = build_constants(scene)
         self._buffers = KernelBuffers(constants, empty_state(constants))
-        self._buffer_args = (self._buffers.floats, self._buffers.integers, self._buffers.sizes)
         skin = skin_of(scene)
-        self._batch_args, self._sample_args = (*self._buffer_args, skin), (*self._buffer_args, *skin)
+        self._skin: Skin = (skin.values, skin.start, skin.shape, skin.low, skin.cell)
+        self._kernel_args = (self._buffers.arguments, self._skin)
         self._plausible = PlausibleLimits(scene)
-        self._joints, self._links, primitives = self._buffers.sizes[:3]
+        self._joints, self._links, primitives = self._buffers.arguments[2][:3]
         self._rows = np.zeros((max(primitives, MAX_CANDIDATES), WIDTH))
         self._estimate_builder = EstimateBuilder(scene, constants, self._buffers.state.motion)
         self._locator: MultiContactLocator | None = None
         if scene.contacts > 1:
             self._locator = MultiContactLocator(
-                scene, self._buffers, self._batch_args, self._estimate_builder
+                scene, self._buffers, self._kernel_args, self._estimate_builder
             )
         self._scene_sensors = (scene.base_wrench is not None, scene.joint_torque is not None)
         self._link_sensors = tuple(scene.link_sensors)
@@ -123,7 +124,7 @@ class StaticLocalizer:
         look_for_sets = contacts != 1 or len(known) > 0
         if look_for_sets:
             self._locator = self._locator or MultiContactLocator(
-                self.scene, self._buffers, self._batch_args, self._estimate_builder
+                self.scene, self._buffers, self._kernel_args, self._estimate_builder
             )
             self._locator.check(contacts, known, drift)
         threshold = self._thresholds.threshold(usable) if detect else -1.0
@@ -174,25 +175,24 @@ class StaticLocalizer:
         """
         if self._intrinsic:
             return self._locate_once_intrinsic(values, external, usable)
-        options = (external, *usable, self._gate, threshold, self._rows)
+        options = (external, usable, self._gate, threshold, self._rows)
         try:
-            count, no_contact_energy = locate_once(*self._sample_args, *values, *options)
+            count, no_contact_energy = locate_once(*self._kernel_args, values, *options)
         except TypeError:
             count = -1
         if count < 0:
             count, no_contact_energy = locate_once(
-                *self._sample_args, *self._sample_fields.checked(*values), *options
+                *self._kernel_args, self._sample_fields.checked(*values), *options
             )
         return count, no_contact_energy
 
     def _locate_once_intrinsic(
         self, values: tuple[np.ndarray, ...], external: bool, usable: Usable
     ) -> tuple[int, float]:
-        q, torque, base, links = (value[None] for value in self._sample_fields.checked(*values))
+        measured = tuple(value[None] for value in self._sample_fields.checked(*values))
         energy, link_probability = np.empty(1), np.empty((1, self._links))
         batch_intrinsic(
-            *self._batch_args, q, torque, base, links, external, *usable[1:], energy, link_probability,
-            self._rows[:1],
+            *self._kernel_args, measured, external, *usable[1:], energy, link_probability, self._rows[:1]
         )  # fmt: skip
         return int(self._rows[0, 0] >= 0.0), float(energy[0])
 
@@ -238,15 +238,14 @@ class StaticLocalizer:
         best = np.empty((n, WIDTH))
         measured = (q, torque, base, link_wrench)
         found = (no_contact_energy, link_probability, best)
-        buffer_sizes, skin = self._batch_args[2:]
 
-        def explain(floats: np.ndarray, integers: np.ndarray, part: slice) -> None:
-            inputs = (floats, integers, buffer_sizes, skin, *(array[part] for array in measured), external)
+        def explain(buffers: Buffers, part: slice) -> None:
+            inputs = (buffers, self._skin, tuple(array[part] for array in measured), external)
             outputs = tuple(array[part] for array in found)
             if self._intrinsic:
                 batch_intrinsic(*inputs, *usable[1:], *outputs)
             else:
-                batch(*inputs, *usable, self._gate, *outputs, np.zeros_like(self._rows))
+                batch(*inputs, usable, self._gate, *outputs, np.zeros_like(self._rows))
 
         kernel = batch_intrinsic if self._intrinsic else batch
         with nullcontext() if loaded(kernel) else shown_compilation((kernel,), self._progress):

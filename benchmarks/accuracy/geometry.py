@@ -64,6 +64,7 @@ def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
     )
     from contactsense.robots.meshes import from_folder, neighbour_poses
     from contactsense.robots.surface.signed_distance_grid import project_to_skin, sample
+    from contactsense.robots.vectors import vector
 
     meshes = from_folder(folder, robot.link_names)
     grids = cached(robot, meshes)
@@ -77,18 +78,20 @@ def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
             found[name].append(errors(bodies_of(shapes), skin, shape, around, seed=1))
         exposed = skin.exposure > 0.0
         points, normals = skin.points[exposed], skin.normals[exposed]
-        values = np.array([sample(*grids, number, *point) for point in points])
-        gradient = values[:, 1:] / np.maximum(np.linalg.norm(values[:, 1:], axis=1, keepdims=True), 1e-9)
+        sampled = [sample(grids, number, vector(point)) for point in points]
+        distance, slope = np.array([d for d, _ in sampled]), np.array([s for _, s in sampled])
+        gradient = slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
         angle = np.arccos(np.clip(np.einsum("ij,ij->i", gradient, normals), -1.0, 1.0))
         rng = np.random.default_rng(1)
         start = exposed_surface(bodies_of(link.primitives), 5000, rng)
-        level = np.array([project_to_skin(*grids, number, *point, 3) for point in start])
+        projected = [project_to_skin(grids, number, vector(point), 3) for point in start]
+        level = np.array([(distance, *point, *normal) for distance, point, normal in projected])
         level = level[np.isfinite(level[:, 0])]
         level = level[around.exposure_of_model(level[:, 1:4], level[:, 4:], rng) > 0.0]
         back = trimesh.proximity.closest_point(  # type: ignore[no-untyped-call]
             meshes[link.name], level[:, 1:4]
         )[1]
-        skin_level.append(Errors(values[:, 0], back, angle, found["fine"][-1].area))
+        skin_level.append(Errors(distance, back, angle, found["fine"][-1].area))
     seconds = schema.read_surface(surface_file(robot.name)).fit_seconds
     common = {"robot": robot.name, "fit_seconds": seconds}
     counts = {

@@ -21,7 +21,7 @@ from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.buffers import KernelBuffers, buffer_views
+from contactsense.runtime.buffers import Buffers, KernelBuffers, buffer_views
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.kernels import locate_once
 from contactsense.runtime.result_rows import WIDTH
@@ -54,16 +54,9 @@ class Oracle:
         """For a scene with base sensor and joint torques."""
         constants = build_constants(scene)
         self._kernel_buffers = KernelBuffers(constants, empty_state(constants))
-        skin = skin_of(scene)
-        self._arrays = (
-            self._kernel_buffers.floats,
-            self._kernel_buffers.integers,
-            self._kernel_buffers.sizes,
-            skin,
-        )
-        self._kernel_arguments = (*self._arrays[:3], *skin)
+        self._arguments = (self._kernel_buffers.arguments, tuple(skin_of(scene)))
         self._estimate_builder = EstimateBuilder(scene, constants, self._kernel_buffers.state.motion)
-        self._sets = MultiContactLocator(scene, self._kernel_buffers, self._arrays, self._estimate_builder)
+        self._sets = MultiContactLocator(scene, self._kernel_buffers, self._arguments, self._estimate_builder)
         self._rows = np.zeros((max(len(constants.surfaces.kind), MAX_CANDIDATES), WIDTH))
 
     def locate(
@@ -77,18 +70,8 @@ class Oracle:
     ) -> Estimate:
         """The estimate of `Localizer.locate`; arguments as there."""
         present = (True, True, 0)
-        listed, _ = locate_once(
-            *self._kernel_arguments,
-            q,
-            joint_torque,
-            base_wrench,
-            np.zeros((0, 6)),
-            True,
-            *present,
-            False,
-            -1.0,
-            self._rows,
-        )
+        measured = (q, joint_torque, base_wrench, np.zeros((0, 6)))
+        listed, _ = locate_once(*self._arguments, measured, True, present, False, -1.0, self._rows)
         if contacts > 1:
             return self._sets.explain(present, contacts, known, drift)
         return self._estimate_builder.contacts(0.0, self._kernel_buffers.state, self._rows, listed)
@@ -110,7 +93,7 @@ class Oracle:
         choices = [self._primitives(link, point) for link, point in zip(links, points, strict=True)]
         for primitives in product(*choices):
             score = _optimize_from(
-                *self._arrays[:3], buffers, m, known_count, np.array(primitives), points, forces
+                *self._arguments[:1], buffers, m, known_count, np.array(primitives), points, forces
             )
             if score - reference > best.gain:
                 best = TruthResult(score - reference, buffers.optimizer.point[: len(links)].copy())
@@ -136,9 +119,7 @@ class Oracle:
 
 @kernel
 def _optimize_from(
-    floats: np.ndarray,
-    integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int, int],
+    kernel_buffers: Buffers,
     buffers: MultiContactBuffers,
     m: int,
     known_count: int,
@@ -147,7 +128,7 @@ def _optimize_from(
     force: np.ndarray,
 ) -> float:
     """Log evidence of the contacts at which the optimization ends; they remain in `buffers.optimizer`."""
-    constants, state = buffer_views(floats, integers, sizes)
+    constants, state = buffer_views(kernel_buffers)
     surfaces, optimizer, seeding = constants.surfaces, buffers.optimizer, buffers.seeding
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
     count = primitive.shape[0]

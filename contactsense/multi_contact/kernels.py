@@ -8,22 +8,20 @@ from contactsense.detection.thresholds import Usable
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact.buffers import MAX_CONTACTS, MultiContactBuffers, PrimitiveFrames
 from contactsense.multi_contact.contact_set_search import search_contact_sets
-from contactsense.multi_contact.measurement_rows import fill_measurement_rows, rank_of
+from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.multi_contact.seeding import estimate_force_scale, transform_samples
 from contactsense.robots.jit.kernel import kernel
-from contactsense.robots.surface.signed_distance_grid import Grids
-from contactsense.runtime.buffers import buffer_views
+from contactsense.robots.surface.signed_distance_grid import Grids, Skin
+from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.no_contact_hypothesis import update_covariances
 from contactsense.runtime.residual_update import residual_variance_ratio
-from contactsense.runtime.result_rows import MIN_PROBABILITY, write_row
+from contactsense.runtime.result_rows import MIN_PROBABILITY, CandidateRow, write_row
 
 
 @kernel
 def explain_contact_sets(
-    floats: np.ndarray,
-    integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int, int],
-    skin: Grids,
+    kernel_buffers: Buffers,
+    skin: Skin,
     buffers: MultiContactBuffers,
     present: Usable,
     bandwidth: float,
@@ -34,7 +32,7 @@ def explain_contact_sets(
     """Explain the sample last taken by sets of simultaneous contacts.
 
     Args:
-        floats, integers, sizes, skin: The localizer's kernel buffers after
+        kernel_buffers, skin: The localizer's kernel buffers after
             `contactsense.runtime.kernels.locate_once` or `step`, and the signed distance grids.
         buffers: With the known contacts filled in.
         present: Which sensors have measured.
@@ -49,26 +47,28 @@ def explain_contact_sets(
         Number of explanations above the minimum probability, and number of independent measurements of the
         wrenches of the first one.
     """
-    constants, state = buffer_views(floats, integers, sizes)
+    constants, state = buffer_views(kernel_buffers)
     scale, lag = 1.0, 0.0
     external = (state.base_wrench, state.torque, state.link_wrench)
     if bandwidth < math.inf:
         # The residuals of the observers, not their averages for a single contact.
         lag = 1.0 / (2.0 * math.pi * bandwidth)
         external = (
-            state.base_observer.residual[:6],
-            state.joint_observer.residual,
-            state.link_observer.residual,
+            state.observers.base.residual[:6],
+            state.observers.joints.residual,
+            state.observers.links.residual,
         )
         scale = residual_variance_ratio(state, present)
     update_covariances(constants, state, scale)
     depth, seed_samples, explanations = constants.sensors.depth, buffers.seed_samples, buffers.explanations
     place_primitives(constants.surfaces, depth, state.motion, state.candidates)
     transform_samples(constants.samples, depth, state.motion, seed_samples, buffers.seeding)
+    variances = Variances(
+        state.base_information, scale, state.torque_variance, state.link_variance, state.link_origin
+    )
     m = fill_measurement_rows(
-        constants.sensors, state.motion, external, state.base_information, state.torque_variance,
-        state.link_variance, state.link_origin, present, scale, lag, buffers.rows,
-    )  # fmt: skip
+        constants.sensors, state.motion, external, variances, present, lag, buffers.rows
+    )
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
     force_scale = estimate_force_scale(external, present)
     count = search_contact_sets(
@@ -80,19 +80,12 @@ def explain_contact_sets(
         if explanations.probability[t] < MIN_PROBABILITY:
             break
         for i in range(explanations.contacts[t]):
-            write_row(
-                constants,
-                state,
-                skin,
-                explanations.primitive[t, i],
-                explanations.probability[t],
-                explanations.torsion[t, i],
-                explanations.point[t, i],
-                explanations.normal[t, i],
-                explanations.force[t, i],
+            found = CandidateRow(
+                explanations.primitive[t, i], explanations.probability[t], explanations.torsion[t, i],
+                explanations.point[t, i], explanations.normal[t, i], explanations.force[t, i],
                 explanations.covariance[t, i],
-                rows[k * MAX_CONTACTS + i],
-            )
+            )  # fmt: skip
+            write_row(constants, state, Grids(*skin), found, rows[k * MAX_CONTACTS + i])
         listed += 1
     rank = 0
     if listed > 0:

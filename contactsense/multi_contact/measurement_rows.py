@@ -8,6 +8,7 @@ of a moving arm are distinguished by their lag.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,20 @@ from contactsense.kinematics.spatial import component_about
 from contactsense.multi_contact.buffers import MeasurementRows
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import fused_kernel
+
+
+class Variances(NamedTuple):
+    """Variances of the measurement."""
+
+    base_information: np.ndarray
+    """Inverse covariance of the base wrench times `base_factor`, shape (6, 6)."""
+    base_factor: float
+    torque: np.ndarray
+    """Variance of each torque, shape (n,) [Nm^2]."""
+    link: np.ndarray
+    """Variance of each component of the link sensors' wrenches about their origins, shape (S, 6)."""
+    link_origin: np.ndarray
+    """Those origins, base frame, shape (S, 3) [m]."""
 
 
 @fused_kernel
@@ -51,12 +66,8 @@ def fill_measurement_rows(
     sensors: SensorModel,
     motion: Motion,
     parts: tuple[np.ndarray, np.ndarray, np.ndarray],
-    base_information: np.ndarray,
-    torque_variance: np.ndarray,
-    link_variance: np.ndarray,
-    link_origin: np.ndarray,
+    variances: Variances,
     present: Usable,
-    scale: float,
     lag: float,
     rows: MeasurementRows,
 ) -> int:
@@ -67,16 +78,12 @@ def fill_measurement_rows(
         motion: Poses and twists.
         parts: External base wrench (6,), joint torques as s_j . w (n,) and wrenches on the link sensors (S,
             6), low-pass filtered in base axes.
-        base_information: Inverse covariance of the base wrench times `scale`, shape (6, 6).
-        torque_variance: Variance of each torque, shape (n,) [Nm^2].
-        link_variance: Variance of each component of the link sensors' wrenches about their origins, shape (S,
-            6).
-        link_origin: Those origins, base frame, shape (S, 3) [m].
+        variances: Of `parts`.
         present: Which sensors have measured.
-        scale: Factor on the covariance of the base wrench.
         lag: Time constant of the low-pass filter [s]; 0 without one.
         rows: Filled.
     """
+    torque_variance, link_variance, link_origin = variances.torque, variances.link, variances.link_origin
     y, seen, row, transformed = rows.value, rows.seen, rows.row, rows.transformed
     sensor_twist = motion.twist[0]
     links = seen.shape[0]
@@ -90,7 +97,7 @@ def fill_measurement_rows(
             for k in range(6):
                 U[i, k] = 0.0
             for k in range(i, 6):
-                x = base_information[i, k] / scale
+                x = variances.base_information[i, k] / variances.base_factor
                 for r in range(i):
                     x -= U[r, i] * U[r, k]
                 U[i, k] = math.sqrt(x) if k == i else x / U[i, i]

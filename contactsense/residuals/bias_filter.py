@@ -24,6 +24,7 @@ from contactsense.residuals.momentum_observer import (
     group_of,
     start_step,
 )
+from contactsense.residuals.observers import Observers
 from contactsense.robots.jit.declaration import Floats, Records, Sized, record
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
@@ -289,11 +290,7 @@ def apply_correction(
     torque_model: JointTorqueModel,
     motion: Motion,
     bandwidth: float,
-    base_observer: MomentumObserver,
-    torque_difference: MomentumObserver,
-    joint_observer: MomentumObserver,
-    link_observer: MomentumObserver,
-    link_difference: MomentumObserver,
+    observers: Observers,
     first_body: np.ndarray,
 ) -> None:
     """Apply `correction` to biases and masses, and shift the observers to the state that they would have had
@@ -304,8 +301,7 @@ def apply_correction(
         model, torque_model: Masses and torque biases, changed in place.
         motion: Of this sample.
         bandwidth: Cut-off frequency of the observers [Hz].
-        base_observer, torque_difference, joint_observer, link_observer, link_difference: The observers,
-            changed in place; see `contactsense.runtime.state`.
+        observers: Changed in place.
         first_body: First link that each link sensor carries, shape (S,), int64.
     """
     x, n = bias_filter.correction, torque_model.bias.shape[0]
@@ -337,9 +333,9 @@ def apply_correction(
                 link_momentum = dot6(motion.screw[j], H[k + 1])
                 link_momentum -= dot6(motion.screw[j], H[k + 2]) if k + 2 <= n else 0.0
                 d_joint_momentum += torque_model.inertia * x[m + k] * link_momentum
-        _shift_observer(joint_observer, j, d_torque, d_joint_momentum, K)
+        _shift_observer(observers.joints, j, d_torque, d_joint_momentum, K)
         _shift_observer(
-            torque_difference,
+            observers.torque_difference,
             j,
             d_torque - dot6(motion.screw[j], d_wrench),
             d_joint_momentum - dot6(motion.screw[j], d_momentum),
@@ -352,9 +348,13 @@ def apply_correction(
                 for k in range(first_body[s] - 1, n):
                     d_link += x[m + k] * regressor[m * k + n + i]
                     d_link_momentum += x[m + k] * (H[k + 1, i] - (H[k + 2, i] if k + 2 <= n else 0.0))
-            _shift_observer(group_of(link_observer, s), i, d_link, d_link_momentum, K)
+            _shift_observer(group_of(observers.links, s), i, d_link, d_link_momentum, K)
             _shift_observer(
-                group_of(link_difference, s), i, d_link - d_wrench[i], d_link_momentum - d_momentum[i], K
+                group_of(observers.link_difference, s),
+                i,
+                d_link - d_wrench[i],
+                d_link_momentum - d_momentum[i],
+                K,
             )
     for body in range(n + 1):
         R, o = motion.rotation[body], motion.origin[body]
@@ -367,8 +367,8 @@ def apply_correction(
                 d_moment += R[k, i] * (d_wrench[3 + k] - o[a] * d_wrench[b] + o[b] * d_wrench[a])
                 d_linear += R[k, i] * d_momentum[k]
                 d_angular += R[k, i] * (d_momentum[3 + k] - o[a] * d_momentum[b] + o[b] * d_momentum[a])
-            _shift_observer(base_observer, 6 * body + i, d_force, d_linear, K)
-            _shift_observer(base_observer, 6 * body + 3 + i, d_moment, d_angular, K)
+            _shift_observer(observers.base, 6 * body + i, d_force, d_linear, K)
+            _shift_observer(observers.base, 6 * body + 3 + i, d_moment, d_angular, K)
     x[:] = 0.0
 
 

@@ -73,6 +73,17 @@ class TimeSlice:
     """[s]"""
 
 
+class TorqueVariance(NamedTuple):
+    """Variance of the residuals of the joint torques."""
+
+    noise: np.ndarray
+    """Variance of the noise in one sample, shape (n,) [Nm^2]."""
+    ratio: float
+    """Variance of the residuals over that of one sample's noise."""
+    model: np.ndarray
+    """Variance due to biases and masses, shape (n,) [Nm^2]."""
+
+
 class FrictionAtRest(NamedTuple):
     """Reference torques of joints at rest. n joints."""
 
@@ -104,9 +115,7 @@ def energy_beyond_static_friction(
     torque_model: JointTorqueModel,
     q: np.ndarray,
     residual: np.ndarray,
-    noise_variance: np.ndarray,
-    variance_ratio: float,
-    model_variance: np.ndarray,
+    variance: TorqueVariance,
     dt: float,
     touched: bool,
     thresholds: tuple[float, float],
@@ -120,9 +129,7 @@ def energy_beyond_static_friction(
         torque_model: Of the joints; its standard deviation at rest is used.
         q: Joint positions, shape (n,) [rad].
         residual: Residuals of the joint torques, shape (n,) [Nm].
-        noise_variance: Variance of their noise in one sample, shape (n,) [Nm^2].
-        variance_ratio: Variance of the residuals over that of one sample's noise.
-        model_variance: Variance due to biases and masses, shape (n,) [Nm^2].
+        variance: Of the residuals.
         dt: Time since the last torques [s]; 0 restarts, negative: no torques in this sample.
         touched: Whether a contact is present, by any evidence.
         thresholds: Onset and release threshold of the energy.
@@ -146,9 +153,7 @@ def energy_beyond_static_friction(
     if status.rest_time < SETTLING_TIME:
         return 0.0
     status.log_time += dt / min(status.rest_time, CREEP_TIME)
-    energy = _largest_deviation_energy(
-        state, torque_model, residual, noise_variance, variance_ratio, model_variance
-    )
+    energy = _largest_deviation_energy(state, torque_model, residual, variance)
     onset, release = thresholds
     if status.in_contact:
         status.peak_energy = max(status.peak_energy, energy)
@@ -175,9 +180,7 @@ def _largest_deviation_energy(
     state: FrictionAtRest,
     torque_model: JointTorqueModel,
     residual: np.ndarray,
-    noise_variance: np.ndarray,
-    variance_ratio: float,
-    model_variance: np.ndarray,
+    variance: TorqueVariance,
 ) -> float:
     """Energy of the deviation of the residuals from the slice that differs most."""
     highest = 0.0
@@ -188,8 +191,8 @@ def _largest_deviation_energy(
         energy = 0.0
         for j in range(residual.shape[0]):
             deviation = residual[j] - state.mean_residual[k, j]
-            noise = (1.0 + state.slices[k].variance_ratio) * variance_ratio * noise_variance[j]
-            sigma2 = unmodelled_torque_std(torque_model, j, 0.0, 0.0) ** 2 + model_variance[j]
+            noise = (1.0 + state.slices[k].variance_ratio) * variance.ratio * variance.noise[j]
+            sigma2 = unmodelled_torque_std(torque_model, j, 0.0, 0.0) ** 2 + variance.model[j]
             energy += deviation * deviation / (log_time * sigma2 + noise)
         highest = max(highest, 0.5 * energy)
     return highest

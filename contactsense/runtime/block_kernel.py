@@ -2,6 +2,7 @@
 them."""
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -9,68 +10,57 @@ from contactsense.kinematics.simd_kinematics import LANES
 from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
-from contactsense.runtime.buffers import buffer_views
+from contactsense.robots.surface.signed_distance_grid import Skin
+from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.kernels import localize
 from contactsense.runtime.simd_samples import detect_in_lane, fill_lanes
 from contactsense.sensors.stream_state import REPEATED, RESTARTED, TOUCHED, UNUSABLE
 
+BlockInputs: TypeAlias = tuple[
+    np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray
+]
+"""Times, sensors that have a value (one bit each), then what `contactsense.sensors.stream_state.Readings`
+lists, each with a leading axis N."""
+BlockOutputs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Of each of the N samples: flags, int64; phase and number of the contact, shape (N, 2), int64; energy of
+"nothing touches", consistency levels (3), external base wrench (6) and its standard deviation (6), external
+joint torques (n), their standard deviation (n) and biases (n), shape (N, 16 + 3 n); number of explanations,
+-1 where nothing touches, int64; where there is one, the row of the most probable one, shape (N, WIDTH), and
+the probability of each link, shape (N, links)."""
+
 
 @kernel
 def detect_and_localize_block(
-    floats: np.ndarray,
-    integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int, int],
-    skin_values: np.ndarray,
-    skin_start: np.ndarray,
-    skin_shape: np.ndarray,
-    skin_low: np.ndarray,
-    skin_cell: float,
-    bandwidth: float,
-    gate: bool,
-    relevant: int,
+    buffers: Buffers,
+    skin: Skin,
+    settings: tuple[float, bool, int],
     stop_at_touch: bool,
     first: int,
-    t: np.ndarray,
-    present: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    link_wrench: np.ndarray,
-    flags: np.ndarray,
-    phases: np.ndarray,
-    residuals: np.ndarray,
-    listed: np.ndarray,
-    best: np.ndarray,
-    link_probability: np.ndarray,
+    samples: BlockInputs,
+    out: BlockOutputs,
     rows: np.ndarray,
     lanes: np.ndarray,
 ) -> int:
     """Work through samples `first`, `first` + 1, ... of a block.
 
     Args:
-        floats, integers, sizes, skin_values, skin_start, skin_shape, skin_low, skin_cell, bandwidth, gate,
-            rows: As for `contactsense.runtime.kernels.localize`.
-        relevant: Mask of the flags that can be set for samples of this scene.
+        buffers, skin, rows: As for `contactsense.runtime.kernels.localize`.
+        settings: Cut-off frequency of the observers [Hz]; `gate` as for `localize`; mask of the flags that
+            can be set for samples of this scene.
         stop_at_touch: Return after the first sample that touches, ends a contact or restarts the stream;
             `localize` is not called.
         first: Sample to begin with.
-        t, present, q, qd, torque, base_wrench, link_wrench: As for
-            `contactsense.runtime.kernels.detect`, with a leading axis N.
-        flags: Filled: flags of each sample, shape (N,), int64.
-        phases: Filled: phase and number of the contact, shape (N, 2), int64.
-        residuals: Filled: energy of "nothing touches", consistency levels (3), external base wrench (6) and
-            its standard deviation (6), external joint torques (n), their standard deviation (n) and biases
-            (n), shape (N, 16 + 3 n).
-        listed: Filled: number of explanations, -1 where nothing touches, shape (N,), int64.
-        best: Filled where there is an explanation: the row of the most probable one, shape (N, WIDTH).
-        link_probability: Filled there too, shape (N, links).
+        samples: Those of the block.
+        out: Filled.
         lanes: Scratch, see `contactsense.kinematics.simd_kinematics.empty_lanes`.
 
     Returns:
         Number of the sample after the last one that was taken, negative where `stop_at_touch` ended it.
     """
-    constants, state = buffer_views(floats, integers, sizes)
+    constants, state = buffer_views(buffers)
+    bandwidth, gate, relevant = settings
+    t, present, q, qd, torque, base_wrench, link_wrench = samples
+    flags, phases, residuals, listed, best, link_probability = out
     n = state.torque.shape[0]
     first_lane = first - LANES
     for i in range(first, t.shape[0]):
@@ -79,8 +69,8 @@ def detect_and_localize_block(
             first_lane = i
             fill_lanes(constants, state, i, q, qd, torque, base_wrench, lanes)
         found = relevant & detect_in_lane(
-            constants, state, bandwidth, lanes, i - first_lane, t[i], present[i], q[i], qd[i], torque[i],
-            base_wrench[i], link_wrench[i],
+            constants, state, bandwidth, lanes, i - first_lane, t[i], present[i],
+            (q[i], qd[i], torque[i], base_wrench[i], link_wrench[i]),
         )  # fmt: skip
         if state.bias_filter.status[0].time_since_update == 0.0:
             # Biases and masses have changed.
@@ -104,10 +94,7 @@ def detect_and_localize_block(
                 row[16 + n + k] = math.sqrt(state.torque_variance[k])
                 row[16 + 2 * n + k] = state.torque_model.bias[k]
         if found & TOUCHED and not stop_at_touch:
-            listed[i] = localize(
-                floats, integers, sizes, skin_values, skin_start, skin_shape, skin_low, skin_cell, bandwidth,
-                gate, rows,
-            )  # fmt: skip
+            listed[i] = localize(buffers, skin, bandwidth, gate, rows)
             if listed[i] > 0:
                 copy(rows[0], best[i])
                 copy(state.link_probability, link_probability[i])

@@ -6,7 +6,9 @@ import numpy as np
 
 from contactsense.kinematics.simd_kinematics import empty_lanes
 from contactsense.robots.jit.declaration import Records
-from contactsense.runtime.block_kernel import detect_and_localize_block
+from contactsense.robots.surface.signed_distance_grid import Skin
+from contactsense.runtime.block_kernel import BlockInputs, detect_and_localize_block
+from contactsense.runtime.buffers import Buffers
 from contactsense.runtime.result_rows import LINK, POINT, WIDTH
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.scene import Scene
@@ -52,7 +54,7 @@ class BlockRunner:
 
     def run(
         self,
-        parts: tuple[object, ...],
+        parts: tuple[Buffers, Skin],
         settings: tuple[float, bool, int],
         block: SampleBlock,
         rows: np.ndarray,
@@ -61,7 +63,7 @@ class BlockRunner:
         """Process a block of at most `MAX_BLOCK` samples.
 
         Args:
-            parts: Workspace and skin, as arguments of the kernel.
+            parts: Buffers and skin, as arguments of the kernel.
             settings: Bandwidth [Hz], whether the link is chosen first, mask of the relevant flags.
             block: The samples.
             rows: Scratch for explanations.
@@ -76,8 +78,8 @@ class BlockRunner:
         at = 0
         while at < count:
             after = detect_and_localize_block(
-                *parts, *settings, estimate is not None, at, *inputs, flags, phases, residuals, listed,
-                self._best, self._link_probability, rows, self._lanes,
+                *parts, settings, estimate is not None, at, inputs,
+                (flags, phases, residuals, listed, self._best, self._link_probability), rows, self._lanes,
             )  # fmt: skip
             at = abs(after)
             if after < 0 and estimate is not None:
@@ -85,7 +87,7 @@ class BlockRunner:
                 phases[at - 1, 0], phases[at - 1, 1] = self._status[0].phase, self._status[0].number
         return self._collect(block, residuals, estimates)
 
-    def _inputs(self, block: SampleBlock) -> tuple[np.ndarray, ...]:
+    def _inputs(self, block: SampleBlock) -> BlockInputs:
         """The samples as arguments of the kernel."""
         present = np.zeros(len(block), dtype=np.int64)
         values = []

@@ -42,7 +42,7 @@ def consistency_statistics(constants: Constants, state: State, variance_ratio: f
         variance = state.torque_variance[j]
         for i in range(6):
             variance += s[i] * dot6(state.base_covariance[i], s) * variance_ratio
-        proximal += state.torque_difference.residual[j] ** 2 / variance
+        proximal += state.observers.torque_difference.residual[j] ** 2 / variance
         distal -= state.torque[j] ** 2 / state.torque_variance[j]
         best = min(best, proximal + distal)
     state.statistics[AGREEMENT] = best / n

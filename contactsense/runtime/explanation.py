@@ -1,5 +1,7 @@
 """Explain the residuals of one sample by a contact: link hypotheses, then the places on the links."""
 
+from typing import TypeAlias
+
 import numpy as np
 
 from contactsense.isolation.link_hypotheses import isolate
@@ -16,15 +18,17 @@ from contactsense.runtime.residual_update import update_link_sensors
 from contactsense.runtime.sensor_rows import fill_rows
 from contactsense.runtime.state import State
 
+Measured: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Joint positions [rad] and torques [Nm], shape (n,), base wrench (6,) and wrenches on the link sensors (S,
+6) [N, Nm]; any values for sensors that have not measured. A plain tuple: Numba takes longer to recognize a
+named one."""
+
 
 @inlined_kernel
 def take_static_sample(
     constants: Constants,
     state: State,
-    q: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    link_wrench: np.ndarray,
+    measured: Measured,
     external: bool,
 ) -> None:
     """Fill `state` from one sample of an arm at rest: poses and residuals.
@@ -33,6 +37,7 @@ def take_static_sample(
     actuator's sign, so that a contact wrench w adds -s_j . w to them.
     """
     motion = state.motion
+    q, torque, base_wrench, link_wrench = measured
     kinematics_and_momenta(constants.model, q, state.zero_velocity, constants.gravity, motion)
     update_link_sensors(constants, state)
     for j in range(q.shape[0]):

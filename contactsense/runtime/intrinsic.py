@@ -6,12 +6,17 @@ import numpy as np
 from contactsense.localization.intrinsic_contact import centroid_covariance, contact_on_link
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
-from contactsense.robots.surface.signed_distance_grid import Grids
+from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.robots.vectors import add, rotate, vector
-from contactsense.runtime.buffers import buffer_views
+from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
-from contactsense.runtime.explanation import isolate_links, most_probable_link, take_static_sample
-from contactsense.runtime.result_rows import write_row
+from contactsense.runtime.explanation import (
+    Measured,
+    isolate_links,
+    most_probable_link,
+    take_static_sample,
+)
+from contactsense.runtime.result_rows import CandidateRow, write_row
 from contactsense.runtime.state import State
 from contactsense.solvers.wrench import Wrench, in_frame
 
@@ -57,55 +62,40 @@ def write_intrinsic_contact(constants: Constants, state: State, skin: Grids, row
         constants.prior.surface_deviation,
         candidates.covariance[0],
     )
-    write_row(
-        constants,
-        state,
-        skin,
-        primitive,
-        1.0,
-        torsion,
-        candidates.point[0],
-        candidates.normal[0],
-        candidates.force[0],
+    found = CandidateRow(
+        primitive, 1.0, torsion, candidates.point[0], candidates.normal[0], candidates.force[0],
         candidates.covariance[0],
-        row,
-    )
+    )  # fmt: skip
+    write_row(constants, state, skin, found, row)
     return 1
 
 
 @kernel
 def localize_intrinsic(
-    floats: np.ndarray,
-    integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int, int],
-    skin: Grids,
+    buffers: Buffers,
+    skin: Skin,
     rows: np.ndarray,
 ) -> int:
     """The contact of a stream's newest residuals, after `contactsense.runtime.kernels.localize`.
 
     Args:
-        floats, integers, sizes: See `contactsense.runtime.buffers.KernelBuffers`.
-        skin: As for `write_candidates`.
+        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
+        skin: As for `contactsense.runtime.kernels.localize`.
         rows: The first row is filled.
 
     Returns:
         Number of contacts.
     """
-    constants, state = buffer_views(floats, integers, sizes)
-    count: int = write_intrinsic_contact(constants, state, skin, rows[0])
+    constants, state = buffer_views(buffers)
+    count: int = write_intrinsic_contact(constants, state, Grids(*skin), rows[0])
     return count
 
 
 @nogil_kernel
 def batch_intrinsic(
-    floats: np.ndarray,
-    integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int, int],
-    skin: Grids,
-    q: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    link_wrench: np.ndarray,
+    buffers: Buffers,
+    skin: Skin,
+    measured: Measured,
     external: bool,
     has_torque: bool,
     link_sensors: int,
@@ -115,11 +105,13 @@ def batch_intrinsic(
 ) -> None:
     """The contacts of N measurements of an arm at rest; arguments as for
     `contactsense.runtime.kernels.batch`. The state after the last one remains."""
-    constants, state = buffer_views(floats, integers, sizes)
+    constants, state = buffer_views(buffers)
+    grids = Grids(*skin)
+    q, torque, base_wrench, link_wrench = measured
     for i in range(q.shape[0]):
-        take_static_sample(constants, state, q[i], torque[i], base_wrench[i], link_wrench[i], external)
+        take_static_sample(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), external)
         no_contact_energy[i] = isolate_links(constants, state, True, has_torque, link_sensors, 1.0)
-        if write_intrinsic_contact(constants, state, skin, best[i]) == 0:
+        if write_intrinsic_contact(constants, state, grids, best[i]) == 0:
             best[i] = 0.0
             best[i, 0] = -1.0
         copy(state.link_probability, link_probability[i])

@@ -5,14 +5,15 @@ import math
 
 import numpy as np
 
+from contactsense.detection.thresholds import Usable
 from contactsense.residuals.equations_of_motion import wrench_difference
 from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
-from contactsense.robots.surface.signed_distance_grid import Grids
-from contactsense.runtime.buffers import buffer_views
+from contactsense.robots.surface.signed_distance_grid import Grids, Skin
+from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
-from contactsense.runtime.explanation import explain, take_static_sample
+from contactsense.runtime.explanation import Measured, explain, take_static_sample
 from contactsense.runtime.residual_update import set_external, update_residuals
 from contactsense.runtime.result_rows import write_candidates
 from contactsense.runtime.state import State
@@ -21,6 +22,7 @@ from contactsense.sensors.stream_state import (
     RESTARTED,
     UNUSABLE,
     WRONG_SIZE,
+    Readings,
     register_sample,
     store_sample,
     usable_sensors,
@@ -37,37 +39,29 @@ from contactsense.tracking.sliding import extrapolate_sliding
 
 @kernel
 def detect(
-    floats: np.ndarray,
-    integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int, int],
+    buffers: Buffers,
     bandwidth: float,
     t: float,
     sensor_bits: int,
-    q: np.ndarray,
-    qd: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    link_wrench: np.ndarray,
+    readings: Readings,
 ) -> int:
     """Detect a contact in one sample of a live stream.
 
     Without a contact the bias filter is updated.
 
     Args:
-        floats, integers, sizes: See `contactsense.runtime.buffers.KernelBuffers`.
+        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
         bandwidth: Cut-off frequency of the observers [Hz].
         t: Time of the sample [s].
         sensor_bits: Which sensors have a value, see `contactsense.sensors.stream_state.register_sample`.
-        q, qd, torque, base_wrench: As in `contactsense.types.Sample`; any values for a sensor without a
-            value.
-        link_wrench: The same of the link sensors, shape (S, 6).
+        readings: See `contactsense.sensors.stream_state.Readings`; any values for a sensor without a value.
 
     Returns:
         Flags of the sample, see `contactsense.sensors.stream_state`.
     """
-    constants, state = buffer_views(floats, integers, sizes)
+    constants, state = buffer_views(buffers)
     stream = state.stream
-    if not store_sample(stream, q, qd, torque, base_wrench, link_wrench):
+    if not store_sample(stream, readings):
         return WRONG_SIZE
     flags: int = register_sample(stream, t, sensor_bits, bandwidth)
     if flags & (REPEATED | UNUSABLE):
@@ -82,14 +76,8 @@ def detect(
 
 @kernel
 def localize(
-    floats: np.ndarray,
-    integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int, int],
-    skin_values: np.ndarray,
-    skin_start: np.ndarray,
-    skin_shape: np.ndarray,
-    skin_low: np.ndarray,
-    skin_cell: float,
+    buffers: Buffers,
+    skin: Skin,
     bandwidth: float,
     gate: bool,
     rows: np.ndarray,
@@ -97,9 +85,8 @@ def localize(
     """Average the residuals over windows and `explain` them, after `detect` has detected a contact.
 
     Args:
-        floats, integers, sizes: See `contactsense.runtime.buffers.KernelBuffers`.
-        skin_values, skin_start, skin_shape, skin_low, skin_cell: The fields of
-            `contactsense.robots.surface.signed_distance_grid.Grids`; a named tuple would take longer to pass.
+        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
+        skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
         bandwidth: Cut-off frequency of the observers [Hz].
         gate: As for `explain`.
         rows: Filled with the candidates.
@@ -107,18 +94,14 @@ def localize(
     Returns:
         Number of candidates in `rows`.
     """
-    constants, state = buffer_views(floats, integers, sizes)
-    skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
+    constants, state = buffer_views(buffers)
+    grids = Grids(*skin)
     track, stream = state.track, state.stream
     dt = stream.clock[0].step
     state.bias_filter.status[0].time_since_contact = 0.0
     average_windows(
         track,
-        state.base_observer,
-        state.torque_difference,
-        state.joint_observer,
-        state.link_difference,
-        state.link_observer,
+        state.observers,
         stream.clock[0].variance_ratio,
         usable_sensors_code(stream),
         dt,
@@ -133,7 +116,7 @@ def localize(
     count, _ = explain(
         constants, state, has_base, has_torque, link_sensors, track.variance_ratio[window], gate, -1.0
     )
-    listed: int = write_candidates(constants, state, skin, count, rows)
+    listed: int = write_candidates(constants, state, grids, count, rows)
     if listed > 0:
         if has_base:
             extrapolate_sliding(track, state.motion, constants.sensors.depth[int(rows[0, 0])], rows[0])
@@ -213,77 +196,70 @@ def _update_to_newest(constants: Constants, state: State, window: int, rows: np.
 
 @kernel
 def locate_once(
-    floats: np.ndarray,
-    integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int, int],
-    skin_values: np.ndarray,
-    skin_start: np.ndarray,
-    skin_shape: np.ndarray,
-    skin_low: np.ndarray,
-    skin_cell: float,
-    q: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    link_wrench: np.ndarray,
+    buffers: Buffers,
+    skin: Skin,
+    measured: Measured,
     external: bool,
-    has_base: bool,
-    has_torque: bool,
-    link_sensors: int,
+    usable: Usable,
     gate: bool,
     threshold: float,
     rows: np.ndarray,
 ) -> tuple[int, float]:
     """One sample of an arm at rest: `take_static_sample` and `explain`.
 
+    Args:
+        buffers, skin, gate, rows: As for `localize`.
+        measured, external: As for `take_static_sample`.
+        usable: Which sensors have measured.
+        threshold: As for `explain`.
+
     Returns:
         Number of candidates in `rows`, and the energy of the no-contact hypothesis; -1 and 0 where a vector
         has the wrong size or is not finite.
     """
-    constants, state = buffer_views(floats, integers, sizes)
-    skin = Grids(skin_values, skin_start, skin_shape, skin_low, skin_cell)
-    n = sizes[0]
+    constants, state = buffer_views(buffers)
+    grids = Grids(*skin)
+    q, torque, base_wrench, link_wrench = measured
+    n = state.torque.shape[0]
     if not (is_finite_vector(q, n) and is_finite_vector(torque, n) and is_finite_vector(base_wrench, 6)):
         return -1, 0.0
     for s in range(link_wrench.shape[0]):
         if not is_finite_vector(link_wrench[s], 6):
             return -1, 0.0
-    take_static_sample(constants, state, q, torque, base_wrench, link_wrench, external)
+    take_static_sample(constants, state, measured, external)
+    has_base, has_torque, link_sensors = usable
     count, no_contact_energy = explain(
         constants, state, has_base, has_torque, link_sensors, 1.0, gate, threshold
     )
-    return write_candidates(constants, state, skin, count, rows), no_contact_energy
+    return write_candidates(constants, state, grids, count, rows), no_contact_energy
 
 
 @nogil_kernel
 def batch(
-    floats: np.ndarray,
-    integers: np.ndarray,
-    sizes: tuple[int, int, int, int, int, int],
-    skin: Grids,
-    q: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    link_wrench: np.ndarray,
+    buffers: Buffers,
+    skin: Skin,
+    measured: Measured,
     external: bool,
-    has_base: bool,
-    has_torque: bool,
-    link_sensors: int,
+    usable: Usable,
     gate: bool,
     no_contact_energy: np.ndarray,
     link_probability: np.ndarray,
     best: np.ndarray,
     rows: np.ndarray,
 ) -> None:
-    """`locate_once` for N samples. The best candidate of each is written to a row of `best`, whose first
-    number is -1 if there is none."""
-    constants, state = buffer_views(floats, integers, sizes)
+    """`locate_once` for N samples, whose arrays have a leading axis. The best candidate of each is written to
+    a row of `best`, whose first number is -1 if there is none."""
+    constants, state = buffer_views(buffers)
+    grids = Grids(*skin)
+    q, torque, base_wrench, link_wrench = measured
+    has_base, has_torque, link_sensors = usable
     for i in range(q.shape[0]):
-        take_static_sample(constants, state, q[i], torque[i], base_wrench[i], link_wrench[i], external)
+        take_static_sample(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), external)
         count, no_contact_energy[i] = explain(
             constants, state, has_base, has_torque, link_sensors, 1.0, gate, -1.0
         )
         copy(state.link_probability, link_probability[i])
-        if write_candidates(constants, state, skin, min(count, 1), rows) > 0:
+        if write_candidates(constants, state, grids, min(count, 1), rows) > 0:
             copy(rows[0], best[i])
         else:
             best[i] = 0.0

@@ -6,7 +6,7 @@ import math
 from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
 from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import apply_correction, update, update_is_due
-from contactsense.residuals.friction_at_rest import energy_beyond_static_friction
+from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
@@ -106,9 +106,11 @@ def energy_at_rest(
         state.torque_model,
         state.stream.q,
         state.torque,
-        constants.sensors.torque_variance,
-        variance_ratio * state.noise_scale.noise[TORQUE].scale,
-        state.bias_filter.torque_variance,
+        TorqueVariance(
+            constants.sensors.torque_variance,
+            variance_ratio * state.noise_scale.noise[TORQUE].scale,
+            state.bias_filter.torque_variance,
+        ),
         state.stream.steps[TORQUE],
         state.track.status[0].phase != NONE,
         thresholds,
@@ -147,7 +149,7 @@ def update_bias_filter(
     if has_torque:
         for j in range(n):
             variance = _torque_noise(constants, state, j, variance_ratio)
-            update(bias_filter, j, n, state.joint_observer.residual[j], variance * variance_inflation)
+            update(bias_filter, j, n, state.observers.joints.residual[j], variance * variance_inflation)
     if has_base:
         for i in range(6):
             variance = (
@@ -160,13 +162,9 @@ def update_bias_filter(
         state.torque_model,
         state.motion,
         bandwidth,
-        state.base_observer,
-        state.torque_difference,
-        state.joint_observer,
-        state.link_observer,
-        state.link_difference,
+        state.observers,
         constants.link_sensors.first_body,
     )
     for j in range(n):
         for k in range(state.friction_at_rest.mean_residual.shape[0]):
-            state.friction_at_rest.mean_residual[k, j] += state.joint_observer.residual[j] - state.torque[j]
+            state.friction_at_rest.mean_residual[k, j] += state.observers.joints.residual[j] - state.torque[j]

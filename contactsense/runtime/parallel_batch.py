@@ -5,12 +5,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from queue import SimpleQueue
 
-import numpy as np
+from contactsense.runtime.buffers import Buffers, KernelBuffers
 
-from contactsense.runtime.buffers import KernelBuffers
-
-Explain = Callable[[np.ndarray, np.ndarray, slice], None]
-"""Explains some rows of a batch with the float and integer buffer that it is given."""
+Explain = Callable[[Buffers, slice], None]
+"""Explains some rows of a batch with the buffers that it is given."""
 CHUNK = 256
 """Measurements that one thread explains before it takes the next ones: milliseconds of work, so that threads
 end together."""
@@ -36,16 +34,17 @@ def explain_rows(explain: Explain, rows: int, buffers: KernelBuffers, jobs: int 
     starts = range(0, rows, CHUNK)
     threads = min(usable_cores() if jobs is None else jobs, len(starts))
     if threads <= 1:
-        explain(buffers.floats, buffers.integers, slice(0, rows))
+        explain(buffers.arguments, slice(0, rows))
         return
-    copies: SimpleQueue[tuple[np.ndarray, np.ndarray]] = SimpleQueue()
+    copies: SimpleQueue[Buffers] = SimpleQueue()
+    floats, integers, sizes = buffers.arguments
     for _ in range(threads):
-        copies.put((buffers.floats.copy(), buffers.integers.copy()))
+        copies.put((floats.copy(), integers.copy(), sizes))
 
     def explain_chunk(start: int) -> None:
         own = copies.get()
         try:
-            explain(*own, slice(start, min(start + CHUNK, rows)))
+            explain(own, slice(start, min(start + CHUNK, rows)))
         finally:
             copies.put(own)
 

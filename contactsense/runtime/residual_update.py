@@ -52,11 +52,11 @@ def observe_link_sensors(state: State, bandwidth: float) -> None:
         load, wrench = state.link_load[s], stream.link_wrench[s]
         step, difference_step = stream.steps[LINK + s], stream.steps[LINK + count + s]
         if step >= 0.0:
-            observe_wrench(load[0], load[1], wrench, step, bandwidth, group_of(state.link_observer, s))
+            observe_wrench(load[0], load[1], wrench, step, bandwidth, group_of(state.observers.links, s))
         if difference_step >= 0.0:
             observe_wrench_difference(
                 state.motion, load[0], load[1], wrench, state.unbiased_wrench, difference_step, bandwidth,
-                group_of(state.link_difference, s),
+                group_of(state.observers.link_difference, s),
             )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def update_residuals(
     for i in range(6):
         unbiased_wrench[i] = stream.base_wrench[i] - state.bias_filter.bias[i]
     if steps[BASE] >= 0.0:
-        observe_base_in_link_frames(motion, unbiased_wrench, steps[BASE], bandwidth, state.base_observer)
+        observe_base_in_link_frames(motion, unbiased_wrench, steps[BASE], bandwidth, state.observers.base)
     if steps[TORQUE] >= 0.0:
         observe_joints(
             model,
@@ -103,7 +103,7 @@ def update_residuals(
             torque,
             steps[TORQUE],
             bandwidth,
-            state.joint_observer,
+            state.observers.joints,
             state.unmodelled_std,
         )
     if steps[TORQUE_DIFFERENCE] >= 0.0:
@@ -116,7 +116,7 @@ def update_residuals(
             unbiased_wrench,
             steps[TORQUE_DIFFERENCE],
             bandwidth,
-            state.torque_difference,
+            state.observers.torque_difference,
         )
     observe_link_sensors(state, bandwidth)
     predict(
@@ -132,11 +132,11 @@ def update_residuals(
     predict_link_sensors(constants, state)
     set_external(
         state,
-        state.base_observer.residual,
-        state.torque_difference.residual,
-        state.joint_observer.residual,
-        state.link_difference.residual,
-        state.link_observer.residual,
+        state.observers.base.residual,
+        state.observers.torque_difference.residual,
+        state.observers.joints.residual,
+        state.observers.link_difference.residual,
+        state.observers.links.residual,
     )
 
 
@@ -165,7 +165,7 @@ def follow_noise_and_timing(constants: Constants, state: State, bandwidth: float
         constants.sensors.torque_variance,
         stream.steps[TORQUE],
     )
-    advance_timing_error(state.timing_error, state.joint_observer.momentum, stream.steps[TORQUE], bandwidth)
+    advance_timing_error(state.timing_error, state.observers.joints.momentum, stream.steps[TORQUE], bandwidth)
 
 
 @inlined_kernel
@@ -211,10 +211,10 @@ def residual_variance_ratio(state: State, usable: tuple[bool, bool, int]) -> flo
     ratio."""
     variance_ratio = 0.0
     if usable[0]:
-        variance_ratio = max(variance_ratio, state.base_observer.history[0].variance_ratio)
+        variance_ratio = max(variance_ratio, state.observers.base.history[0].variance_ratio)
     if usable[1]:
-        variance_ratio = max(variance_ratio, state.joint_observer.history[0].variance_ratio)
+        variance_ratio = max(variance_ratio, state.observers.joints.history[0].variance_ratio)
     for s in range(state.link_load.shape[0]):
         if usable[2] >> s & 1:
-            variance_ratio = max(variance_ratio, group_of(state.link_observer, s).history[0].variance_ratio)
+            variance_ratio = max(variance_ratio, group_of(state.observers.links, s).history[0].variance_ratio)
     return variance_ratio

@@ -1,9 +1,12 @@
 """Candidates as rows of numbers, the form in which the kernels return them."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin
+from contactsense.robots.vectors import add, rotate, rotate_back, subtract, vector
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
 
@@ -24,6 +27,24 @@ MIN_PROBABILITY = 0.01
 """Candidates less probable than this are not reported."""
 
 
+class CandidateRow(NamedTuple):
+    """What is written of one contact; base frame."""
+
+    primitive: int
+    """Index of the primitive in the arm."""
+    probability: float
+    torsion: float
+    """[Nm]"""
+    point: np.ndarray
+    """Shape (3,) [m]."""
+    normal: np.ndarray
+    """Outward unit normal, shape (3,)."""
+    force: np.ndarray
+    """Shape (3,) [N]."""
+    covariance: np.ndarray
+    """Of the point, shape (3, 3) [m^2]."""
+
+
 @inlined_kernel
 def write_candidates(constants: Constants, state: State, skin: Grids, count: int, rows: np.ndarray) -> int:
     """Write those of the first `count` candidates in `state` that are probable enough; returns how many.
@@ -38,63 +59,32 @@ def write_candidates(constants: Constants, state: State, skin: Grids, count: int
         p = candidates.order[k]
         if candidates.probability[p] < MIN_PROBABILITY:
             break
-        write_row(
-            constants,
-            state,
-            skin,
-            candidates.primitive[p],
-            candidates.probability[p],
-            candidates.torsion[p],
-            candidates.point[p],
-            candidates.normal[p],
-            candidates.force[p],
-            candidates.covariance[p],
-            rows[k],
-        )
+        found = CandidateRow(
+            candidates.primitive[p], candidates.probability[p], candidates.torsion[p], candidates.point[p],
+            candidates.normal[p], candidates.force[p], candidates.covariance[p],
+        )  # fmt: skip
+        write_row(constants, state, skin, found, rows[k])
         written += 1
     return written
 
 
 @kernel
-def write_row(constants, state, skin, primitive, probability, torsion, point, normal, force, covariance, row):  # type: ignore[no-untyped-def]
-    """Write one contact, base frame, as a row; its point on the skin where a grid is available."""
-    link = constants.surfaces.link[primitive]
+def write_row(constants: Constants, state: State, skin: Grids, found: CandidateRow, row: np.ndarray) -> None:
+    """Write one contact as a row; its point on the skin where a grid is available."""
+    link = constants.surfaces.link[found.primitive]
     body = constants.sensors.depth[link]
-    R, o = state.motion.rotation[body], state.motion.origin[body]
-    row[0] = link
-    row[1] = primitive
-    row[2] = probability
-    row[3] = torsion
-    dx, dy, dz = point[0] - o[0], point[1] - o[1], point[2] - o[2]
-    fx, fy, fz = force[0], force[1], force[2]
-    cx = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
-    cy = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
-    cz = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-    nx, ny, nz = 0.0, 0.0, 0.0
-    on_skin = False
+    R, o = state.motion.rotation[body], vector(state.motion.origin[body])
+    row[LINK], row[PRIMITIVE] = link, found.primitive
+    row[PROBABILITY], row[TORSION] = found.probability, found.torsion
+    c, n = rotate_back(R, subtract(vector(found.point), o)), vector(found.normal)
     if link < skin.shape.shape[0]:
-        distance, sx, sy, sz, nx, ny, nz = intersect_skin(
-            skin.values,
-            skin.start,
-            skin.shape,
-            skin.low,
-            skin.cell,
-            link,
-            cx,
-            cy,
-            cz,
-            R[0, 0] * fx + R[1, 0] * fy + R[2, 0] * fz,
-            R[0, 1] * fx + R[1, 1] * fy + R[2, 1] * fz,
-            R[0, 2] * fx + R[1, 2] * fy + R[2, 2] * fz,
-            SKIN_STEPS,
+        distance, point, normal = intersect_skin(
+            skin, link, c, rotate_back(R, vector(found.force)), SKIN_STEPS
         )
-        on_skin = abs(distance) < SKIN_TOLERANCE
-        if on_skin:
-            cx, cy, cz = sx, sy, sz
-    row[4], row[5], row[6] = cx, cy, cz
+        if abs(distance) < SKIN_TOLERANCE:
+            c, n = point, rotate(R, normal)
+    base = add(o, rotate(R, c))
     for i in range(3):
-        row[7 + i] = o[i] + R[i, 0] * cx + R[i, 1] * cy + R[i, 2] * cz
-        row[10 + i] = R[i, 0] * nx + R[i, 1] * ny + R[i, 2] * nz if on_skin else normal[i]
-        row[13 + i] = force[i]
+        row[4 + i], row[7 + i], row[10 + i], row[13 + i] = c[i], base[i], n[i], found.force[i]
         for j in range(3):
-            row[16 + 3 * i + j] = covariance[i, j]
+            row[16 + 3 * i + j] = found.covariance[i, j]

@@ -37,6 +37,7 @@ from contactsense.sensors.stream_state import (
     TORQUE,
     TORQUE_DIFFERENCE,
     UNUSABLE,
+    Readings,
     register_sample,
     store_sample,
 )
@@ -71,15 +72,11 @@ def detect_in_lane(
     lane: int,
     t: float,
     sensor_bits: int,
-    q: np.ndarray,
-    qd: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    link_wrench: np.ndarray,
+    readings: Readings,
 ) -> int:
     """As `contactsense.runtime.kernels.detect`, for the sample of one lane."""
     stream = state.stream
-    store_sample(stream, q, qd, torque, base_wrench, link_wrench)
+    store_sample(stream, readings)
     flags: int = register_sample(stream, t, sensor_bits, bandwidth)
     if flags & (REPEATED | UNUSABLE):
         return flags
@@ -106,11 +103,11 @@ def detect_in_lane(
     if copied:
         set_external(
             state,
-            state.base_observer.residual,
-            state.torque_difference.residual,
-            state.joint_observer.residual,
-            state.link_difference.residual,
-            state.link_observer.residual,
+            state.observers.base.residual,
+            state.observers.torque_difference.residual,
+            state.observers.joints.residual,
+            state.observers.link_difference.residual,
+            state.observers.links.residual,
         )
     concluded: int = conclude(constants, state, flags, decision, bandwidth)
     return concluded
@@ -139,7 +136,7 @@ def _update_residuals(
     """As `contactsense.runtime.residual_update.update_residuals`, but external wrenches and torques are those
     that the energy without contact depends on."""
     motion, stream, steps = state.motion, state.stream, state.stream.steps
-    base, joints, difference = state.base_observer, state.joint_observer, state.torque_difference
+    base, joints, difference = state.observers.base, state.observers.joints, state.observers.torque_difference
     dt = steps[BASE]
     # Sensors that came with the same samples need the weights of a step once.
     joints_alike = steps[TORQUE] == dt and in_step(joints, base)
@@ -174,4 +171,4 @@ def _update_residuals(
         state.base_wrench[i] = base.residual[i]
     copy(joints.residual, state.torque)
     for s in range(state.link_load.shape[0]):
-        copy(state.link_observer.residual[s], state.link_wrench[s])
+        copy(state.observers.links.residual[s], state.link_wrench[s])

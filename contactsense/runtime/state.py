@@ -10,8 +10,8 @@ from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.residuals.bias_filter import BiasFilter
 from contactsense.residuals.friction_at_rest import FrictionAtRest
 from contactsense.residuals.joint_friction import JointTorqueModel
-from contactsense.residuals.momentum_observer import MomentumObserver
 from contactsense.residuals.noise_scale import NoiseScale, restart
+from contactsense.residuals.observers import Observers
 from contactsense.residuals.sensor_consistency import SensorConsistency
 from contactsense.residuals.timing_error import TimingError
 from contactsense.robots.jit.declaration import Floats, Integers, Sized
@@ -40,16 +40,7 @@ class State(NamedTuple):
     surface_cells: Annotated[SurfaceCells, Sized(cells="samples + subsamples")]
     link_probability: Annotated[Floats, "links"]
     """Probability of each link."""
-    joint_observer: Annotated[MomentumObserver, Sized(equations="joints")]
-    """Residual of each joint torque."""
-    base_observer: Annotated[MomentumObserver, Sized(equations="6 * (joints + 1)")]
-    """Residual of the base sensor in the frame of each body."""
-    torque_difference: Annotated[MomentumObserver, Sized(equations="joints")]
-    """Residual of each joint torque minus the torque that the base wrench predicts."""
-    link_observer: Annotated[MomentumObserver, Sized("link_sensors", equations="6")]
-    """Residual of each of the link sensors, base axes."""
-    link_difference: Annotated[MomentumObserver, Sized("link_sensors", equations="6")]
-    """Residual of each link sensor minus that of the base sensor."""
+    observers: Observers
     track: ContactTrack
     """The current contact."""
     stream: StreamState

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from contactsense.sensors.link_values import by_field, name_of, with_values
-from contactsense.sensors.stream_state import INVALID, MISSING, SHIFT
+from contactsense.sensors.stream_state import INVALID, MISSING, SHIFT, Readings
 from contactsense.sensors.validation import checked_vector
 from contactsense.types import Sample
 
@@ -37,11 +37,9 @@ class SampleFields:
         self.relevant_flags = ~sum((MISSING | INVALID) << shift for shift in absent)
         """Flags that apply to this scene: a sensor that the scene does not have is not missing."""
 
-    def fields(
-        self, sample: Sample
-    ) -> tuple[float, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Time; which sensors have a value, one bit each; positions, velocities; a value for each sensor,
-        those of the link sensors as one array of shape (S, 6), which the next call fills anew.
+    def fields(self, sample: Sample) -> tuple[float, int, Readings]:
+        """Time; which sensors have a value, one bit each; the readings. The next call fills the array of the
+        link sensors anew.
 
         Raises:
             ValueError: the value of a link sensor has the wrong shape.
@@ -61,7 +59,7 @@ class SampleFields:
                         raise ValueError(f"{self._link_sensors[s]}: expected 6 numbers, got {len(value)}")
                     self._link_wrench[s] = value
                     sensor_bits += 4 << s
-        return sample.t, sensor_bits, sample.q, sample.qd, torque, base, self._link_wrench
+        return sample.t, sensor_bits, (sample.q, sample.qd, torque, base, self._link_wrench)
 
     def compile_sample(self) -> Sample:
         """A sample to compile the kernels with: any float arrays are accepted afterwards."""

@@ -1,7 +1,7 @@
 """State of one live stream in the kernels: its newest sample, and which sensors can be used in it."""
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -44,6 +44,11 @@ ALL_MISSING = sum(MISSING << shift for shift in SHIFT)
 """Every sensor is missing."""
 DEGRADED = ALL_MISSING | ALL_MISSING * INVALID | INCONSISTENT | SETTLING | BLIND
 """Flags of used samples for which the estimate is `degraded`."""
+
+
+Readings: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Positions and velocities, shape (n,), torques (n,), base wrench (6,), and wrenches on the link sensors (S,
+6), as in `contactsense.types.Sample`. A plain tuple: Numba takes longer to recognize a named one."""
 
 
 @record
@@ -90,16 +95,9 @@ def restart(stream: StreamState) -> None:
 
 
 @kernel
-def store_sample(
-    stream: StreamState,
-    q: np.ndarray,
-    qd: np.ndarray,
-    torque: np.ndarray,
-    base_wrench: np.ndarray,
-    link_wrench: np.ndarray,
-) -> bool:
-    """Store a sample's values, `link_wrench` of shape (S, 6); returns False if one has the wrong size."""
-    values = (q, qd, torque, base_wrench)
+def store_sample(stream: StreamState, readings: Readings) -> bool:
+    """Store a sample's values; returns False if one has the wrong size."""
+    values, link_wrench = readings[:4], readings[4]
     targets = (stream.q, stream.qd, stream.torque, stream.base_wrench)
     for i in range(4):
         if len(values[i]) != len(targets[i]):

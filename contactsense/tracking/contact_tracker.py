@@ -22,7 +22,7 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
-from contactsense.residuals.momentum_observer import MomentumObserver
+from contactsense.residuals.observers import Observers
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.kernel import kernel
@@ -113,21 +113,18 @@ def restart_windows(track: ContactTrack) -> None:
 
 
 @kernel
-def _concatenate_residuals(
-    out: np.ndarray,
-    base_observer: MomentumObserver,
-    torque_difference: MomentumObserver,
-    joint_observer: MomentumObserver,
-    link_difference: MomentumObserver,
-    link_observer: MomentumObserver,
-) -> None:
+def _concatenate_residuals(out: np.ndarray, observers: Observers) -> None:
     """Concatenate the observers' residuals."""
     index = 0
-    for part in (base_observer.residual, torque_difference.residual, joint_observer.residual):
+    for part in (
+        observers.base.residual,
+        observers.torque_difference.residual,
+        observers.joints.residual,
+    ):
         for i in range(part.shape[0]):
             out[index] = part[i]
             index += 1
-    for parts in (link_difference.residual, link_observer.residual):
+    for parts in (observers.link_difference.residual, observers.links.residual):
         for s in range(parts.shape[0]):
             for i in range(6):
                 out[index] = parts[s, i]
@@ -137,11 +134,7 @@ def _concatenate_residuals(
 @kernel
 def average_windows(
     track: ContactTrack,
-    base_observer: MomentumObserver,
-    torque_difference: MomentumObserver,
-    joint_observer: MomentumObserver,
-    link_difference: MomentumObserver,
-    link_observer: MomentumObserver,
+    observers: Observers,
     variance_ratio: float,
     sensors: int,
     dt: float,
@@ -152,16 +145,14 @@ def average_windows(
 
     Args:
         track: Changed in place.
-        base_observer, torque_difference, joint_observer, link_difference, link_observer: The observers.
+        observers: Of the stream.
         variance_ratio: Variance of their residuals over that of one sample's white noise.
         sensors: Code of the usable sensors, see `contactsense.sensors.stream_state.usable_sensors_code`.
         dt: Time since the last sample [s].
         bandwidth: Cut-off frequency of the observers [Hz].
     """
     residual = track.mean[0]
-    _concatenate_residuals(
-        residual, base_observer, torque_difference, joint_observer, link_difference, link_observer
-    )
+    _concatenate_residuals(residual, observers)
     track.variance_ratio[0] = variance_ratio
     track.residual_covariance[0] = variance_ratio
     K = 2.0 * math.pi * bandwidth

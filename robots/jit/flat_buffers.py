@@ -79,8 +79,9 @@ class FlatBuffers:
 def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], module: str) -> Any:
     """A kernel, inlined into others, that finds declared arrays in flat buffers.
 
-    Its arguments are `FlatBuffers.floats`, `FlatBuffers.integers`, and the sizes as a tuple of integers. It
-    returns the declarations as a tuple. It is generated, as Numba cannot loop over fields of different types.
+    Its argument is a tuple of `FlatBuffers.floats`, `FlatBuffers.integers`, and the sizes as a tuple of
+    integers. It returns the declarations as a tuple. It is generated, as Numba cannot loop over fields of
+    different types.
 
     Args:
         name: Name of the kernel.
@@ -88,7 +89,12 @@ def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], mod
         sizes: Names of the sizes, in order.
         module: Name of the module that holds the kernel.
     """
-    lines = [f"def {name}(floats, integers, sizes):", f"    {', '.join(sizes)}, = sizes", "    f = i = 0"]
+    lines = [
+        f"def {name}(buffers):",
+        "    floats, integers, sizes = buffers",
+        f"    {', '.join(sizes)}, = sizes",
+        "    f = i = 0",
+    ]
     names: dict[str, Any] = {take.__name__: take for take in (*_TAKE, *_TAKE_RECORDS)}
 
     def value(part: Node | Leaf) -> str:

@@ -6,11 +6,12 @@ needed to use them.
 """
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector, add_scaled, divide, dot, norm
 from contactsense.robots.yaml_schema import RobotError
 
 BAND = 0.02
@@ -35,25 +36,30 @@ class Grids(NamedTuple):
     """Spacing of the nodes [m]."""
 
 
+Skin: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]
+"""The fields of `Grids` as a plain tuple: Numba takes longer to recognize a named one as an argument."""
+
+
 @kernel
-def sample(values, start, shape, low, cell, link, x, y, z):  # type: ignore[no-untyped-def]
+def sample(grids: Grids, link: int, point: Vector) -> tuple[float, Vector]:
     """Signed distance to the skin of a link and its gradient, trilinear between nodes.
 
     Args:
-        values, start, shape, low, cell: Fields of `Grids`.
+        grids: Those of the robot.
         link: Number of the link.
-        x, y, z: Point, link frame [m].
+        point: Point, link frame [m].
 
     Returns:
-        Distance (inf outside of the grid) [m], and its three derivatives.
+        Distance (inf outside of the grid) [m], and its gradient.
     """
-    fx, fy, fz = (x - low[link, 0]) / cell, (y - low[link, 1]) / cell, (z - low[link, 2]) / cell
-    nx, ny, nz = shape[link, 0], shape[link, 1], shape[link, 2]
+    low, cell, shape = grids.low[link], grids.cell, grids.shape[link]
+    fx, fy, fz = (point[0] - low[0]) / cell, (point[1] - low[1]) / cell, (point[2] - low[2]) / cell
+    nx, ny, nz = shape[0], shape[1], shape[2]
     if not (0.0 <= fx < nx - 1 and 0.0 <= fy < ny - 1 and 0.0 <= fz < nz - 1):
-        return np.inf, 0.0, 0.0, 0.0
+        return np.inf, (0.0, 0.0, 0.0)
     i, j, k = int(fx), int(fy), int(fz)
     u, v, w = fx - i, fy - j, fz - k
-    at = start[link] + (i * ny + j) * nz + k
+    values, at = grids.values, grids.start[link] + (i * ny + j) * nz + k
     row, plane = nz, ny * nz
     a, b = float(values[at]), float(values[at + 1])
     c, d = float(values[at + row]), float(values[at + row + 1])
@@ -63,68 +69,71 @@ def sample(values, start, shape, low, cell, link, x, y, z):  # type: ignore[no-u
     near, far = ab + v * (cd - ab), ef + v * (gh - ef)
     across = (1.0 - u) * (cd - ab) + u * (gh - ef)
     up = (1.0 - u) * ((1.0 - v) * (b - a) + v * (d - c)) + u * ((1.0 - v) * (f - e) + v * (h - g))
-    return near + u * (far - near), (far - near) / cell, across / cell, up / cell
+    return near + u * (far - near), ((far - near) / cell, across / cell, up / cell)
 
 
 @kernel
-def project_to_skin(values, start, shape, low, cell, link, x, y, z, steps):  # type: ignore[no-untyped-def]
+def project_to_skin(grids: Grids, link: int, point: Vector, steps: int) -> tuple[float, Vector, Vector]:
     """Move a point near the skin onto it.
 
     Args:
-        values, start, shape, low, cell: Fields of `Grids`.
+        grids: Those of the robot.
         link: Index of the link.
-        x, y, z: Point, link frame [m].
+        point: Point, link frame [m].
         steps: Newton steps along the gradient; three are enough from a few millimetres.
 
     Returns:
-        Remaining distance (inf without skin nearby) [m], the point (3 floats) [m], and the outward unit
-        normal there (3 floats), link frame.
+        Remaining distance (inf without skin nearby) [m], the point [m], and the outward unit normal there,
+        link frame.
     """
-    d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
+    d, gradient = sample(grids, link, point)
     for _ in range(steps):
-        square = gx * gx + gy * gy + gz * gz
+        square = dot(gradient, gradient)
         # The gradient vanishes where distances are clipped and at a medial surface.
-        if not (d < 0.9 * BAND and d > -0.9 * BAND and square > 0.1):
-            return np.inf, x, y, z, 0.0, 0.0, 0.0
-        x, y, z = x - d * gx / square, y - d * gy / square, z - d * gz / square
-        d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
-    norm = np.sqrt(gx * gx + gy * gy + gz * gz)
-    if not (norm > 0.3 and d < 0.9 * BAND and d > -0.9 * BAND):
-        return np.inf, x, y, z, 0.0, 0.0, 0.0
-    return d, x, y, z, gx / norm, gy / norm, gz / norm
+        if not (abs(d) < 0.9 * BAND and square > 0.1):
+            return np.inf, point, (0.0, 0.0, 0.0)
+        point = add_scaled(point, -d / square, gradient)
+        d, gradient = sample(grids, link, point)
+    return _on_skin(d, gradient, point, 0.9 * BAND)
 
 
 @kernel
-def intersect_skin(values, start, shape, low, cell, link, x, y, z, dx, dy, dz, steps):  # type: ignore[no-untyped-def]
+def intersect_skin(
+    grids: Grids, link: int, point: Vector, direction: Vector, steps: int
+) -> tuple[float, Vector, Vector]:
     """Move a point near the skin onto it along a given line, such as the line of action of a contact force.
 
     A contact found on a primitive slightly off the skin is moved to where its line of action meets the skin:
     the moment c x f is the same at every point of that line.
 
     Args:
-        values, start, shape, low, cell: Fields of `Grids`.
+        grids: Those of the robot.
         link: Index of the link.
-        x, y, z: Point, link frame [m].
-        dx, dy, dz: Direction of the line, either sign, any length but zero, link frame.
+        point: Point, link frame [m].
+        direction: Direction of the line, either sign, any length but zero, link frame.
         steps: Newton steps along the line; four are enough from a few millimetres.
 
     Returns:
         As `project_to_skin`; nothing is found where the line is nearly tangent to the skin.
     """
-    length = np.sqrt(dx * dx + dy * dy + dz * dz)
-    dx, dy, dz = dx / length, dy / length, dz / length
-    d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
+    along = divide(direction, norm(direction))
+    d, gradient = sample(grids, link, point)
     for _ in range(steps):
-        slope = gx * dx + gy * dy + gz * dz
-        if not (d < 0.9 * BAND and d > -0.9 * BAND and (slope > 0.2 or slope < -0.2)):
-            return np.inf, x, y, z, 0.0, 0.0, 0.0
-        step = min(max(-d / slope, -0.5 * BAND), 0.5 * BAND)
-        x, y, z = x + step * dx, y + step * dy, z + step * dz
-        d, gx, gy, gz = sample(values, start, shape, low, cell, link, x, y, z)
-    norm = np.sqrt(gx * gx + gy * gy + gz * gz)
-    if not (norm > 0.3 and d < 0.1 * BAND and d > -0.1 * BAND):
-        return np.inf, x, y, z, 0.0, 0.0, 0.0
-    return d, x, y, z, gx / norm, gy / norm, gz / norm
+        slope = dot(gradient, along)
+        if not (abs(d) < 0.9 * BAND and abs(slope) > 0.2):
+            return np.inf, point, (0.0, 0.0, 0.0)
+        point = add_scaled(point, min(max(-d / slope, -0.5 * BAND), 0.5 * BAND), along)
+        d, gradient = sample(grids, link, point)
+    return _on_skin(d, gradient, point, 0.1 * BAND)
+
+
+@kernel
+def _on_skin(d: float, gradient: Vector, point: Vector, limit: float) -> tuple[float, Vector, Vector]:
+    """What is returned of a point that has been moved onto the skin, if it is nearer to it than `limit`."""
+    length = norm(gradient)
+    if not (length > 0.3 and abs(d) < limit):
+        return np.inf, point, (0.0, 0.0, 0.0)
+    return d, point, divide(gradient, length)
 
 
 def write(grids: Grids, path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.signed_distance_grid import Grids, sample
 from contactsense.robots.surface.union import distances
+from contactsense.robots.vectors import vector
 
 _ROOTS, _SHARES = np.array([-1.0, 0.0, 1.0]) * np.sqrt(3.0), np.array([1.0, 4.0, 1.0]) / 6.0
 _NODES = np.array([(a, b) for a in _ROOTS for b in _ROOTS])
@@ -47,7 +48,7 @@ def curvature_covariance(
     distance, _, outward = distances(surfaces, nodes, link)
     if link < len(skin.shape):
         for i, node in enumerate(nodes):
-            d, *gradient = sample(*skin, link, *node)
+            d, gradient = sample(skin, link, vector(node))
             if np.isfinite(d):
                 distance[i], outward[i] = d, gradient
     along = np.einsum("wki,wi->wk", outward.reshape(around.shape), normal)

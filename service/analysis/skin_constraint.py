@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin
+from contactsense.robots.vectors import vector
 from contactsense.runtime.result_rows import SKIN_STEPS, SKIN_TOLERANCE
 from contactsense.service.analysis.place_search import Place
 
@@ -32,8 +33,10 @@ def place_on_skin(grids: Grids, place: Place) -> Place:
         shift = covariance[w] @ normal[w]
         variance = float(normal[w] @ shift)
         shift /= variance
-        distance, *found = intersect_skin(*grids, place.link, *point[w], *shift, SKIN_STEPS)
+        distance, on_skin, outward = intersect_skin(
+            grids, place.link, vector(point[w]), vector(shift), SKIN_STEPS
+        )
         if abs(distance) < SKIN_TOLERANCE:
-            point[w], normal[w] = found[:3], found[3:]
+            point[w], normal[w] = on_skin, outward
             covariance[w] += (SKIN_DEVIATION**2 - variance) * np.outer(shift, shift)
     return replace(place, point=point, normal=normal, covariance=covariance)

@@ -79,6 +79,8 @@ def index() -> None:
 
 @pytest.mark.slow
 @pytest.mark.index
+# pip loads whole wheels to see what they need, in CI at the lowest priority beside the other tests.
+@pytest.mark.timeout(1800)
 @pytest.mark.usefixtures("index")
 @pytest.mark.parametrize("python", PYTHONS)
 @pytest.mark.parametrize("platform", PLATFORMS)

@@ -96,8 +96,8 @@ def test_the_load_in_motion_is_that_of_pinocchio(localizer: Localizer) -> None:
         still = oracle.at(q, ZERO, ZERO)
         moved = max(moved, float(np.abs(exact.forearm - still.forearm).max()))
         localizer.step(Sample(i * STEP, q, qd, exact.torque, exact.base, None, {"forearm": exact.forearm}))
-        largest = max(largest, float(np.abs(state.link_observer.residual).max()))
-        largest = max(largest, float(np.abs(state.link_difference.residual).max()))
+        largest = max(largest, float(np.abs(state.observers.links.residual).max()))
+        largest = max(largest, float(np.abs(state.observers.link_difference.residual).max()))
     assert moved > 5.0
     assert largest < 1e-3
 

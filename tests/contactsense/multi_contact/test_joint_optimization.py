@@ -12,7 +12,7 @@ from contactsense.kinematics.linalg.cholesky import invert_factored, solve_in_pl
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact import joint_optimization
 from contactsense.multi_contact.buffers import UNKNOWNS, MultiContactBuffers, empty_multi_contact_buffers
-from contactsense.multi_contact.measurement_rows import fill_measurement_rows
+from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import Constants, build_constants
@@ -69,7 +69,10 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
     base, torque = trial.measure(trial.pushes)
     base = base + rng.standard_normal(6) * np.repeat((0.25, 0.05), 3)
     take_static_sample(
-        case.constants, case.state, trial.q, torque + rng.standard_normal(6), base, np.zeros((0, 6)), True
+        case.constants,
+        case.state,
+        (trial.q, torque + rng.standard_normal(6), base, np.zeros((0, 6))),
+        True,
     )
     surfaces, frames, optimizer = case.constants.surfaces, case.state.candidates, case.buffers.optimizer
     place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, frames)
@@ -84,9 +87,12 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
     external = (state.base_wrench, state.torque, state.link_wrench)
     return int(
         fill_measurement_rows(
-            case.constants.sensors, state.motion, external, case.constants.sensors.base_information,
-            case.constants.sensors.torque_variance, state.link_variance, state.link_origin, (True, True, 0),
-            1.0, 0.0, case.buffers.rows,
+            case.constants.sensors, state.motion, external,
+            Variances(
+                case.constants.sensors.base_information, 1.0, case.constants.sensors.torque_variance,
+                state.link_variance, state.link_origin,
+            ),
+            (True, True, 0), 0.0, case.buffers.rows,
         )
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ import pytest
 from contactsense import Scene, WrenchSensor
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.multi_contact.buffers import MultiContactBuffers, empty_multi_contact_buffers
-from contactsense.multi_contact.measurement_rows import fill_measurement_rows, rank_of
+from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.robots.primitives import Capsule
 from contactsense.robots.tool import Tool
 from contactsense.runtime.constants import Constants, build_constants
@@ -46,9 +46,12 @@ def _fill(case: Case, *sensors: bool, lag: float = 0.0) -> int:
     update_covariances(constants, state, 1.0)
     return int(
         fill_measurement_rows(
-            constants.sensors, state.motion, external, constants.sensors.base_information,
-            constants.sensors.torque_variance, state.link_variance, state.link_origin,
-            (base, torque, int(link)), 1.0, lag, case.buffers.rows,
+            constants.sensors, state.motion, external,
+            Variances(
+                constants.sensors.base_information, 1.0, constants.sensors.torque_variance,
+                state.link_variance, state.link_origin,
+            ),
+            (base, torque, int(link)), lag, case.buffers.rows,
         )
     )  # fmt: skip
 
@@ -56,13 +59,13 @@ def _fill(case: Case, *sensors: bool, lag: float = 0.0) -> int:
 def _take(case: Case, wrenches: dict[int, np.ndarray]) -> None:
     """Exact measurement of wrenches on links."""
     zero = np.zeros(6)
-    take_static_sample(case.constants, case.state, Q, zero, zero, zero[None], True)
+    take_static_sample(case.constants, case.state, (Q, zero, zero, zero[None]), True)
     total = sum(wrenches.values(), np.zeros(6))
     torque = np.zeros(6)
     for link, wrench in wrenches.items():
         torque[:link] -= case.state.motion.screw[:link] @ wrench
     beyond = wrenches.get(7, np.zeros(6))
-    take_static_sample(case.constants, case.state, Q, torque, total, beyond[None], True)
+    take_static_sample(case.constants, case.state, (Q, torque, total, beyond[None]), True)
 
 
 @pytest.mark.parametrize("sensors", [(True, True, True), (True, False, False), (False, True, True)])
@@ -138,11 +141,9 @@ def test_rows_of_a_moving_arm_include_the_lag_of_the_observers(case: Case, link:
     constants, state, rows = case.constants, case.state, case.buffers.rows
     sensors, origin = constants.sensors, motion.origin[6] + motion.rotation[6] @ [0, 0, 0.1]
     link_variance = np.repeat(sensors.link_variance, 3, axis=1)
-    noise = sensors.base_information, sensors.torque_variance, link_variance
+    noise = Variances(sensors.base_information, 1.0, sensors.torque_variance, link_variance, origin[None])
     residual = []
     for delay in (lag, 0.0):
-        m = fill_measurement_rows(
-            sensors, state.motion, external, *noise, origin[None], (True, True, 1), 1.0, delay, rows
-        )
+        m = fill_measurement_rows(sensors, state.motion, external, noise, (True, True, 1), delay, rows)
         residual.append(np.abs(rows.matrix[link, :m] @ current - rows.value[:m]).max())
     assert residual[0] < 0.06 * residual[1], "the residual is of second order in the lag"

@@ -129,7 +129,9 @@ def test_an_update_of_the_filter_causes_no_jump() -> None:
     for sample in _free(4.0, 0.6, 0.002, noise=0.0):
         localizer.step(sample)
         mass.append(state.model.mass.copy())
-        left.append(np.concatenate((state.base_wrench, state.torque, state.torque_difference.residual)))
+        left.append(
+            np.concatenate((state.base_wrench, state.torque, state.observers.torque_difference.residual))
+        )
     stepped = np.any(np.diff(mass, axis=0) != 0.0, axis=1)
     assert 50 < stepped.sum() < len(mass) / 10
     # The sample of the step itself still shows the old residual; from the next on nothing may ring.

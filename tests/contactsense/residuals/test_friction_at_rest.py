@@ -11,6 +11,7 @@ from contactsense.residuals.friction_at_rest import (
     BREAKAWAY_TIME,
     PRESLIDING_DISPLACEMENT,
     FrictionAtRest,
+    TorqueVariance,
     energy_beyond_static_friction,
 )
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque, joint_torque_model
@@ -59,12 +60,12 @@ def _joint(
 
 def _energies(q: np.ndarray, torque: np.ndarray, torque_model: JointTorqueModel | None = None) -> np.ndarray:
     state, torque_model = zeros(FrictionAtRest, joints=1), torque_model or joint_torque_model(SENSOR, 1)
-    noise, unknown, ratio = np.array([NOISE**2]), np.zeros(1), noise_variance_ratio(BANDWIDTH, DT)
+    variance = TorqueVariance(np.array([NOISE**2]), noise_variance_ratio(BANDWIDTH, DT), np.zeros(1))
     energies, touched = [], False
     for i, (position, value) in enumerate(zip(q, torque, strict=True)):
         energy = energy_beyond_static_friction(
-            state, torque_model, np.array([position]), np.array([value]), noise, ratio, unknown, DT * (i > 0),
-            touched, LIMITS, BANDWIDTH,
+            state, torque_model, np.array([position]), np.array([value]), variance, DT * (i > 0), touched,
+            LIMITS, BANDWIDTH,
         )  # fmt: skip
         touched = energy > (LIMITS[1] if touched else LIMITS[0])
         energies.append(energy)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense import LinkWrenchSensor, Scene, WrenchSensor
+from contactsense.robots.jit.declaration import WORD
 from contactsense.robots.jit.kernel import allocating_kernel
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
@@ -16,9 +17,9 @@ from tests.plain_arm import plain_ur5e
 
 
 @allocating_kernel
-def _unfold(floats, integers, sizes):  # type: ignore[no-untyped-def]
+def _unfold(buffers):  # type: ignore[no-untyped-def]
     """Other kernels cannot hand arrays to Python."""
-    return buffer_views(floats, integers, sizes)
+    return buffer_views(buffers)
 
 
 def _arrays(value: Any) -> list[Any]:
@@ -37,7 +38,7 @@ def test_every_array_is_the_same_memory_on_both_sides(links: tuple[str, ...]) ->
     work = KernelBuffers(constants, state)
     original = _arrays((constants, state))
     python = _arrays((work.constants, work.state))
-    kernel = _arrays(_unfold(work.floats, work.integers, work.sizes))
+    kernel = _arrays(_unfold(work.arguments))
     assert len(original) == len(python) == len(kernel)
     for before, mine, theirs in zip(original, python, kernel, strict=True):
         if isinstance(before, float):
@@ -47,5 +48,5 @@ def test_every_array_is_the_same_memory_on_both_sides(links: tuple[str, ...]) ->
         np.testing.assert_array_equal(before, mine)
         assert mine.size == 0 or mine.ctypes.data == theirs.ctypes.data
         assert mine.dtype == theirs.dtype
-    covered = sum(1 if isinstance(part, float) else part.size for part in python)
+    covered = sum(1 if isinstance(part, float) else part.nbytes // WORD for part in python)
     assert covered == work.floats.size + work.integers.size

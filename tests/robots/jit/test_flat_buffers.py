@@ -46,9 +46,9 @@ views = views_kernel("views", (State,), ("joints", "sensors"), __name__)
 
 
 @kernel
-def _change(floats, integers, sizes):  # type: ignore[no-untyped-def]
+def _change(buffers):  # type: ignore[no-untyped-def]
     """Change something of every field."""
-    state = views(floats, integers, sizes)
+    state = views(buffers)
     state.joints.momentum[0] += 1.0
     state.joints.integrand[2, 1] += 2.0
     state.joints.clock[0].time += state.gain
@@ -98,7 +98,7 @@ def test_a_kernel_changes_what_python_sees_and_nothing_else(joints: int, sensors
     expected = _filled(joints, sensors)
     buffers = FlatBuffers((expected,), {"joints": joints, "sensors": sensors})
     (state,) = buffers.views
-    assert _change(buffers.floats, buffers.integers, (joints, sensors)) == state.joints.clock[0].time
+    assert _change((buffers.floats, buffers.integers, (joints, sensors))) == state.joints.clock[0].time
     _changed(expected)
     for mine, theirs in zip(_arrays(expected), _arrays(state), strict=True):
         np.testing.assert_array_equal(mine, theirs)

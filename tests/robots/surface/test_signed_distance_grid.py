@@ -10,6 +10,7 @@ from contactsense import robots
 from contactsense.robots.decomposition import grid_builder as gridding
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
 from contactsense.robots.surface import signed_distance_grid as grid
+from contactsense.robots.vectors import vector
 
 RADIUS = 0.04
 
@@ -39,7 +40,7 @@ def around(rng: np.random.Generator, count: int, low: float, high: float) -> np.
 
 def test_values_and_gradient_of_a_ball(grids: grid.Grids) -> None:
     for point in around(np.random.default_rng(0), 300, RADIUS - 0.01, RADIUS + 0.01):
-        d, *gradient = grid.sample(*grids, 1, *point)
+        d, gradient = grid.sample(grids, 1, vector(point))
         offset = point - [0.1, 0.0, 0.0]
         far = np.linalg.norm(offset)
         assert d == pytest.approx(far - RADIUS, abs=2e-4)
@@ -53,12 +54,14 @@ def test_the_gradient_is_the_derivative_of_the_value(grids: grid.Grids) -> None:
         cells = (point - grids.low[1]) / grids.cell
         if np.any(np.abs(cells - np.round(cells)) < 0.01):
             continue  # between cells the derivative jumps
-        gradient = grid.sample(*grids, 1, *point)[1:]
+        gradient = grid.sample(grids, 1, vector(point))[1]
         for axis in range(3):
             ahead, behind = point.copy(), point.copy()
             ahead[axis] += step
             behind[axis] -= step
-            slope = (grid.sample(*grids, 1, *ahead)[0] - grid.sample(*grids, 1, *behind)[0]) / (2 * step)
+            slope = (grid.sample(grids, 1, vector(ahead))[0] - grid.sample(grids, 1, vector(behind))[0]) / (
+                2 * step
+            )
             assert gradient[axis] == pytest.approx(slope, abs=1e-6)
         checked += 1
     assert checked > 80
@@ -66,12 +69,12 @@ def test_the_gradient_is_the_derivative_of_the_value(grids: grid.Grids) -> None:
 
 def test_points_are_projected_to_the_skin(grids: grid.Grids) -> None:
     for point in around(np.random.default_rng(2), 200, RADIUS - 0.006, RADIUS + 0.006):
-        left, x, y, z, nx, ny, nz = grid.project_to_skin(*grids, 1, *point, 3)
+        left, moved, normal = grid.project_to_skin(grids, 1, vector(point), 3)
         assert abs(left) < 1e-5
-        offset = np.array([x - 0.1, y, z])
+        offset = np.array(moved) - [0.1, 0.0, 0.0]
         assert np.linalg.norm(offset) == pytest.approx(RADIUS, abs=2e-4)
-        assert np.linalg.norm([nx, ny, nz]) == pytest.approx(1.0)
-        assert np.degrees(np.arccos((offset @ [nx, ny, nz]) / np.linalg.norm(offset))) < 6.0
+        assert np.linalg.norm(normal) == pytest.approx(1.0)
+        assert np.degrees(np.arccos((offset @ normal) / np.linalg.norm(offset))) < 6.0
 
 
 def test_a_line_is_intersected_with_the_skin(grids: grid.Grids) -> None:
@@ -79,23 +82,23 @@ def test_a_line_is_intersected_with_the_skin(grids: grid.Grids) -> None:
     for point in around(rng, 200, RADIUS - 0.005, RADIUS + 0.005):
         normal = (point - [0.1, 0.0, 0.0]) / np.linalg.norm(point - [0.1, 0.0, 0.0])
         line = normal + rng.uniform(-0.5, 0.5, size=3)
-        left, x, y, z, *facing = grid.intersect_skin(*grids, 1, *point, *line, 4)
+        left, on_skin, facing = grid.intersect_skin(grids, 1, vector(point), vector(line), 4)
         assert abs(left) < 1e-5
-        moved = np.array([x, y, z]) - point
+        offset, moved = np.array(on_skin) - [0.1, 0.0, 0.0], np.array(on_skin) - point
         np.testing.assert_allclose(np.cross(moved, line), 0.0, atol=1e-9)
-        assert np.linalg.norm([x - 0.1, y, z]) == pytest.approx(RADIUS, abs=2e-4)
-        assert np.dot(facing, [x - 0.1, y, z]) / RADIUS > np.cos(np.radians(7.0))
+        assert np.linalg.norm(offset) == pytest.approx(RADIUS, abs=2e-4)
+        assert np.dot(facing, offset) / RADIUS > np.cos(np.radians(7.0))
         across = np.cross(normal, [0.0, 0.6, 0.8])
-        assert np.isinf(grid.intersect_skin(*grids, 1, *point, *across, 4)[0])
+        assert np.isinf(grid.intersect_skin(grids, 1, vector(point), vector(across), 4)[0])
 
 
 @pytest.mark.parametrize("point", [(0.1, 0.0, 0.0), (5.0, 0.0, 0.0), (0.1, 0.0, -0.0599), (np.inf, 0.0, 0.0)])
 def test_far_from_the_skin_nothing_is_found(grids: grid.Grids, point: tuple[float, float, float]) -> None:
-    assert np.isinf(grid.project_to_skin(*grids, 1, *point, 3)[0])
+    assert np.isinf(grid.project_to_skin(grids, 1, point, 3)[0])
 
 
 def test_a_link_without_mesh_has_no_grid(grids: grid.Grids) -> None:
-    assert np.isinf(grid.sample(*grids, 0, 0.0, 0.0, 0.0)[0])
+    assert np.isinf(grid.sample(grids, 0, (0.0, 0.0, 0.0))[0])
 
 
 def test_files_are_made_once_and_read_back(
