@@ -36,3 +36,25 @@ def link_poses(robot: Robot, q: np.ndarray) -> np.ndarray:
     for joint, angle in zip(robot.joints, q, strict=True):
         poses.append(poses[-1] @ joint_pose(joint, float(angle)))
     return np.array(poses)
+
+
+def poses_of_link(robot: Robot, q: np.ndarray, link: int) -> tuple[np.ndarray, np.ndarray]:
+    """Poses of one link at many joint angles, in one pass.
+
+    Args:
+        robot: The arm.
+        q: Joint angles, shape (N, n) [rad].
+        link: Index of the link, the base being 0.
+
+    Returns:
+        Orientations, shape (N, 3, 3), and origins, shape (N, 3) [m], in the base frame.
+    """
+    rotation, origin = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
+    for joint, angles in zip(robot.joints[:link], q.T, strict=False):
+        x, y, z = joint.axis
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        sine, versine = np.sin(angles)[:, None, None], 1.0 - np.cos(angles)[:, None, None]
+        turn = np.eye(3) + sine * cross + versine * (cross @ cross)
+        origin = origin + rotation @ joint.translation
+        rotation = rotation @ (joint.rotation @ turn)
+    return rotation, origin

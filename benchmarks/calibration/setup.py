@@ -12,10 +12,10 @@ from rich.progress import track
 from rich.table import Table
 
 from contactsense import JointTorqueSensor, Scene
+from contactsense.benchmarks.calibration.link_sensor_draws import ELBOW, LINK_MISTAKES, WRIST
 from contactsense.benchmarks.calibration.recordings import FREE, IDENTIFICATION, TOUCHED, read
 from contactsense.benchmarks.calibration.setup_draws import (
     MISTAKES,
-    WRIST_MISTAKES,
     Case,
     Settings,
     right_setup,
@@ -40,7 +40,7 @@ def outcome(case: Case) -> dict[str, Any]:
 
 
 def measure(
-    arms: tuple[str, ...], draws: int, right: int, settings: Settings, show: bool = False, wrist: bool = False
+    arms: tuple[str, ...], draws: int, right: int, settings: Settings, show: bool = False, sensor: str = ""
 ) -> Any:
     """Draw cells with each mistake, and cells without, and count what the check says.
 
@@ -50,9 +50,10 @@ def measure(
         right: Cells without a mistake, over all arms.
         settings: How cells are drawn.
         show: Whether to show progress.
-        wrist: Whether the cells have a wrist sensor, and the mistakes are made there.
+        sensor: Field of a sensor within the arm that the cells have, and with which the mistakes are made;
+            empty: none.
     """
-    mistakes = WRIST_MISTAKES if wrist else MISTAKES
+    mistakes = LINK_MISTAKES[sensor] if sensor else MISTAKES
     jobs = [(kind, arm, i) for kind in mistakes for arm in arms for i in range(draws)]
     result: dict[str, Any] = {
         "mistakes": {kind: {arm: {"named": 0, "alone": 0} for arm in arms} for kind in mistakes},
@@ -62,7 +63,7 @@ def measure(
         "misnamed": [],
     }
     for kind, arm, i in _tracked(jobs, "wrong setups", show):
-        case = wrong_setup(kind, arm, _WRONG_SEEDS + i, settings)
+        case = wrong_setup(kind, arm, _WRONG_SEEDS + i, settings, sensor)
         said = outcome(case)
         counts = result["mistakes"][kind][arm]
         counts["named"] += said["accused"][:1] == [case.line]
@@ -70,7 +71,7 @@ def measure(
         if said["accused"][:1] != [case.line]:
             result["misnamed"].append({"kind": kind, "arm": arm, "seed": _WRONG_SEEDS + i, **said})
     for arm, i in _tracked([(arms[i % len(arms)], i) for i in range(right)], "right setups", show):
-        said = outcome(right_setup(arm, i, settings, wrist))
+        said = outcome(right_setup(arm, i, settings, sensor))
         if said["accused"] or said["unexplained"]:
             result["right_accused"].append({"arm": arm, "seed": i, **said})
     return result
@@ -116,7 +117,11 @@ def _print_real(result: dict[str, Any], as_json: bool) -> None:
 @click.option(
     "--postures", default=0, show_default=True, help="Rest in so many postures instead of steady motion."
 )
-@click.option("--wrist", is_flag=True, help="Cells with a wrist sensor, and mistakes there.")
+@click.option(
+    "--sensor",
+    type=click.Choice(["wrist", "elbow"]),
+    help="Cells with a sensor at the wrist or below the forearm, and mistakes there.",
+)
 @click.option(
     "--recordings",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
@@ -130,7 +135,7 @@ def setup(
     seconds: float,
     speed: float,
     postures: int,
-    wrist: bool,
+    sensor: str | None,
     recordings: Path | None,
     as_json: bool,
 ) -> None:
@@ -140,7 +145,8 @@ def setup(
         _print_real(real(recordings), as_json)
         return
     settings = Settings(seconds=seconds, speed=speed, postures=postures)
-    result = measure(arms, draws, right, settings, True, wrist)
+    field = {None: "", "wrist": WRIST, "elbow": ELBOW}[sensor]
+    result = measure(arms, draws, right, settings, True, field)
     if as_json:
         click.echo(json.dumps(result, indent=1))
         return

@@ -4,13 +4,18 @@ The dynamics are the mock's, which share no code with the estimator's. The arm's
 robot's data, and every cell has its own mounting, tool, sensor frame, biases and friction.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
+from contactsense.benchmarks.calibration.link_sensor_draws import (
+    LINK_MISTAKES,
+    Mistake,
+    direction,
+    with_sensor,
+)
 from contactsense.benchmarks.calibration.simulate import Motion, simulate
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
@@ -74,22 +79,22 @@ class Case:
     """The wrong line; None: the scene is right."""
 
 
-def right_setup(arm: str, seed: int, settings: Settings, wrist: bool = False) -> Case:
-    """A scene without a mistake; `wrist`: with a wrist sensor."""
+def right_setup(arm: str, seed: int, settings: Settings, sensor: str = "") -> Case:
+    """A scene without a mistake; `sensor`: with this sensor within the arm, a key of `LINK_MISTAKES`."""
     rng = np.random.default_rng(seed)
     truth = _cell(arm, rng)
-    if wrist:
-        truth = _with_wrist(truth, rng)
+    if sensor:
+        truth = with_sensor(truth, sensor, rng)
     return Case(truth, _recording(truth, rng, settings), None)
 
 
-def wrong_setup(kind: str, arm: str, seed: int, settings: Settings) -> Case:
-    """A scene with one mistake of the kind, a key of `MISTAKES` or `WRIST_MISTAKES`."""
+def wrong_setup(kind: str, arm: str, seed: int, settings: Settings, sensor: str = "") -> Case:
+    """A scene with one mistake of the kind, a key of `MISTAKES`, or of `LINK_MISTAKES` of this sensor."""
     rng = np.random.default_rng(seed)
     truth = _cell(arm, rng)
-    line, mistake = (MISTAKES | WRIST_MISTAKES)[kind]
-    if kind in WRIST_MISTAKES:
-        truth = _with_wrist(truth, rng)
+    line, mistake = (LINK_MISTAKES[sensor] if sensor else MISTAKES)[kind]
+    if sensor:
+        truth = with_sensor(truth, sensor, rng)
     recording = _recording(truth, rng, settings)
     scene, recording = mistake(truth, recording, rng)
     return Case(scene, recording, line)
@@ -123,22 +128,6 @@ def _cell(arm: str, rng: np.random.Generator) -> Scene:
     return Scene(robot=arm, mounting=mounting, tool=tool, base_wrench=base, joint_torque=torque)
 
 
-def _with_wrist(scene: Scene, rng: np.random.Generator) -> Scene:
-    """The cell with a sensor between flange and tool, of a range that is just large enough."""
-    turn = float(rng.choice([0.0, 45.0, 90.0, 180.0])) + rng.normal(0.0, 2.0)
-    assert scene.tool is not None
-    sensor = WrenchSensor(
-        force_noise=0.3,
-        moment_noise=0.02,
-        rpy=(0.0, 0.0, float(np.radians(turn))),
-        translation=(0.0, 0.0, float(rng.uniform(0.0, 0.04))),
-        sign="arm_on_sensor" if rng.random() < 0.5 else "sensor_on_arm",
-        bias=(*rng.normal(0.0, 5.0, 3), *rng.normal(0.0, 0.5, 3)),
-        range=(100.0, 10.0),
-    )
-    return scene.model_copy(update={"wrist_wrench": sensor})
-
-
 def _recording(truth: Scene, rng: np.random.Generator, settings: Settings) -> FreeMotion:
     """Readings of an arm whose links differ from the robot's data."""
     motion: Motion
@@ -160,27 +149,14 @@ def _recording(truth: Scene, rng: np.random.Generator, settings: Settings) -> Fr
     return simulate(real, motion, int(rng.integers(1 << 31)), settings.rate)
 
 
-Mistake = Callable[[Scene, FreeMotion, np.random.Generator], tuple[Scene, FreeMotion]]
-
-
 def _base(scene: Scene, **changes: object) -> Scene:
     assert scene.base_wrench is not None
     return scene.model_copy(update={"base_wrench": scene.base_wrench.model_copy(update=changes)})
 
 
-def _wrist(scene: Scene, **changes: object) -> Scene:
-    assert scene.wrist_wrench is not None
-    return scene.model_copy(update={"wrist_wrench": scene.wrist_wrench.model_copy(update=changes)})
-
-
 def _tool(scene: Scene, **changes: object) -> Scene:
     assert scene.tool is not None
     return scene.model_copy(update={"tool": scene.tool.model_copy(update=changes)})
-
-
-def _direction(rng: np.random.Generator) -> np.ndarray:
-    vector = rng.standard_normal(3)
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _tilted(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
@@ -227,7 +203,7 @@ def _exchanged(scene: Scene, recording: FreeMotion, _: np.random.Generator) -> t
 
 def _displaced(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
     assert scene.base_wrench is not None
-    place = np.array(scene.base_wrench.translation) + rng.uniform(0.05, 0.2) * _direction(rng)
+    place = np.array(scene.base_wrench.translation) + rng.uniform(0.05, 0.2) * direction(rng)
     return _base(scene, translation=tuple(place.tolist())), recording
 
 
@@ -266,7 +242,7 @@ def _other_mass(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -
 
 def _other_com(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
     assert scene.tool is not None
-    com = np.array(scene.tool.com) + rng.uniform(0.05, 0.15) * _direction(rng)
+    com = np.array(scene.tool.com) + rng.uniform(0.05, 0.15) * direction(rng)
     return _tool(scene, com=tuple(com.tolist())), recording
 
 
@@ -292,62 +268,3 @@ MISTAKES: dict[str, tuple[Line, Mistake]] = {
     "another arm": ("robot", _other_arm),
 }
 """Kind of mistake -> the wrong line, and how scene and recording follow from the truth."""
-
-
-def _wrist_sign(scene: Scene, recording: FreeMotion, _: np.random.Generator) -> tuple[Scene, FreeMotion]:
-    assert scene.wrist_wrench is not None
-    other = {"arm_on_sensor": "sensor_on_arm", "sensor_on_arm": "arm_on_sensor"}
-    return _wrist(scene, sign=other[scene.wrist_wrench.sign]), recording
-
-
-def _wrist_turned(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
-    assert scene.wrist_wrench is not None
-    turn = Rotation.from_rotvec(np.pi / 2.0 * rng.choice([-1.0, 1.0]) * np.eye(3)[int(rng.integers(3))])
-    rotation = Rotation.from_matrix(scene.wrist_wrench.rotation) * turn
-    return _wrist(scene, rpy=tuple(rotation.as_euler("xyz").tolist())), recording
-
-
-def _wrist_moved(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
-    assert scene.wrist_wrench is not None
-    place = np.array(scene.wrist_wrench.translation) + rng.uniform(0.05, 0.15) * _direction(rng)
-    return _wrist(scene, translation=tuple(place.tolist())), recording
-
-
-def _wrist_swapped(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
-    a, b = [(0, 1), (0, 2), (1, 2)][int(rng.integers(3))]
-    order = np.arange(6)
-    order[[a, b, a + 3, b + 3]] = order[[b, a, b + 3, a + 3]]
-    assert recording.wrist is not None
-    return scene, replace(recording, wrist=recording.wrist[:, order])
-
-
-def _wrist_exchanged(scene: Scene, recording: FreeMotion, _: np.random.Generator) -> tuple[Scene, FreeMotion]:
-    assert recording.wrist is not None
-    return scene, replace(recording, wrist=np.roll(recording.wrist, 3, axis=1))
-
-
-def _wrist_biased(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
-    assert scene.wrist_wrench is not None
-    off = np.concatenate((rng.uniform(1.0, 10.0) * _direction(rng), rng.uniform(0.1, 1.0) * _direction(rng)))
-    return _wrist(scene, bias=tuple((np.array(scene.wrist_wrench.bias) + off).tolist())), recording
-
-
-def _wrist_small(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
-    """The sensor stays at its range, which this motion exceeds."""
-    assert recording.wrist is not None
-    limits = tuple(float(x) for x in rng.uniform(0.5, 0.9) * np.abs(recording.wrist).max(axis=0))
-    return _wrist(scene, range=limits), replace(
-        recording, wrist=np.clip(recording.wrist, np.negative(limits), limits)
-    )
-
-
-WRIST_MISTAKES: dict[str, tuple[Line, Mistake]] = {
-    "sign of the wrist wrench": ("wrist_wrench.sign", _wrist_sign),
-    "wrist sensor turned by 90 degrees": ("wrist_wrench.rpy", _wrist_turned),
-    "wrist sensor displaced by 5 to 15 cm": ("wrist_wrench.translation", _wrist_moved),
-    "two axes of the wrist sensor exchanged": ("wrist wrench: order of axes", _wrist_swapped),
-    "force and moment of the wrist sensor exchanged": ("wrist wrench: force and moment", _wrist_exchanged),
-    "bias of the wrist sensor": ("wrist_wrench.bias", _wrist_biased),
-    "wrist sensor of a range too small": ("wrist_wrench.range", _wrist_small),
-}
-"""The same for cells with a wrist sensor."""

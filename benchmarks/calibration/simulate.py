@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from contactsense import Scene
+from contactsense import LinkWrenchSensor, Scene
 from contactsense.calibration import FreeMotion
 from contactsense.robots import Inertia, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
@@ -117,31 +117,40 @@ def simulate(
             wrench = inverse_dynamics(arm, *earlier, loads, gravity)[1]  # type: ignore[arg-type]
         reading = WrenchMap.of(base).reading(wrench)
         reading += rng.standard_normal(reading.shape) * np.repeat([base.force_noise, base.moment_noise], 3)
-    wrist = None
-    if scene.wrist_wrench is not None:
-        wrist = _wrist_reading(scene, t, q, qd, qdd)
-        noise = np.repeat([scene.wrist_wrench.force_noise, scene.wrist_wrench.moment_noise], 3)
-        wrist += rng.standard_normal(wrist.shape) * noise
-    return FreeMotion(t, q, qd, signal, reading, f"simulated recording {seed}", wrist=wrist)
+    readings = {}
+    for field, own in scene.link_sensors.items():
+        late = (q, qd, qdd) if own.delay == 0.0 else motion.at(t - own.delay)
+        noise = np.repeat([own.force_noise, own.moment_noise], 3)
+        loads = [push.load(arm, t - own.delay, late[0]) for push in pushes]
+        readings[field] = _link_reading(scene, field, late, loads)
+        readings[field] += noise * rng.standard_normal((len(t), 6))
+    return FreeMotion(t, q, qd, signal, reading, f"simulated recording {seed}", link_readings=readings)
 
 
-def _wrist_reading(scene: Scene, t: np.ndarray, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Readings of the wrist sensor: the base wrench of an arm of which only the tool has a mass, moved to the
-    flange."""
-    robot, sensor = scene.robot, scene.wrist_wrench
-    assert sensor is not None
-    assert scene.tool is not None
-    tool = move_inertia(scene.tool.inertia, robot.flange_rotation, robot.flange_translation)
+def _link_reading(
+    scene: Scene, field: str, state: tuple[np.ndarray, np.ndarray, np.ndarray], loads: Sequence[LinkLoad]
+) -> np.ndarray:
+    """Readings of a sensor within the arm: the base wrench of an arm of which only what the sensor carries
+    has a mass and is pushed, moved to the sensor. `state`: positions, velocities, accelerations."""
+    arm, sensor = arm_of(scene), scene.link_sensors[field]
     nothing = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
-    bodies = [nothing] * (len(robot.links) - 1) + [tool]
-    links = tuple(Link(link.name, body) for link, body in zip(robot.links, bodies, strict=True))
-    bare, gravity = replace(robot, links=links), tuple(float(x) for x in scene.gravity_base)
-    _, wrench = inverse_dynamics(bare, q, qd, qdd, (), gravity)  # type: ignore[arg-type]
-    rotations, origins = link_poses(robot, q)
-    readings = np.empty((len(t), 6))
-    for i, (R, o) in enumerate(zip(rotations[-1], origins[-1], strict=True)):
-        flange = R @ robot.flange_rotation
-        place = o + R @ (robot.flange_translation + robot.flange_rotation @ sensor.translation)
-        there = WrenchMap.make(flange @ sensor.rotation, place, sensor.sign, sensor.bias)
+    bodies = [nothing] * len(arm.links)
+    rotation, place = sensor.rotation, np.array(sensor.translation)
+    if isinstance(sensor, LinkWrenchSensor):
+        mount = arm.link_names.index(sensor.link)
+        bodies[mount:] = [link.inertia for link in arm.links[mount:]]
+        loads = [load for load in loads if load.link >= mount]
+    else:
+        assert scene.tool is not None
+        mount, loads = len(arm.links) - 1, []
+        bodies[mount] = move_inertia(scene.tool.inertia, arm.flange_rotation, arm.flange_translation)
+        rotation, place = arm.flange_rotation @ rotation, arm.flange_translation + arm.flange_rotation @ place
+    links = tuple(Link(link.name, body) for link, body in zip(arm.links, bodies, strict=True))
+    gravity = tuple(float(x) for x in scene.gravity_base)
+    _, wrench = inverse_dynamics(replace(arm, links=links), *state, loads, gravity)  # type: ignore[arg-type]
+    rotations, origins = link_poses(arm, state[0])
+    readings = np.empty_like(wrench)
+    for i, (R, o) in enumerate(zip(rotations[mount], origins[mount], strict=True)):
+        there = WrenchMap.make(R @ rotation, o + R @ place, sensor.sign, sensor.bias)
         readings[i] = there.reading(wrench[i])
     return readings

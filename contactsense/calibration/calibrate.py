@@ -11,11 +11,12 @@ import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.contact_test import SuspectedContact, suspected_contacts
+from contactsense.calibration.equations import all_residuals, measured_channels
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.gauss_newton import FittedModel, fit_model, row_stride
 from contactsense.calibration.noise_estimation import NoiseLevels, estimate_noise
-from contactsense.calibration.parameters import GROUPS, Entry, Group, entries, value
-from contactsense.calibration.recording_residuals import friction, residuals, settled_samples
+from contactsense.calibration.parameters import GROUPS, OF_LINK_SENSORS, Entry, Group, entries, value
+from contactsense.calibration.recording_residuals import friction, settled_samples
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
 from contactsense.calibration.trimmed_fit import trimmed_fit
@@ -64,6 +65,8 @@ def default_groups(scene: Scene, recordings: list[FreeMotion]) -> tuple[Group, .
             groups += ["gain"] if torque.signal in _CURRENTS else []
     if scene.base_wrench is not None and any(recording.reading is not None for recording in recordings):
         groups += ["wrench_bias", "tilt", "turn", "shift", "delay"]
+    if any(recording.link_readings for recording in recordings):
+        groups += OF_LINK_SENSORS
     return tuple(group for group in GROUPS if group in groups)
 
 
@@ -92,10 +95,12 @@ def calibrate(
     arm, kept = fitted.arm, fitted.kept
     progress("noise and model error")
     usable = [_settled_and_usable(recording, scene.bandwidth) for recording in recordings]
-    before = [residuals(start, s, scene.bandwidth)[rows] for s, rows in zip(recordings, usable, strict=True)]
-    after = [residuals(arm, s, scene.bandwidth)[rows] for s, rows in zip(recordings, usable, strict=True)]
-    measured = _measured_channels(scene, recordings)
-    noise_levels, wrench = _noise(arm, recordings, usable, after, scene.bandwidth)
+    before, after = (
+        [all_residuals(x, s, scene.bandwidth)[rows] for s, rows in zip(recordings, usable, strict=True)]
+        for x in (start, arm)
+    )
+    measured = measured_channels(scene, recordings)
+    noise_levels, wrenches = _noise(arm, recordings, usable, after, scene.bandwidth)
     values = tuple(
         Value(
             entry,
@@ -120,7 +125,7 @@ def calibrate(
         ]
     changed = {entry.group for i, entry in enumerate(selected) if fitted.free[i]}
     return Calibration(
-        scene=scene_of(arm, {str(group) for group in changed}, noise_levels, wrench),
+        scene=scene_of(arm, {str(group) for group in changed}, noise_levels, wrenches),
         values=tuple(v for v in values if v.entry.group != "links"),
         inertia=tuple(v for v in values if v.entry.group == "links"),
         warnings=tuple(warnings),
@@ -226,24 +231,19 @@ def _check(scene: Scene, recordings: list[FreeMotion]) -> None:
             )
 
 
-def _measured_channels(scene: Scene, recordings: list[FreeMotion]) -> np.ndarray:
-    torque = any(recording.torque is not None for recording in recordings)
-    wrench = any(recording.reading is not None for recording in recordings)
-    return np.array([torque] * len(scene.robot.joints) + [wrench] * 6)
-
-
 def _noise(
     arm: CalibrationModel,
     recordings: list[FreeMotion],
     usable: list[np.ndarray],
     residual: list[np.ndarray],
     bandwidth: float,
-) -> tuple[NoiseLevels | None, tuple[float, float]]:
-    """Noise and model error of the joints, and noise of the base sensor that includes its model error."""
+) -> tuple[NoiseLevels | None, dict[str, tuple[float, float]]]:
+    """Noise and model error of the joints; and force and moment noise of each force/torque sensor, by field,
+    which includes its model error."""
     joints = len(arm.gain)
     dt = float(np.median(np.concatenate([np.diff(recording.t) for recording in recordings])))
     variance_ratio = noise_variance_ratio(bandwidth, dt)
-    noise_levels, wrench = None, (np.nan, np.nan)
+    noise_levels = None
     parts = list(zip(recordings, usable, residual, strict=True))
     with_torque = [(s, rows, r[:, :joints]) for s, rows, r in parts if s.torque is not None]
     if with_torque:
@@ -254,13 +254,16 @@ def _noise(
             dt,
             variance_ratio,
         )
-    base = [r[:, joints:] for s, _, r in parts if s.reading is not None]
-    if base:
-        sensor = arm.scene.base_wrench
-        assert sensor is not None
-        # The residual is about the base origin; the sensor's noise about its own.
-        transfer = wrench_transform(np.eye(3), np.array(sensor.translation) + arm.shift)
-        about_sensor = np.vstack(base) @ np.linalg.inv(transfer).T
-        rms = np.sqrt(np.mean(about_sensor**2, axis=0) / variance_ratio)
-        wrench = (float(np.max(rms[:3])), float(np.max(rms[3:])))
-    return noise_levels, wrench
+    wrenches = {}
+    for number, field in enumerate(("base_wrench", *arm.scene.link_sensors)):
+        first = joints + 6 * number
+        own = [r[:, first : first + 6] for s, _, r in parts if field in s.readings]
+        if own:
+            about_sensor = np.vstack(own)
+            if arm.scene.base_wrench is not None and field == "base_wrench":
+                # The residual is about the base origin; the sensor's noise about its own.
+                place = np.array(arm.scene.base_wrench.translation) + arm.shift
+                about_sensor = about_sensor @ np.linalg.inv(wrench_transform(np.eye(3), place)).T
+            rms = np.sqrt(np.mean(about_sensor**2, axis=0) / variance_ratio)
+            wrenches[field] = (float(np.max(rms[:3])), float(np.max(rms[3:])))
+    return noise_levels, wrenches

@@ -54,6 +54,16 @@ class CalibrationModel:
     """Displacement of the base sensor from the scene's position, shape (3,) [m]."""
     delay: float
     """Delay of the base sensor's readings [s]."""
+    link_bias: np.ndarray
+    """Readings of the S sensors of `Scene.link_sensors` without load, own frame and sign, shape (S, 6) [N,
+    Nm]."""
+    link_turn: np.ndarray
+    """Their rotation vectors relative to the scene's orientations, in the axes of the frame in which the
+    scene gives them, shape (S, 3) [rad]."""
+    link_shift: np.ndarray
+    """Their displacements from the scene's positions, in the same frames, shape (S, 3) [m]."""
+    link_delay: np.ndarray
+    """Delays of their readings, shape (S,) [s]."""
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
@@ -66,7 +76,7 @@ class CalibrationModel:
             calibrated[x.name].inertia if x.name in calibrated else x.inertia for x in scene.robot.links
         ]
         tool = scene.tool.inertia if scene.tool is not None else Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
-        base = scene.base_wrench or WrenchSensor()
+        base, sensors = scene.base_wrench or WrenchSensor(), list(scene.link_sensors.values())
         return cls(
             scene=scene,
             gain=np.ones(joints),
@@ -85,6 +95,10 @@ class CalibrationModel:
             turn=np.zeros(3),
             shift=np.zeros(3),
             delay=base.delay,
+            link_bias=np.array([sensor.bias for sensor in sensors]).reshape(-1, 6),
+            link_turn=np.zeros((len(sensors), 3)),
+            link_shift=np.zeros((len(sensors), 3)),
+            link_delay=np.array([sensor.delay for sensor in sensors]),
         )
 
     @property
@@ -134,8 +148,7 @@ class CalibrationModel:
     def base_wrench(self, t: np.ndarray, reading: np.ndarray) -> np.ndarray:
         """Wrench of the arm on the base sensor at times t, base axes and origin, shape (N, 6) [N, Nm]."""
         sensor = self.scene.base_wrench or WrenchSensor()
-        if self.delay != 0.0:
-            reading = np.array([np.interp(t + self.delay, t, column) for column in reading.T]).T
+        reading = on_time(t, reading, self.delay)
         rotation = Rotation.from_rotvec(self.turn).as_matrix() @ sensor.rotation
         sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
         transfer = wrench_transform(rotation, np.array(sensor.translation) + self.shift)
@@ -144,3 +157,10 @@ class CalibrationModel:
     def with_values(self, **changes: Any) -> Self:
         """A copy with some fields changed."""
         return replace(self, **changes)
+
+
+def on_time(t: np.ndarray, reading: np.ndarray, delay: float) -> np.ndarray:
+    """Readings, shape (N, 6), at the times t, shape (N,) [s], that arrive `delay` [s] later."""
+    if delay == 0.0:
+        return reading
+    return np.array([np.interp(t + delay, t, column) for column in reading.T]).T

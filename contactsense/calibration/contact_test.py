@@ -19,8 +19,9 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import chdtri
 
 from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.equations import all_residuals, measured_channels
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.recording_residuals import recently_moved, residuals, settled_samples
+from contactsense.calibration.recording_residuals import recently_moved, settled_samples
 from contactsense.calibration.rest_test import changes_at_rest
 from contactsense.calibration.trimmed_fit import WINDOW
 
@@ -56,9 +57,10 @@ class SuspectedContact:
     last_row: int
     """Rows of the file, from 0."""
     channels: tuple[int, ...]
-    """Equations that feel it, strongest first: joints, then n + 0..5 for the base wrench."""
+    """Equations that feel it, strongest first: joints, then n + 0..5 for the base wrench, then six for each
+    sensor within the arm."""
     peak: tuple[float, ...]
-    """Largest residual of each, averaged over a window [Nm, or N for a force of the base sensor]."""
+    """Largest residual of each, averaged over a window [Nm, or N for a force]."""
 
 
 def suspected_contacts(
@@ -75,10 +77,10 @@ def suspected_contacts(
         Which samples are free of contacts, shape (N,), bool; and the contacts in the others.
     """
     joints = recording.q.shape[1]
-    used = np.array([recording.torque is not None] * joints + [recording.reading is not None] * 6, dtype=bool)
+    used = measured_channels(arm.scene, [recording])
     settled = settled_samples(recording, bandwidth)
     dt = float(np.median(np.diff(recording.t)))
-    residual = residuals(arm, recording, bandwidth)
+    residual = all_residuals(arm, recording, bandwidth)
     residual[:settled] = 0.0
     mean = uniform_filter1d(residual, max(3, round(WINDOW / dt)), axis=0)
     excess = np.abs(mean)

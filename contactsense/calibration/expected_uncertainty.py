@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.equations import channels, linearize_all
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.gauss_newton import row_stride
 from contactsense.calibration.identifiability import excited_directions
+from contactsense.calibration.link_residuals import link_readings
 from contactsense.calibration.parameters import Entry, Group, entries
 from contactsense.calibration.recording_residuals import friction
-from contactsense.calibration.residual_jacobian import linearize
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
@@ -58,7 +59,7 @@ def expected_uncertainty(
     size = np.array([entry.prior_std for entry in selected])
     information = np.zeros((len(selected), len(selected)))
     variance = _variance(scene, motion.center.size, rate)
-    for row in linearize(arm, recording, selected, scene.bandwidth, stride):
+    for row in linearize_all(arm, recording, selected, scene.bandwidth, stride):
         # The observer's noise is an Ornstein-Uhlenbeck process: neighbouring rows are correlated.
         correlation = np.exp(-2.0 * np.pi * scene.bandwidth * row.dt)
         weight = row.moving * (1.0 - correlation) / (1.0 + correlation) / variance[row.channel]
@@ -89,18 +90,28 @@ def simulated_free_motion(scene: Scene, motion: FourierTrajectory, rate: float) 
         sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
         reading = sign * wrench @ to_sensor + arm.wrench_bias
     return FreeMotion(
-        t, q, qd, torque if scene.joint_torque is not None else None, reading, "proposed motion"
+        t,
+        q,
+        qd,
+        torque if scene.joint_torque is not None else None,
+        reading,
+        "proposed motion",
+        link_readings={field: link_readings(arm, field, q, qd, qdd) for field in scene.link_sensors},
     )
 
 
 def _variance(scene: Scene, joints: int, rate: float) -> np.ndarray:
-    """Variance of each equation's filtered noise, shape (n + 6,), moments about the base origin."""
-    found = np.full(joints + 6, np.inf)
+    """Variance of the filtered noise of each of C equations, shape (C,); the base sensor's moments are about
+    the base origin."""
+    found = np.full(channels(scene), np.inf)
     if scene.joint_torque is not None:
         found[:joints] = per_joint(scene.joint_torque.noise, joints) ** 2
     if scene.base_wrench is not None:
         sensor = scene.base_wrench
         transfer = wrench_transform(np.eye(3), np.array(sensor.translation))
         sensor_variance = np.repeat([sensor.force_noise**2, sensor.moment_noise**2], 3)
-        found[joints:] = np.diag(transfer @ np.diag(sensor_variance) @ transfer.T)
+        found[joints : joints + 6] = np.diag(transfer @ np.diag(sensor_variance) @ transfer.T)
+    for number, own in enumerate(scene.link_sensors.values()):
+        first = joints + 6 * (number + 1)
+        found[first : first + 6] = np.repeat([own.force_noise**2, own.moment_noise**2], 3)
     return found * noise_variance_ratio(scene.bandwidth, 1.0 / rate)

@@ -1,9 +1,12 @@
 """Input of calibration: recordings of contact-free motion."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
+from contactsense.scene import Scene
 from contactsense.sensors.validation import checked_rows
 
 
@@ -27,8 +30,8 @@ class FreeMotion:
     """Row of each sample in its file, shape (N,), int; None: its number."""
     free: np.ndarray | None = None
     """Which samples are used, because nothing touches the arm, shape (N,), bool; None: all."""
-    wrist: np.ndarray | None = None
-    """Readings of the wrist sensor, in its own frame and sign, shape (N, 6) [N, Nm]."""
+    link_readings: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """The same of the sensors within the arm that were recorded, by key of `Scene.link_sensors`."""
 
     def __post_init__(self) -> None:
         """Check shapes and values.
@@ -41,18 +44,49 @@ class FreeMotion:
             raise ValueError(f"{self.name}: q: expected at least 3 rows of joint positions, got {q.shape}")
         n, joints = q.shape
         sizes = {"q": (joints, "rad"), "qd": (joints, "rad/s"), "torque": (joints, "Nm")}
-        sizes |= {"reading": (6, "N"), "wrist": (6, "N")}
-        for field, (size, unit) in sizes.items():
-            value = getattr(self, field)
-            if value is not None:
-                try:
-                    object.__setattr__(self, field, checked_rows(field, value, n, size, unit))
-                except ValueError as error:
-                    raise ValueError(f"{self.name}: {error}") from None
+        sizes["reading"] = (6, "N")
+        try:
+            for name, (size, unit) in sizes.items():
+                value = getattr(self, name)
+                if value is not None:
+                    object.__setattr__(self, name, checked_rows(name, value, n, size, unit))
+            links = {name: checked_rows(name, x, n, 6, "N") for name, x in self.link_readings.items()}
+        except ValueError as error:
+            raise ValueError(f"{self.name}: {error}") from None
+        object.__setattr__(self, "link_readings", links)
         t = np.ascontiguousarray(self.t, dtype=float)
         if t.shape != (n,) or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0.0):
             raise ValueError(f"{self.name}: t: expected {n} increasing times [s]")
         object.__setattr__(self, "t", t)
+
+    @property
+    def readings(self) -> dict[str, np.ndarray]:
+        """Readings of all force/torque sensors that were recorded, by field of the scene."""
+        base = {} if self.reading is None else {"base_wrench": self.reading}
+        return base | dict(self.link_readings)
+
+    def with_readings(self, readings: Mapping[str, np.ndarray]) -> Self:
+        """The same motion with other `readings`."""
+        links = {name: value for name, value in readings.items() if name != "base_wrench"}
+        return replace(self, reading=readings.get("base_wrench"), link_readings=links)
+
+    def part(self, rows: np.ndarray) -> Self:
+        """Some of the samples; `rows`: their indices, increasing."""
+
+        def some(values: np.ndarray | None) -> np.ndarray | None:
+            return None if values is None else values[rows]
+
+        return replace(
+            self,
+            t=self.t[rows],
+            q=self.q[rows],
+            qd=self.qd[rows],
+            torque=some(self.torque),
+            reading=some(self.reading),
+            rows=some(self.rows),
+            free=some(self.free),
+            link_readings={name: reading[rows] for name, reading in self.link_readings.items()},
+        )
 
     @property
     def usable(self) -> np.ndarray:
@@ -67,3 +101,14 @@ class FreeMotion:
     def seconds(self) -> float:
         """Duration [s]."""
         return float(self.t[-1] - self.t[0])
+
+
+def without_delays(scene: Scene) -> Scene:
+    """The scene under which recordings are read: delays are estimated, so every reading stays in the row in
+    which it was received."""
+    base, wrist = (
+        None if sensor is None else sensor.model_copy(update={"delay": 0.0})
+        for sensor in (scene.base_wrench, scene.wrist_wrench)
+    )
+    links = tuple(sensor.model_copy(update={"delay": 0.0}) for sensor in scene.link_wrenches)
+    return scene.model_copy(update={"base_wrench": base, "wrist_wrench": wrist, "link_wrenches": links})

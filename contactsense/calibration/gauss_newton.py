@@ -6,12 +6,13 @@ coefficients that come out negative and optional parameters without significance
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.equations import channels, linearize_all
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.identifiability import excited_directions
 from contactsense.calibration.parameters import NOT_NEGATIVE, OPTIONAL, Entry, apply_step, entries, value
@@ -97,7 +98,7 @@ class _GaussNewton:
         self._chosen = selected
         self._start = np.array([value(start, entry) for entry in selected])
         self._prior = np.array([entry.prior_std for entry in selected])
-        self._channels = len(start.gain) + 6
+        self._channels = channels(start.scene)
         self._stride = row_stride(recordings, bandwidth)
 
     def solve(
@@ -110,7 +111,7 @@ class _GaussNewton:
         rows = [
             row
             for recording in self._stretches
-            for row in linearize(arm, recording, self._chosen, self._bandwidth, self._stride)
+            for row in linearize_all(arm, recording, self._chosen, self._bandwidth, self._stride)
         ]
         while True:
             offset = np.array([value(arm, entry) for entry in self._chosen]) - self._start
@@ -161,9 +162,7 @@ def _best_velocities(
     selected = entries(arm, ("bias", "coulomb", "viscous", "rotor", "load", "lubricant"), 0.1)
     prior = np.array([entry.prior_std for entry in selected])
     stride = row_stride(recordings, bandwidth)
-    torque_only = [
-        replace(recording, reading=None) for recording in recordings if recording.torque is not None
-    ]
+    torque_only = [recording.with_readings({}) for recording in recordings if recording.torque is not None]
     best: tuple[float, CalibrationModel] | None = None
     for velocity, lubricant in product(_VELOCITIES, _LUBRICANT_VELOCITIES):
         candidate = arm.with_values(velocity=velocity, lubricant_velocity=lubricant)

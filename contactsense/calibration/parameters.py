@@ -25,6 +25,10 @@ Group = Literal[
     "turn",
     "shift",
     "delay",
+    "link_bias",
+    "link_turn",
+    "link_shift",
+    "link_delay",
     "links",
 ]
 GROUPS: tuple[Group, ...] = get_args(Group)
@@ -33,11 +37,14 @@ value."""
 
 PER_JOINT: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "gain")
 NOT_NEGATIVE: tuple[Group, ...] = ("coulomb", "viscous", "rotor", "load", "lubricant")
+OF_LINK_SENSORS: tuple[Group, ...] = ("link_bias", "link_turn", "link_shift", "link_delay")
+"""Groups of the force/torque sensors within the arm."""
 OPTIONAL: tuple[Group, ...] = ("load", "lubricant")
 """Groups that keep the scene's values if they are not significant."""
 
 _AXES = ("x", "y", "z")
 _INERTIAL = ("mass", "mass x com x", "mass x com y", "mass x com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_BIASES = [(f"force {a}", "N", 50.0) for a in _AXES] + [(f"moment {a}", "Nm", 20.0) for a in _AXES]
 
 
 @dataclass(frozen=True)
@@ -54,6 +61,8 @@ class Entry:
     """Standard deviation of the prior about the scene's value, in `unit`."""
     joint: int | None = None
     """Index of the joint whose equation alone contains it; None: shared by several."""
+    sensor: str | None = None
+    """Key in `Scene.link_sensors` of the sensor whose equations alone contain it; None: none of these."""
 
     @property
     def in_base_only(self) -> bool:
@@ -96,10 +105,12 @@ def _group_parameters(arm: CalibrationModel, group: Group) -> list[Entry]:
             Entry(group, (j,), f"{group} of {joint.name}", unit, ratio or fraction * joint.torque_limit, j)
             for j, joint in enumerate(joints)
         ]
+    if group in OF_LINK_SENSORS:
+        return _link_sensor_parameters(arm, group)
     if group == "payload":
         parts = [("mass", "kg", 5.0)] + [(f"mass x com {a}", "kg m", 0.5) for a in _AXES]
     elif group == "wrench_bias":
-        parts = [(f"force {a}", "N", 50.0) for a in _AXES] + [(f"moment {a}", "Nm", 20.0) for a in _AXES]
+        parts = _BIASES
     elif group == "delay":
         return [Entry("delay", (), "delay of the base sensor", "s", 0.02)]
     else:
@@ -111,6 +122,21 @@ def _group_parameters(arm: CalibrationModel, group: Group) -> list[Entry]:
         ]
     label = group.replace("_", " ")
     return [Entry(group, (i,), f"{label} {name}", unit, size) for i, (name, unit, size) in enumerate(parts)]
+
+
+def _link_sensor_parameters(arm: CalibrationModel, group: Group) -> list[Entry]:
+    """One group of every sensor within the arm."""
+    parts = {
+        "link_bias": [(f"bias {name}", unit, size) for name, unit, size in _BIASES],
+        "link_turn": [(f"turn {axis}", "rad", 0.1) for axis in _AXES],
+        "link_shift": [(f"shift {axis}", "m", 0.05) for axis in _AXES],
+        "link_delay": [("delay", "s", 0.02)],
+    }[group]
+    return [
+        Entry(group, (s, i) if len(parts) > 1 else (s,), f"{field} {name}", unit, size, sensor=field)
+        for s, field in enumerate(arm.scene.link_sensors)
+        for i, (name, unit, size) in enumerate(parts)
+    ]
 
 
 def _link_parameters(arm: CalibrationModel, inertia_error: float) -> list[Entry]:

@@ -21,7 +21,7 @@ from contactsense.residuals.momentum_observer import MomentumObserver, advance, 
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 
-_DIFFERENCE_STEPS: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "payload": 1e-3}
+DIFFERENCE_STEPS: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "link_turn": 1e-5, "payload": 1e-3}
 """Steps for parameters that enter nonlinearly, in units of their prior standard deviation."""
 
 
@@ -30,7 +30,7 @@ class Rows:
     """Residuals of one equation over one recording, and their derivatives. N samples, k parameters."""
 
     channel: int
-    """Index of the joint, or n + 0..5 for the base wrench."""
+    """Index of the joint, n + 0..5 for the base wrench, or then six for each sensor within the arm."""
     residual: np.ndarray
     """Shape (N,) [Nm, or N and Nm]."""
     columns: np.ndarray
@@ -47,7 +47,7 @@ class Rows:
 def linearize(
     arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float, stride: int
 ) -> list[Rows]:
-    """Residuals and derivatives of all equations over a recording.
+    """Residuals and derivatives of the equations of joints and base sensor over a recording.
 
     Args:
         arm: Point of linearization.
@@ -62,7 +62,9 @@ def linearize(
     slopes: list[tuple[int, np.ndarray, int | None]] = []
     done: set[Group] = set()
     for number, entry in enumerate(selected):
-        if entry.group == "links" or (recording.reading is None and entry.in_base_only):
+        if entry.group == "links" or entry.sensor is not None:
+            continue
+        if recording.reading is None and entry.in_base_only:
             continue
         if entry.group in PER_JOINT:
             if entry.group in done or recording.torque is None:
@@ -75,7 +77,7 @@ def linearize(
             behind = residuals(apply_step(arm, [entry], np.array([-h])), recording, bandwidth)
             slopes.append((number, ((ahead - behind) / (2.0 * h))[keep], None))
         else:
-            h = entry.prior_std * _DIFFERENCE_STEPS.get(entry.group, 1.0)
+            h = entry.prior_std * DIFFERENCE_STEPS.get(entry.group, 1.0)
             shifted = residuals(apply_step(arm, [entry], np.array([h])), recording, bandwidth)
             slopes.append((number, ((shifted - residual) / h)[keep], None))
     links = [(number, entry) for number, entry in enumerate(selected) if entry.group == "links"]

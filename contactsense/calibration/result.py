@@ -1,5 +1,6 @@
 """Result of a calibration: values with uncertainty, residuals before and after, warnings, and a scene."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,10 +41,10 @@ class ResidualStatistics:
     """Size of a residual."""
 
     rms: np.ndarray
-    """Root mean square of each channel, shape (n + 6,): joints [Nm], base wrench [N, Nm]; NaN without sensor.
-    """
+    """Root mean square of each of C equations (`contactsense.calibration.equations`), shape (C,): joints
+    [Nm], base wrench [N, Nm], wrench of each sensor within the arm; NaN without sensor."""
     tail: np.ndarray
-    """99.9 % quantile of the absolute values, shape (n + 6,)."""
+    """99.9 % quantile of the absolute values, shape (C,)."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +75,17 @@ class Calibration:
 
 
 def residual_statistics(residual: list[np.ndarray], measured: np.ndarray) -> ResidualStatistics:
-    """RMS and tail of residuals of shape (N, n + 6) each."""
+    """RMS and tail of residuals of shape (N, C) each."""
     all_ = np.vstack(residual)
     rms, tail = np.sqrt(np.mean(all_**2, axis=0)), np.quantile(np.abs(all_), 0.999, axis=0)
     return ResidualStatistics(np.where(measured, rms, np.nan), np.where(measured, tail, np.nan))
 
 
 def scene_of(
-    arm: CalibrationModel, changed: set[str], noise_levels: NoiseLevels | None, wrench: tuple[float, float]
+    arm: CalibrationModel,
+    changed: set[str],
+    noise_levels: NoiseLevels | None,
+    wrenches: Mapping[str, tuple[float, float]],
 ) -> Scene:
     """The original scene with the estimated values.
 
@@ -89,14 +93,17 @@ def scene_of(
         arm: The estimates.
         changed: Groups with at least one estimated parameter.
         noise_levels: Noise and model error of the joint torques; None without them.
-        wrench: Noise of force and moment of the base sensor; NaN without it.
+        wrenches: Noise of force and moment [N, Nm] of each force/torque sensor that was recorded, by field.
     """
     scene = arm.scene
     update: dict[str, object] = {}
     if scene.joint_torque is not None and noise_levels is not None:
         update["joint_torque"] = _torque(arm, scene.joint_torque, changed, noise_levels)
-    if scene.base_wrench is not None and np.isfinite(wrench[0]):
-        update["base_wrench"] = _wrench(arm, scene.base_wrench, wrench)
+    sensors = {field: _wrench(arm, field, noise) for field, noise in wrenches.items()}
+    update |= {field: sensors[field] for field in ("base_wrench", "wrist_wrench") if field in sensors}
+    update["link_wrenches"] = tuple(
+        sensors.get(f"link_wrenches.{sensor.name}", sensor) for sensor in scene.link_wrenches
+    )
     if "tilt" in changed:
         update["mounting"] = _mounting(arm)
     if "payload" in changed:
@@ -154,14 +161,22 @@ def _torque(
     return sensor.model_copy(update=update)
 
 
-def _wrench(arm: CalibrationModel, sensor: WrenchSensor, noise: tuple[float, float]) -> WrenchSensor:
-    reversed_sign = Rotation.from_rotvec(arm.turn) * Rotation.from_matrix(sensor.rotation)
+def _wrench(arm: CalibrationModel, field: str, noise: tuple[float, float]) -> WrenchSensor:
+    """The sensor with its estimates."""
+    sensor: WrenchSensor | None = arm.scene.base_wrench
+    bias, turn, shift, delay = arm.wrench_bias, arm.turn, arm.shift, arm.delay
+    if field != "base_wrench":
+        number, sensor = list(arm.scene.link_sensors).index(field), arm.scene.link_sensors[field]
+        arrays = (arm.link_bias, arm.link_turn, arm.link_shift, arm.link_delay)
+        bias, turn, shift, delay = (array[number] for array in arrays)
+    assert sensor is not None
+    turned = Rotation.from_rotvec(turn) * Rotation.from_matrix(sensor.rotation)
     return sensor.model_copy(
         update={
-            "bias": tuple(_round(arm.wrench_bias)),
-            "delay": _round(np.array([arm.delay]))[0],
-            "rpy": tuple(_round(reversed_sign.as_euler("xyz"))) if arm.turn.any() else sensor.rpy,
-            "translation": tuple(_round(np.array(sensor.translation) + arm.shift)),
+            "bias": tuple(_round(bias)),
+            "delay": _round(np.array([delay]))[0],
+            "rpy": tuple(_round(turned.as_euler("xyz"))) if turn.any() else sensor.rpy,
+            "translation": tuple(_round(np.array(sensor.translation) + shift)),
             "force_noise": _round(np.array(noise))[0],
             "moment_noise": _round(np.array(noise))[1],
         }

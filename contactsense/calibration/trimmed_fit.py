@@ -13,9 +13,10 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.equations import channels, linearize_all
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import Entry, apply_step, value
-from contactsense.calibration.residual_jacobian import Rows, linearize
+from contactsense.calibration.residual_jacobian import Rows
 from contactsense.calibration.robust_least_squares import fit_robust
 
 QUIET = 0.6
@@ -45,15 +46,16 @@ def trimmed_fit(
     """
     bandwidth = start.scene.bandwidth
     everything = [
-        linearize(arm, replace(recording, free=None), selected, bandwidth, stride) for recording in recordings
+        linearize_all(arm, replace(recording, free=None), selected, bandwidth, stride)
+        for recording in recordings
     ]
     offset = np.array([value(arm, entry) - value(start, entry) for entry in selected])
     prior = np.array([entry.prior_std for entry in selected])
-    channels = len(start.gain) + 6
+    count = channels(start.scene)
     step = np.zeros(len(selected))
     quiet: np.ndarray | None = None
     for _ in range(_STEPS):
-        chosen = _quietest(everything, step, channels, quiet)
+        chosen = _quietest(everything, step, count, quiet)
         if quiet is not None and np.mean(chosen != quiet) < 0.01:
             break
         quiet = chosen
@@ -63,16 +65,16 @@ def trimmed_fit(
             for part, mask in zip(everything, masks, strict=True)
             for row in part
         ]
-        step = fit_robust(rows, prior, offset, free, channels).step
+        step = fit_robust(rows, prior, offset, free, count).step
     return apply_step(arm, selected, step)
 
 
 def _quietest(
-    everything: list[list[Rows]], step: np.ndarray, channels: int, quiet: np.ndarray | None
+    everything: list[list[Rows]], step: np.ndarray, equations: int, quiet: np.ndarray | None
 ) -> np.ndarray:
     """The rows with the smallest energy after a step, of all recordings in turn, bool."""
     count = sum(len(rows[0].residual) for rows in everything)
-    size = np.zeros((count, channels))
+    size = np.zeros((count, equations))
     first = 0
     for rows in everything:
         last = first + len(rows[0].residual)
@@ -82,7 +84,7 @@ def _quietest(
             size[first:last, row.channel] = np.where(row.moving, np.abs(mean), 0.0)
         first = last
     known = np.ones(count, dtype=bool) if quiet is None else quiet
-    spread = np.array([_median(size[known & (size[:, c] > 0.0), c]) for c in range(channels)])
+    spread = np.array([_median(size[known & (size[:, c] > 0.0), c]) for c in range(equations)])
     energy = np.sum((size / spread) ** 2, axis=1)
     return np.asarray(energy <= np.quantile(energy, QUIET))
 

@@ -16,19 +16,29 @@ from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.recording_residuals import GAP
 from contactsense.scene import Scene
 from contactsense.setup_check.fit import Fit, Fitter
-from contactsense.setup_check.hypotheses import LINES, Hypotheses, Hypothesis, Line
-from contactsense.setup_check.motion_basis import MotionBases, Readings, instants, without_gaps
+from contactsense.setup_check.hypotheses import (
+    TORQUE_LINES,
+    Hypotheses,
+    Hypothesis,
+    Line,
+    lines,
+    sensor_lines,
+    sensor_of,
+    wrench_fields,
+)
+from contactsense.setup_check.instants import instants, without_gaps
+from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import written
 from contactsense.setup_check.result import Finding, SetupCheck, Verdict
 from contactsense.setup_check.sensor_findings import (
+    bias_findings,
     range_findings,
     residuals_of,
     rms,
     saturated_sensors,
     without,
-    wrist_bias_finding,
 )
-from contactsense.setup_check.setup import SIZES, Free, Place, Setup
+from contactsense.setup_check.setup import Free, Kind, Setup
 
 _EVIDENCE = 30.0
 """A line is accused if twice the log likelihood rises by more than this beyond the penalty: for one free
@@ -41,15 +51,13 @@ _MOST = 3
 """Most lines that are accused."""
 _REFINED = 2
 """Starts from which continuous parameters are fitted."""
-_TOLERANCE: dict[Free, float] = {
+_TOLERANCE: dict[Kind, float] = {
     "tilt": np.radians(1.0),
+    "mass": 0.15,
+    "com": 0.02,
     "turn": np.radians(2.0),
     "shift": 0.01,
     "delay": 0.003,
-    "mass": 0.15,
-    "com": 0.02,
-    "wrist_turn": np.radians(2.0),
-    "wrist_shift": 0.01,
 }
 """Changes below this do not matter [rad, m, s, kg]; larger standard deviations tell nothing."""
 _MIN_ROWS = 8
@@ -97,14 +105,7 @@ def check(
     bases = MotionBases({scene.robot.name: scene, **others}, parts)
     fitter = Fitter(scene, bases, readings)
     largest = max(float(np.abs(part.q).max()) for part in parts)
-    hypotheses = Hypotheses(
-        scene,
-        others,
-        largest,
-        base=readings.wrench is not None,
-        torque=readings.torque is not None,
-        wrist=readings.wrist is not None,
-    )
+    hypotheses = Hypotheses(scene, others, largest, readings.torque is not None, readings.wrenches)
     setup = Setup.of(scene)
     wrong: list[Finding] = []
     for number in range(_MOST + 1):
@@ -126,7 +127,7 @@ def check(
         )
         _accuse(wrong, _accusation(fitter, scene, now, best, rivals))
         setup = best.fit.setup
-    own = [*range_findings(scene, recordings, setup, saturated), *wrist_bias_finding(scene, readings, now)]
+    own = [*range_findings(scene, recordings, setup, saturated), *bias_findings(scene, now)]
     wrong += [found for found in own if found.verdict == "does_not_fit"]
     accused = {found.line for found in wrong}
     unexplained = _unexplained(scene, fitter, readings, now)
@@ -137,17 +138,18 @@ def check(
     ]
     rest += [found for found in own if found.verdict != "does_not_fit"]
     rest += _not_recorded(scene, setup, readings, saturated)
-    rest.sort(key=lambda found: LINES.index(found.line))
+    order = lines(scene)
+    rest.sort(key=lambda found: order.index(found.line))
     return SetupCheck(
         (*wrong, *(rest if not unexplained else map(_untold, rest))),
-        residuals_of(now.residual),
+        residuals_of(now.residual, wrench_fields(scene)),
         unexplained,
         sum(part.seconds for part in parts),
     )
 
 
 def _usable(
-    scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion], saturated: tuple[Place, ...]
+    scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion], saturated: tuple[str, ...]
 ) -> None:
     if not recordings:
         raise CheckError("expected at least one recording of contact-free motion, got none")
@@ -159,7 +161,7 @@ def _usable(
             )
     if saturated and not any(part.torque is not None or part.reading is not None for part in recordings):
         raise CheckError(
-            f"{recordings[0].name}: {saturated[0]}_wrench.range: expected readings within it, got readings "
+            f"{recordings[0].name}: {saturated[0]}.range: expected readings within it, got readings "
             "that stay at it"
         )
     if all(part.torque is None or scene.joint_torque is None for part in recordings) and all(
@@ -211,28 +213,32 @@ def _untold(found: Finding) -> Finding:
 
 def _explains(before: Fit, after: Fit) -> bool:
     """Whether the residual of a sensor falls markedly."""
-    n = before.residual.shape[1] - 12
-    groups = [slice(0, n), *(slice(first, first + 3) for first in range(n, n + 12, 3))]
+    count = before.residual.shape[1]
+    n = count - 6 * len(before.setup.sensors)
+    groups = [slice(0, n), *(slice(first, first + 3) for first in range(n, count, 3))]
     pairs = [[rms(fit.residual[:, group]) for fit in (before, after)] for group in groups]
     return any(b < (1.0 - _MIN_DROP) * a for a, b in pairs if a is not None and b is not None)
 
 
-def _tolerance(name: Free, setup: Setup) -> float:
+def _tolerance(group: Free, setup: Setup) -> float:
     # The centre of mass of a light tool matters less.
-    return _TOLERANCE[name] / min(1.0, max(setup.mass, 0.01)) if name == "com" else _TOLERANCE[name]
+    light = min(1.0, max(setup.mass, 0.01)) if group.kind == "com" else 1.0
+    return _TOLERANCE[group.kind] / light
 
 
-def _change(name: Free, a: Setup, b: Setup) -> float:
-    if name == "tilt":
+def _change(group: Free, a: Setup, b: Setup) -> float:
+    if group.kind == "tilt":
         return float(np.arccos(np.clip(a.gravity @ b.gravity / (a.gravity @ a.gravity), -1.0, 1.0)))
-    if name in ("turn", "wrist_turn"):
-        place: Place = "base" if name == "turn" else "wrist"
-        apart = a.sensor(place).rotation.T @ b.sensor(place).rotation
-        return float(np.arccos(np.clip((np.trace(apart) - 1.0) / 2.0, -1.0, 1.0)))
-    if name in ("shift", "wrist_shift"):
-        place = "base" if name == "shift" else "wrist"
-        return float(np.linalg.norm(a.sensor(place).translation - b.sensor(place).translation))
-    return float(np.linalg.norm(np.asarray(getattr(a, name)) - np.asarray(getattr(b, name))))
+    if group.kind == "mass":
+        return abs(a.mass - b.mass)
+    if group.kind == "com":
+        return float(np.linalg.norm(a.com - b.com))
+    one, other = a.sensors[group.field], b.sensors[group.field]
+    if group.kind == "turn":
+        return float(np.arccos(np.clip((np.trace(one.rotation.T @ other.rotation) - 1.0) / 2.0, -1.0, 1.0)))
+    if group.kind == "shift":
+        return float(np.linalg.norm(one.translation - other.translation))
+    return abs(one.delay - other.delay)
 
 
 def _accusation(
@@ -250,8 +256,8 @@ def _accusation(
         proposed,
         remark,
         tuple(best.fit.std.tolist()),
-        residuals_of(now.residual),
-        residuals_of(best.fit.residual),
+        residuals_of(now.residual, wrench_fields(scene)),
+        residuals_of(best.fit.residual, wrench_fields(scene)),
         _gain(fitter, now, best.fit),
         rivals,
     )
@@ -267,23 +273,22 @@ def _accuse(wrong: list[Finding], new: Finding) -> None:
 
 
 def _not_recorded(
-    scene: Scene, setup: Setup, readings: Readings, saturated: tuple[Place, ...]
+    scene: Scene, setup: Setup, readings: Readings, saturated: tuple[str, ...]
 ) -> list[Finding]:
     """Lines of sensors that the scene has and a recording lacks, or of which it cannot be used."""
-    found = []
-    for name, sensor, recorded in (
-        ("base", scene.base_wrench, readings.wrench),
-        ("wrist", scene.wrist_wrench, readings.wrist),
-        ("joint_torque", scene.joint_torque, readings.torque),
-    ):
-        if sensor is None or recorded is not None:
-            continue
-        remark = "the sensor is at its range" if name in saturated else "not recorded"
-        lines = [line for line in LINES if line.startswith(name) and not line.endswith(".range")]
-        found += [
-            Finding(line, "cannot_tell", written(line, setup, scene)[0], remark=remark) for line in lines
-        ]
-    return found
+    missing = [field for field in wrench_fields(scene) if field not in readings.wrenches]
+    found = [line for field in missing for line in sensor_lines(scene, field) if not line.endswith(".range")]
+    if scene.joint_torque is not None and readings.torque is None:
+        found += TORQUE_LINES
+    return [
+        Finding(
+            line,
+            "cannot_tell",
+            written(line, setup, scene)[0],
+            remark="the sensor is at its range" if sensor_of(scene, line) in saturated else "not recorded",
+        )
+        for line in found
+    ]
 
 
 def _covered(line: Line, accused: set[Line]) -> bool:
@@ -305,10 +310,10 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
     remark, std = "", ()
     if candidate.hypothesis.free:
         # Where there is no tool, it has no centre of mass.
-        free = candidate.hypothesis.free if now.setup.mass > 0.0 or line != "tool" else ("mass",)
+        free = candidate.hypothesis.free if now.setup.mass > 0.0 or line != "tool" else (Free("mass"),)
         here = fitter.fit(now.setup, free, steps=0)
         std = tuple(here.std.tolist())
-        limits = [_tolerance(name, now.setup) for name in here.free for _ in range(SIZES[name])]
+        limits = [_tolerance(name, now.setup) for name in here.free for _ in range(name.size)]
         if np.any(here.std > limits):
             verdict, remark = "cannot_tell", "not determined by this motion"
     if verdict == "fits" and other is not None and other < _EXCLUDED:
@@ -319,26 +324,22 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
 
 def _unexplained(scene: Scene, fitter: Fitter, readings: Readings, now: Fit) -> tuple[str, ...]:
     """Signals whose residual is large by every measure: their noise, their variation, and the arm."""
-    n = len(scene.robot.joints)
+    n, fields = len(scene.robot.joints), wrench_fields(scene)
     rms = np.sqrt(np.mean(now.residual**2, axis=0))
-    arm, tool = 9.81 * float(now.setup.bodies[:, 0].sum()), 9.81 * now.setup.mass
-    scale = np.concatenate(
-        (
-            [joint.torque_limit for joint in scene.robot.joints],
-            np.repeat([arm, arm * _ARM_LEVER, tool, tool * _TOOL_LEVER], 3),
-        )
-    )
-    variation = np.full(n + 12, np.inf)
-    for first, values in ((0, readings.torque), (n, readings.wrench), (n + 6, readings.wrist)):
-        if values is not None:
-            variation[first : first + values.shape[1]] = values.std(axis=0)
-    large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation) & (rms > _SCALE * scale)
+    scale = [np.array([joint.torque_limit for joint in scene.robot.joints])]
+    variation = np.full(len(rms), np.inf)
+    if readings.torque is not None:
+        variation[:n] = readings.torque.std(axis=0)
     names = [f"torque of {joint.name}" for joint in scene.robot.joints]
-    names += [
-        f"{place} sensor's {what} {axis}"
-        for place in ("base", "wrist")
-        for what in ("force", "moment")
-        for axis in "xyz"
-    ]
-    units = ["Nm"] * n + (["N"] * 3 + ["Nm"] * 3) * 2
+    for i, field in enumerate(fields):
+        weight = 9.81 * float(now.setup.carried(field)[:, 0].sum())
+        lever = _TOOL_LEVER if now.setup.sensors[field].tool_alone else _ARM_LEVER
+        scale.append(np.repeat([weight, weight * lever], 3))
+        if field in readings.wrenches:
+            variation[n + 6 * i :][:6] = readings.wrenches[field].std(axis=0)
+        label = field.removesuffix("_wrench").removeprefix("link_wrenches.")
+        names += [f"{label} sensor's {what} {axis}" for what in ("force", "moment") for axis in "xyz"]
+    large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation)
+    large &= rms > _SCALE * np.concatenate(scale)
+    units = ["Nm"] * n + (["N"] * 3 + ["Nm"] * 3) * len(fields)
     return tuple(f"{names[c]}: residual {rms[c]:.3g} {units[c]}" for c in np.flatnonzero(large))

@@ -10,46 +10,44 @@ with the penalty of the Bayesian information criterion for k free parameters (G.
 dimension of a model", Annals of Statistics 1978). Differences of costs compare setups.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
+from contactsense.setup_check.hypotheses import wrench_fields
 from contactsense.setup_check.motion_basis import MotionBases, Readings
-from contactsense.setup_check.setup import SIZES, Free, Setup
+from contactsense.setup_check.setup import BASE, Free, Kind, Setup
 
-_BIAS_FORCE, _BIAS_MOMENT = 50.0, 20.0
+_BASE_BIAS = np.repeat([50.0, 20.0], 3)
 """Scale of the prior of the base sensor's bias [N, Nm]. It is a Cauchy prior, with penalty 2 ln(1 + x^2): a
 sensor that was set to zero under the arm's weight has a bias far beyond the scale, and no other line is
 wrong."""
-_WRIST_BIAS_FORCE, _WRIST_BIAS_MOMENT = 20.0, 2.0
-"""The same for the wrist sensor."""
+_LINK_BIAS = np.repeat([20.0, 2.0], 3)
+"""The same for a sensor within the arm."""
 _TORQUE_PART = 0.1
 """Prior standard deviation of bias, friction and rotors, per torque limit of the joint."""
 _INERTIA_ERROR = 0.05
 """Prior standard deviation of the links' masses, relative: a maker's data, cables and covers."""
-_WRIST_NUISANCES = 16
-"""Inertia of the tool, and the six biases."""
 _SMALLEST_SIGMA = 0.1
 """The noise is at least this fraction of what the scene states."""
 _WEIGHTINGS = 4
 _STEPS = 6
-_STEP_LIMIT: dict[Free, float] = {
-    "tilt": 0.5, "turn": 0.5, "shift": 0.3, "delay": 0.03, "mass": 10.0, "com": 0.3, "wrist_turn": 0.5,
-    "wrist_shift": 0.3,
+_STEP_LIMIT: dict[Kind, float] = {
+    "tilt": 0.5, "mass": 10.0, "com": 0.3, "turn": 0.5, "shift": 0.3, "delay": 0.03,
 }  # fmt: skip
 """Largest change of a parameter in one iteration."""
-_PRIOR: dict[Free, float] = {
-    "tilt": 1.0, "turn": 1.0, "shift": 0.5, "delay": 0.1, "mass": 20.0, "com": 0.5, "wrist_turn": 1.0,
-    "wrist_shift": 0.5,
+_PRIOR: dict[Kind, float] = {
+    "tilt": 1.0, "mass": 20.0, "com": 0.5, "turn": 1.0, "shift": 0.5, "delay": 0.1,
 }  # fmt: skip
 """Scale of each parameter, far beyond what can be expected; a prior about the last iterate."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A setup at its best values. C channels: n joints, six of the base sensor, six of the wrist sensor."""
+    """A setup at its best values. C channels: n joints, and six of each force/torque sensor of the scene."""
 
     setup: Setup
     free: tuple[Free, ...]
@@ -62,10 +60,9 @@ class Fit:
     """Standard deviations of the free parameters, with all nuisances unknown, shape (k,)."""
     residual: np.ndarray
     """Of each row, shape (M, C) [Nm, or N and Nm]; NaN for a missing sensor."""
-    wrist_bias: np.ndarray
-    """Bias of the wrist sensor beyond the setup's, as read, shape (6,) [N, Nm]; zeros without it."""
-    wrist_bias_std: np.ndarray
-    """Its standard deviations, all else that is estimated unknown."""
+    bias: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    """Of each measured force/torque sensor, by field: its bias beyond the setup's, as read, shape (6,) [N,
+    Nm], and the standard deviations, all else that is estimated unknown."""
 
 
 class Fitter:
@@ -78,32 +75,29 @@ class Fitter:
         limit = _TORQUE_PART * np.array([joint.torque_limit for joint in joints])
         self._drive_prior = limit
         self._inertia_error = max(_INERTIA_ERROR, scene.inertia_error)
-        base, torque = scene.base_wrench or WrenchSensor(), scene.joint_torque or JointTorqueSensor()
-        wrist = scene.wrist_wrench or WrenchSensor()
-        stated = np.concatenate(
-            (
-                per_joint(torque.noise, n),
-                np.repeat([base.force_noise, base.moment_noise], 3),
-                np.repeat([wrist.force_noise, wrist.moment_noise], 3),
-            )
-        )
+        torque = scene.joint_torque or JointTorqueSensor()
+        base = () if scene.base_wrench is None else (scene.base_wrench,)
+        noise = [
+            (sensor.force_noise, sensor.moment_noise) for sensor in (*base, *scene.link_sensors.values())
+        ]
+        stated = np.concatenate([per_joint(torque.noise, n), *(np.repeat(pair, 3) for pair in noise)])
         self._floor = (_SMALLEST_SIGMA * stated) ** 2 * readings.variance_ratio
-        there = [x is not None for x in (readings.torque, readings.wrench, readings.wrist)]
-        measured = np.repeat(there, [n, 6, 6])
-        self._has_wrist = there[2]
+        self._fields = wrench_fields(scene)
+        there = [readings.torque is not None, *(field in readings.wrenches for field in self._fields)]
+        measured = np.repeat(there, [n] + [6] * len(self._fields))
         self._channels = np.flatnonzero(measured)
-        self._wrist_scale = np.repeat([_WRIST_BIAS_FORCE, _WRIST_BIAS_MOMENT], 3)
-        self._last: tuple[object, np.ndarray] | None = None
+        self._known: dict[str, tuple[object, np.ndarray]] = {}
         self.effective = np.ones(len(measured))
         """Independent rows per row, of each channel."""
         self.noise = stated * float(np.sqrt(readings.variance_ratio))
-        """Standard deviation of each filtered channel as the scene states it, shape (n + 12,) [Nm, N, Nm]."""
+        """Standard deviation of each filtered channel as the scene states it, shape (C,) [Nm, N, Nm]."""
 
     def fit(self, start: Setup, free: tuple[Free, ...] = (), steps: int = _STEPS) -> Fit:
         """The best setup near `start`, with the parameters in `free` estimated."""
-        k = sum(SIZES[name] for name in free)
-        prior = np.concatenate([np.full(SIZES[name], _PRIOR[name]) for name in free] or [np.zeros(0)])
-        limit = np.concatenate([np.full(SIZES[name], _STEP_LIMIT[name]) for name in free] or [np.zeros(0)])
+        sizes = [group.size for group in free]
+        k = sum(sizes)
+        prior = np.repeat([_PRIOR[group.kind] for group in free], sizes)
+        limit = np.repeat([_STEP_LIMIT[group.kind] for group in free], sizes)
         setup, best = start, self._solve(start, np.zeros((0, 0, 0)), prior)
         if not free:
             return self._result(setup, free, prior, best)
@@ -128,7 +122,7 @@ class Fitter:
     def cost(self, fit: Fit) -> float:
         """See the module."""
         rows = len(fit.residual) * self.effective[self._channels]
-        k = sum(SIZES[name] for name in fit.free)
+        k = sum(group.size for group in fit.free)
         return float(rows @ np.log(fit.variance)) + fit.penalty + k * float(np.log(rows.sum()))
 
     def set_effective_rows(self, residual: np.ndarray) -> None:
@@ -149,67 +143,88 @@ class Fitter:
 
     def _error(self, setup: Setup) -> np.ndarray:
         """Readings minus prediction without nuisances, shape (M, C)."""
-        per_body = self._per_body(setup)
-        predicted = np.einsum("mclp,lp->mc", per_body, setup.bodies)
         n = self._joints
-        error = np.full((len(predicted), n + 12), np.nan)
+        rows = len(self._bases.of(setup.robot, setup.angle_unit).viscous)
+        error = np.full((rows, n + 6 * len(self._fields)), np.nan)
         if self._readings.torque is not None:
-            error[:, :n] = self._readings.torque - setup.gain * predicted[:, :n]
-        if self._readings.wrench is not None:
-            wrench = predicted[:, n:] @ setup.base.reading_per_wrench.T
-            error[:, n : n + 6] = self._readings.wrench - wrench - setup.base.bias
-        if self._readings.wrist is not None:
-            wrench = self._per_tool(setup) @ setup.tool @ setup.wrist.reading_per_wrench.T
-            error[:, n + 6 :] = self._readings.wrist - wrench - setup.wrist.bias
+            predicted = np.einsum("mclp,lp->mc", self._joint_terms(setup), setup.bodies)
+            error[:, :n] = self._readings.torque - setup.gain * predicted
+        for field, reading in self._readings.wrenches.items():
+            wrench = np.einsum("mckp,kp->mc", self._load_terms(setup, field), setup.carried(field))
+            predicted = wrench @ setup.reading_per_wrench(field).T
+            error[:, self._of(field)] = reading - predicted - setup.sensors[field].bias
         return error
 
-    def _per_tool(self, setup: Setup) -> np.ndarray:
-        """Wrench on the wrist sensor per inertial parameter of the tool, shape (M, 6, 10)."""
-        return self._bases.of(setup.robot, setup.angle_unit).wrist(setup.gravity)
+    def _of(self, field: str) -> slice:
+        """Channels of a force/torque sensor."""
+        first = self._joints + 6 * self._fields.index(field)
+        return slice(first, first + 6)
 
-    def _per_body(self, setup: Setup) -> np.ndarray:
-        """Torques and wrench per inertial parameter, shape (M, n + 6, L, 10)."""
-        # Most changes of a setup leave these terms as they are.
-        key = (setup.robot, setup.angle_unit, setup.meaning, setup.delay, setup.gravity.tobytes())
-        if self._last is None or self._last[0] != key:
+    def _joint_terms(self, setup: Setup) -> np.ndarray:
+        """Torques per inertial parameter, shape (M, n, L, 10)."""
+
+        def found() -> np.ndarray:
             basis = self._bases.of(setup.robot, setup.angle_unit)
-            contains = setup.meaning == "motor", setup.meaning != "external"
-            joints, base = basis.joints(setup.gravity, *contains), basis.base(setup.gravity, setup.delay)
-            self._last = key, np.concatenate((joints, base), axis=1)
-        return self._last[1]
+            return basis.joints(setup.gravity, setup.meaning == "motor", setup.meaning != "external")
 
-    def _nuisances(self, setup: Setup) -> np.ndarray:
-        """Derivatives of the prediction by the nuisances in units of their priors, shape (M, C, P)."""
+        key = (setup.robot, setup.angle_unit, setup.meaning, setup.gravity.tobytes())
+        return self._latest("joint_torque", key, found)
+
+    def _load_terms(self, setup: Setup, field: str) -> np.ndarray:
+        """Wrench on a sensor per inertial parameter of the bodies that it may carry, shape (M, 6, K, 10)."""
+        sensor = setup.sensors[field]
+
+        def found() -> np.ndarray:
+            loads = self._bases.of(setup.robot, setup.angle_unit).loads
+            return loads.of(sensor.body).at(setup.gravity, sensor.delay)
+
+        key = (setup.robot, setup.angle_unit, sensor.body, sensor.delay, setup.gravity.tobytes())
+        return self._latest(field, key, found)
+
+    def _latest(self, name: str, key: object, found: Callable[[], np.ndarray]) -> np.ndarray:
+        """Terms that most changes of a setup leave as they are."""
+        if name not in self._known or self._known[name][0] != key:
+            self._known[name] = key, found()
+        return self._known[name][1]
+
+    def _nuisances(self, setup: Setup) -> tuple[np.ndarray, dict[str, int]]:
+        """Derivatives of the prediction by the nuisances in units of their priors, shape (M, C, P), and the
+        first column of each sensor's bias."""
         basis, n = self._bases.of(setup.robot, setup.angle_unit), self._joints
-        links = self._per_body(setup)[:, :, 1:]  # the base does not move
-        rows = links.shape[0]
-        links = links * (self._inertia_error * _link_sizes(setup.links[1:]))
-        links = links.reshape(rows, n + 6, -1)
-        links[:, :n] *= setup.gain[:, None]
-        links[:, n:] = np.einsum("ij,mjp->mip", setup.base.reading_per_wrench, links[:, n:])
-        own = np.zeros((rows, n + 6, 4 * n + 6))
+        size = self._inertia_error * _link_sizes(setup.links)
+        rows, links, drives = len(basis.viscous), 10 * (len(size) - 1), 4 * n
+        own = sum(6 + 10 * setup.sensors[field].tool_alone for field in self._readings.wrenches)
+        found = np.zeros((rows, n + 6 * len(self._fields), links + drives + own))
+        # The base does not move, so that its inertia is a bias.
+        joints = self._joint_terms(setup)[:, :, 1:] * size[1:]
+        found[:, :n, :links] = joints.reshape(rows, n, -1) * setup.gain[:, None]
         frictional = 0.0 if setup.meaning == "external" else 1.0
         for j in range(n):
-            scale = setup.gain[j] * self._drive_prior[j]
-            own[:, j, 4 * j] = scale
-            own[:, j, 4 * j + 1] = frictional * scale * basis.coulomb[:, j]
-            own[:, j, 4 * j + 2] = frictional * scale * basis.viscous[:, j]
-            own[:, j, 4 * j + 3] = frictional * 0.3 * scale * basis.rotor[:, j]
-        own[:, n:, 4 * n :] = setup.base.order * np.repeat([_BIAS_FORCE, _BIAS_MOMENT], 3)
-        columns = np.concatenate((links, own), axis=2)
-        first = columns.shape[2]
-        found = np.zeros((rows, n + 12, first + _WRIST_NUISANCES * self._has_wrist))
-        found[:, : n + 6, :first] = columns
-        if self._has_wrist:
-            sensor = setup.wrist
-            tool = self._per_tool(setup) * (self._inertia_error * _link_sizes(setup.tool[None])[0])
-            found[:, n + 6 :, first:-6] = np.einsum("ij,mjp->mip", sensor.reading_per_wrench, tool)
-            found[:, n + 6 :, -6:] = sensor.order * self._wrist_scale
-        return found
+            scale, first = setup.gain[j] * self._drive_prior[j], links + 4 * j
+            found[:, j, first] = scale
+            found[:, j, first + 1] = frictional * scale * basis.coulomb[:, j]
+            found[:, j, first + 2] = frictional * scale * basis.viscous[:, j]
+            found[:, j, first + 3] = frictional * 0.3 * scale * basis.rotor[:, j]
+        first, biases = links + drives, {}
+        for field in self._readings.wrenches:
+            sensor, rates = setup.sensors[field], setup.reading_per_wrench(field)
+            terms, channels = self._load_terms(setup, field), self._of(field)
+            if sensor.tool_alone:
+                terms = terms[:, :, 0] * (self._inertia_error * _link_sizes(setup.carried(field))[0])
+                found[:, channels, first : first + 10] = rates @ terms
+                first += 10
+            else:
+                moved = max(sensor.body, 1)
+                terms = (terms[:, :, moved - sensor.body :] * size[moved:]).reshape(rows, 6, -1)
+                found[:, channels, 10 * (moved - 1) : links] = rates @ terms
+            found[:, channels, first : first + 6] = sensor.order * _bias_scale(field)
+            biases[field] = first
+            first += 6
+        return found, biases
 
     def _solve(self, setup: Setup, slopes: np.ndarray, prior: np.ndarray) -> "_Solved":
         """Nuisances, and the free parameters if `slopes` has any, by iteratively weighted least squares."""
-        error, columns = self._error(setup), self._nuisances(setup)
+        error, (columns, firsts) = self._error(setup), self._nuisances(setup)
         k = slopes.shape[-1] if slopes.size else 0
         if k:
             columns = np.concatenate((slopes * prior, columns), axis=2)
@@ -217,11 +232,7 @@ class Fitter:
         A = np.ascontiguousarray(columns[:, self._channels].transpose(1, 0, 2))
         floor, rows = self._floor[self._channels], y.shape[1]
         weight = self.effective[self._channels]
-        # The biases' columns: the base sensor's, before the tool and the wrist sensor's, or last.
-        last = A.shape[2]
-        biases = np.arange(last - 6, last)
-        if self._has_wrist:
-            biases = np.concatenate((biases - _WRIST_NUISANCES, biases))
+        biases = np.array([k + first + i for first in firsts.values() for i in range(6)], dtype=np.int64)
         G, b = A.transpose(0, 2, 1) @ A, np.einsum("cmp,cm->cp", A, y)
         variance = np.maximum(y.var(axis=1), floor)
         values, precision = np.zeros(A.shape[2]), np.ones(A.shape[2])
@@ -239,7 +250,8 @@ class Fitter:
         cost = rows * float(weight @ np.log(variance)) + penalty
         scaled = values.copy()
         scaled[:k] *= prior[:k]
-        return _Solved(cost, penalty, variance, scaled, H, full)
+        firsts = {field: k + first for field, first in firsts.items()}
+        return _Solved(cost, penalty, variance, scaled, H, full, firsts)
 
     def _result(
         self,
@@ -251,12 +263,13 @@ class Fitter:
     ) -> Fit:
         at = at or solved
         spread = np.sqrt(np.diag(np.linalg.inv(solved.precision)))
-        bias = bias_std = np.zeros(6)
-        if self._has_wrist:
-            order = setup.wrist.order * self._wrist_scale
-            bias, bias_std = order @ at.values[-6:], np.abs(order) @ spread[-6:]
+        bias = {}
+        for field, first in solved.biases.items():
+            order = setup.sensors[field].order * _bias_scale(field)
+            value, own = at.values[at.biases[field] :][:6], spread[first : first + 6]
+            bias[field] = order @ value, np.abs(order) @ own
         std = spread[: len(prior)] * prior
-        return Fit(setup, free, at.variance, at.penalty, std, at.residual, bias, bias_std)
+        return Fit(setup, free, at.variance, at.penalty, std, at.residual, bias)
 
 
 @dataclass(frozen=True)
@@ -269,6 +282,12 @@ class _Solved:
     precision: np.ndarray
     """Of the same, both in units of their priors."""
     residual: np.ndarray
+    biases: Mapping[str, int]
+    """First of the six values of each force/torque sensor's bias."""
+
+
+def _bias_scale(field: str) -> np.ndarray:
+    return _BASE_BIAS if field == BASE else _LINK_BIAS
 
 
 def _link_sizes(links: np.ndarray) -> np.ndarray:

@@ -1,62 +1,55 @@
 """What could be wrong: each hypothesis changes one line of the scene, or how a signal is read."""
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import permutations, product
-from typing import Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.scene import Scene
 from contactsense.sensors.settings import Meaning
-from contactsense.setup_check.setup import Free, Place, Setup
+from contactsense.setup_check.setup import BASE, Free, Setup
 
-Line = Literal[
-    "robot",
-    "joint positions: unit",
-    "mounting",
-    "tool",
-    "tool.mass",
-    "tool.com",
-    "base_wrench.sign",
-    "base_wrench.rpy",
-    "base_wrench.translation",
-    "base_wrench.delay",
-    "base wrench: order of axes",
-    "base wrench: force and moment",
-    "base_wrench.range",
-    "wrist_wrench.sign",
-    "wrist_wrench.rpy",
-    "wrist_wrench.translation",
-    "wrist wrench: order of axes",
-    "wrist wrench: force and moment",
-    "wrist_wrench.bias",
-    "wrist_wrench.range",
-    "joint_torque.sign",
-    "joint_torque.signal",
-    "joint_torque.meaning",
-]
+Line = str
 """A field of the scene by its path, or, with a colon, a property of the signals that no field states."""
-LINES: tuple[Line, ...] = get_args(Line)
+_ARM: tuple[Line, ...] = (
+    "robot", "joint positions: unit", "mounting", "tool", "tool.mass", "tool.com",
+)  # fmt: skip
+TORQUE_LINES: tuple[Line, ...] = ("joint_torque.sign", "joint_torque.signal", "joint_torque.meaning")
 
-_SENSOR_LINES: dict[Place, tuple[Line, Line, Line, Line, Line]] = {
-    "base": (
-        "base_wrench.sign",
-        "base_wrench.rpy",
-        "base_wrench.translation",
-        "base wrench: order of axes",
-        "base wrench: force and moment",
-    ),
-    "wrist": (
-        "wrist_wrench.sign",
-        "wrist_wrench.rpy",
-        "wrist_wrench.translation",
-        "wrist wrench: order of axes",
-        "wrist wrench: force and moment",
-    ),
-}
-"""Lines of each force/torque sensor."""
+
+def lines(scene: Scene) -> tuple[Line, ...]:
+    """All lines of a scene that can be judged, in the order in which they are reported."""
+    sensors = [line for field in wrench_fields(scene) for line in sensor_lines(scene, field)]
+    return (*_ARM, *sensors, *TORQUE_LINES)
+
+
+def wrench_fields(scene: Scene) -> tuple[str, ...]:
+    """Fields of the force/torque sensors of a scene, the base sensor first."""
+    return (*(() if scene.base_wrench is None else (BASE,)), *scene.link_sensors)
+
+
+def sensor_lines(scene: Scene, field: str) -> tuple[Line, ...]:
+    """Lines of one force/torque sensor."""
+    last = field.rpartition(".")[2].removesuffix("_wrench")
+    signals = (f"{last} wrench: order of axes", f"{last} wrench: force and moment")
+    stated = ["sign", "rpy", "translation", "delay"]
+    if field.startswith("link_wrenches."):
+        stated.insert(0, "link")
+    # A stream estimates the bias of the base sensor; the others keep the scene's.
+    own = ("range",) if field == BASE else ("bias", "range")
+    return (*(f"{field}.{name}" for name in stated), *signals, *(f"{field}.{name}" for name in own))
+
+
+def sensor_of(scene: Scene, line: Line) -> str | None:
+    """Field of the force/torque sensor that a line is about; None: it is about none."""
+    found = [field for field in wrench_fields(scene) if line in sensor_lines(scene, field)]
+    return found[0] if found else None
+
+
 TORQUE_CONSTANT = 10.0
 """Torque per current where neither scene nor arm states it [Nm/A]: that of the UR10e's joints is 8.5 to 10.7.
 """
@@ -87,26 +80,24 @@ class Hypotheses:
         scene: Scene,
         others: Mapping[str, Scene],
         largest: float,
-        *,
-        base: bool,
         torque: bool,
-        wrist: bool,
+        fields: Iterable[str],
     ) -> None:
-        """`others`: the scene with each other arm; `largest`: joint position as read; `base`, `torque`,
-        `wrist`: which sensors were recorded."""
+        """`others`: the scene with each other arm; `largest`: joint position as read; `torque`: whether joint
+        torques were recorded; `fields`: which force/torque sensors were."""
         self._scene, self._others, self._largest = scene, others, largest
         arm: list[Builder] = [self._robot, self._angle_unit, self._mounting]
         arm += [self._tool] if scene.tool is None else [self._tool_mass, self._tool_com, self._tool]
         torques: list[Builder] = [self._torque_sign, self._torque_signal, self._torque_meaning]
         self._builders = arm + (torques if torque else [])
-        self._places: list[Place] = [*(("base",) if base else ()), *(("wrist",) if wrist else ())]
+        self._fields = tuple(fields)
 
     def of(self, setup: Setup) -> list[Hypothesis]:
         """All single changes of a setup."""
         found = [hypothesis for build in self._builders if (hypothesis := build(setup)) is not None]
-        for place in self._places:
-            found += _of_sensor(place, setup)
-        return [*found, _wrench_delay(setup)] if "base" in self._places else found
+        for field in self._fields:
+            found += self._sensor(field, setup)
+        return found
 
     def _robot(self, setup: Setup) -> Hypothesis | None:
         if setup.robot != self._scene.robot.name or not self._others:
@@ -137,17 +128,17 @@ class Hypotheses:
                 down = Rotation.from_euler("xyz", rpy).inv().apply([0.0, 0.0, -size])
                 if np.linalg.norm(down - setup.gravity) > 0.01 * size:
                     starts.append((text, replace(setup, gravity=down)))
-        return Hypothesis("mounting", tuple(starts), ("tilt",))
+        return Hypothesis("mounting", tuple(starts), (Free("tilt"),))
 
     def _tool_mass(self, setup: Setup) -> Hypothesis:
-        return Hypothesis("tool.mass", (("", setup),), ("mass",))
+        return Hypothesis("tool.mass", (("", setup),), (Free("mass"),))
 
     def _tool_com(self, setup: Setup) -> Hypothesis | None:
-        return Hypothesis("tool.com", (("", setup),), ("com",)) if setup.mass > 0.0 else None
+        return Hypothesis("tool.com", (("", setup),), (Free("com"),)) if setup.mass > 0.0 else None
 
     def _tool(self, setup: Setup) -> Hypothesis:
         some = setup if setup.mass > 0.0 else replace(setup, mass=1.0)
-        return Hypothesis("tool", (("", some),), ("mass", "com"))
+        return Hypothesis("tool", (("", some),), (Free("mass"), Free("com")))
 
     def _torque_sign(self, setup: Setup) -> Hypothesis:
         return Hypothesis("joint_torque.sign", (("", replace(setup, gain=-setup.gain)),))
@@ -166,27 +157,35 @@ class Hypotheses:
         others = [meaning for meaning in get_args(Meaning) if meaning != setup.meaning]
         return Hypothesis("joint_torque.meaning", tuple(("", replace(setup, meaning=m)) for m in others))
 
+    def _sensor(self, field: str, setup: Setup) -> list[Hypothesis]:
+        """What may be wrong with a force/torque sensor."""
+        sensor = setup.sensors[field]
 
-def _of_sensor(place: Place, setup: Setup) -> list[Hypothesis]:
-    """What may be wrong with a force/torque sensor."""
-    sensor = setup.sensor(place)
-    turn: Free = "turn" if place == "base" else "wrist_turn"
-    shift: Free = "shift" if place == "base" else "wrist_shift"
-    turns = [turn for turn in signed_permutations() if np.linalg.det(turn) > 0.0]
-    frames = tuple(("", setup.with_sensor(place, rotation=sensor.rotation @ turn)) for turn in turns)
-    swap = np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(3))
-    exchanged = setup.with_sensor(place, order=swap @ sensor.order)
-    lines = _SENSOR_LINES[place]
-    return [
-        Hypothesis(lines[0], (("", setup.with_sensor(place, sign=-sensor.sign)),)),
-        Hypothesis(lines[1], frames, (turn,)),
-        Hypothesis(lines[2], (("", setup),), (shift,)),
-        Hypothesis(lines[3], _reordered(place, setup)),
-        Hypothesis(lines[4], (("the moment comes first", exchanged),)),
-    ]
+        def changed(**changes: Any) -> tuple[str, Setup]:
+            return "", setup.with_sensor(field, **changes)
+
+        turns = [turn for turn in signed_permutations() if np.linalg.det(turn) > 0.0]
+        swap = np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(3))
+        exchanged = setup.with_sensor(field, order=swap @ sensor.order)
+        frames = tuple(changed(rotation=sensor.rotation @ turn) for turn in turns)
+        delays = tuple(changed(delay=sensor.delay + late) for late in _DELAYS)
+        found = {
+            "sign": Hypothesis("", (changed(sign=-sensor.sign),)),
+            "rpy": Hypothesis("", frames, (Free("turn", field),)),
+            "translation": Hypothesis("", (("", setup),), (Free("shift", field),)),
+            "delay": Hypothesis("", delays, (Free("delay", field),)),
+            "order of axes": Hypothesis("", _reordered(field, setup)),
+            "force and moment": Hypothesis("", (("the moment comes first", exchanged),)),
+            "link": Hypothesis("", tuple(changed(body=body) for body in self._other_links(sensor.body))),
+        }
+        names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(self._scene, field)}
+        return [replace(found[name], line=line) for line, name in names.items() if name in found]
+
+    def _other_links(self, body: int) -> list[int]:
+        return [link for link in range(1, len(self._scene.robot.links)) if link != body]
 
 
-def _reordered(place: Place, setup: Setup) -> tuple[tuple[str, Setup], ...]:
+def _reordered(field: str, setup: Setup) -> tuple[tuple[str, Setup], ...]:
     starts = []
     for a, b in ((0, 1), (0, 2), (1, 2)):
         swap = np.eye(3)
@@ -196,15 +195,10 @@ def _reordered(place: Place, setup: Setup) -> tuple[tuple[str, Setup], ...]:
         mirror = np.eye(3)
         mirror[a, a] = -1.0
         starts.append((f"{'xyz'[a]} points the other way", mirror))
-    order = setup.sensor(place).order
+    order = setup.sensors[field].order
     return tuple(
-        (text, setup.with_sensor(place, order=order @ np.kron(np.eye(2), axes))) for text, axes in starts
+        (text, setup.with_sensor(field, order=order @ np.kron(np.eye(2), axes))) for text, axes in starts
     )
-
-
-def _wrench_delay(setup: Setup) -> Hypothesis:
-    starts = tuple(("", replace(setup, delay=setup.delay + d)) for d in _DELAYS)
-    return Hypothesis("base_wrench.delay", starts, ("delay",))
 
 
 def mounting_mistakes(rpy: tuple[float, float, float]) -> list[tuple[str, tuple[float, float, float]]]:

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.scene import Scene
-from contactsense.setup_check.hypotheses import Line, mounting_mistakes, signed_permutations
-from contactsense.setup_check.setup import Place, SensorSetup, Setup
+from contactsense.setup_check.hypotheses import Line, mounting_mistakes, sensor_of, signed_permutations
+from contactsense.setup_check.setup import SensorSetup, Setup
 
 _SNAP = np.radians(3.0)
 """An orientation this close to a usual one is taken for it."""
@@ -25,13 +25,13 @@ def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
     if line in ("tool", "tool.mass", "tool.com"):
         mass, com = f"{setup.mass:.3g}", _vector(setup.com, 3)
         return {"tool.mass": mass, "tool.com": com}.get(line, f"mass {mass}, com {com}"), ""
-    if line.startswith(("base", "wrist")):
-        place: Place = "base" if line.startswith("base") else "wrist"
+    field = sensor_of(scene, line)
+    if field is not None:
         if line.endswith(".rpy"):
-            return _frame(setup.sensor(place), Setup.of(scene).sensor(place))
-        if line == "base_wrench.delay":
-            return f"{round(setup.delay, 4) + 0.0:.4f}", ""
-        return _sensor(line, setup.sensor(place)), ""
+            return _frame(setup.sensors[field], Setup.of(scene).sensors[field])
+        if line.endswith(".link"):
+            return scene.robot.link_names[setup.sensors[field].body], ""
+        return _sensor(line, setup.sensors[field]), ""
     if line == "joint_torque.sign":
         own = Setup.of(scene).gain[0] * setup.gain[0] > 0.0
         sign = scene.joint_torque.sign if scene.joint_torque is not None else "by_actuator"
@@ -52,6 +52,8 @@ def _sensor(line: Line, setup: SensorSetup) -> str:
         return "arm_on_sensor" if setup.sign > 0.0 else "sensor_on_arm"
     if line.endswith(".translation"):
         return _vector(setup.translation, 3)
+    if line.endswith(".delay"):
+        return f"{round(setup.delay, 4) + 0.0:.4f}"
     if line.endswith(".bias"):
         return _vector(setup.bias, 2)
     names = ("fx", "fy", "fz", "mx", "my", "mz")

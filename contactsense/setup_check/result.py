@@ -1,12 +1,23 @@
 """Result of a check of a setup: one finding per line of the scene."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from contactsense.setup_check.hypotheses import Line
 
 Verdict = Literal["fits", "does_not_fit", "cannot_tell"]
 """What the motion says of a line: it fits, another value fits better, or the motion does not determine it."""
+
+
+@dataclass(frozen=True)
+class WrenchResidual:
+    """Root mean squares of what remains of a force/torque sensor's readings."""
+
+    force: float
+    """Of its forces [N]."""
+    moment: float
+    """Of its moments [Nm]."""
 
 
 @dataclass(frozen=True)
@@ -20,10 +31,8 @@ class Residuals:
     """Of its moments [Nm]."""
     torque: float | None
     """Of the joint torques [Nm]."""
-    wrist_force: float | None = None
-    """Of the wrist sensor's forces [N]."""
-    wrist_moment: float | None = None
-    """Of its moments [Nm]."""
+    links: Mapping[str, WrenchResidual] = field(default_factory=dict)
+    """Of each sensor within the arm that was measured, by key of `Scene.link_sensors`."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """A setup: what a scene and the reading of its signals state, as numbers that predict the readings."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,29 +12,41 @@ from contactsense.kinematics.regressor import parameters_of
 from contactsense.robots import Inertia
 from contactsense.robots.tool import move_inertia
 from contactsense.runtime.constants import wrench_transform
+from contactsense.runtime.link_sensors import mounts
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.sensors.settings import Meaning
 
-Free = Literal["tilt", "turn", "shift", "delay", "mass", "com", "wrist_turn", "wrist_shift"]
-"""A group of continuous parameters:
+Kind = Literal["tilt", "mass", "com", "turn", "shift", "delay"]
+"""A kind of continuous parameters:
 
 - `tilt`: direction of gravity, about the two base axes that change it most [rad];
-- `turn`, `shift`: rotation vector of the base sensor in base axes [rad], and its displacement [m];
-- `delay`: of the base sensor's readings [s];
 - `mass`, `com`: of the tool [kg, m];
-- `wrist_turn`, `wrist_shift`: of the wrist sensor, as those of the base sensor, in flange axes [rad, m].
+- `turn`, `shift`: of a force/torque sensor: its rotation vector [rad] and displacement [m], in the axes of
+  the frame in which the scene gives its pose;
+- `delay`: of its readings [s].
 """
-SIZES: dict[Free, int] = {
-    "tilt": 2, "turn": 3, "shift": 3, "delay": 1, "mass": 1, "com": 3, "wrist_turn": 3, "wrist_shift": 3,
-}  # fmt: skip
-"""Number of parameters of each group."""
-Place = Literal["base", "wrist"]
-"""Where a force/torque sensor is."""
+SIZES: dict[Kind, int] = {"tilt": 2, "mass": 1, "com": 3, "turn": 3, "shift": 3, "delay": 1}
+"""Number of parameters of each kind."""
+BASE = "base_wrench"
+
+
+class Free(NamedTuple):
+    """A group of continuous parameters."""
+
+    kind: Kind
+    field: str = ""
+    """Field of the scene of the force/torque sensor; empty: the group is of no sensor."""
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return SIZES[self.kind]
 
 
 @dataclass(frozen=True)
 class SensorSetup:
-    """What is assumed about one force/torque sensor; its pose is given in the base or flange frame."""
+    """What is assumed about one force/torque sensor; its pose is given in the frame of a link or, that of the
+    wrist sensor, of the flange."""
 
     rotation: np.ndarray
     """Orientation of its frame, shape (3, 3)."""
@@ -45,9 +58,15 @@ class SensorSetup:
     """Its six values as read, from those in the order of the sensor's frame, shape (6, 6)."""
     bias: np.ndarray
     """Its reading without load, as read, shape (6,) [N, Nm]."""
+    delay: float
+    """Of its readings [s]."""
+    body: int
+    """Index of the link in which it rests, the base being 0: it carries this link and all beyond."""
+    tool_alone: bool
+    """Whether it carries nothing but the tool, and its pose is given in the flange's frame."""
 
     @classmethod
-    def of(cls, sensor: WrenchSensor) -> Self:
+    def of(cls, sensor: WrenchSensor, body: int, tool_alone: bool = False) -> Self:
         """What the scene states."""
         return cls(
             sensor.rotation,
@@ -55,20 +74,18 @@ class SensorSetup:
             1.0 if sensor.sign == "arm_on_sensor" else -1.0,
             np.eye(6),
             np.array(sensor.bias),
+            sensor.delay,
+            body,
+            tool_alone,
         )
 
-    def turned(self, step: np.ndarray) -> Self:
-        """A copy turned by a rotation vector, shape (3,) [rad]."""
-        return replace(self, rotation=Rotation.from_rotvec(step).as_matrix() @ self.rotation)
-
-    def shifted(self, step: np.ndarray) -> Self:
-        """A copy displaced by `step`, shape (3,) [m]."""
-        return replace(self, translation=self.translation + step)
-
-    @property
-    def reading_per_wrench(self) -> np.ndarray:
-        """Values as read per wrench on the sensor, axes and origin of the frame of its pose, shape (6, 6)."""
-        return self.sign * self.order @ np.linalg.inv(wrench_transform(self.rotation, self.translation))
+    def moved(self, group: Free, step: np.ndarray) -> dict[str, Any]:
+        """The fields that a step of one group of parameters changes, with their new values."""
+        if group.kind == "turn":
+            return {"rotation": Rotation.from_rotvec(step).as_matrix() @ self.rotation}
+        if group.kind == "shift":
+            return {"translation": self.translation + step}
+        return {"delay": self.delay + float(step[0])}
 
 
 @dataclass(frozen=True)
@@ -91,12 +108,8 @@ class Setup:
     """Of the tool, flange frame, shape (3,) [m]."""
     tensor: np.ndarray
     """Inertia of the tool about its centre of mass, flange axes, shape (3, 3) [kg m^2]."""
-    base: SensorSetup
-    """The base sensor."""
-    wrist: SensorSetup
-    """The wrist sensor."""
-    delay: float
-    """Of the base sensor's readings [s]."""
+    sensors: Mapping[str, SensorSetup]
+    """The force/torque sensors by field of the scene, the base sensor first."""
     gain: np.ndarray
     """Joint torques as read per torque of the actuator, shape (n,)."""
     meaning: Meaning
@@ -105,7 +118,7 @@ class Setup:
     @classmethod
     def of(cls, scene: Scene) -> Self:
         """What the scene states."""
-        base, torque = scene.base_wrench or WrenchSensor(), scene.joint_torque or JointTorqueSensor()
+        torque = scene.joint_torque or JointTorqueSensor()
         tool = scene.tool.inertia if scene.tool is not None else Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
         return cls(
             robot=scene.robot.name,
@@ -116,9 +129,7 @@ class Setup:
             mass=tool.mass,
             com=np.asarray(tool.com, dtype=float),
             tensor=tool.tensor,
-            base=SensorSetup.of(base),
-            wrist=SensorSetup.of(scene.wrist_wrench or WrenchSensor()),
-            delay=base.delay,
+            sensors=_sensors(scene),
             gain=np.ones(len(scene.robot.joints)),
             meaning=torque.contains,
         )
@@ -131,26 +142,18 @@ class Setup:
     def moved(self, free: tuple[Free, ...], step: np.ndarray) -> Self:
         """A copy with these groups changed by their parts of `step`, in order; a mass stays positive."""
         changed, first = self, 0
-        for name in free:
-            part = step[first : first + SIZES[name]]
-            first += SIZES[name]
-            if name == "tilt":
+        for group in free:
+            part = step[first : first + group.size]
+            first += group.size
+            if group.kind == "tilt":
                 turn = Rotation.from_rotvec(part @ horizontal(changed.gravity))
                 changed = replace(changed, gravity=turn.apply(changed.gravity))
-            elif name == "turn":
-                changed = replace(changed, base=changed.base.turned(part))
-            elif name == "shift":
-                changed = replace(changed, base=changed.base.shifted(part))
-            elif name == "wrist_turn":
-                changed = replace(changed, wrist=changed.wrist.turned(part))
-            elif name == "wrist_shift":
-                changed = replace(changed, wrist=changed.wrist.shifted(part))
-            elif name == "delay":
-                changed = replace(changed, delay=changed.delay + float(part[0]))
-            elif name == "mass":
+            elif group.kind == "mass":
                 changed = replace(changed, mass=max(0.0, changed.mass + float(part[0])))
-            else:
+            elif group.kind == "com":
                 changed = replace(changed, com=changed.com + part)
+            else:
+                changed = changed.with_sensor(group.field, **changed.sensors[group.field].moved(group, part))
         return changed
 
     @property
@@ -160,19 +163,33 @@ class Setup:
         rows[-1] += parameters_of(move_inertia(Inertia(self.mass, self.com, self.tensor), *self.flange))
         return rows
 
-    @property
-    def tool(self) -> np.ndarray:
-        """Inertial parameters of the tool, flange frame, shape (10,)."""
-        return parameters_of(Inertia(self.mass, self.com, self.tensor))
+    def carried(self, field: str) -> np.ndarray:
+        """Inertial parameters of the K bodies of `contactsense.setup_check.load_terms` as far as a sensor
+        carries them, shape (K, 10)."""
+        sensor = self.sensors[field]
+        return (self.bodies - self.links if sensor.tool_alone else self.bodies)[sensor.body :]
 
-    def sensor(self, place: Place) -> SensorSetup:
-        """One of the two force/torque sensors."""
-        return self.base if place == "base" else self.wrist
+    def reading_per_wrench(self, field: str) -> np.ndarray:
+        """Values of a sensor as read per wrench on it, axes and origin of the link in which it rests, shape
+        (6, 6)."""
+        sensor = self.sensors[field]
+        rotation, place = sensor.rotation, sensor.translation
+        if sensor.tool_alone:
+            rotation, place = self.flange[0] @ rotation, self.flange[0] @ place + self.flange[1]
+        return sensor.sign * sensor.order @ np.linalg.inv(wrench_transform(rotation, place))
 
-    def with_sensor(self, place: Place, **changes: Any) -> Self:
+    def with_sensor(self, field: str, **changes: Any) -> Self:
         """A copy in which one sensor differs."""
-        changed = replace(self.sensor(place), **changes)
-        return replace(self, base=changed) if place == "base" else replace(self, wrist=changed)
+        changed = replace(self.sensors[field], **changes)
+        return replace(self, sensors={**self.sensors, field: changed})
+
+
+def _sensors(scene: Scene) -> dict[str, SensorSetup]:
+    """What the scene states of its force/torque sensors."""
+    found = {} if scene.base_wrench is None else {BASE: SensorSetup.of(scene.base_wrench, 0)}
+    for field, mount in mounts(scene).items():
+        found[field] = SensorSetup.of(mount.settings, mount.body, mount.first_body > mount.body)
+    return found
 
 
 def horizontal(gravity: np.ndarray) -> np.ndarray:

@@ -34,25 +34,27 @@ def estimate_json(estimate: Estimate, q: np.ndarray | None = None) -> bytes:
     defect of the localizer; it is replaced by a `degraded` estimate with the reason, and the stream
     continues.
     """
+    fields = estimate_dict(estimate)
+    if q is not None:
+        fields |= {"q": _finite(q), "events": fields.pop("events")}
     try:
-        fields = estimate_dict(estimate)
-        if q is not None:
-            fields |= {"q": _finite(q), "events": fields.pop("events")}
-        return json.dumps(fields, allow_nan=False, separators=(",", ":")).encode()
+        return _encoded(fields)
     except ValueError:
-        return json.dumps(
-            {
+        return _encoded(
+            fields
+            | {
                 "t": estimate.t if math.isfinite(estimate.t) else 0.0,
                 "status": "degraded",
                 "contacts": [],
                 "link_probability": [0.0] * len(estimate.link_probability),
-                "wrench": _finite(estimate.wrench),
-                "covariance": _finite(estimate.covariance),
+                "other": 0.0,
                 "reason": "the estimate is not finite; please report this",
-                "events": [],
-            },
-            separators=(",", ":"),
-        ).encode()
+            }
+        )
+
+
+def _encoded(fields: dict[str, Any]) -> bytes:
+    return json.dumps(fields, allow_nan=False, separators=(",", ":")).encode()
 
 
 def _contact_dict(contact: Contact) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from contactsense.service.cli.calibration_page import Section, channels, page
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 
-_PARTS = ("joint_torque", "base_wrench", "mounting", "tool", "inertia")
+_PARTS = ("joint_torque", "base_wrench", "wrist_wrench", "link_wrenches", "mounting", "tool", "inertia")
 """Fields of a scene that calibration may change."""
 
 
@@ -134,6 +134,7 @@ def as_plain(found: Calibration) -> dict[str, Any]:
         "condition": found.condition,
         "seconds": found.seconds,
         "contacts": [asdict(contact) for contact in found.contacts],
+        "equations": channels(found.scene),
         "residuals": {
             moment: {"rms": _numbers(level.rms), "q999": _numbers(level.tail)}
             for moment, level in (("before", found.before), ("after", found.after))

@@ -21,13 +21,15 @@ _TITLES = {
     "tilt": "direction of gravity",
     "turn": "orientation of the base sensor",
     "shift": "place of the base sensor",
+    "link_bias": "bias of",
+    "link_turn": "orientation of",
+    "link_shift": "place of",
 }
-"""Groups of parameters that are printed in one line; the other parameters have a line each."""
+"""Groups of parameters that are printed in one line, with the field of a sensor within the arm behind it; the
+other parameters have a line each."""
 _CHANGED = 2.0
 """A parameter has changed if it moved by this many standard deviations."""
-_BASE = tuple(
-    f"base {name}" for name in ("force x", "force y", "force z", "moment x", "moment y", "moment z")
-)
+_COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,10 @@ class Section:
 
 
 def channels(scene: Scene) -> tuple[str, ...]:
-    """Names of all equations, joints first."""
-    return tuple(joint.name for joint in scene.robot.joints) + _BASE
+    """Names of all equations: joints, base sensor, sensors within the arm."""
+    joints = tuple(joint.name for joint in scene.robot.joints)
+    places = ("base", *scene.link_sensors)
+    return joints + tuple(f"{place} {component}" for place in places for component in _COMPONENTS)
 
 
 def page(found: Calibration, scene: Scene, written: Path | None) -> tuple[Section, ...]:
@@ -65,7 +69,7 @@ def _contacts(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
     lines = []
     for contact in found.contacts:
         felt = ", ".join(
-            f"{names[channel]} ({peak:.3g} {_unit(names[channel])})"
+            f"{names[channel]} ({peak:.3g} {unit_of(names[channel])})"
             for channel, peak in list(zip(contact.channels, contact.peak, strict=True))[:3]
         )
         lines.append(
@@ -75,17 +79,20 @@ def _contacts(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _unit(channel: str) -> str:
-    return "N" if channel.startswith("base force") else "Nm"
+def unit_of(channel: str) -> str:
+    """Unit of the residual of an equation, by its name."""
+    return "N" if " force " in channel else "Nm"
 
 
 def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
     lines, same = [], []
-    for (group, _), members in groupby(found.values, key=lambda value: (value.entry.group, value.entry.unit)):
+    for (group, sensor, _), members in groupby(found.values, key=_line):
         block = [value for value in members if not value.kept]
         if not block or group == "payload":
             continue
-        title = _TITLES.get(group, block[0].entry.name)
+        title = block[0].entry.name
+        if group in _TITLES:
+            title = _TITLES[group] if sensor is None else f"{_TITLES[group]} {sensor}"
         if any(abs(value.after - value.before) > _CHANGED * value.std for value in block):
             lines.append(f"{title}: {_values(block)}")
         elif title not in same:
@@ -97,6 +104,11 @@ def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
     if same:
         lines.append(f"confirmed within {_CHANGED:g} standard deviations: {', '.join(same)}")
     return tuple(lines)
+
+
+def _line(value: Value) -> tuple[str, str | None, str]:
+    """What parameters that are printed in one line have in common."""
+    return value.entry.group, value.entry.sensor, value.entry.unit
 
 
 def _tool(scene: Scene) -> str:
@@ -117,7 +129,7 @@ def _values(block: list[Value]) -> str:
 
 def _meaning(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
     lines = [
-        f"{names[i]}: {found.before.rms[i]:.3g} -> {found.after.rms[i]:.3g} {_unit(names[i])} "
+        f"{names[i]}: {found.before.rms[i]:.3g} -> {found.after.rms[i]:.3g} {unit_of(names[i])} "
         f"({found.after.tail[i]:.3g})"
         for i in np.flatnonzero(np.isfinite(found.after.rms))
     ]

@@ -7,9 +7,9 @@ import numpy as np
 
 from contactsense.calibration import Calibration, FreeMotion
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.recording_residuals import residuals
+from contactsense.calibration.equations import all_residuals
 from contactsense.scene import Scene
-from contactsense.service.cli.calibration_page import Section, channels
+from contactsense.service.cli.calibration_page import Section, channels, unit_of
 from contactsense.service.drawing.figure_style import figure_style
 
 _DOTS = 4000
@@ -46,8 +46,8 @@ def write_report(
     shown = np.flatnonzero(np.isfinite(found.after.rms))
     for number, stretch in enumerate(stretches):
         every = max(1, len(stretch.t) // _DOTS)
-        old = residuals(before, stretch, scene.bandwidth)[::every][:, shown]
-        new = residuals(after, stretch, scene.bandwidth)[::every][:, shown]
+        old = all_residuals(before, stretch, scene.bandwidth)[::every][:, shown]
+        new = all_residuals(after, stretch, scene.bandwidth)[::every][:, shown]
         touched = [
             (contact.start, contact.stop)
             for contact in found.contacts
@@ -76,7 +76,7 @@ def _residuals(
     for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
         axes.plot(time, old[:, i], linewidth=0.8, color="0.5", label="before")
         axes.plot(time, new[:, i], linewidth=0.8, color="C0", label="after")
-        axes.set_ylabel(f"{name}\n/ {'N' if name.startswith('base force') else 'Nm'}")
+        axes.set_ylabel(f"{name}\n/ {unit_of(name)}")
         for k, (start, stop) in enumerate(touched):
             axes.axvspan(
                 start, stop, color="C1", alpha=0.3, linewidth=0, label=None if k else "left out: contact"

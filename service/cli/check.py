@@ -19,7 +19,7 @@ from contactsense.service.recordings import ColumnMapping, MappingError, Recordi
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.sensors.live_free_motion import read_live_motion
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.setup_check import CheckError, Finding, SetupCheck
+from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run
 
 _VERDICTS = {
@@ -27,8 +27,6 @@ _VERDICTS = {
     "does_not_fit": "[bold red]does not fit[/]",
     "cannot_tell": "[yellow]cannot be told[/]",
 }
-_UNITS = {"force": "N", "moment": "Nm", "torque": "Nm", "wrist_force": "N", "wrist_moment": "Nm"}
-"""Of the residuals."""
 
 
 @click.command()
@@ -129,8 +127,8 @@ def _print(found: SetupCheck, console: Console) -> None:
     untold = [item for item in found.findings if item.verdict == "cannot_tell"]
     if untold:
         console.print("What cannot be told needs more joints moved, further or faster.", highlight=False)
-    left = [(name.replace("_", " "), getattr(found.residuals, name), unit) for name, unit in _UNITS.items()]
-    text = ", ".join(f"{name} {value:.2g} {unit}" for name, value, unit in left if value is not None)
+    left = _listed(found.residuals)
+    text = ", ".join(f"{name} {value:.2g} {unit}" for name, (value, unit) in left.items())
     console.print(f"{found.seconds:.1f} s; RMS residual below 2 Hz: {text}", highlight=False)
     if found.fits:
         console.print("Nothing contradicts the scene.")
@@ -140,14 +138,22 @@ def _explained(item: Finding) -> str:
     remark = f" ({item.remark})" if item.remark else ""
     lines = [f"[bold]{item.line}[/] does not fit: {_plain(item.stated)}"]
     lines.append(f"  this would: [bold]{_plain(item.proposed or '')}[/]{remark}")
-    for name, unit in _UNITS.items():
-        before, after = getattr(item.before, name, None), getattr(item.after, name, None)
-        if before is not None:
-            what = name.replace("_", " ")
-            lines.append(f"  residual of {what}: {before:.2g} {unit}, then {after:.2g} {unit}")
+    if item.before is not None and item.after is not None:
+        after = _listed(item.after)
+        for name, (value, unit) in _listed(item.before).items():
+            lines.append(f"  residual of {name}: {value:.2g} {unit}, then {after[name][0]:.2g} {unit}")
     if item.instead:
         lines.append(f"  or else: {', '.join(item.instead)}")
     return "\n".join(lines)
+
+
+def _listed(residuals: Residuals) -> dict[str, tuple[float, str]]:
+    """What remains of each measured signal, with its unit."""
+    known = {"force": (residuals.force, "N"), "moment": (residuals.moment, "Nm")}
+    known["torque"] = (residuals.torque, "Nm")
+    for field, own in residuals.links.items():
+        known |= {f"{field} force": (own.force, "N"), f"{field} moment": (own.moment, "Nm")}
+    return {name: (value, unit) for name, (value, unit) in known.items() if value is not None}
 
 
 def _plain(text: str) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from contactsense.calibration import FreeMotion
+from contactsense.calibration.free_motion import without_delays
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
 from contactsense.service.recordings.column_mapping import ColumnMapping
@@ -37,36 +38,34 @@ def read_free_motion(
         MappingError: `columns` cannot be used.
     """
     mapping = columns if isinstance(columns, ColumnMapping) else ColumnMapping.parse(columns)
-    sensor = scene.base_wrench
-    if sensor is not None:
-        # Calibration estimates the delay, so readings stay in the row in which they were received.
-        scene = scene.model_copy(update={"base_wrench": sensor.model_copy(update={"delay": 0.0})})
+    # Calibration estimates the delays, so readings stay in the row in which they were received.
+    scene = without_delays(scene)
     found = RecordingFile(path, scene, mapping).read()
     reading = None
     if found.base_wrench is not None and scene.base_wrench is not None:
         reading = WrenchMap.of(scene.base_wrench).reading(found.base_wrench)
-    wrist = None
-    if found.wrist_wrench is not None and scene.wrist_wrench is not None:
-        wrist = LinkSensorFrame(scene, "wrist_wrench").readings(found.q, found.wrist_wrench)
-    signals = [found.q, found.qd, *(x for x in (found.joint_torque, reading, wrist) if x is not None)]
+    links = {
+        field: LinkSensorFrame(scene, field).readings(found.q, wrenches)
+        for field, wrenches in found.link_values.items()
+    }
+    sensors = (found.joint_torque, reading, *links.values())
+    signals = [found.q, found.qd, *(x for x in sensors if x is not None)]
     finite = np.isfinite(np.hstack(signals)).all(axis=1)
     resets = np.flatnonzero(np.diff(found.t, prepend=found.t[:1]) < 0.0)
     stretches = []
     for rows in np.split(np.arange(len(found)), resets):
         kept = rows[finite[rows]]
         if len(kept) >= _SHORTEST:
-            torque = None if found.joint_torque is None else found.joint_torque[kept]
-            wrench = None if reading is None else reading[kept]
             stretches.append(
                 FreeMotion(
                     found.t[kept],
                     found.q[kept],
                     found.qd[kept],
-                    torque,
-                    wrench,
+                    None if found.joint_torque is None else found.joint_torque[kept],
+                    None if reading is None else reading[kept],
                     str(path),
                     found.rows[kept],
-                    wrist=None if wrist is None else wrist[kept],
+                    link_readings={field: values[kept] for field, values in links.items()},
                 )
             )
     if not stretches:

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense.calibration import FreeMotion
+from contactsense.calibration.free_motion import without_delays
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
+from contactsense.sensors.link_values import by_field
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import WrenchMap
@@ -37,9 +39,7 @@ def read_live_motion(
     Raises:
         SensorError: No samples arrive, or fewer than three; or the sources lack a signal of the scene.
     """
-    if scene.base_wrench is not None:
-        base = scene.base_wrench.model_copy(update={"delay": 0.0})
-        scene = scene.model_copy(update={"base_wrench": base})
+    scene = without_delays(scene)
     samples: list[Sample] = []
     with LiveSource(scene, replace(settings, constant_readings=True)) as live:
         last = time.monotonic()
@@ -56,36 +56,34 @@ def read_live_motion(
 
 
 def _free_motion(scene: Scene, samples: list[Sample], name: str) -> FreeMotion:
-    torque, wrench, wrist = (
-        _usual([getattr(s, key) for s in samples]) for key in ("joint_torque", "base_wrench", "wrist_wrench")
-    )
+    torque = _usual([sample.joint_torque for sample in samples])
+    wrench = _usual([sample.base_wrench for sample in samples])
+    every = [by_field(sample.wrist_wrench, sample.link_wrenches) for sample in samples]
+    found = {field: _usual([values.get(field) for values in every]) for field in scene.link_sensors}
+    links = {field: values for field, values in found.items() if values is not None}
+    needed = [values for values in (torque, wrench, *links.values()) if values is not None]
     kept, t = [], -np.inf
     for i, sample in enumerate(samples):
-        if (
-            sample.t > t
-            and (torque is None or torque[i] is not None)
-            and (wrench is None or wrench[i] is not None)
-            and (wrist is None or wrist[i] is not None)
-        ):
+        if sample.t > t and all(values[i] is not None for values in needed):
             kept.append(i)
             t = sample.t
     if len(kept) < 3:
         raise SensorError(f"{name}: expected at least 3 samples with all sensors, got {len(kept)}")
+    q = np.array([samples[i].q for i in kept])
     reading = None
     if wrench is not None and scene.base_wrench is not None:
         reading = WrenchMap.of(scene.base_wrench).reading(np.array([wrench[i] for i in kept]))
-    own = None
-    if wrist is not None and scene.wrist_wrench is not None:
-        frame = LinkSensorFrame(scene, "wrist_wrench")
-        own = np.array([frame.reading(samples[i].q, np.array(wrist[i])) for i in kept])
     return FreeMotion(
         np.array([samples[i].t for i in kept]),
-        np.array([samples[i].q for i in kept]),
+        q,
         np.array([samples[i].qd for i in kept]),
         None if torque is None else np.array([torque[i] for i in kept]),
         reading,
         name,
-        wrist=own,
+        link_readings={
+            field: LinkSensorFrame(scene, field).readings(q, np.array([values[i] for i in kept]))
+            for field, values in links.items()
+        },
     )
 
 

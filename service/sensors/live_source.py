@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -14,18 +14,12 @@ from contactsense.sensors.link_values import as_fields
 from contactsense.service.sensors import netft_client as netft
 from contactsense.service.sensors import rtde_client as rtde
 from contactsense.service.sensors.netft_client import WrenchRecord
-from contactsense.service.sensors.network_wrench import (
-    NO_READING,
-    NetworkWrench,
-    Timing,
-    WrenchSource,
-    believable,
-)
+from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
 from contactsense.service.sensors.plausibility import (
     REPEAT_LIMIT,
     TORQUE_AGE,
+    ReadingCheck,
     RecentCounts,
-    RepeatCheck,
     RobotCheck,
 )
 from contactsense.service.sensors.recent_trouble import describe_recent
@@ -33,8 +27,8 @@ from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, 
 from contactsense.service.sensors.rtde_client import RtdeStream
 from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
 from contactsense.service.sensors.source_health import SourceHealth
-from contactsense.service.sensors.time_alignment import Aligned
 from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
+from contactsense.service.sensors.wrench_reader import WrenchReader, WrenchReading
 from contactsense.service.wire.recipe import Number
 from contactsense.service.wire.rtde_fields import OUTPUTS, WIDTHS
 from contactsense.types import Sample
@@ -43,6 +37,9 @@ OUTAGE = 0.5
 """A gap in the robot's stream longer than this is an outage, reported by the state, not packet loss [s]."""
 _TORQUE_SCALE = 1.5
 """A torque larger than this multiple of the joint's limit is invalid."""
+_BASE = "base_wrench"
+_NO_READING = WrenchReading(None, None, math.inf)
+"""There is no reading for an instant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +60,8 @@ class SourceSettings:
     wrench_counts: tuple[float, float] | None = None
     """Counts per newton and newton metre; None: ask the sensor's web server."""
     wrench_fields: tuple[str, ...] = ()
-    """Six RTDE fields that contain the base sensor's reading [N, Nm], such as output registers, instead of
-    `wrench_host`."""
+    """RTDE fields that contain the base sensor's six values [N, Nm], such as six output registers, instead
+    of `wrench_host`."""
     wrist_fields: tuple[str, ...] = ("ft_raw_wrench",)
     """RTDE fields that contain the wrist sensor's six values [N, Nm], if the scene has one."""
     link_wrenches: Mapping[str, WrenchSource] = field(default_factory=dict)
@@ -78,21 +75,13 @@ class SourceSettings:
     """Constant difference of the network delays, force/torque reading minus robot packet [s]."""
     wrench_max_age: float = 0.005
     """A force/torque reading older than this, and older than 1.5 times the interval between two, is not used
-    [s]. In motion, readings that are 10 ms old look like a contact."""
+    [s]; nor is one in RTDE fields that has been repeated for longer than this. In motion, readings that are
+    10 ms old look like a contact."""
     constant_readings: bool = False
     """Whether readings may stay constant, like those of a simulator without noise; otherwise a signal that
     never changes counts as frozen."""
     wrench_wait: float = 0.003
     """Maximum time that a robot sample waits for the force/torque reading of its instant [s]."""
-
-
-class LinkReader(NamedTuple):
-    """How one sensor within the arm is read."""
-
-    frame: LinkSensorFrame
-    fields: tuple[str, ...]
-    """RTDE fields with its reading, unless it is on the network."""
-    network: NetworkWrench | None
 
 
 class RawObserver(Protocol):
@@ -126,50 +115,26 @@ class LiveSource:
 
     def __init__(self, scene: Scene, settings: SourceSettings) -> None:
         self._torque = TorqueMap.of(scene)
-        self._wrench_fields = settings.wrench_fields
-        fields = ["actual_q", "actual_qd"]
-        if self._torque is not None:
-            fields += self._torque.names
-        self._wrench_map: WrenchMap | None = None
-        if scene.base_wrench is not None:
-            self._wrench_map = WrenchMap.of(scene.base_wrench)
-            fields += _wrench_fields(settings)
         self._recent = RecentCounts()
         self._checked = not settings.constant_readings
-        sources = {name: _link_source(name, settings) for name in scene.link_sensors}
-        fields += [name for source in sources.values() for name in source.fields if name not in fields]
-        fields += [name for name in settings.extra_fields if name not in fields]
-        self._robot: RobotStream = _robot_stream(settings, fields)
-        self._sensor: NetworkWrench | None = None
-        if scene.base_wrench is not None and settings.wrench_host is not None:
-            base = WrenchSource(
-                settings.wrench_host, settings.wrench_port, settings.wrench_http_port, settings.wrench_counts
-            )
-            late = settings.wrench_delay + scene.base_wrench.delay
-            self._sensor = self._network(base, settings.wrench_rate, late, settings, self._observe_wrench)
-        self._links = {
-            name: LinkReader(
-                LinkSensorFrame(scene, name),
-                source.fields,
-                None
-                if source.host is None
-                else self._network(source, None, scene.link_sensors[name].delay, settings),
-            )
-            for name, source in sources.items()
+        sources = _sources(scene, settings)
+        fields = ["actual_q", "actual_qd", *(() if self._torque is None else self._torque.names)]
+        fields += [name for source in sources.values() for name in source.fields]
+        fields += settings.extra_fields
+        self._robot: RobotStream = _robot_stream(settings, list(dict.fromkeys(fields)))
+        self._wrenches = {
+            name: self._reader(scene, name, source, settings) for name, source in sources.items()
         }
-        self._max_age = settings.wrench_max_age
         self._torque_limit = _TORQUE_SCALE * np.array([joint.torque_limit for joint in scene.robot.joints])
         self._period = 1.0 / settings.frequency
         self._robot_check = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
-        self._wrench_check = RepeatCheck()
         self._seen = replace(self._robot.health)
         self._unusable = 0
         self._without_wrench = 0
-        self._age = math.inf
         self._closed = False
         self.observer: RawObserver | None = None
         """Receives the raw data, if set."""
-        self._used_reading: np.ndarray | None = None
+        self._age = math.inf
 
     def poll(self, timeout: float) -> list[Sample]:
         """Samples received, oldest first; waits up to `timeout` seconds for the first.
@@ -187,11 +152,11 @@ class LiveSource:
             for stream in streams:
                 stream.observe_robot(record)
         for record in records:
-            self._used_reading = None
-            sample = self._sample(record)
+            sample, base = self._sample(record)
             if self.observer is not None:
-                self.observer.robot(record, self._robot.slices, self._used_reading, self._age, sample)
+                self.observer.robot(record, self._robot.slices, base.raw, base.age, sample)
             if sample is not None:
+                self._age = base.age
                 samples.append(sample)
         return samples
 
@@ -203,13 +168,15 @@ class LiveSource:
     @property
     def health(self) -> SourceHealth:
         """Current counters and latest problems of all sensors."""
-        wrench = None if self._sensor is None else self._sensor.stream.health
         robot = replace(self._robot.health)
         recent = describe_recent(self._recent.totals(time.monotonic()), self._period)
         links = {
-            name: link.network.stream.health for name, link in self._links.items() if link.network is not None
+            name: reader.network.stream.health
+            for name, reader in self._wrenches.items()
+            if reader.network is not None
         }
-        return SourceHealth(robot, wrench, self._unusable, self._without_wrench, self._age, links, recent)
+        base = links.pop(_BASE, None)
+        return SourceHealth(robot, base, self._unusable, self._without_wrench, self._age, links, recent)
 
     def close(self) -> None:
         """Close the connections to all sensors."""
@@ -227,19 +194,18 @@ class LiveSource:
     @property
     def _streams(self) -> list[NetworkWrench]:
         """All sensors on the network."""
-        streams = (self._sensor, *(link.network for link in self._links.values()))
-        return [stream for stream in streams if stream is not None]
+        return [reader.network for reader in self._wrenches.values() if reader.network is not None]
 
-    def _network(
-        self,
-        source: WrenchSource,
-        rate: float | None,
-        delay: float,
-        settings: SourceSettings,
-        observe: Callable[[Sequence[WrenchRecord]], None] = lambda _: None,
-    ) -> NetworkWrench:
-        timing = Timing(rate, settings.wrench_max_age, delay, settings.wrench_wait)
-        return NetworkWrench(source, timing, self._checked, self._recent, observe)
+    def _reader(
+        self, scene: Scene, name: str, source: WrenchSource, settings: SourceSettings
+    ) -> WrenchReader:
+        check = ReadingCheck(name, self._checked, self._recent)
+        to_base = _to_base(scene, name)
+        if source.host is None:
+            return WrenchReader(to_base, check, source.fields, settings.wrench_max_age)
+        observe = self._observe_wrench if name == _BASE else lambda _: None
+        network = NetworkWrench(source, _timing(scene, name, settings), check, observe)
+        return WrenchReader(to_base, check, network, settings.wrench_max_age)
 
     def _observe_wrench(self, readings: Sequence[WrenchRecord]) -> None:
         if self.observer is not None:
@@ -259,18 +225,19 @@ class LiveSource:
                 self._recent.add(now, name, count)
         self._seen = replace(health)
 
-    def _sample(self, record: RobotRecord) -> Sample | None:
+    def _sample(self, record: RobotRecord) -> tuple[Sample | None, WrenchReading]:
+        """The sample of a packet, if it is usable, and the base sensor's reading in it."""
         slices, values = self._robot.slices, record.values
         q = np.array(values[slices["actual_q"]])
         qd = np.array(values[slices["actual_qd"]])
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
             self._unusable += 1
             self._recent.add(time.monotonic(), "not finite")
-            return None
+            return None, _NO_READING
         if self._robot_check.velocities_impossible(qd):
             self._unusable += 1
             self._recent.add(time.monotonic(), "too fast")
-            return None
+            return None, _NO_READING
         torque = None
         raw: tuple[Number, ...] = ()
         if self._torque is not None:
@@ -282,7 +249,7 @@ class LiveSource:
         if self._checked:
             if self._frozen(record.timestamp, q, qd, raw):
                 self._unusable += 1
-                return None
+                return None, _NO_READING
             repeated = self._robot_check.torque_repeats(record.timestamp, raw) if raw else 0.0
             if repeated > REPEAT_LIMIT:
                 self._recent.add(time.monotonic(), "torque frozen")
@@ -291,33 +258,12 @@ class LiveSource:
             elif torque is not None and (np.abs(torque) > self._torque_limit).any():
                 self._recent.add(time.monotonic(), "torque too large")
                 torque = None
-        wrench = None
-        if self._wrench_map is not None:
-            reading = self._reading(record)
-            self._age, self._used_reading = reading.age, reading.wrench
-            wrench = None if reading.wrench is None else _finite(self._wrench_map.wrench(reading.wrench))
-            self._note_wrench(wrench is not None)
-        links = {name: self._link_wrench(link, record, q) for name, link in self._links.items()}
-        return Sample(record.timestamp, q, qd, torque, wrench, **as_fields(links))
-
-    def _link_wrench(self, link: LinkReader, record: RobotRecord, q: np.ndarray) -> np.ndarray | None:
-        if link.network is None:
-            slices = self._robot.slices
-            reading = np.concatenate([record.values[slices[name]] for name in link.fields])
-            return _finite(link.frame.wrench(q, reading))
-        aligned = link.network.at(record).wrench
-        wrench = None if aligned is None else _finite(link.frame.wrench(q, aligned))
-        link.network.note(wrench is not None)
-        if wrench is None:
-            self._recent.add(time.monotonic(), "without wrench")
-        return wrench
-
-    def _note_wrench(self, there: bool) -> None:
-        if self._sensor is not None:
-            self._sensor.note(there)
-        if not there:
-            self._without_wrench += 1
-            self._recent.add(time.monotonic(), "without wrench")
+        readings = {name: reader.at(record, slices, q) for name, reader in self._wrenches.items()}
+        base = readings.pop(_BASE, _NO_READING)
+        if _BASE in self._wrenches:
+            self._without_wrench += base.wrench is None
+        links = as_fields({name: reading.wrench for name, reading in readings.items()})
+        return Sample(record.timestamp, q, qd, torque, base.wrench, **links), base
 
     def _frozen(self, t: float, q: np.ndarray, qd: np.ndarray, torque: tuple[Number, ...]) -> bool:
         """Whether the robot repeats an old state instead of sending the current one."""
@@ -330,23 +276,36 @@ class LiveSource:
             self._recent.add(time.monotonic(), "all frozen")
         return stale or repeated > 0.0
 
-    def _reading(self, record: RobotRecord) -> Aligned:
-        if self._sensor is None:
-            slices = self._robot.slices
-            wrench = tuple(record.values[slices[name].start] for name in self._wrench_fields)
-            if not believable(
-                self._wrench_check, record.timestamp, wrench, self._max_age, self._checked, self._recent
-            ):
-                return NO_READING
-            return Aligned(np.array(wrench), 0.0)
-        return self._sensor.at(record)
-
 
 def _finite(array: np.ndarray) -> np.ndarray | None:
     return array if np.isfinite(array).all() else None
 
 
-def _wrench_fields(settings: SourceSettings) -> tuple[str, ...]:
+def _sources(scene: Scene, settings: SourceSettings) -> dict[str, WrenchSource]:
+    """Where the readings of each force/torque sensor come from, by field of the scene."""
+    base = {} if scene.base_wrench is None else {_BASE: _base_source(settings)}
+    return base | {name: _link_source(name, settings) for name in scene.link_sensors}
+
+
+def _to_base(scene: Scene, name: str) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """From joint positions and a sensor's reading to the wrench on it in base axes."""
+    if name != _BASE:
+        return LinkSensorFrame(scene, name).wrench
+    assert scene.base_wrench is not None
+    fixed = WrenchMap.of(scene.base_wrench)
+    return lambda _, reading: fixed.wrench(reading)
+
+
+def _timing(scene: Scene, name: str, settings: SourceSettings) -> Timing:
+    """How the readings of a sensor's own box are joined with the robot's samples."""
+    if name != _BASE:
+        return Timing(None, settings.wrench_max_age, scene.link_sensors[name].delay, settings.wrench_wait)
+    assert scene.base_wrench is not None
+    delay = settings.wrench_delay + scene.base_wrench.delay
+    return Timing(settings.wrench_rate, settings.wrench_max_age, delay, settings.wrench_wait)
+
+
+def _base_source(settings: SourceSettings) -> WrenchSource:
     if bool(settings.wrench_fields) == (settings.wrench_host is not None):
         got = "both" if settings.wrench_fields else "neither"
         raise SensorError(
@@ -354,28 +313,32 @@ def _wrench_fields(settings: SourceSettings) -> tuple[str, ...]:
             f"fields that carry its reading (wrench_fields), got {got}; "
             "set base_wrench: null in the scene to run without it"
         )
-    if settings.wrench_fields and len(settings.wrench_fields) != 6:
-        raise SensorError(f"wrench_fields: expected 6 RTDE fields, got {len(settings.wrench_fields)}")
-    return settings.wrench_fields
+    if settings.wrench_host is None:
+        return _with_six_numbers("wrench_fields", WrenchSource(fields=settings.wrench_fields))
+    return WrenchSource(
+        settings.wrench_host, settings.wrench_port, settings.wrench_http_port, settings.wrench_counts
+    )
 
 
 def _link_source(name: str, settings: SourceSettings) -> WrenchSource:
     """Where the readings of one of `Scene.link_sensors` come from."""
     if name == "wrist_wrench":
-        place, source = "wrist_fields", WrenchSource(fields=settings.wrist_fields)
-    else:
-        own = name.removeprefix("link_wrenches.")
-        place, source = f"{name}.fields", settings.link_wrenches.get(own, WrenchSource())
-        if bool(source.fields) == (source.host is not None):
-            raise SensorError(
-                f"{name}: expected either the sensor's address (host) or RTDE fields that carry its reading "
-                f"(fields), got {'both' if source.fields else 'neither'}"
-            )
-    # An unknown name is left to the robot to report.
-    numbers = sum(WIDTHS[OUTPUTS[field]] for field in source.fields if field in OUTPUTS)
-    if source.host is None and numbers != 6 and all(field in OUTPUTS for field in source.fields):
+        return _with_six_numbers("wrist_fields", WrenchSource(fields=settings.wrist_fields))
+    source = settings.link_wrenches.get(name.removeprefix("link_wrenches."), WrenchSource())
+    if bool(source.fields) == (source.host is not None):
+        raise SensorError(
+            f"{name}: expected either the sensor's address (host) or RTDE fields that carry its reading "
+            f"(fields), got {'both' if source.fields else 'neither'}"
+        )
+    return source if source.host is not None else _with_six_numbers(f"{name}.fields", source)
+
+
+def _with_six_numbers(place: str, source: WrenchSource) -> WrenchSource:
+    """The source, after a check of its fields; an unknown name is left to the robot to report."""
+    known = [WIDTHS[OUTPUTS[field]] for field in source.fields if field in OUTPUTS]
+    if len(known) == len(source.fields) and sum(known) != 6:
         fields = ", ".join(source.fields)
-        raise SensorError(f"{place}: expected RTDE fields with 6 numbers, got {fields} with {numbers}")
+        raise SensorError(f"{place}: expected RTDE fields with 6 numbers, got {fields} with {sum(known)}")
     return source
 
 

@@ -1,16 +1,14 @@
 """A force/torque sensor on the network (Net F/T), joined with the robot's samples per instant."""
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from contactsense.service.sensors import netft_client as netft
 from contactsense.service.sensors.netft_client import NetFtStream, WrenchRecord
-from contactsense.service.sensors.plausibility import REPEAT_LIMIT, RecentCounts, RepeatCheck
+from contactsense.service.sensors.plausibility import ReadingCheck
 from contactsense.service.sensors.robot_stream import NS, RobotRecord
 from contactsense.service.sensors.time_alignment import Aligned, Aligner
-from contactsense.service.wire.recipe import Number
 
 _LOST = 0.5
 """If readings arrive for this long without matching any sample, the estimate of the sensor's clock is wrong
@@ -55,8 +53,7 @@ class NetworkWrench:
     Args:
         source: Address of the sensor.
         timing: How its readings are joined with the samples.
-        checked: Whether readings that never change are left out.
-        recent: Counts problems.
+        check: Tells which readings are left out.
         observe: Called with all readings as they arrive.
 
     Raises:
@@ -67,8 +64,7 @@ class NetworkWrench:
         self,
         source: WrenchSource,
         timing: Timing,
-        checked: bool,
-        recent: RecentCounts,
+        check: ReadingCheck,
         observe: Callable[[Sequence[WrenchRecord]], None],
     ) -> None:
         assert source.host is not None
@@ -78,9 +74,7 @@ class NetworkWrench:
         """The sensor's stream."""
         period = None if timing.rate is None else 1.0 / timing.rate
         self._aligner = Aligner(period=period, max_age=timing.max_age, delay=timing.delay)
-        self._wait, self._checked = timing.wait, checked
-        self._recent, self._observe = recent, observe
-        self._repeats = RepeatCheck()
+        self._wait, self._check, self._observe = timing.wait, check, observe
         self._last_ns = 0
         self._without_since: float | None = None
 
@@ -110,7 +104,7 @@ class NetworkWrench:
             return
         arriving = now - self._last_ns / NS < _ALIVE
         if arriving and not self._aligner.ready:
-            self._recent.add(now, "wrench unaligned")
+            self._check.note("unaligned")
             self._without_since = now
         elif self._without_since is None:
             self._without_since = now
@@ -127,41 +121,6 @@ class NetworkWrench:
         self._observe(readings)
         for reading in readings:
             # A repeated reading is as old as its first occurrence.
-            if believable(
-                self._repeats, reading.arrival_ns / NS, reading.wrench, 0.0, self._checked, self._recent
-            ):
+            if self._check.believes(reading.arrival_ns / NS, reading.wrench, 0.0):
                 self._aligner.add(*reading)
                 self._last_ns = reading.arrival_ns
-
-
-def believable(
-    repeats: RepeatCheck,
-    t: float,
-    wrench: tuple[Number, ...],
-    max_age: float,
-    checked: bool,
-    recent: RecentCounts,
-) -> bool:
-    """Whether a force/torque reading is plausible: not exactly zero, and not constant.
-
-    Args:
-        repeats: Of this sensor.
-        t: Time of the reading [s].
-        wrench: As received.
-        max_age: A reading may be repeated for this time [s].
-        checked: False: any reading is plausible.
-        recent: Counts those that are not.
-    """
-    repeated = repeats.update(t, wrench)
-    if not checked:
-        return True
-    if not any(wrench):
-        recent.add(time.monotonic(), "wrench zero")
-        return False
-    if repeated > REPEAT_LIMIT:
-        recent.add(time.monotonic(), "wrench frozen")
-    return repeated <= max_age
-
-
-NO_READING = Aligned(None, math.inf)
-"""There is no reading for an instant."""

@@ -1,4 +1,4 @@
-"""Plausibility of readings: values that never change, and counts of recent problems.
+"""Plausibility of readings: values that never change or are no numbers, and counts of recent problems.
 
 Measured values carry noise. In 77,000 packets of a real UR10e (100 Hz, at rest and in motion; shamilmamedov,
 dynamic_calibration) the six motor currents never had the same values twice in a row, while joint positions
@@ -6,8 +6,10 @@ at rest repeat for up to 1.2 s and velocities for up to 7.8 s.
 """
 
 import math
+import time
 from collections import Counter, deque
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -99,6 +101,19 @@ class RobotCheck:
         return self._state.update(t, values)
 
 
+class SensorEvent(NamedTuple):
+    """A kind of event at one of several force/torque sensors."""
+
+    field: str
+    """Field of the scene: `base_wrench`, or a key of `Scene.link_sensors`."""
+    what: str
+    """The kind."""
+
+
+Event = str | SensorEvent
+"""A kind of event."""
+
+
 class RecentCounts:
     """Counts of each kind of event within a recent time window.
 
@@ -108,10 +123,10 @@ class RecentCounts:
 
     def __init__(self, window: float = 1.0) -> None:
         self._window = window
-        self._buckets: deque[tuple[int, Counter[str]]] = deque()
+        self._buckets: deque[tuple[int, Counter[Event]]] = deque()
         self._width = window / 10.0
 
-    def add(self, now: float, what: str, count: int = 1) -> None:
+    def add(self, now: float, what: Event, count: int = 1) -> None:
         """Add `count` events at `now`, a time on the host's monotonic clock [s]."""
         number = math.floor(now / self._width)
         if not self._buckets or self._buckets[-1][0] != number:
@@ -119,10 +134,10 @@ class RecentCounts:
             self._expire(now)
         self._buckets[-1][1][what] += count
 
-    def totals(self, now: float) -> Counter[str]:
+    def totals(self, now: float) -> Counter[Event]:
         """Counts of all events within the window before `now`."""
         self._expire(now)
-        total: Counter[str] = Counter()
+        total: Counter[Event] = Counter()
         for _, counts in self._buckets:
             total.update(counts)
         return total
@@ -131,3 +146,43 @@ class RecentCounts:
         oldest = math.floor((now - self._window) / self._width)
         while self._buckets and self._buckets[0][0] <= oldest:
             self._buckets.popleft()
+
+
+class ReadingCheck:
+    """Tells which readings of one force/torque sensor cannot be measurements, and counts them.
+
+    Args:
+        field: The sensor's field of the scene.
+        checked: Whether readings that never change are left out; those of a simulator without noise do not.
+        recent: Counts the problems, as `SensorEvent`.
+    """
+
+    def __init__(self, field: str, checked: bool, recent: RecentCounts) -> None:
+        self.field = field
+        self._checked, self._recent = checked, recent
+        self._repeats = RepeatCheck()
+
+    def believes(self, t: float, reading: Sequence[float], max_age: float) -> bool:
+        """Whether a reading is plausible: numbers, not exactly zero, and not constant.
+
+        Args:
+            t: Time of the reading [s], on any monotonic clock.
+            reading: As received, before any conversion: a frozen reading changes in base axes with the arm.
+            max_age: A reading may be repeated for this time [s].
+        """
+        if not all(map(math.isfinite, reading)):
+            self.note("not finite")
+            return False
+        repeated = self._repeats.update(t, tuple(reading))
+        if not self._checked:
+            return True
+        if not any(reading):
+            self.note("zero")
+            return False
+        if repeated > REPEAT_LIMIT:
+            self.note("frozen")
+        return repeated <= max_age
+
+    def note(self, what: str) -> None:
+        """Count a problem of this sensor."""
+        self._recent.add(time.monotonic(), SensorEvent(self.field, what))

@@ -2,6 +2,8 @@
 
 from collections import Counter
 
+from contactsense.service.sensors.plausibility import Event, SensorEvent
+
 SHARE = 0.02
 """A smaller fraction of lost, repeated or late packets is not reported."""
 WITHOUT_WRENCH = 0.05
@@ -23,13 +25,17 @@ _ALWAYS = {
     "simulator without noise needs --constant-readings)",
     "torque too large": "the robot sends joint torques far beyond what its joints can apply; "
     "they are left out",
-    "wrench unaligned": "samples lack the force/torque reading: its clock and the robot's are not aligned "
-    "yet, which takes longer on a busy computer",
-    "wrench zero": "the force/torque sensor reads exactly zero in all six components; its readings are left "
-    "out: check its cable and power",
-    "wrench frozen": "the force/torque sensor repeats the same reading; its readings are left out: restart "
-    "it (a simulator without noise needs --constant-readings)",
 }
+_OF_SENSOR = {
+    "unaligned": "samples lack the force/torque reading: its clock and the robot's are not aligned yet, "
+    "which takes longer on a busy computer",
+    "not finite": "the force/torque sensor sends values that are not numbers; its readings are left out",
+    "zero": "the force/torque sensor reads exactly zero in all six components; its readings are left out: "
+    "check its cable and power",
+    "frozen": "the force/torque sensor repeats the same reading; its readings are left out: restart it (a "
+    "simulator without noise needs --constant-readings)",
+}
+"""The same of each force/torque sensor."""
 _SHARES = {
     "lost": "{share:.0%} of the robot's packets were lost within the last second; check the network and the "
     "load of this computer",
@@ -37,12 +43,12 @@ _SHARES = {
     "one before",
     "out_of_order": "{share:.0%} of the robot's packets within the last second arrived in the wrong order; "
     "late ones are ignored",
-    "without wrench": "{share:.0%} of the samples within the last second lack the force/torque reading",
 }
+_LACKING = "{share:.0%} of the samples within the last second lack the force/torque reading"
 
 
-def describe_recent(counts: Counter[str], period: float) -> tuple[str, ...]:
-    """One line for each problem.
+def describe_recent(counts: Counter[Event], period: float) -> tuple[str, ...]:
+    """One line for each problem; those of a force/torque sensor begin with its field of the scene.
 
     Args:
         counts: Number of occurrences of each problem within the last second.
@@ -50,11 +56,14 @@ def describe_recent(counts: Counter[str], period: float) -> tuple[str, ...]:
     """
     found = [text for name, text in _ALWAYS.items() if counts[name] > 2]
     expected = max(counts["packets"], 0.5 / period)
-    explained = any(name.startswith("wrench") for name in _ALWAYS if counts[name] > 2)
+    for field in sorted({event.field for event in counts if isinstance(event, SensorEvent)}):
+        said = [text for what, text in _OF_SENSOR.items() if counts[SensorEvent(field, what)] > 2]
+        share = min(1.0, counts[SensorEvent(field, "lacking")] / expected)
+        if not said and share > WITHOUT_WRENCH:
+            said = [_LACKING.format(share=share)]
+        found += [f"{field}: {text}" for text in said]
     for name, text in _SHARES.items():
         share = min(1.0, counts[name] / expected)
-        if share > (WITHOUT_WRENCH if name == "without wrench" else SHARE) and not (
-            name == "without wrench" and explained
-        ):
+        if share > SHARE:
             found.append(text.format(share=share))
     return tuple(found)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contactsense import JointTorqueSensor, Scene
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.sensors.settings import Friction
@@ -63,6 +63,42 @@ def test_a_scene_is_calibrated_and_written(folder: Path) -> None:
     assert "residuals_0.png" in report
     assert "| coulomb of elbow_joint |" in report
     assert (folder / "report" / "residuals_0.png").stat().st_size > 10_000
+
+
+def test_sensors_within_the_arm_are_calibrated_and_written(tmp_path: Path) -> None:
+    elbow = {"name": "elbow", "link": "forearm", "bias": (3.0, -2.0, 5.0, 0.2, -0.1, 0.3), "delay": 0.016}
+    wrist = WrenchSensor(bias=(-2.0, 1.0, 4.0, 0.1, 0.3, -0.2))
+    tool = {"mass": 1.2, "com": (0.0, 0.01, 0.05)}
+    truth = Scene(robot="ur5e", joint_torque=None, tool=tool, wrist_wrench=wrist, link_wrenches=[elbow])
+    center = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
+    motion = FourierTrajectory.draw(np.random.default_rng(4), center, np.full(6, 0.7), 6, 8.0)
+    stretch = simulate(truth, motion, 1, 125.0)
+    columns = {"timestamp": stretch.t}
+    groups = {"actual_q": stretch.q, "actual_qd": stretch.qd}
+    groups |= {field.split(".")[-1]: values for field, values in stretch.readings.items()}
+    groups["elbow_wrench"] = groups.pop("elbow")
+    for name, array in groups.items():
+        columns |= {f"{name}_{i}": array[:, i] for i in range(6)}
+    write_columns(tmp_path / "free.csv", columns)
+    (tmp_path / "scene.yaml").write_text(
+        "robot: ur5e\njoint_torque: null\ntool: {mass: 1.2}\nwrist_wrench: {}\n"
+        "link_wrenches: [{name: elbow, link: forearm}]\n"
+    )
+    files = [str(tmp_path / "free.csv"), "--scene", str(tmp_path / "scene.yaml")]
+    result = CliRunner().invoke(calibrate, [*files, "--out", str(tmp_path / "new.yaml")])
+    assert result.exit_code == 0, result.output
+    assert re.search(r"- bias of link_wrenches\.elbow: (2\.\d+|3(\.\d+)?), ", result.stdout)
+    assert re.search(r"- bias of wrist_wrench: ", result.stdout)
+    assert re.search(r"- wrist_wrench force x: [\d.]+ -> 0\.\d+ N ", result.stdout)
+    scene = Scene.load(tmp_path / "new.yaml")
+    for field, sensor in scene.link_sensors.items():
+        true = truth.link_sensors[field]
+        np.testing.assert_allclose(sensor.bias[:3], true.bias[:3], atol=0.3)
+        np.testing.assert_allclose(sensor.bias[3:], true.bias[3:], atol=0.03)
+        assert sensor.delay == pytest.approx(true.delay, abs=4e-3)
+    said = json.loads(CliRunner().invoke(calibrate, [*files, "--json"]).stdout)
+    assert len(said["equations"]) == len(said["residuals"]["after"]["rms"]) == 24
+    assert said["equations"][12:19:6] == ["link_wrenches.elbow force x", "wrist_wrench force x"]
 
 
 def test_the_page_names_contacts_changes_and_next_steps(folder: Path) -> None:

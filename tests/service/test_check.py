@@ -9,10 +9,12 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from contactsense.benchmarks.calibration.link_sensor_draws import ELBOW, WRIST
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
 from contactsense.calibration import FreeMotion
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
+from contactsense.sensors.link_values import as_fields, column_of
 from contactsense.service.cli.check import check
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
@@ -27,8 +29,8 @@ from tests.service.loopback import own_address
 def _write(path: Path, part: FreeMotion) -> None:
     columns = {"timestamp": part.t}
     groups = {"actual_q": part.q, "actual_qd": part.qd, "joint_torque": part.torque}
-    if part.wrist is not None:
-        groups["wrist_wrench"] = part.wrist
+    for field, readings in part.link_readings.items():
+        groups[column_of(field)] = readings
     for name, array in {**groups, "base_wrench": part.reading}.items():
         assert array is not None
         columns |= {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
@@ -128,21 +130,24 @@ def test_a_live_arm_is_checked(tmp_path: Path) -> None:
     assert "this would: table" in result.output
 
 
-def test_readings_of_the_wrist_sensor_come_as_they_were_read(tmp_path: Path) -> None:
-    """From a file and from live samples, in which they are wrenches in base axes."""
-    case = right_setup("ur5e", 1, Settings(seconds=1.0), wrist=True)
-    part, sensor = case.recording, case.scene.wrist_wrench
-    assert part.wrist is not None
-    assert sensor is not None
+@pytest.mark.parametrize("field", [WRIST, ELBOW])
+def test_readings_of_a_sensor_within_the_arm_come_as_they_were_read(tmp_path: Path, field: str) -> None:
+    """From a file and from live samples, in which they are wrenches in base axes, whatever the delay."""
+    case = right_setup("ur5e", 1, Settings(seconds=1.0), field)
+    late = case.scene.link_sensors[field].model_copy(update={"delay": 0.02})
+    changed = {WRIST: late} if field == WRIST else {"link_wrenches": (late,)}
+    part, scene = case.recording, case.scene.model_copy(update=changed)
     _write(tmp_path / "free.csv", part)
-    (read,), problems = read_free_motion(tmp_path / "free.csv", case.scene)
+    (read,), problems = read_free_motion(tmp_path / "free.csv", scene)
     assert problems == ()
-    np.testing.assert_allclose(read.wrist, part.wrist, atol=1e-9)
-    frame = LinkSensorFrame(case.scene, "wrist_wrench")
+    np.testing.assert_allclose(read.link_readings[field], part.link_readings[field], atol=1e-9)
+    frame = LinkSensorFrame(scene, field)
     samples = [
-        Sample(float(t), q, qd, wrist_wrench=frame.wrench(q, wrist))
-        for t, q, qd, wrist in zip(part.t, part.q, part.qd, part.wrist, strict=True)
+        Sample(float(t), q, qd, **as_fields({field: frame.wrench(q, reading)}))
+        for t, q, qd, reading in zip(part.t, part.q, part.qd, part.link_readings[field], strict=True)
     ]
-    samples[5] = replace(samples[5], wrist_wrench=None)
-    live = _free_motion(case.scene, samples, "live")
-    np.testing.assert_allclose(live.wrist, np.delete(part.wrist, 5, axis=0), atol=1e-9)
+    samples[5] = replace(samples[5], wrist_wrench=None, link_wrenches=None)
+    live = _free_motion(scene, samples, "live")
+    np.testing.assert_allclose(
+        live.link_readings[field], np.delete(part.link_readings[field], 5, axis=0), atol=1e-9
+    )

@@ -9,10 +9,10 @@ from contactsense import JointTorqueSensor, Scene
 from contactsense.benchmarks.calibration.recordings import read
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup, wrong_setup
 from contactsense.calibration import FreeMotion
-from contactsense.setup_check import LINES, CheckError, check
+from contactsense.setup_check import CheckError, check, lines
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
-from contactsense.setup_check.setup import Setup
+from contactsense.setup_check.setup import BASE, Free, Setup
 from tests.shared import shared
 
 DRAWN = Settings(seconds=12.0)
@@ -96,8 +96,8 @@ def test_predictions_agree_with_independent_dynamics() -> None:
     noise = fitter.noise
     assert (fitter.fit(setup).residual.std(axis=0) < 1.4 * noise)[:12].all()
     assert scene.base_wrench is not None
-    late = fitter.fit(replace(setup, delay=0.03), ("delay",))
-    assert late.setup.delay == pytest.approx(0.0, abs=4.0 * float(late.std[0]))
+    late = fitter.fit(setup.with_sensor(BASE, delay=0.03), (Free("delay", BASE),))
+    assert late.setup.sensors[BASE].delay == pytest.approx(0.0, abs=4.0 * float(late.std[0]))
 
 
 @pytest.mark.slow
@@ -133,7 +133,7 @@ def test_lines_of_a_sensor_that_was_not_recorded_cannot_be_told() -> None:
     found = check(case.scene, [replace(case.recording, reading=None)])
     assert found.fits
     verdicts = {item.line: item.verdict for item in found.findings}
-    base = {line for line in LINES if line.startswith("base")} - {"base_wrench.range"}
+    base = {line for line in lines(case.scene) if line.startswith("base")} - {"base_wrench.range"}
     assert {verdicts[line] for line in base} == {"cannot_tell"}
     assert verdicts["joint_torque.sign"] == verdicts["mounting"] == "fits"
 

@@ -93,10 +93,16 @@ def test_what_is_not_bounded_is_null() -> None:
         replace(ESTIMATE, contacts=(replace(CONTACT, torsion=np.inf),)),
         replace(ESTIMATE, link_probability=np.full(7, np.nan), wrench=np.full(6, np.nan)),
         replace(ESTIMATE, t=np.nan),
+        replace(ESTIMATE, other=np.nan, detectable=4.5),
     ],
 )
 def test_an_estimate_that_is_no_number_is_told_of(broken: Estimate) -> None:
     read_back = read(broken)
+    # It has the fields of every other estimate, in their order.
+    message = json.loads(estimate_json(broken, np.zeros(6)))
+    assert list(message) == list(json.loads(estimate_json(ESTIMATE, np.zeros(6))))
+    assert message["other"] == 0.0
+    assert message["detectable"] == (broken.detectable if np.isfinite(broken.detectable) else None)
     assert read_back.status == "degraded"
     assert not read_back.contacts
     assert "not finite" in read_back.reason

@@ -1,9 +1,18 @@
 """Readings that cannot be true: frozen ones, and what was wrong lately."""
 
+import math
+import time
+
 import numpy as np
 import pytest
 
-from contactsense.service.sensors.plausibility import RecentCounts, RepeatCheck, RobotCheck
+from contactsense.service.sensors.plausibility import (
+    ReadingCheck,
+    RecentCounts,
+    RepeatCheck,
+    RobotCheck,
+    SensorEvent,
+)
 from contactsense.service.sensors.recent_trouble import describe_recent
 
 TIMES = np.arange(0.0, 0.2, 0.002)
@@ -86,11 +95,30 @@ def test_what_was_wrong_is_told_in_words():
         "10% of the robot's packets were lost within the last second; check the network and the load of this "
         "computer",
     )
-    recent.add(5.0, "without wrench", 100)
-    recent.add(5.0, "wrench frozen", 900)
-    first, second = describe_recent(recent.totals(5.0), 0.002)
-    assert "repeats the same reading" in first
-    assert "lost" in second  # and the samples without a reading are explained already
+    for field in ("wrist_wrench", "base_wrench"):
+        recent.add(5.0, SensorEvent(field, "lacking"), 100)
+    recent.add(5.0, SensorEvent("wrist_wrench", "frozen"), 900)
+    base, wrist, last = describe_recent(recent.totals(5.0), 0.002)
+    assert base == "base_wrench: 22% of the samples within the last second lack the force/torque reading"
+    assert wrist.startswith("wrist_wrench: the force/torque sensor repeats the same reading")
+    assert "lost" in last  # and the samples without a reading of the wrist are explained already
+
+
+@pytest.mark.parametrize(
+    ("reading", "what"), [((math.nan, 1.0), "not finite"), ((0.0, -0.0), "zero"), ((1.0, 2.0), "frozen")]
+)
+def test_readings_that_cannot_be_measurements_are_counted(reading: tuple[float, ...], what: str) -> None:
+    recent = RecentCounts()
+    check, free = (ReadingCheck("wrist_wrench", checked, recent) for checked in (True, False))
+    believed = [check.believes(0.002 * i, reading, 0.005) for i in range(100)]
+    # The first of equal readings is a measurement.
+    assert believed == [what == "frozen" and i < 3 for i in range(100)]
+    counts = recent.totals(time.monotonic())
+    assert set(counts) == {SensorEvent("wrist_wrench", what)}
+    assert counts[SensorEvent("wrist_wrench", what)] == (79 if what == "frozen" else 100)
+    assert check.believes(0.2, (1.0, 3.0), 0.005)
+    # A simulator may send the same numbers all the time, but numbers.
+    assert free.believes(1.0, reading, 0.005) == free.believes(2.0, reading, 0.005) == (what != "not finite")
 
 
 def test_a_rare_loss_is_not_worth_a_word():

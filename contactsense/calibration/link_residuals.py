@@ -1,0 +1,190 @@
+"""Residuals of the force/torque sensors within the arm, and their derivatives by the parameters.
+
+A link sensor is a base sensor of a lighter arm: of one in which only what it carries has a mass. Its reading
+is moved to the base origin and passes through the same observer. The residual is then turned back into the
+sensor's own frame as the scene states it, in which noise is isotropic and a bias is constant.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from contactsense.calibration.calibration_model import CalibrationModel, on_time
+from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.parameters import Entry, apply_step
+from contactsense.calibration.recording_residuals import residuals, settled_samples
+from contactsense.calibration.residual_jacobian import DIFFERENCE_STEPS, Rows, inertial_columns
+from contactsense.kinematics.inverse_dynamics import inverse_dynamics
+from contactsense.kinematics.model import empty_motion
+from contactsense.robots.link_poses import poses_of_link
+from contactsense.runtime.link_sensors import Mount, mounts
+from contactsense.scene import Scene, WrenchSensor
+
+
+class _Poses(NamedTuple):
+    """Orientation, shape (N, 3, 3), and origin, shape (N, 3) [m], of a moving frame in the base frame."""
+
+    rotation: np.ndarray
+    origin: np.ndarray
+
+    def to_base(self, wrench: np.ndarray) -> np.ndarray:
+        """Wrenches of shape (N, 6, ...) from the frame to base axes and origin."""
+        force, moment = (np.einsum("nij,nj...->ni...", self.rotation, wrench[:, k : k + 3]) for k in (0, 3))
+        return np.concatenate((force, moment + self._lever(force)), axis=1)
+
+    def from_base(self, wrench: np.ndarray) -> np.ndarray:
+        """The inverse of `to_base`."""
+        force, moment = wrench[:, :3], wrench[:, 3:]
+        parts = (force, moment - self._lever(force))
+        return np.concatenate([np.einsum("nji,nj...->ni...", self.rotation, x) for x in parts], axis=1)
+
+    def _lever(self, force: np.ndarray) -> np.ndarray:
+        origin = self.origin.reshape(self.origin.shape + (1,) * (force.ndim - 2))
+        return np.cross(origin, force, axis=1)
+
+
+def link_residuals(arm: CalibrationModel, recording: FreeMotion, field: str, bandwidth: float) -> np.ndarray:
+    """Residual of one sensor, in the frame that the scene states, shape (N, 6) [N, Nm].
+
+    Args:
+        arm: Parameters of arm and sensors.
+        recording: Contact-free motion with readings of this sensor.
+        field: The sensor's key in `Scene.link_sensors`.
+        bandwidth: Cut-off frequency of the observer [Hz].
+    """
+    number, mount, sensor = _of(arm.scene, field)
+    link = _Poses(*poses_of_link(arm.scene.robot, recording.q, mount.body))
+    reading = on_time(recording.t, recording.link_readings[field], arm.link_delay[number])
+    moved = _mounted(link, arm, field)
+    part = FreeMotion(
+        recording.t,
+        recording.q,
+        recording.qd,
+        reading=_sign(sensor) * moved.to_base(reading - arm.link_bias[number]),
+        name=recording.name,
+    )
+    found = residuals(_carried(arm, mount), part, bandwidth)[:, recording.q.shape[1] :]
+    return _stated(link, mount).from_base(found)
+
+
+def link_readings(
+    arm: CalibrationModel, field: str, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray
+) -> np.ndarray:
+    """Readings of one sensor in motion, without noise and delay, shape (N, 6) [N, Nm].
+
+    Args:
+        arm: Parameters of arm and sensors.
+        field: The sensor's key in `Scene.link_sensors`.
+        q, qd, qdd: Joint positions, velocities and accelerations, shape (N, n) [rad, rad/s, rad/s^2].
+    """
+    number, mount, sensor = _of(arm.scene, field)
+    load, state = _carried(arm, mount).model, empty_motion(q.shape[1])
+    torque, wrench = np.empty(q.shape[1]), np.empty((len(q), 6))
+    for i in range(len(q)):
+        inverse_dynamics(load, q[i], qd[i], qdd[i], arm.gravity, state, torque, wrench[i])
+    link = _Poses(*poses_of_link(arm.scene.robot, q, mount.body))
+    own = _mounted(link, arm, field).from_base(wrench)
+    return np.asarray(_sign(sensor) * own + arm.link_bias[number])
+
+
+def link_rows(
+    arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float, stride: int
+) -> list[Rows]:
+    """Residuals and derivatives of the equations of all sensors within the arm; arguments as for
+    `contactsense.calibration.residual_jacobian.linearize`."""
+    keep = slice(settled_samples(recording, bandwidth), None, stride)
+    dt = stride * float(np.median(np.diff(recording.t)))
+    links = [(number, entry) for number, entry in enumerate(selected) if entry.group == "links"]
+    per_body = None
+    if links and recording.link_readings:
+        per_body = inertial_columns(arm, recording, arm.gravity, bandwidth, keep)
+    joints, rows = recording.q.shape[1], []
+    count = len(recording.t[keep])
+    for field in recording.link_readings:
+        number, mount, _ = _of(arm.scene, field)
+        residual = link_residuals(arm, recording, field, bandwidth)
+        columns = [
+            (k, _slope(arm, recording, field, entry, residual, bandwidth)[keep])
+            for k, entry in enumerate(selected)
+            if entry.sensor == field or entry.group in ("payload", "tilt")
+        ]
+        if per_body is not None:
+            link = _Poses(*poses_of_link(arm.scene.robot, recording.q[keep], mount.body))
+            own = _stated(link, mount).from_base(per_body[:, joints:])
+            columns += [
+                (k, own[:, :, entry.index[0], entry.index[1]])
+                for k, entry in links
+                if entry.index[0] >= mount.first_body
+            ]
+        rows += [
+            Rows(
+                joints + 6 * (number + 1) + i,
+                residual[keep, i],
+                np.array([k for k, _ in columns], dtype=np.int64),
+                np.array([slope[:, i] for _, slope in columns]).reshape(len(columns), count).T.copy(),
+                recording.usable[keep],
+                dt,
+            )
+            for i in range(6)
+        ]
+    return rows
+
+
+def _slope(
+    arm: CalibrationModel,
+    recording: FreeMotion,
+    field: str,
+    entry: Entry,
+    residual: np.ndarray,
+    bandwidth: float,
+) -> np.ndarray:
+    """Derivative of a sensor's residual by one parameter, shape (N, 6)."""
+    if entry.group == "link_delay":
+        h = 0.5 * float(np.median(np.diff(recording.t)))
+        ahead, behind = (
+            link_residuals(apply_step(arm, [entry], np.array([step])), recording, field, bandwidth)
+            for step in (h, -h)
+        )
+        return np.asarray((ahead - behind) / (2.0 * h))
+    h = entry.prior_std * DIFFERENCE_STEPS.get(entry.group, 1.0)
+    shifted = link_residuals(apply_step(arm, [entry], np.array([h])), recording, field, bandwidth)
+    return np.asarray((shifted - residual) / h)
+
+
+def _of(scene: Scene, field: str) -> tuple[int, Mount, WrenchSensor]:
+    """Number, mount and settings of a sensor."""
+    return list(scene.link_sensors).index(field), mounts(scene)[field], scene.link_sensors[field]
+
+
+def _sign(sensor: WrenchSensor) -> float:
+    return 1.0 if sensor.sign == "arm_on_sensor" else -1.0
+
+
+def _stated(link: _Poses, mount: Mount) -> _Poses:
+    """Poses of the sensor as the scene states it, from those of its link."""
+    return _Poses(link.rotation @ mount.rotation, link.origin + link.rotation @ mount.origin)
+
+
+def _mounted(link: _Poses, arm: CalibrationModel, field: str) -> _Poses:
+    """The same with the parameters' rotation and displacement."""
+    number, mount, sensor = _of(arm.scene, field)
+    # The frame in which the scene gives the sensor: the link's, or the flange's.
+    frame = mount.rotation @ sensor.rotation.T
+    turned = frame @ Rotation.from_rotvec(arm.link_turn[number]).as_matrix() @ sensor.rotation
+    place = mount.origin + frame @ arm.link_shift[number]
+    return _Poses(link.rotation @ turned, link.origin + link.rotation @ place)
+
+
+def _carried(arm: CalibrationModel, mount: Mount) -> CalibrationModel:
+    """The arm without the links that a sensor does not carry, on an ideal base sensor."""
+    links = arm.links.copy()
+    links[: mount.first_body] = 0.0
+    return arm.with_values(
+        scene=arm.scene.model_copy(update={"base_wrench": None}),
+        links=links,
+        wrench_bias=np.zeros(6),
+        turn=np.zeros(3),
+        shift=np.zeros(3),
+        delay=0.0,
+    )
