@@ -89,7 +89,7 @@ class NetFtStream:
     """An endless stream of readings of a Net F/T sensor; pynetft retries a silent or absent sensor.
 
     pynetft rejects records whose sequence number is below the highest one seen. After a restart of the
-    sensor, it would do so forever; a new client is then created.
+    sensor, or a record with damaged numbers, it would do so forever; a new client is then created.
 
     Args:
         host: Address of the sensor.
@@ -162,13 +162,13 @@ class NetFtStream:
     def _restart_where_stuck(self, now: float) -> None:
         assert self._client is not None
         health = self._client.health()
-        refused = health.out_of_order_count + health.duplicate_count
+        refused = health.out_of_order_count + health.duplicate_count + health.ft_backward_count
         if now - self._delivered_at < _STUCK:
             self._refused_at_delivery = refused
         elif refused - self._refused_at_delivery >= _STUCK_RECORDS:
             past = self.health
             self._restarts += 1
-            error = f"{self._place} has reset its counter of readings, as after a restart"
+            error = f"{self._place} counts its readings anew, as after a restart"
             self._past = replace(past, error=error)
             # Stopping waits for the client's thread.
             threading.Thread(target=self._client.stop, name="stop pynetft", daemon=True).start()

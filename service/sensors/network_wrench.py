@@ -11,8 +11,10 @@ from contactsense.service.sensors.robot_stream import NS, RobotRecord
 from contactsense.service.sensors.time_alignment import Aligned, Aligner
 
 _LOST = 0.5
-"""If readings arrive for this long without matching any sample, the estimate of the sensor's clock is wrong
-[s]."""
+"""If readings arrive for this long without matching any sample, the estimate of a clock is wrong [s]."""
+_UNALIGNED = 20.0
+"""If the clocks are not aligned for this long although readings arrive, what was learned of them misleads
+[s]; a busy host takes a few seconds."""
 _ALIVE = 0.05
 """If the sensor is silent for longer than this, samples no longer wait for it [s]."""
 
@@ -76,7 +78,8 @@ class NetworkWrench:
         self._aligner = Aligner(period=period, max_age=timing.max_age, delay=timing.delay)
         self._wait, self._check, self._observe = timing.wait, check, observe
         self._last_ns = 0
-        self._without_since: float | None = None
+        self._aligned = False
+        self._without_since = time.monotonic()
 
     def poll(self) -> None:
         """Take in the readings that have arrived."""
@@ -99,19 +102,17 @@ class NetworkWrench:
     def note(self, there: bool) -> None:
         """Whether the newest sample had a reading: without any for a while, the clocks are aligned anew."""
         now = time.monotonic()
-        if there:
-            self._without_since = None
+        aligned = self._aligner.ready
+        if there or aligned != self._aligned:
+            self._without_since, self._aligned = now, aligned
+        if there or now - self._last_ns / NS >= _ALIVE:
             return
-        arriving = now - self._last_ns / NS < _ALIVE
-        if arriving and not self._aligner.ready:
+        if not aligned:
             self._check.note("unaligned")
-            self._without_since = now
-        elif self._without_since is None:
-            self._without_since = now
-        elif arriving and now - self._without_since > _LOST:
-            # Readings arrive, but match no instant: the estimate of the sensor's clock is wrong.
-            self._aligner.forget_sensor()
-            self._without_since = now
+        if now - self._without_since > (_LOST if aligned else _UNALIGNED):
+            # Which of the two clocks misleads cannot be told.
+            self._aligner.forget()
+            self._without_since, self._aligned = now, False
 
     def close(self) -> None:
         """Close the connection."""

@@ -191,8 +191,9 @@ class Aligner:
         self._sensor.observe(number, arrival_ns)
         self._readings.append((number, np.asarray(wrench, dtype=float)))
 
-    def forget_sensor(self) -> None:
-        """Estimate the force/torque sensor's clock again from the start."""
+    def forget(self) -> None:
+        """Estimate both clocks again from the start."""
+        self._robot.reset()
         self._sensor.reset()
         self._readings.clear()
         self._wraps, self._last, self._stride = 0, None, 0

@@ -107,7 +107,7 @@ ROWS = [
         "restarted, counts from 1",
         "sensor",
         "degraded",
-        "lack the force/torque reading|count its readings anew",
+        "lack the force/torque reading|counts its readings anew",
     ),
     Row("counts 1e6 ahead", "sensor", "ok|degraded", ""),
     Row("reordered", "sensor", "ok|degraded", ""),

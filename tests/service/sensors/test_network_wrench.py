@@ -1,0 +1,133 @@
+"""A force/torque sensor's box whose counter or clock misleads: the reader starts anew instead of waiting."""
+
+import time
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pynetft
+import pytest
+
+from contactsense.service.sensors import netft_client, network_wrench
+from contactsense.service.sensors.netft_client import NetFtStream, WrenchRecord
+from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
+from contactsense.service.sensors.plausibility import ReadingCheck, RecentCounts
+from contactsense.service.sensors.robot_stream import RobotRecord
+
+NS = 1_000_000_000
+
+
+class Refusing:
+    """A client of pynetft that hears the sensor and takes none of its records."""
+
+    started = 0
+
+    def __init__(self, *_: object, **__: object) -> None:
+        self.refused = 0
+
+    def start(self) -> None:
+        Refusing.started += 1
+
+    def stop(self) -> None:
+        pass
+
+    def samples(self, timeout: float) -> Iterator[Any]:
+        self.refused += 5
+        yield from ()
+        raise TimeoutError
+
+    def health(self) -> object:
+        """All counters 0 but one."""
+        counts = {name: 0 for name in pynetft.Health.__dataclass_fields__ if name.endswith("_count")}
+        counts["ft_backward_count"] = self.refused
+        return SimpleNamespace(
+            **counts,
+            last_error="",
+            state=pynetft.ClientState.STREAMING,
+            receive_rate_hz=1e3,
+            last_record_age=0.0,
+        )
+
+
+def test_a_client_that_takes_records_for_old_ones_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pynetft, "Client", Refusing)
+    now = time.monotonic()
+    monkeypatch.setattr(netft_client, "time", SimpleNamespace(monotonic=lambda: now))
+    stream = NetFtStream("127.0.0.1", counts=(1.0, 1.0))
+    before = Refusing.started
+    for _ in range(20):
+        now += 0.05
+        stream.poll()
+    assert Refusing.started > before
+    assert stream.health.restarts > 0
+    assert "counts its readings anew" in stream.health.error
+
+
+class Box:
+    """A simulated robot and sensor, each with a clock of its own, and the reader between them."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.ns, self.tick, self.stamp = 50 * NS, 1000, 7.0
+        self.waited = 0
+        self.queue: list[WrenchRecord] = []
+        monkeypatch.setattr(network_wrench, "NetFtStream", lambda *_, **__: self)
+        clock = SimpleNamespace(monotonic=lambda: self.now / NS, monotonic_ns=lambda: self.now)
+        monkeypatch.setattr(network_wrench, "time", clock)
+        self.reader = NetworkWrench(
+            WrenchSource("sensor"),
+            Timing(None, 0.005, 0.0, 0.003),
+            ReadingCheck("base_wrench", False, RecentCounts()),
+            lambda _: None,
+        )
+
+    @property
+    def now(self) -> int:
+        """Host time [ns]."""
+        return self.ns + self.waited
+
+    def poll(self, timeout: float = 0.0) -> list[WrenchRecord]:
+        """What has arrived."""
+        self.waited += round(timeout * NS)
+        found, self.queue = self.queue, []
+        return found
+
+    def run(self, duration: float) -> float:
+        """Fraction of the robot's samples within that time [s] that had a reading."""
+        there = []
+        for _ in range(round(duration * 500)):
+            for _ in range(2):
+                self.ns += NS // 1000
+                self.tick += 1
+                self.queue.append(WrenchRecord(self.tick & 0xFFFFFFFF, self.ns, (self.tick, 0, 0, 0, 0, 0)))
+            self.stamp += 0.002
+            self.waited = 0
+            record = RobotRecord(self.stamp, self.ns, ())
+            self.reader.poll()
+            self.reader.observe_robot(record)
+            aligned = self.reader.at(record)
+            self.reader.note(aligned.wrench is not None)
+            there.append(aligned.wrench is not None)
+        return sum(there) / len(there)
+
+
+def test_a_robot_clock_that_stood_still_is_learned_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    box = Box(monkeypatch)
+    box.run(1.0)
+    assert box.run(1.0) == 1.0
+    # The controller stalls for longer than readings are kept, and stamps its packets as if it had not.
+    for _ in range(6000):
+        box.ns += NS // 1000
+        box.tick += 1
+        box.queue.append(WrenchRecord(box.tick, box.ns, (box.tick, 0, 0, 0, 0, 0)))
+    box.run(2.0)
+    assert box.run(1.0) == 1.0
+
+
+def test_damaged_numbers_while_the_clocks_are_learned_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    box = Box(monkeypatch)
+    # Each of them might be the first of a sensor that counts fast.
+    for ahead in (1 << 29, 1 << 30, 3 << 29):
+        box.tick += ahead
+        box.run(0.002)
+    box.run(25.0)
+    assert box.run(1.0) == 1.0
