@@ -5,6 +5,7 @@ primitives; points inside another primitive are excluded. Every cell is divided 
 if the posterior is narrow.
 """
 
+import functools
 import math
 from typing import Annotated, NamedTuple
 
@@ -90,6 +91,23 @@ def sample_surface(
     by a smooth window, so that the effect of curvature cancels. Each grid point represents the nearest point
     of the surface.
     """
+    arrays = tuple((array.tobytes(), array.dtype.str, array.shape) for array in surfaces)
+    samples, subsamples, area = _sampled(arrays, unsearched_area)
+    return (
+        SurfaceSamples(*(array.copy() for array in samples)),
+        SurfaceSubsamples(*(array.copy() for array in subsamples)),
+        area,
+    )
+
+
+@functools.lru_cache(maxsize=8)
+def _sampled(
+    arrays: tuple[tuple[bytes, str, tuple[int, ...]], ...], unsearched_area: float
+) -> tuple[SurfaceSamples, SurfaceSubsamples, float]:
+    """The samples of surfaces whose arrays have these contents: scenes of one cell share them."""
+    surfaces = Surfaces(
+        *(np.frombuffer(content, dtype).reshape(shape).copy() for content, dtype, shape in arrays)
+    )
     links = len(surfaces.start) - 1
     links_patches = [surface_patches(surfaces, link) for link in range(links)]
     area = sum(float(patches.area.sum()) for patches in links_patches)
@@ -102,8 +120,10 @@ def sample_surface(
         count = max(round(float(patches.area.sum()) / edge**2), 1)
         owner = _assign_to_cells(patches, edge, count)
         cells.append(_representatives(patches, owner))
-        for i in range(len(cells[-1].area)):
-            member = Patches(*(values[owner == i] for values in patches))
+        by_cell = np.argsort(owner, kind="stable")
+        ends = np.cumsum(np.bincount(owner))[:-1]
+        for members in zip(*(np.split(values[by_cell], ends) for values in patches), strict=True):
+            member = Patches(*members)
             subsamples.append(
                 _representatives(member, _assign_to_cells(member, edge / math.sqrt(SUBSAMPLES), SUBSAMPLES))
             )

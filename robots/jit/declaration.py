@@ -23,6 +23,7 @@ Python and inside of kernels.
 """
 
 import ast
+import functools
 from collections.abc import Iterator, Mapping
 from typing import (
     Annotated,
@@ -126,6 +127,7 @@ def numbers(records: Records[Any], name: str) -> np.ndarray:
     return np.asarray(np.asarray(records)[name])
 
 
+@functools.cache
 def fields_of(kind: Any) -> Node:
     """The fields of a NamedTuple whose annotations state shapes.
 
@@ -169,11 +171,17 @@ def _dtype(kind: Any) -> np.dtype[Any] | None:
     return np.dtype(np.int64) if kind == Integers else None
 
 
+class _Substitution(ast.NodeTransformer):
+    """Replaces names of sizes."""
+
+    def __init__(self, sizes: Mapping[str, str]) -> None:
+        self._sizes = sizes
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        """The expression that stands for a name, if there is one."""
+        return ast.parse(self._sizes[node.id], mode="eval").body if node.id in self._sizes else node
+
+
 def _outer(expression: str, sizes: Mapping[str, str]) -> str:
     """An expression of a nested declaration's sizes in terms of those of the outermost one."""
-
-    class _Substitution(ast.NodeTransformer):
-        def visit_Name(self, node: ast.Name) -> ast.expr:
-            return ast.parse(sizes[node.id], mode="eval").body if node.id in sizes else node
-
-    return ast.unparse(_Substitution().visit(ast.parse(expression, mode="eval").body))
+    return ast.unparse(_Substitution(sizes).visit(ast.parse(expression, mode="eval").body))

@@ -4,8 +4,10 @@ compiled function takes longer than its computation.
 One buffer holds floats and records, the other one integers, in the order in which the fields are declared.
 """
 
+import functools
 import math
 from collections.abc import Mapping
+from types import CodeType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -88,6 +90,9 @@ def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], mod
         kinds: The declarations, in the order in which they lie in the buffers.
         sizes: Names of the sizes, in order.
         module: Name of the module that holds the kernel.
+
+    Raises:
+        TypeError: An array has more axes than kernels can take from a buffer.
     """
     lines = [
         f"def {name}(buffers):",
@@ -102,6 +107,9 @@ def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], mod
             names[part.kind.__name__] = part.kind
             return f"{part.kind.__name__}({', '.join([value(field) for field in part.fields])})"
         variable, shape = f"x{len(lines)}", ", ".join(part.shape)
+        most = len(_TAKE if part.dtype in (np.int64, np.float64) else _TAKE_RECORDS)
+        if len(part.shape) > most:
+            raise TypeError(f"{part.name}: expected at most {most} axes, got shape ({shape})")
         if part.by_value:
             lines.append(f"    {variable}, f = floats[f], f + 1")
         elif part.dtype == np.int64:
@@ -127,7 +135,12 @@ def _leaves(part: Node | Leaf, value: Any) -> list[tuple[Leaf, Any]]:
 
 
 def _shape(leaf: Leaf, sizes: Mapping[str, int]) -> tuple[int, ...]:
-    return tuple(int(eval(axis, {"max": max, "min": min}, dict(sizes))) for axis in leaf.shape)
+    return tuple(int(eval(_code(axis), {"max": max, "min": min}, dict(sizes))) for axis in leaf.shape)
+
+
+@functools.cache
+def _code(expression: str) -> CodeType:
+    return compile(expression, "<shape>", "eval")
 
 
 @inlined_kernel
