@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Commands that start Python often must not compile all modules each time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo view test check results clean
+.PHONY: demo view test test-all check results clean
 
 demo: $(VENV)/run.stamp  ## a simulated arm is touched, the service says where
 	$(BIN)/contactsense demo
@@ -18,6 +18,10 @@ view: $(VENV)/view.stamp  ## the same, shown in a browser
 
 test: $(VENV)/test.stamp  ## the default tests
 	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadgroup --no-loadscope-reorder
+
+test-all: $(VENV)/test.stamp  ## all tests, an hour; those that measure in real time run alone
+	$(BIN)/python -m pytest -m "not realtime" -n auto --dist loadgroup --no-loadscope-reorder
+	$(BIN)/python -m pytest -m realtime
 
 check: $(VENV)/test.stamp  ## style, types, import contract
 	$(BIN)/ruff format --check .

@@ -14,8 +14,14 @@ ATTEMPTS = 3
 PATIENCE = 60.0
 """How long it waits for them before it is tried again [s]."""
 
-FIRST = "contactsense/test_localizer.py"
-"""Compiles nearly all that the others use."""
+FIRST = (
+    "contactsense/test_localizer.py",
+    "contactsense/link_sensors/test_link_sensors.py",
+    "contactsense/localization/test_intrinsic_contact.py",
+    "contactsense/runtime/test_blocks.py",
+    "benchmarks/multi_contact/test_command.py",
+)
+"""Compile nearly all that the others use."""
 WITHOUT = (
     "robots",
     "contactsense/solvers",
@@ -31,6 +37,11 @@ LIVE = {"serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "S
 """A test file that imports one of these keeps simulated devices, or services that listen to them."""
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are processors: much of the time is spent on waiting for simulated devices."""
+    return (os.cpu_count() or 1) + 1
+
+
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """One worker compiles the localizer while another works on what can do without it; side by side on the
@@ -43,7 +54,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     def turn(item: pytest.Item) -> int:
         name = item.path.relative_to(root).as_posix()
-        if name == FIRST:
+        if name in FIRST:
             return 0
         if _is_realtime(item):
             return 4
@@ -53,8 +64,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     items.sort(key=turn)
     for item in items:
+        if item.get_closest_marker("long") is not None:
+            item.add_marker("slow")
         group = item.path.relative_to(root).as_posix()
-        if _is_realtime(item) or _is_live(item):
+        if group in FIRST:
+            group = "first"
+        elif _is_realtime(item) or _is_live(item):
             group = "realtime" if _is_realtime(item) else "live"
         item.add_marker(pytest.mark.xdist_group(group))
 

@@ -45,6 +45,7 @@ def test_offline_file() -> None:
     assert all(" N at " in line for line in lines)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     any(importlib.util.find_spec(name) is None for name in ("trimesh", "yourdfpy", "embreex")),
     reason="the packages of contactsense[geometry] are not installed or have no wheels here",

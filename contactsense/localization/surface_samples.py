@@ -7,6 +7,7 @@ if the posterior is narrow.
 
 import functools
 import math
+from copy import deepcopy
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -92,12 +93,7 @@ def sample_surface(
     of the surface.
     """
     arrays = tuple((array.tobytes(), array.dtype.str, array.shape) for array in surfaces)
-    samples, subsamples, area = _sampled(arrays, unsearched_area)
-    return (
-        SurfaceSamples(*(array.copy() for array in samples)),
-        SurfaceSubsamples(*(array.copy() for array in subsamples)),
-        area,
-    )
+    return deepcopy(_sampled(arrays, unsearched_area))
 
 
 @functools.lru_cache(maxsize=8)

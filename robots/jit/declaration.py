@@ -24,7 +24,7 @@ Python and inside of kernels.
 
 import ast
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from typing import (
     Annotated,
     Any,
@@ -127,13 +127,17 @@ def numbers(records: Records[Any], name: str) -> np.ndarray:
     return np.asarray(np.asarray(records)[name])
 
 
-@functools.cache
 def fields_of(kind: Any) -> Node:
     """The fields of a NamedTuple whose annotations state shapes.
 
     Raises:
         TypeError: An annotation states none.
     """
+    return _fields_of(kind)
+
+
+@functools.cache
+def _fields_of(kind: Hashable) -> Node:
     return _node(kind, {}, ())
 
 

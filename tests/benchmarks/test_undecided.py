@@ -13,7 +13,7 @@ from contactsense.benchmarks.undecided import judge
 NONE = Noise(0.0, 0.0, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_oracle_answers_as_the_localizer_and_stays_at_its_answers() -> None:
     scene = scene_of("ur5e", NONE)
     touches = Toucher(scene, seed=2).draw(8, contacts=2, even=True)

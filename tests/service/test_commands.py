@@ -44,6 +44,7 @@ def run(*arguments: str) -> tuple[int, str, str]:
     return process.returncode, out, err
 
 
+@pytest.mark.slow
 @pytest.mark.realtime
 def test_the_demo_finds_a_push(tmp_path: Path) -> None:
     script = tmp_path / "push.yaml"
@@ -65,7 +66,7 @@ def test_the_demo_fails_where_the_truth_is_out_of_reach(tmp_path: Path) -> None:
     assert status == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.realtime
 def test_the_whole_demo() -> None:
     status, out, err = run("demo")

@@ -84,7 +84,7 @@ def test_wrong_use_is_told(arguments: list[str], status: int, message: str) -> N
     assert message in result.output
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_decompose_a_urdf_and_load_what_it_made(tmp_path: Path) -> None:
     for name, mesh in two_meshes().items():
         mesh.export(tmp_path / f"{name}.stl")
@@ -115,7 +115,7 @@ def test_decompose_a_body_for_a_scene(tmp_path: Path) -> None:
     assert 1 <= len(body.primitives) <= 2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_decompose_a_tool_for_a_scene(tmp_path: Path) -> None:
     mesh = two_meshes()["base"]
     mesh.apply_scale(1000.0)

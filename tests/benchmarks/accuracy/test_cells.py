@@ -46,7 +46,7 @@ def test_the_scene_of_another_make_loads() -> None:
     assert f"examples/cells/{path.name}" in PAGE
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_exact_sensors_name_every_link_and_the_tool() -> None:
     scene = Scene.load(FOLDER / "base_sensor.yaml").model_copy(
         update={
@@ -64,7 +64,7 @@ def test_exact_sensors_name_every_link_and_the_tool() -> None:
     assert answers.named[tool].all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_flange_sensor_feels_the_tool_only() -> None:
     """Joint torques so noisy that they do not feel 20 N."""
     scene = Scene.load(FOLDER / "e_series.yaml").model_copy(

@@ -56,7 +56,7 @@ def test_true_probabilities_are_told_from_overconfident_ones() -> None:
     assert boastful["right"] == honest["right"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_probabilities_of_known_touches_on_a_real_arm_are_true() -> None:
     folder = shared("ur10e_recordings")
     scene = calibrated_scene(folder)

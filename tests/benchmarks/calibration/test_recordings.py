@@ -8,7 +8,7 @@ from contactsense.benchmarks.calibration.recordings import FREE, LOADED, left_ou
 from tests.shared import shared
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_free_motion_has_no_alarms_and_every_touch_is_found() -> None:
     result = measure(shared("ur10e_recordings"))
     free = result["free"]
@@ -34,7 +34,7 @@ def test_free_motion_has_no_alarms_and_every_touch_is_found() -> None:
     assert result["free_seconds"] > 600.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_touches_are_left_out_of_a_calibration_and_free_motion_is_not() -> None:
     found = left_out(shared("ur10e_recordings"), ("collision_free", "collision_forearm"))
     assert found["collision_free"] == []

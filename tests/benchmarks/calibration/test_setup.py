@@ -9,7 +9,7 @@ from contactsense.benchmarks.calibration.setup import setup
 from contactsense.benchmarks.calibration.setup_draws import MISTAKES
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_mistake_is_named_and_no_right_setup_accused() -> None:
     arguments = ["--arm", "ur10e", "--draws", "1", "--right", "3", "--json"]
     said = json.loads(CliRunner().invoke(setup, arguments).stdout)

@@ -38,7 +38,7 @@ def test_the_error_falls_with_the_root_of_time(case: Case, finger: Finger) -> No
     assert ((0.2 * stated**2 < error**2) & (error**2 < 2.5 * stated**2)).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_masses_that_are_off_leave_an_error_that_is_stated(finger: Finger) -> None:
     exact, _ = _errors(CASES[1], finger)
     wrong, stated = _errors(CASES[2], finger)

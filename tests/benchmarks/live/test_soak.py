@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from contactsense.benchmarks.live.soak import soak
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.realtime
 @pytest.mark.timeout(600)
 def test_a_minute() -> None:

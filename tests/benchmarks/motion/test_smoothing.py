@@ -47,7 +47,7 @@ def test_without_noise_the_limit_is_the_truth() -> None:
     assert found["hold"]["end"]["whole"]["median"] < 1.1 * found["hold"]["end"]["surface_limit"]["median"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_from_torques_alone_the_whole_contact_names_the_link_more_often() -> None:
     every = rows("--level", "2", "--torques-alone", "--robot", "ur10e", "--draws", "1")["all"]
     assert every["end"]["limit"]["median"] is None

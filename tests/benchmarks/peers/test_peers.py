@@ -87,7 +87,7 @@ def test_force_line_without_force_gives_no_answer() -> None:
     assert found.link[0] == -1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_particle_filter_finds_most_contacts_with_a_base_sensor(touches: Touches) -> None:
     """Mostly within 3 cm, as its paper says of joint torques on a simulated humanoid."""
     found = answers(ParticleFilter(scene()), touches)
@@ -103,7 +103,7 @@ def test_particle_filter_cannot_place_a_contact_that_one_joint_feels(touches: To
     assert (errors(found, near_base) < 0.03).mean() < 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_exploring_filter_finds_contacts_to_the_millimetre(touches: Touches) -> None:
     found = answers(ExplorationFilter(scene()), touches)
     assert (errors(found, touches) < 0.0225).mean() >= 0.9
@@ -142,7 +142,7 @@ def test_exploring_filter_needs_a_sensor() -> None:
         ExplorationFilter(scene())(POSTURE, None, None)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_torque_samples_list_the_truth_among_many() -> None:
     """Torques that are explained exactly at several places, far apart: the paper's point."""
     alone = scene(base=False)
@@ -159,7 +159,7 @@ def test_torque_samples_list_the_truth_among_many() -> None:
     assert listed >= 6
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_torque_samples_answer_with_the_least_residual() -> None:
     alone = scene(base=False)
     touches = Toucher(alone, seed=3).draw(2)

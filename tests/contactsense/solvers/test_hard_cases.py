@@ -38,7 +38,7 @@ def test_random_contacts_to_the_last_digits() -> None:
         assert row.worst <= ULPS
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not WIDE, reason="no extended precision on this machine")
 def test_a_million_random_contacts_to_the_last_digits() -> None:
     for row in accuracy.rows(1_000_000, lambda name: None):
@@ -58,7 +58,7 @@ def test_solutions_agree_with_exact_arithmetic() -> None:
     _check_sweep(4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_solutions_agree_with_exact_arithmetic_often() -> None:
     _check_sweep(100)
 
@@ -69,7 +69,7 @@ def test_seams_have_one_answer() -> None:
         assert row.residual < 1e-12
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_seams_have_one_answer_a_million_times() -> None:
     for row in seams.rows(1_000_000, lambda name: None):
         assert (row.gaps, row.doubles) == (0, 0)
@@ -109,7 +109,7 @@ def test_tables_are_written_to_a_page() -> None:
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_prints_its_tables() -> None:
     shown = CliRunner().invoke(solvers, ["--count", "1000", "--only", "cases"])
     assert shown.exit_code == 0

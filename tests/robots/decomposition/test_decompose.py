@@ -41,7 +41,7 @@ def test_finds_the_two_bodies_that_made_the_mesh(bar: tuple[Fit, ...]) -> None:
     assert bar[0].p95 > found.p95
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_bodies(bar: tuple[Fit, ...]) -> None:
     again = fit_link(
         two_links(), two_meshes(), 1, Options(guesses=20, most=1, tolerance=0.0015, samples=6000)
@@ -107,7 +107,7 @@ def test_a_limit_in_all_is_kept_where_it_costs_least(bar: tuple[Fit, ...]) -> No
     assert choose([bar, bar], 0.0015, total=1) == [0, 0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_real_wrist() -> None:
     robot = robots.load("ur5e")
     meshes = from_folder(shared("ur_visual/ur5e"), robot.link_names)

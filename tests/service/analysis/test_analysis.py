@@ -169,7 +169,7 @@ print(found.samples, int(status["VmHWM"].split()[0]) // 1024)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
     free = simulate(Script.demo().model_copy(update={"contacts": ()}))
     part = pa_parquet.read_table(write_motion(free, tmp_path / "part.parquet", rounds=10))

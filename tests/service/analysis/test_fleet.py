@@ -85,7 +85,7 @@ def test_segments_cover_a_recording_once(tmp_path: Path) -> None:
     assert found[1].end == 60000
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_any_cut_gives_the_same_contacts(tmp_path: Path, scene: Path) -> None:
     write_motion(demo(), tmp_path / "one.parquet", rounds=6)
     files = (tmp_path / "one.parquet",)
@@ -155,7 +155,7 @@ def _kill_oneself(task: int) -> int:
     return task
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_task_that_kills_its_workers_is_given_up_and_the_others_are_done() -> None:
     results = dict(run_tasks(_kill_oneself, [0, 1, 2, 3], workers=2))
     assert isinstance(results.pop(1), WorkerPoolError)
