@@ -37,11 +37,6 @@ LIVE = {"serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "S
 """A test file that imports one of these keeps simulated devices, or services that listen to them."""
 
 
-def pytest_xdist_auto_num_workers() -> int:
-    """One more than there are processors: much of the time is spent on waiting for simulated devices."""
-    return (os.cpu_count() or 1) + 1
-
-
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """One worker compiles the localizer while another works on what can do without it; side by side on the

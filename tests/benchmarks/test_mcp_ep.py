@@ -71,7 +71,7 @@ def test_ours_estimates_contacts_one_after_another(touches: Touches) -> None:
     assert seconds.shape == (2,)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_base_sensor_locates_what_torques_cannot() -> None:
     """On the base no joint feels anything, on the shoulder one; with a base sensor both are located."""
     touches = touched("ur5e", 40)

@@ -109,6 +109,7 @@ def test_the_wheel_has_one_top_level_name_and_all_data(wheel: Path) -> None:
     assert "contactsense/robots/ur5e.yaml" in names
 
 
+@pytest.mark.long
 def test_a_source_distribution_builds_the_same_wheel(sources: Path, wheel: Path, tmp_path: Path) -> None:
     venv.create(tmp_path / "env", with_pip=True)
     python = str(tmp_path / "env" / "bin" / "python")

@@ -49,7 +49,7 @@ def test_two_scenes_side_by_side(scenes: tuple[str, str]) -> None:
     assert float(with_base) < 0.2 * float(without)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_picture_of_two_scenes(scenes: tuple[str, str], tmp_path: Path) -> None:
     picture = tmp_path / "map.png"
     result = call(scenes[0], "--compare", scenes[1], *POSTURE, "--picture", str(picture))

@@ -79,6 +79,7 @@ def test_a_flange_sensor_feels_the_tool_only() -> None:
     assert answers.named[tool].all()
 
 
+@pytest.mark.long
 def test_the_command_counts_by_link() -> None:
     path = str(FOLDER / "base_sensor.yaml")
     printed = CliRunner().invoke(cells, [path, "--contacts", "8", "--json"])

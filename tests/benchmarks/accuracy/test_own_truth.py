@@ -28,6 +28,7 @@ def test_our_method_finds_what_was_made() -> None:
     assert found.median < 0.001
 
 
+@pytest.mark.long
 def test_the_files_are_those_of_the_given_truth(tmp_path: Path) -> None:
     done = CliRunner().invoke(
         main, [str(tmp_path), "--robot", "ur5e", "--contacts", "4"], catch_exceptions=False

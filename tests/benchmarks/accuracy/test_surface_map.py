@@ -32,7 +32,7 @@ def test_no_prediction_at_all_is_no_agreement() -> None:
     assert found["error_told"] == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_compares_the_chosen_sensors() -> None:
     chosen = ["--robot", "ur5e", "--sensors", "all", "--postures", "1", "--draws", "40", "--every", "80"]
     done = CliRunner().invoke(surface_map, [*chosen, "--json"])

@@ -42,7 +42,7 @@ def test_touches_are_left_out_of_a_calibration_and_free_motion_is_not() -> None:
     assert 9 <= len(found["collision_forearm"]) <= 11
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pushes_on_an_arm_at_rest_are_left_out_of_a_calibration_and_rest_is_not() -> None:
     found = left_out(shared("ur10e_recordings"), ("push_pose_1", "validation-p2", "validation-p9"))
     # What a person sees in the currents.

@@ -27,7 +27,7 @@ def _errors(case: Case, finger: Finger) -> tuple[np.ndarray, np.ndarray]:
     return np.array(found["error_mm"]), np.array(found["stated_mm"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES[:2], ids=lambda case: case.name)
 def test_the_error_falls_with_the_root_of_time(case: Case, finger: Finger) -> None:
     error, stated = _errors(case, finger)

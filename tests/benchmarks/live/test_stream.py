@@ -39,7 +39,7 @@ def test_free_address_is_free():
     assert free_address(0) == "127.0.0.1"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.realtime
 def test_nothing_is_lost_in_half_a_minute():
     (ours,) = measure(("rtde",), 30.0, lambda _: None)

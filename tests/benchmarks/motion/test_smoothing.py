@@ -17,7 +17,7 @@ def rows(*options: str) -> dict[str, dict[str, Any]]:
     return {row["kind"]: row for row in json.loads(result.stdout)["results"]}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_whole_contact_is_better_than_its_last_live_answer() -> None:
     found = rows("--level", "2", "--draws", "2")
     every, slide = found["all"], found["slide"]
@@ -37,7 +37,7 @@ def test_the_whole_contact_is_better_than_its_last_live_answer() -> None:
     assert found["two at a time"]["kept_live"] == found["two at a time"]["answers"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_without_noise_the_limit_is_the_truth() -> None:
     found = rows("--level", "0")
     assert found["all"]["end"]["limit"]["median"] < 0.05

@@ -43,6 +43,7 @@ def errors(found: Answers, touches: Touches) -> np.ndarray:
     return np.linalg.norm(found.point_base - touches.point_base[:, 0], axis=1)
 
 
+@pytest.mark.long
 def test_wrench_axis_finds_every_contact_without_noise(touches: Touches) -> None:
     """The line of the true force enters the true link at the true place, unless an earlier entry hides it."""
     found = answers(ExactContact(scene(), closed_form=False), touches)
@@ -94,7 +95,7 @@ def test_particle_filter_finds_most_contacts_with_a_base_sensor(touches: Touches
     assert (errors(found, touches) < 0.03).mean() > 0.7
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_particle_filter_cannot_place_a_contact_that_one_joint_feels(touches: Touches) -> None:
     """On the shoulder a single torque is all there is, and every place on it explains it."""
     toucher = Toucher(scene().model_copy(update={"touchable": ("shoulder",)}), seed=1)
@@ -111,7 +112,7 @@ def test_exploring_filter_finds_contacts_to_the_millimetre(touches: Touches) -> 
     assert np.median(np.linalg.norm(found.force_base - touches.force_base[:, 0], axis=1)) < 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_exploring_filter_takes_contacts_one_after_another() -> None:
     wrist = scene().model_copy(update={"touchable": ("forearm", "wrist_1", "wrist_2", "wrist_3")})
     touches = Toucher(wrist, seed=2).draw(30, contacts=2, even=True)
@@ -125,7 +126,7 @@ def test_exploring_filter_takes_contacts_one_after_another() -> None:
     assert (found.link[both, 1, 0] != found.link[both, 1, 1]).all(), "at most one contact on a link"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_exploring_filter_takes_two_contacts_at_once_for_something_else() -> None:
     """It relies on contacts that arrive one after another."""
     wrist = scene().model_copy(update={"touchable": ("forearm", "wrist_1", "wrist_2", "wrist_3")})

@@ -37,6 +37,7 @@ def test_nothing_of_contactsense_is_imported() -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.long
 def test_a_seed_gives_the_same_files(tmp_path: Path) -> None:
     """Of both suites; another seed gives others."""
     written = []

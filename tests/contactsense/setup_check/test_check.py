@@ -100,7 +100,7 @@ def test_predictions_agree_with_independent_dynamics() -> None:
     assert late.setup.sensors[BASE].delay == pytest.approx(0.0, abs=4.0 * float(late.std[0]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_real_recordings_fit_and_a_load_and_a_push_are_seen() -> None:
     """A UR10e with motor currents alone, without and with a load at the flange."""
     scene = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))

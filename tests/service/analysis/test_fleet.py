@@ -133,7 +133,7 @@ def test_worker_processes_give_what_one_gives(tmp_path: Path, scene: Path) -> No
     assert two.contacts.equals(one.contacts)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_of_four_workers_may_be_killed(tmp_path: Path) -> None:
     tasks = [(i, tmp_path) for i in range(24)]
     killed: set[int] = set()
@@ -230,7 +230,7 @@ def test_each_robot_may_have_its_own_scene(tmp_path: Path, scene: Path) -> None:
         scene_files(folder, files, tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_scene_of_a_robot_is_used_for_its_recordings_only(tmp_path: Path) -> None:
     data = _dataset(tmp_path / "data")
     (data / "robot=a" / "scene.yaml").write_text("robot: ur5e\n")

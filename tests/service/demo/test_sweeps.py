@@ -55,7 +55,7 @@ def test_a_collision_out_of_a_log():
     assert Collision.of(records, "floor") is None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.realtime
 def test_the_command_compares_both() -> None:
     # On a machine that is busy elsewhere the service may come too late: what it did is told all the same.

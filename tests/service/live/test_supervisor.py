@@ -122,7 +122,7 @@ def test_a_process_that_hangs_is_started_again() -> None:
     asyncio.run(scenario())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_service_that_is_starved_itself_kills_no_healthy_process() -> None:
     async def scenario() -> None:
         async with running(fakes.Steady) as (runner, heard):

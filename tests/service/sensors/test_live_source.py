@@ -202,9 +202,14 @@ def test_a_sensor_between_links_has_its_own_box():
             sources = {"elbow": WrenchSource(own.host, own.port, own.http_port)}
             settings = settings_for(servers, wrench_rate=None, link_wrenches=sources)
             with LiveSource(scene, settings) as source:
-                assert until(lambda: any(s.link_wrenches for s in source.poll(0.1))), source.health
-                samples = [s for s in with_wrench(source, 300) if s.link_wrenches]
-                assert len(samples) > 200
+                samples = []
+
+                def complete():
+                    both = [s for s in source.poll(0.1) if s.link_wrenches and s.base_wrench is not None]
+                    samples.extend(both)
+                    return len(samples) > 200
+
+                assert until(complete), source.health
                 assert_of_its_instant(samples)
                 own.close()
                 assert until(lambda: all(not s.link_wrenches for s in source.poll(0.1)[-1:]))

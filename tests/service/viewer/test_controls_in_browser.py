@@ -15,7 +15,7 @@ from tests.service.loopback import until
 from tests.service.viewer.estimates import POSTURE, contact, estimate
 from tests.service.viewer.shown import Shown, showing
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 MOUNTING = (0.0, 0.0, 0.3)
 SCENE = Scene(robot="ur5e", mounting=MOUNTING)
 LINKS = (2, 3)

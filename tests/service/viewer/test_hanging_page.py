@@ -24,7 +24,7 @@ from contactsense.service.viewer.viewer import Viewer, run, serve_page
 from tests.service.loopback import until
 from tests.service.viewer.estimates import POSTURE
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 SUBPROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
 LOOKS = msgspec.msgpack.encode(CAMERA)
 SCENE = Scene(robot="ur5e")

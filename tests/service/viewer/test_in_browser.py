@@ -42,6 +42,7 @@ def test_the_words_tell_all_explanations(shown: Shown) -> None:
         assert expected in text
 
 
+@pytest.mark.long
 def test_a_browser_that_hangs_holds_up_nobody(shown: Shown, tmp_path: Path) -> None:
     url = f"http://127.0.0.1:{shown.server.get_port()}"
     with browser_page(url, tmp_path) as (_, process):

@@ -21,7 +21,7 @@ from tests.service.loopback import until
 from tests.service.serving import serving
 from tests.service.viewer.shown import PATIENCE, Shown, showing
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 TOKEN = "a token of more than sixteen characters"
 RULES = {
     "actions": {"note": {"type": "command", "command": ["true"]}},
