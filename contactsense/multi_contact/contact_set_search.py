@@ -11,7 +11,8 @@ from contactsense.kinematics.linalg.cholesky import invert_factored
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
 from contactsense.multi_contact.buffers import UNKNOWNS, MultiContactBuffers, PrimitiveFrames
 from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
-from contactsense.multi_contact.seeding import find_seeds, initial_forces, initialize_seeding
+from contactsense.multi_contact.sample_likelihood import initial_forces, initialize_seeding
+from contactsense.multi_contact.seeding import find_seeds
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import STUDENT_DOF, Prior, pushing_force

@@ -9,7 +9,7 @@ from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact.buffers import MAX_CONTACTS, MultiContactBuffers, PrimitiveFrames
 from contactsense.multi_contact.contact_set_search import search_contact_sets
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
-from contactsense.multi_contact.seeding import estimate_force_scale, transform_samples
+from contactsense.multi_contact.sample_likelihood import estimate_force_scale, transform_samples
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.runtime.buffers import Buffers, buffer_views

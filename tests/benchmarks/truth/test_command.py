@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -108,3 +109,19 @@ def test_the_localizer_finds_what_was_made(tmp_path: Path) -> None:
     assert len(right) == 4
     assert right[0] >= 0.95
     assert right[-1] >= 0.75
+
+
+@pytest.mark.long
+def test_the_table_of_the_readme(tmp_path: Path) -> None:
+    """By its two commands; another processor may round otherwise, which moves a few of the contacts."""
+    arguments = ("--robot", "ur5e", "--suite", "static", "--seed", "1", "--into", str(tmp_path))
+    assert make(*arguments).exit_code == 0
+    done = CliRunner().invoke(cli, ["bench", "truth", str(tmp_path), "--robot", "ur5e", "--json"])
+    measured = [
+        (100.0 * row["link_right"], row["error_mm"]["median"], row["error_mm_clear"]["p95"])
+        for row in json.loads(done.stdout)["results"]
+    ]
+    rows = re.findall(r"^\| (?:none|[\d.]+ N.*?) \| (.*) \|$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    stated = [[float(figure) for figure in re.findall(r"[\d.]+", row)] for row in rows]
+    assert np.array(stated)[:, 0] == pytest.approx(np.array(measured)[:, 0], abs=0.2)
+    assert np.array(stated)[:, 1:] == pytest.approx(np.array(measured)[:, 1:], rel=0.05)

@@ -1,0 +1,254 @@
+"""Likelihood of contacts near surface samples, to choose where the search for several contacts begins.
+
+A contact near a sample with an unknown pushing force makes the rows a Gaussian vector. Its covariance is
+S = C Q C^T (C: derivative of the rows by a force there, Q: prior covariance of the force) plus a term for
+the distance between samples. The covariances of several contacts add up, so that the likelihood of any
+set of samples is that of one small Gaussian.
+"""
+
+import math
+
+from contactsense.kinematics.linalg.cholesky import cholesky
+from contactsense.robots.jit.kernel import fused_kernel
+
+RATIO_FACTOR = 2.0
+"""Factor on the friction ratio of the prior in seeding, to allow for its heavy tail."""
+TORQUE_LEVER = 0.5
+"""Lever arm that converts a torque to a force if there is no base sensor [m]."""
+MIN_FORCE = 1.0
+"""Lower bound of the force scale [N]."""
+
+
+@fused_kernel
+def estimate_force_scale(external, present):  # type: ignore[no-untyped-def]
+    """Approximate magnitude of the contact forces [N].
+
+    Arguments as for `contactsense.multi_contact.measurement_rows.fill_measurement_rows`.
+    """
+    force_scale = MIN_FORCE
+    if present[0]:
+        y = external[0]
+        force_scale = max(force_scale, math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]))
+    for s in range(external[2].shape[0]):
+        if present[2] >> s & 1:
+            y = external[2][s]
+            force_scale = max(force_scale, math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]))
+    if present[1]:
+        for j in range(external[1].shape[0]):
+            force_scale = max(force_scale, abs(external[1][j]) / TORQUE_LEVER)
+    return force_scale
+
+
+@fused_kernel
+def transform_samples(samples, depth, motion, seed_samples, seeding):  # type: ignore[no-untyped-def]
+    """Transform all samples to the base frame: fills `seeding.point_normal`."""
+    for i in range(seed_samples.link.shape[0]):
+        body = depth[seed_samples.link[i]]
+        R, o, c, n = motion.rotation[body], motion.origin[body], samples.point[i], samples.normal[i]
+        out = seeding.point_normal[i]
+        for k in range(3):
+            out[k] = o[k] + R[k, 0] * c[0] + R[k, 1] * c[1] + R[k, 2] * c[2]
+            out[3 + k] = R[k, 0] * n[0] + R[k, 1] * n[1] + R[k, 2] * n[2]
+
+
+@fused_kernel
+def initialize_seeding(links, friction_ratio, known_contacts, count, force_scale, rows, m, seeding):  # type: ignore[no-untyped-def]
+    """Covariance of the rows due to noise and known contacts, and the innovation over their known forces.
+
+    Args:
+        links: Link of each primitive, shape (P,).
+        friction_ratio: That of the prior.
+        known_contacts, count: Known contacts, their normals in `seeding.known_normal`, and their number.
+        force_scale: Approximate magnitude of the forces [N].
+        rows, m: The measurement and the number of its rows.
+        seeding: Filled.
+    """
+    seeding.prior_covariance[:m, :m] = 0.0
+    for r in range(m):
+        seeding.prior_covariance[r, r] = 1.0
+        seeding.innovation[r] = rows.value[r]
+    for i in range(count):
+        link = links[known_contacts.primitive[i]]
+        c, n, f, C = (
+            known_contacts.point[i],
+            seeding.known_normal[i],
+            known_contacts.force[i],
+            known_contacts.covariance[i],
+        )
+        tangential, normal, force_norm = RATIO_FACTOR * friction_ratio * force_scale, force_scale, force_scale
+        if known_contacts.drift[i] < math.inf:
+            tangential = normal = known_contacts.drift[i]
+            force_norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+            w = (
+                f[0],
+                f[1],
+                f[2],
+                c[1] * f[2] - c[2] * f[1],
+                c[2] * f[0] - c[0] * f[2],
+                c[0] * f[1] - c[1] * f[0],
+            )
+            for r in range(m):
+                for k in range(6):
+                    seeding.innovation[r] -= rows.matrix[link, r, k] * w[k]
+        moment_deviation = force_norm * math.sqrt(0.5 * (C[0, 0] + C[1, 1] + C[2, 2]))
+        point_normal = (c[0], c[1], c[2], n[0], n[1], n[2])
+        _add_contact_covariance(
+            rows,
+            m,
+            link,
+            point_normal,
+            (normal, tangential),
+            moment_deviation,
+            seeding.force_jacobian,
+            seeding.weighted_innovation,
+            seeding.prior_covariance,
+        )
+
+
+@fused_kernel
+def _add_contact_covariance(  # type: ignore[no-untyped-def]
+    rows, m, link, point_normal, deviations, moment_deviation, force_jacobian, normal_jacobian, out
+):
+    """Add to `out` (lower triangle) the covariance of the rows due to a contact.
+
+    Args:
+        rows, m, link: The measurement, the number of its rows, the touched link.
+        point_normal: Point and outward normal, base frame, six floats.
+        deviations: Standard deviations of the force along the normal and along the tangents [N].
+        moment_deviation: Standard deviation of each component of an additional moment [Nm].
+        force_jacobian: Scratch: derivative of each row by the force, shape (M, 3).
+        normal_jacobian: Filled: derivative of each row by a force along the normal, shape (M,).
+        out: Shape (M, M).
+    """
+    A, seen = rows.matrix[link], rows.seen[link]
+    cx, cy, cz, nx, ny, nz = point_normal
+    tangential_variance = deviations[1] * deviations[1]
+    normal_excess = deviations[0] * deviations[0] - tangential_variance
+    moment_variance = moment_deviation * moment_deviation
+    for r in range(m):
+        normal_jacobian[r] = 0.0
+        if seen[r] == 0.0:
+            continue
+        a, b = A[r], force_jacobian[r]
+        # a . (f, c x f) = (a_f + a_m x c) . f
+        b[0] = a[0] + a[4] * cz - a[5] * cy
+        b[1] = a[1] + a[5] * cx - a[3] * cz
+        b[2] = a[2] + a[3] * cy - a[4] * cx
+        e = b[0] * nx + b[1] * ny + b[2] * nz
+        normal_jacobian[r] = e
+        for s in range(r + 1):
+            if seen[s] == 0.0:
+                continue
+            d, v = force_jacobian[s], A[s]
+            out[r, s] += (
+                tangential_variance * (b[0] * d[0] + b[1] * d[1] + b[2] * d[2])
+                + normal_excess * e * normal_jacobian[s]
+                + moment_variance * (a[3] * v[3] + a[4] * v[4] + a[5] * v[5])
+            )
+
+
+@fused_kernel
+def add_sample_covariance(  # type: ignore[no-untyped-def]
+    seed_samples, friction_ratio, i, coarse_factor, force_scale, rows, m, seeding, out
+):
+    """`_add_contact_covariance` for a contact at sample i."""
+    c = seeding.point_normal[i]
+    point_normal = (c[0], c[1], c[2], c[3], c[4], c[5])
+    moment_deviation = seed_samples.spread[i] * coarse_factor * force_scale
+    deviations = (force_scale, RATIO_FACTOR * friction_ratio * force_scale)
+    _add_contact_covariance(
+        rows,
+        m,
+        seed_samples.link[i],
+        point_normal,
+        deviations,
+        moment_deviation,
+        seeding.force_jacobian,
+        seeding.normal_jacobian[i],
+        out,
+    )
+
+
+@fused_kernel
+def log_likelihood(m, seeding):  # type: ignore[no-untyped-def]
+    """Log likelihood (up to a constant) of the innovation under the covariance in `seeding.factor`.
+
+    Factors the covariance and does the forward substitution into `weighted_innovation`.
+    """
+    L, y, z = seeding.factor, seeding.innovation, seeding.weighted_innovation
+    log_det = cholesky(L, m)
+    log_likelihood = -0.5 * log_det
+    for r in range(m):
+        x = y[r]
+        for s in range(r):
+            x -= L[r, s] * z[s]
+        z[r] = x / L[r, r]
+        log_likelihood -= 0.5 * z[r] * z[r]
+    return log_likelihood
+
+
+@fused_kernel
+def weight_innovation(m, seeding):  # type: ignore[no-untyped-def]
+    """Back substitution after `log_likelihood`: inverse covariance times innovation."""
+    L, z = seeding.factor, seeding.weighted_innovation
+    for r in range(m - 1, -1, -1):
+        x = z[r]
+        for s in range(r + 1, m):
+            x -= L[s, r] * z[s]
+        z[r] = x / L[r, r]
+
+
+@fused_kernel
+def is_pushing(m, seeding, sample):  # type: ignore[no-untyped-def]
+    """Whether the most likely force at a sample pushes, after `weight_innovation`."""
+    x = 0.0
+    for r in range(m):
+        x += seeding.normal_jacobian[sample, r] * seeding.weighted_innovation[r]
+    return x < 0.0
+
+
+@fused_kernel
+def copy_lower(m, a, out):  # type: ignore[no-untyped-def]
+    """Copy the lower triangle of a symmetric matrix, shape (m, m)."""
+    for r in range(m):
+        for s in range(r + 1):
+            out[r, s] = a[r, s]
+
+
+@fused_kernel
+def initial_forces(seed_samples, friction_ratio, s, count, force_scale, rows, m, seeding, out):  # type: ignore[no-untyped-def]
+    """Most likely forces at the samples of a seed, base axes, shape (>= count, 3) [N]."""
+    coarse_factor = 1.0 if count == 1 else seed_samples.coarse_factor
+    copy_lower(m, seeding.prior_covariance, seeding.factor)
+    for e in range(count):
+        add_sample_covariance(
+            seed_samples,
+            friction_ratio,
+            seeding.seed[s, e],
+            coarse_factor,
+            force_scale,
+            rows,
+            m,
+            seeding,
+            seeding.factor,
+        )
+    log_likelihood(m, seeding)
+    weight_innovation(m, seeding)
+    tangential_variance = (RATIO_FACTOR * friction_ratio * force_scale) ** 2
+    for e in range(count):
+        i = seeding.seed[s, e]
+        link = seed_samples.link[i]
+        c = seeding.point_normal[i]
+        c0, c1, c2, n0, n1, n2 = c[0], c[1], c[2], c[3], c[4], c[5]
+        b0, b1, b2 = 0.0, 0.0, 0.0
+        for r in range(m):
+            a, x = rows.matrix[link, r], seeding.weighted_innovation[r]
+            b0 += x * (a[0] + a[4] * c2 - a[5] * c1)
+            b1 += x * (a[1] + a[5] * c0 - a[3] * c2)
+            b2 += x * (a[2] + a[3] * c1 - a[4] * c0)
+        normal_part = (force_scale * force_scale - tangential_variance) * (b0 * n0 + b1 * n1 + b2 * n2)
+        out[e, 0], out[e, 1], out[e, 2] = (
+            tangential_variance * b0 + normal_part * n0,
+            tangential_variance * b1 + normal_part * n1,
+            tangential_variance * b2 + normal_part * n2,
+        )
