@@ -38,6 +38,7 @@ def mock() -> Iterator[tuple[Motion, list[str]]]:
         )  # fmt: skip
 
 
+@pytest.mark.realtime
 def test_every_sample_is_recorded_raw_and_as_used(tmp_path: Path, mock: tuple[Motion, list[str]]) -> None:
     motion, source = mock
     result = CliRunner().invoke(
