@@ -40,7 +40,7 @@ def test_the_oracle_answers_as_the_localizer_and_stays_at_its_answers() -> None:
         np.testing.assert_allclose(again.point_base, points, atol=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_shares_of_answers_add_up() -> None:
     rows = list(judge(NONE, "ur5e", 4, seed=3))
     assert (rows[0].contacts, rows[0].arriving) == (2, "at once")

@@ -44,7 +44,7 @@ def run(*arguments: str) -> tuple[int, str, str]:
     return process.returncode, out, err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.realtime
 def test_the_demo_finds_a_push(tmp_path: Path) -> None:
     script = tmp_path / "push.yaml"

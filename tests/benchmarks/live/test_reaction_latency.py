@@ -21,7 +21,7 @@ def test_the_first_write_of_a_sample_counts(tmp_path) -> None:
     assert seen.left_ns(5.012) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.realtime
 def test_it_measures() -> None:
     measured = CliRunner().invoke(latency, ["--reaction", "--seconds", "5", "--json"])

@@ -51,6 +51,7 @@ def test_wrench_axis_finds_every_contact_without_noise(touches: Touches) -> None
     assert (errors(found, touches) < 1e-6).mean() >= 0.9
 
 
+@pytest.mark.long
 def test_closed_form_finds_every_contact_without_noise(touches: Touches) -> None:
     found = answers(ExactContact(scene(), closed_form=True), touches)
     assert np.median(errors(found, touches)) < 1e-6
