@@ -126,7 +126,7 @@ TRIED_ALWAYS = {
     "robot": {"q is NaN", "torque is frozen", "pairs are swapped", "bursts of 400 ms", "10 % are missing"},
     "sensor": {"mute", "frozen", "biased by 40 N", "restarted, counts from 1", "saturated", "junk"},
 }
-"""One fault of each kind, which .ci/run tries; all take six minutes."""
+"""One fault of each kind, which .ci/run tries; all take three minutes."""
 
 
 class Cell:
