@@ -19,7 +19,7 @@ view: $(VENV)/view.stamp  ## the same, shown in a browser
 test: $(VENV)/test.stamp  ## the default tests
 	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadgroup --no-loadscope-reorder
 
-test-all: $(VENV)/test.stamp  ## all tests, an hour; those that measure in real time run alone
+test-all: $(VENV)/test.stamp  ## all tests; those that measure in real time run alone
 	$(BIN)/python -m pytest -m "not realtime" -n auto --dist loadgroup --no-loadscope-reorder
 	$(BIN)/python -m pytest -m realtime
 

@@ -93,6 +93,7 @@ def sample_surface(
     of the surface.
     """
     arrays = tuple((array.tobytes(), array.dtype.str, array.shape) for array in surfaces)
+    # What is kept must not change with what the caller does with it.
     return deepcopy(_sampled(arrays, unsearched_area))
 
 

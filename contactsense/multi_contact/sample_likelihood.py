@@ -176,15 +176,14 @@ def log_likelihood(m, seeding):  # type: ignore[no-untyped-def]
     Factors the covariance and does the forward substitution into `weighted_innovation`.
     """
     L, y, z = seeding.factor, seeding.innovation, seeding.weighted_innovation
-    log_det = cholesky(L, m)
-    log_likelihood = -0.5 * log_det
+    total = -0.5 * cholesky(L, m)
     for r in range(m):
         x = y[r]
         for s in range(r):
             x -= L[r, s] * z[s]
         z[r] = x / L[r, r]
-        log_likelihood -= 0.5 * z[r] * z[r]
-    return log_likelihood
+        total -= 0.5 * z[r] * z[r]
+    return total
 
 
 @fused_kernel
