@@ -10,7 +10,7 @@ from contactsense import Scene, robots
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
 from contactsense.kinematics.linalg.cholesky import invert_factored, solve_in_place
 from contactsense.localization.ranking import place_primitives
-from contactsense.multi_contact import joint_optimization
+from contactsense.multi_contact import joint_energy, joint_optimization
 from contactsense.multi_contact.buffers import UNKNOWNS, MultiContactBuffers, empty_multi_contact_buffers
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
@@ -119,7 +119,7 @@ def test_the_gradient_is_that_of_the_energy(case: Case, count: int) -> None:
         optimizer.prior_point_information[i] = 1e4 * np.eye(3)
         optimizer.prior_force[i] = optimizer.force[i] + 1.0
         optimizer.prior_force_information[i] = 0.5
-    joint_optimization._linearize(constants.surfaces, frames, rows, m, constants.prior, count, optimizer)
+    joint_energy.linearize(constants.surfaces, frames, rows, m, constants.prior, count, optimizer)
     joint_optimization._save_iterate(count, optimizer, True)
     gradient = optimizer.step[:size].copy()
     for a in range(size):
@@ -129,9 +129,7 @@ def test_the_gradient_is_that_of_the_energy(case: Case, count: int) -> None:
             optimizer.step[a] = -step
             joint_optimization._step(constants.surfaces, frames, constants.prior, count, 1.0, optimizer)
             values.append(
-                joint_optimization._energy(
-                    constants.surfaces.link, rows, m, constants.prior, count, optimizer
-                )
+                joint_energy.energy_of(constants.surfaces.link, rows, m, constants.prior, count, optimizer)
             )
         slope = (values[0] - values[1]) / 2e-6
         assert slope == pytest.approx(gradient[a], rel=2e-4, abs=2e-3)
@@ -208,7 +206,7 @@ def test_the_inverse_is_that_of_the_matrix(case: Case) -> None:
     trial = case.trials.draw(3, 20.0, "different", "cone")
     m = _take(case, trial, 0.0, 9)
     constants, optimizer = case.constants, case.buffers.optimizer
-    joint_optimization._linearize(
+    joint_energy.linearize(
         constants.surfaces, case.state.candidates, case.buffers.rows, m, constants.prior, 3, optimizer
     )
     size = 3 * UNKNOWNS
