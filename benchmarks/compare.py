@@ -5,6 +5,7 @@ Run: python -m contactsense.benchmarks.compare
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import click
@@ -12,8 +13,9 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from contactsense.benchmarks import options
 from contactsense.benchmarks.peers import PEERS
-from contactsense.benchmarks.peers.cases import ROBOTS, Case, answer, errors, score, static_cases
+from contactsense.benchmarks.peers.cases import ROBOTS, TRUTH, Case, answer, errors, score, static_cases
 from contactsense.benchmarks.peers.method import Located, Method
 
 NEAR = 0.0225
@@ -29,9 +31,12 @@ def methods(case: Case) -> Iterator[Method]:
             yield peer.make(case.scene)
 
 
-def compare(robot: str, sensors: str, samples: int, skip: int = 0) -> Iterator[dict[str, Any]]:
+def compare(
+    robot: str, sensors: str, samples: int, skip: int = 0, folder: Path = TRUTH
+) -> Iterator[dict[str, Any]]:
     """One row of plain numbers per noise column and method; lengths in mm, infinite ones as None."""
-    for case in static_cases(robot, sensors=(sensors,), rows=slice(skip, skip + samples)):
+    rows = slice(skip, skip + samples)
+    for case in static_cases(robot, sensors=(sensors,), rows=rows, folder=folder):
         for method in methods(case):
             answers, seconds = answer(method, case)
             result = score(answers, case.points, seconds)
@@ -84,12 +89,13 @@ def _table(rows: list[dict[str, Any]], title: str) -> Table:
 @click.option(
     "--skip", default=500, show_default=True, help="How many to leave out before: peers were tuned on these."
 )
-@click.option("--json", "as_json", is_flag=True, help="Plain numbers instead of tables.")
-def main(robots: tuple[str, ...], samples: int, skip: int, as_json: bool) -> None:
-    """Compare methods on the static ground truth in ../shared/data/truth."""
+@click.option("--truth", type=options.FOLDER, default=TRUTH, help="Contacts.")
+@options.as_json
+def main(robots: tuple[str, ...], samples: int, skip: int, truth: Path, as_json: bool) -> None:
+    """Compare methods on static ground truth."""
     jobs = [(robot, sensors) for robot in robots for sensors in SENSORS]
     rows = [
-        list(compare(robot, sensors, samples, skip))
+        list(compare(robot, sensors, samples, skip, truth))
         for robot, sensors in track(jobs, "comparing", console=Console(stderr=True), transient=True)
     ]
     if as_json:

@@ -3,6 +3,7 @@ of detail and number of contacts; a table, and the picture docs/speed_error.png.
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import click
 import numpy as np
@@ -12,7 +13,7 @@ from rich.progress import Progress
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.peers import PEERS
-from contactsense.benchmarks.peers.cases import MESHES, ROBOTS, Case, answer, errors, static_cases
+from contactsense.benchmarks.peers.cases import MESHES, ROBOTS, TRUTH, Case, answer, errors, static_cases
 from contactsense.benchmarks.peers.method import Located, Method
 from contactsense.benchmarks.pictures.mark import DETAILS, QUANTILES, Mark, draw, table
 from contactsense.benchmarks.pictures.speed_multi_contact import several
@@ -24,10 +25,11 @@ SKIPPED = 500
 """Contacts excluded from the evaluation: the other methods were tuned on them."""
 
 
-def methods(case: Case, skins: Skins) -> Iterator[Method]:
-    """All methods for a case with base sensor and torques, each created when it is needed."""
+def methods(case: Case, skins: Skins, folder: Path) -> Iterator[Method]:
+    """All methods for a case with base sensor and torques, each created when it is needed; `folder`
+    has the visual meshes."""
     for detail in DETAILS:
-        meshes = MESHES / case.points.robot if detail == "skin" else None
+        meshes = folder / case.points.robot if detail == "skin" else None
         yield Located(case.scene.model_copy(update={"detail": detail, "meshes": meshes}))
     for geometry, samples in skins.samples.items():
         yield Dense(case.scene, geometry, samples=samples)
@@ -62,19 +64,29 @@ def mark(method: Method, case: Case) -> Mark:
     default=GEOMETRIES,
     help="Surface that the dense posterior samples; may be repeated.  [default: both]",
 )
+@click.option("--truth", type=options.FOLDER, default=TRUTH, help="Contacts.")
+@click.option("--meshes", type=options.FOLDER, default=MESHES, help="ROBOT/LINK.ply.")
 @options.as_json
-def main(contacts: int, robots: tuple[str, ...], geometries: tuple[Geometry, ...], as_json: bool) -> None:
+def main(
+    contacts: int,
+    robots: tuple[str, ...],
+    geometries: tuple[Geometry, ...],
+    truth: Path,
+    meshes: Path,
+    as_json: bool,
+) -> None:
     """Time against error of all methods, and the picture docs/speed_error.png."""
     marks: list[Mark] = []
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("comparing", total=None)
         for robot in robots:
-            skins = Skins.of(robot, "fine", MESHES, geometries)
-            for case in static_cases(robot, NOISES, ["all"], rows=slice(SKIPPED, SKIPPED + contacts)):
-                for method in methods(case, skins):
+            skins = Skins.of(robot, "fine", meshes, geometries)
+            rows = slice(SKIPPED, SKIPPED + contacts)
+            for case in static_cases(robot, NOISES, ["all"], rows=rows, folder=truth):
+                for method in methods(case, skins, meshes):
                     marks.append(mark(method, case))
                     progress.advance(task)
-                for one in several(case):
+                for one in several(case, truth, meshes):
                     marks.append(one)
                     progress.advance(task)
     draw(marks)

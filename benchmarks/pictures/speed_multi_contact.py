@@ -3,6 +3,7 @@
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from contactsense import Scene
 from contactsense.benchmarks.mcp_ep import HELD, pair, sequence
 from contactsense.benchmarks.peers.added_contacts import add
-from contactsense.benchmarks.peers.cases import MESHES, Case
+from contactsense.benchmarks.peers.cases import Case
 from contactsense.benchmarks.peers.exploration_filter import ExplorationFilter, Found
 from contactsense.benchmarks.peers.one_by_one import OneByOne, TrackedAnswers
 from contactsense.benchmarks.peers.touches import Touches
@@ -29,10 +30,11 @@ class Follower(Protocol):
         ...
 
 
-def followers(scene: Scene) -> Iterator[tuple[str, Follower]]:
-    """The methods, each created when it is needed, under their names for one contact."""
+def followers(scene: Scene, folder: Path) -> Iterator[tuple[str, Follower]]:
+    """The methods, each created when it is needed, under their names for one contact; `folder` has the visual
+    meshes."""
     for detail in DETAILS:
-        meshes = MESHES / scene.robot.name if detail == "skin" else None
+        meshes = folder / scene.robot.name if detail == "skin" else None
         own = scene.model_copy(update={"detail": detail, "meshes": meshes})
         yield f"contactsense, {detail}", OneByOne(own, CONTACTS, HELD).follow
     yield "contactsense, fine, forces free", OneByOne(scene, CONTACTS, None).follow
@@ -52,16 +54,21 @@ def _exploring(scene: Scene) -> Follower:
     return follow
 
 
-def several(case: Case) -> Iterator[Mark]:
+def several(case: Case, truth: Path, meshes: Path) -> Iterator[Mark]:
     """Marks of all methods for two and three contacts that start one after another in the case's postures.
 
     The first contact is the case's own. Each error is that of one contact; it is infinite for a missed
     contact.
+
+    Args:
+        case: The first contacts.
+        truth: Folder of the ground truth, for the places of the further contacts.
+        meshes: Folder of the visual meshes, ROBOT/LINK.ply.
     """
-    touches = add(case.points, CONTACTS - 1, seed=SEED)
+    touches = add(case.points, CONTACTS - 1, truth, SEED)
     measured = sequence(touches, case.noise, SEED + 1)
     one = touches.q[:1], *(part[:1] for part in measured)
-    for name, follow in followers(case.scene):
+    for name, follow in followers(case.scene, meshes):
         follow(*one)
         found, seconds = follow(touches.q, *measured)
         for step in range(1, CONTACTS):

@@ -1,7 +1,6 @@
 """The command line of `python -m benchmarks.truth`."""
 
 import time
-from collections.abc import Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,7 +15,7 @@ from . import ROBOTS
 if TYPE_CHECKING:
     from .arm import Arm
 
-SUITES = ("static", "motion")
+SUITES = ("static", "motion", "meshes")
 _NEEDED = ("airo_models", "mujoco", "trimesh")
 
 
@@ -42,7 +41,7 @@ def main() -> None:
     type=click.Choice(SUITES),
     multiple=True,
     default=SUITES,
-    help="Arm at rest, or runs of a moving one; may be repeated.",
+    help="Arm at rest, runs of a moving one, or the visual meshes of the links; may be repeated.",
 )
 @click.option(
     "--contacts",
@@ -64,8 +63,8 @@ def main() -> None:
 def make(
     names: tuple[str, ...], folder: Path, suites: tuple[str, ...], contacts: int, runs: int, seed: int
 ) -> None:
-    """Write static_points_ROBOT.npz and motion_ROBOT.npz, which `contactsense bench truth` and `contactsense
-    bench motion` read."""
+    """Write static_points_ROBOT.npz, motion_ROBOT.npz and meshes/ROBOT/LINK.ply, which `contactsense bench
+    truth`, `contactsense bench motion` and the option `--meshes` of benchmarks read."""
     missing = [module for module in _NEEDED if find_spec(module) is None]
     if missing:
         raise click.ClickException(f"{', '.join(missing)} cannot be imported; install contactsense[truth]")
@@ -75,24 +74,36 @@ def make(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for one in arms:
-            _make(folder, one, suites, contacts, runs, seed)
+            for suite in suites:
+                begin = time.perf_counter()
+                made = (
+                    _meshes(folder, one)
+                    if suite == "meshes"
+                    else _contacts(folder, one, suite, contacts if suite == "static" else runs, seed)
+                )
+                click.echo(f"{made}, {time.perf_counter() - begin:.0f} s")
     except OSError as error:
         raise click.ClickException(f"{folder}: cannot write: {error.strerror}") from None
 
 
-def _make(folder: Path, arm: "Arm", suites: Sequence[str], contacts: int, runs: int, seed: int) -> None:
-    """Write the files of one arm."""
+def _meshes(folder: Path, arm: "Arm") -> str:
+    """Write the links of one arm, and say what."""
+    from . import mesh_files
+
+    mesh_files.write(folder / "meshes" / arm.name, arm)
+    return f"{folder / 'meshes' / arm.name}: {len(arm.links)} meshes"
+
+
+def _contacts(folder: Path, arm: "Arm", suite: str, count: int, seed: int) -> str:
+    """Write one suite of one arm, and say what."""
     from . import arrays, motion, static_points
 
-    for suite in suites:
-        begin = time.perf_counter()
-        count, unit = (contacts, "contacts") if suite == "static" else (runs, "runs")
-        with Progress(console=Console(stderr=True), transient=True) as progress:
-            step = partial(progress.advance, progress.add_task(f"{arm.name}, {suite}", total=count))
-            if suite == "static":
-                kind, made = "static_points", static_points.make(arm, count, seed, step)
-            else:
-                kind, made = "motion", motion.make(arm, count, seed, step)
-        path = folder / f"{kind}_{arm.name}.npz"
-        arrays.write(path, made)
-        click.echo(f"{path}: {count} {unit}, {time.perf_counter() - begin:.0f} s")
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        step = partial(progress.advance, progress.add_task(f"{arm.name}, {suite}", total=count))
+        if suite == "static":
+            kind, made = "static_points", static_points.make(arm, count, seed, step)
+        else:
+            kind, made = "motion", motion.make(arm, count, seed, step)
+    path = folder / f"{kind}_{arm.name}.npz"
+    arrays.write(path, made)
+    return f"{path}: {count} {'contacts' if suite == 'static' else 'runs'}"

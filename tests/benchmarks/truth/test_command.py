@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from contactsense.benchmarks.truth.arm import LINKS
+from contactsense.benchmarks.truth.arm import read as arm
 from contactsense.benchmarks.truth.command import main
+from contactsense.robots.meshes import from_folder
 from contactsense.service.cli.main import cli
 
 ROOT = Path(__file__).parents[3]
@@ -40,11 +43,11 @@ def test_nothing_of_contactsense_is_imported() -> None:
 
 @pytest.mark.long
 def test_a_seed_gives_the_same_files(tmp_path: Path) -> None:
-    """Of both suites; another seed gives others."""
+    """Of both suites with contacts; another seed gives others."""
     written = []
     for name, seed in (("one", "2"), ("same", "2"), ("other", "3")):
         into = tmp_path / "new" / name
-        suites = () if name != "other" else ("--suite", "static")
+        suites = ("--suite", "static", *(() if name == "other" else ("--suite", "motion")))
         arguments = ("--into", str(into), "--contacts", "3", "--runs", "1", "--seed", seed, *suites)
         done = make("--robot", "ur5e", *arguments)
         assert done.exit_code == 0, done.output
@@ -56,6 +59,16 @@ def test_a_seed_gives_the_same_files(tmp_path: Path) -> None:
     assert one["static_points_ur5e.npz"] != other["static_points_ur5e.npz"]
 
 
+def test_the_meshes_are_those_of_the_arm(tmp_path: Path) -> None:
+    """In the frames of the links, as `--detail skin` reads them; a file has single precision."""
+    done = make("--robot", "ur3e", "--into", str(tmp_path), "--suite", "meshes")
+    assert done.output.startswith(f"{tmp_path}/meshes/ur3e: 7 meshes, ")
+    read = from_folder(tmp_path / "meshes" / "ur3e", LINKS)
+    for link in arm("ur3e").links:
+        mesh = read[link.name]
+        assert mesh.vertices[mesh.faces] == pytest.approx(link.vertices[link.faces], abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -63,7 +76,10 @@ def test_a_seed_gives_the_same_files(tmp_path: Path) -> None:
         (("--contacts", "0"), "Invalid value for '--contacts': 0 is not in the range x>=1."),
         (("--runs", "0"), "Invalid value for '--runs': 0 is not in the range x>=1."),
         (("--seed", "-1"), "Invalid value for '--seed': -1 is not in the range x>=0."),
-        (("--suite", "probe"), "Invalid value for '--suite': 'probe' is not one of 'static', 'motion'."),
+        (
+            ("--suite", "probe"),
+            "Invalid value for '--suite': 'probe' is not one of 'static', 'motion', 'meshes'.",
+        ),
     ],
 )
 def test_bad_input_is_named(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
