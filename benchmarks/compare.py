@@ -105,7 +105,7 @@ def main(robots: tuple[str, ...], samples: int, skip: int, truth: Path, as_json:
         title = (
             f"{robot}, {SENSORS[sensors]}: {samples} static contacts after {skip}, no answer counting as far"
         )
-        Console(width=112).print(_table(part, title))
+        Console(width=128).print(_table(part, title))
 
 
 if __name__ == "__main__":

@@ -239,7 +239,7 @@ def _print_table(results: Sequence[dict[str, Any]], wrong: bool) -> None:
             _number(r["delay_ms"]["median"], 0), _number(r["delay_ms"]["p95"], 0),
             f"{missed}/{events}", str(r["masked"]), f"{r['false_alarms']} in {60.0 * r['free_hours']:.1f}",
         )  # fmt: skip
-    Console(width=150).print(table)
+    Console(width=160).print(table)
 
 
 def _percent(value: float | None) -> str:

@@ -1,5 +1,5 @@
-"""docs/results.md and its generator agree, a table without its frame loses nothing, and an interrupted run
-goes on."""
+"""The pages of results and their generator agree, a table without its frame loses nothing, and an interrupted
+run goes on."""
 
 import io
 import re
@@ -10,9 +10,11 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from contactsense.benchmarks.results import SECTIONS, printed_by, source_version, without_frame
+from contactsense.benchmarks.results.kept_output import printed_by, source_version
+from contactsense.benchmarks.results.plain_table import without_frame
+from contactsense.benchmarks.results.sections import PAGES, Page
 
-PAGE = (Path(__file__).parents[2] / "docs" / "results.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 def test_a_table_without_its_frame_keeps_cells_groups_and_caption() -> None:
@@ -47,11 +49,16 @@ def test_output_without_a_table_is_kept() -> None:
     assert without_frame(text) == text
 
 
-def test_the_page_has_the_sections_of_its_generator() -> None:
-    assert re.findall(r"^## (.*)$", PAGE, re.MULTILINE) == [heading for heading, _, _ in SECTIONS]
-    assert re.findall(r"^    (\S.*)$", PAGE, re.MULTILINE) == [command for _, _, command in SECTIONS]
-    for _, about, _ in SECTIONS:
-        assert about in PAGE
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_page_has_the_sections_of_its_generator(page: Page) -> None:
+    text = (DOCS / page.name).read_text(encoding="utf-8")
+    written = re.findall(r"^## (.*)$", text, re.MULTILINE)
+    sections = [one for one in page.sections if one.needs is None or one.heading in written]
+    assert written == [one.heading for one in sections]
+    for part in (page.introduction, *(one.about for one in sections)):
+        assert part in text
+    commands = re.findall(r"^    (\S.*)$", text.replace(page.introduction, ""), re.MULTILINE)
+    assert commands == [one.command for one in sections]
 
 
 def test_what_a_command_has_printed_is_kept_for_the_same_version(
