@@ -47,5 +47,5 @@ $(VENV)/test.stamp: $(VENV)/run.stamp
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[geometry,viewer,mcap,notebook,fleet,truth,test,check]"
 	touch $@
 
-results: $(VENV)/test.stamp  ## measure everything again and write docs/results.md
+results: $(VENV)/test.stamp  ## measure everything again and write docs/results.md and docs/further_results.md
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m contactsense.benchmarks.results

@@ -12,9 +12,17 @@ _HIDDEN = 0.05
 _HIDDEN_AIR = 0.3
 """The same for the space above it: a primitive that protrudes there would cover the neighbour's skin."""
 
-_SEES_OUT = 0.42
-"""Minimum fraction of free directions for a point that counts as outside; at the mouth of a tube it is one
-half."""
+_ABOVE = 0.001
+"""Height above the skin from which it is decided whether its neighbours shut it in [m]."""
+
+_SHUT_IN = 0.1
+"""Factor on the weight of space that the neighbours shut in, such as the recess that holds their hub: a
+primitive may fill it, but need not."""
+
+_INSIDE, _OUTSIDE = 0.47, 0.55
+"""Fractions of free directions below which a point behind the skin counts as inside a shell, and above which
+it counts as outside: beyond the end of an open shell. In the plane of the opening it is one half; points near
+that plane do not count, or the primitive would end before the skin does."""
 
 
 class Shape:
@@ -50,19 +58,25 @@ def make_target(skin: Skin, around: Surroundings, count: int, rng: np.random.Gen
     On the skin, the required distance is zero. Above it, the distance must not be smaller than the true one,
     otherwise a primitive protrudes. Below it, it must not be positive, otherwise there is a void whose walls
     could be mistaken for a touchable surface. Shells are often open where a neighbour is mounted: inside and
-    outside are distinguished there by visibility.
+    outside are distinguished there by visibility. Space that the neighbours shut in may be filled: nothing
+    can be touched there.
     """
     shape = Shape(skin)
     air = np.maximum(skin.exposure, _HIDDEN_AIR)
     weight = np.maximum(skin.exposure, _HIDDEN)
     chosen = rng.choice(len(skin.points), size=min(count, len(skin.points)), replace=False)
     points, normals = skin.points[chosen], skin.normals[chosen]
-    parts = [(points, np.zeros(len(points)), EQUAL, weight[chosen])]
+    hidden = around.enclosed(points + _ABOVE * normals, rng)
+    parts = [
+        (points[which], np.zeros(which.sum()), mode, weight[chosen][which])
+        for which, mode in ((~hidden, EQUAL), (hidden, AT_MOST))
+    ]
     for height in (rng.uniform(0.001, 0.01, len(points)), 10.0 ** rng.uniform(-2.3, -1.2, len(points))):
         above = points + height[:, None] * normals
         d = shape.distance(above)
         keep = d > 0.9 * height
-        parts.append((above[keep], d[keep], AT_LEAST, 0.3 * air[chosen][keep]))
+        shut_in = np.where(around.enclosed(above, rng), _SHUT_IN, 1.0)
+        parts.append((above[keep], d[keep], AT_LEAST, 0.3 * (shut_in * air[chosen])[keep]))
     for depth in (rng.uniform(0.001, 0.006, len(points)), rng.uniform(0.004, 0.02, len(points))):
         below = points - depth[:, None] * normals
         keep = shape.distance(below) < -0.8 * depth
@@ -73,12 +87,14 @@ def make_target(skin: Skin, around: Surroundings, count: int, rng: np.random.Gen
     d = shape.distance(places)
     far = np.abs(d) > 0.003
     places, d = places[far], d[far]
-    outside = (d > 0.0) | (around.freedom(places, rng) > _SEES_OUT)
+    freedom = around.freedom(places, rng)
+    outside, inside = (d > 0.0) | (freedom > _OUTSIDE), (d <= 0.0) & (freedom < _INSIDE)
     exposed = shape.exposure(places)
-    free = np.maximum(exposed[outside], _HIDDEN_AIR)
+    shut_in = np.where(around.enclosed(places, rng), _SHUT_IN, 1.0)
+    free = (shut_in * np.maximum(exposed, _HIDDEN_AIR))[outside]
     parts.append((places[outside], np.abs(d[outside]), AT_LEAST, 0.2 * free))
     exposed = np.maximum(exposed, _HIDDEN)
-    parts.append((places[~outside], np.full((~outside).sum(), -0.001), AT_MOST, 0.2 * exposed[~outside]))
+    parts.append((places[inside], np.full(inside.sum(), -0.001), AT_MOST, 0.2 * exposed[inside]))
     order = rng.permutation(sum(len(part[0]) for part in parts))
     weights = np.concatenate([part[3] for part in parts])[order]
     return Target(
