@@ -149,6 +149,4 @@ def test_figures_of_the_readme_are_those_of_the_results() -> None:
 
 def test_figures_of_the_readme_are_those_of_the_ground_truth_page() -> None:
     """Beside each of our figures that page has the one of the given files."""
-    assert _rows("README.md") == {
-        noise: cells[::2] for noise, cells in _rows("docs/ground_truth.md").items()
-    }
+    assert _rows("README.md") == {noise: cells[::2] for noise, cells in _rows("docs/ground_truth.md").items()}

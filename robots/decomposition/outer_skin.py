@@ -20,7 +20,7 @@ AROUND = 0.04
 OPEN = 0.4
 """Minimum fraction of the (cosine-weighted) hemisphere that is free above a point that can be touched."""
 
-SHUT = 0.95
+SHUT = 0.9
 """Minimum fraction of directions in which something is hit from a point that is shut in: joints have gaps."""
 
 _RAYS = 48
@@ -91,7 +91,10 @@ class Surroundings:
     def exposure_of_model(
         self, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
-        """The same for points on primitives. For points slightly below the skin, the skin is ignored."""
+        """The same for points on primitives. For points slightly below the skin, the skin is ignored.
+
+        A face inside a joint, above which all space is shut in, is not exposed, though rays find its gap.
+        """
         beneath = self._own.blocked(points, normals, NEAR)
         visible = [
             np.where(
@@ -101,7 +104,8 @@ class Surroundings:
             )
             for others, both in zip(self._others, self._all, strict=True)
         ]
-        return np.asarray(np.mean(visible, axis=0))
+        shut_in = self.enclosed(points + NEAR / 2.0 * normals, rng)
+        return np.asarray(np.where(shut_in, 0.0, np.mean(visible, axis=0)))
 
 
 def outer_skin(

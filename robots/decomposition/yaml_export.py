@@ -44,14 +44,19 @@ def _revolved(axis: np.ndarray, origin: np.ndarray, size: np.ndarray) -> Primiti
         R0 = R1 = max(R0, R1)
     slope = (R1 - R0) / (2.0 * h) if R0 != R1 else 0.0
     grown = r * np.hypot(1.0, slope)
-    # The ball is rounded down, so that it fits into the rounded cone.
-    ball = np.floor((r - 2e-5) * 1e5) / 1e5
+    start, end = _vector(origin - (h + r) * axis), _vector(origin + (h + r) * axis)
+    radius_a, radius_b = round(R0 - slope * r + grown, 5), round(R1 + slope * r + grown, 5)
+    # The ball is rounded down, so that it fits into the rounded cone: into its length, and at both caps.
+    length = float(np.linalg.norm(np.subtract(end, start)))
+    slope = (radius_b - radius_a) / length
+    side = float(np.hypot(1.0, slope))
+    ball = min(r, length / 2.0, radius_a / (side - slope), radius_b / (side + slope))
     return Cylinder(
-        a=_vector(origin - (h + r) * axis),
-        b=_vector(origin + (h + r) * axis),
-        radius_a=round(R0 - slope * r + grown, 5),
-        radius_b=round(R1 + slope * r + grown, 5),
-        rounding=round(float(ball), 5),
+        a=start,
+        b=end,
+        radius_a=radius_a,
+        radius_b=radius_b,
+        rounding=round(float(np.floor((ball - 1e-5) * 1e5) / 1e5), 5),
     )
 
 

@@ -13,12 +13,13 @@ from contactsense.robots.surface.union import distances
 from contactsense.service.drawing.mesh import Mesh
 from contactsense.service.drawing.triangles import refined
 
-DEVIATION = 0.0003
+DEVIATION = 0.0002
 """Distance of the faces from a round surface, about [m]."""
 SPACING = 0.025
 """Largest distance between rings along a body of revolution [m]."""
-_HIDDEN = 0.0004
-"""Faces that lie deeper than this in other primitives of their link are left out [m]."""
+_HIDDEN = 2.5 * DEVIATION
+"""Faces that lie deeper than this in the primitives of their link are left out [m]. Where a primitive is
+round in both directions, the middle of its own faces is twice the deviation deep."""
 
 
 def surface_mesh(surfaces: Surfaces, link: int) -> Mesh:

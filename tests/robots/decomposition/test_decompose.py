@@ -83,6 +83,20 @@ def test_each_body_becomes_the_primitive_that_describes_it(
     )
 
 
+@pytest.mark.parametrize("half", [0.001, 0.005, 0.02])
+@pytest.mark.parametrize("narrow", [0.0, 0.001])
+def test_the_ball_of_a_steep_cone_fits_when_rounded(half: float, narrow: float) -> None:
+    """Near its tip a hundredth of a millimetre decides."""
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        axis = rng.normal(size=3)
+        turn = np.linalg.qr(np.column_stack((axis, np.eye(3)[:, :2])))[0][:, [1, 2, 0]]
+        size = np.array([half, rng.uniform(0.05, 0.1), narrow, 0.011, 0.0, 0.0, 0.0, 0.0])
+        shape = primitive(REVOLVED, turn, rng.normal(size=3), size)
+        assert isinstance(shape, Cylinder)
+        assert shape.rounding > 0.01
+
+
 @pytest.mark.parametrize(
     ("kind", "size", "area"),
     [
