@@ -14,7 +14,14 @@ from scipy.stats import binomtest, chi2
 
 from contactsense import Contact, Localizer
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.credible_regions import distance, level, mixture, within
+from contactsense.benchmarks.accuracy.credible_regions import (
+    Mixture,
+    distance,
+    level,
+    mixture,
+    samples,
+    within,
+)
 from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
@@ -33,12 +40,14 @@ STATEMENTS = ("answer", "place", "link")
 class Verdict(NamedTuple):
     """What one estimate stated, and what was correct."""
 
-    answer: tuple[float, bool]
-    """Probability of the best candidate, and whether it is the true one."""
-    place: tuple[float, bool]
-    """Probability of the mixture within `NEAR` of the best candidate, and whether the truth is there."""
-    link: tuple[float, bool]
-    """Probability of the most probable link, and whether it is the touched one."""
+    answer: tuple[float, bool, float]
+    """Probability of the best candidate, whether it is the true one, and how probable that is for truths
+    drawn from the mixture: where two candidates overlap, the truth of one may be nearer to the other."""
+    place: tuple[float, bool, float]
+    """Probability of the mixture within `NEAR` of the best candidate, whether the truth is there, and how
+    probable that is: the same."""
+    link: tuple[float, bool, float]
+    """Probability of the most probable link, whether it is the touched one, and how probable that is."""
     in_region: bool
     """Whether the region of highest density with the probability `REGION` contains the truth."""
     in_ellipse: bool | None
@@ -138,20 +147,33 @@ def verdict(
         return None
     best = contacts[0]
     stated = mixture(contacts)
-    deviations = distance(stated, link, point[None])[:, 0]
-    meters = np.linalg.norm(stated.mean - point, axis=1)
-    near = best.link_index == link and bool(meters[0] <= NEAR)
-    nearest = int(np.argmin(np.where(stated.link == link, meters, np.inf)))
-    is_true = best.link_index == link and nearest == 0 and bool(near or deviations[0] <= _EDGE)
+    near = best.link_index == link and bool(np.linalg.norm(best.point_base - point) <= NEAR)
+    is_true = bool(_is_best(stated, link, point[None])[0])
+    drawn = [
+        _is_best(stated, int(k), points).mean()
+        for k, points in zip(stated.link, samples(stated), strict=True)
+    ]
+    found = within(stated, best.link_index, best.point_base, NEAR)
     likeliest = int(np.argmax(link_probability))
+    probable = float(link_probability[likeliest])
+    inside = bool(distance(stated, link, point[None])[0, 0] ** 2 <= chi2.ppf(REGION, 2))
     return Verdict(
-        answer=(best.probability, is_true),
-        place=(within(stated, best.link_index, best.point_base, NEAR), near),
-        link=(float(link_probability[likeliest]), likeliest == link),
+        answer=(best.probability, is_true, float(stated.weight @ np.array(drawn))),
+        place=(found, near, found),
+        link=(probable, likeliest == link, probable),
         in_region=level(stated, link, point) < REGION,
-        in_ellipse=bool(deviations[0] ** 2 <= chi2.ppf(REGION, 2)) if is_true else None,
+        in_ellipse=inside if is_true else None,
         listed=float(stated.weight.sum()),
     )
+
+
+def _is_best(stated: Mixture, link: int, points: np.ndarray) -> np.ndarray:
+    """Whether the first candidate is the true one for contacts at `points` (M, 3) on that link, shape (M,):
+    it is the nearest on the link, and not farther than `NEAR` or inside its 99.9 % ellipse."""
+    meters = np.linalg.norm(stated.mean[:, None] - points, axis=2)
+    meters[stated.link != link] = np.inf
+    reached = (meters[0] <= NEAR) | (distance(stated, link, points)[0] <= _EDGE)
+    return np.asarray((stated.link[0] == link) & (np.argmin(meters, axis=0) == 0) & reached)
 
 
 class Share(NamedTuple):
@@ -198,8 +220,8 @@ def summarize(robot: str, sensors: str, noise: Noise, verdicts: Sequence[Verdict
     ellipses = [v.in_ellipse for v in judged if v.in_ellipse is not None]
     statements = {}
     for name in STATEMENTS:
-        stated = np.array([getattr(v, name) for v in judged]).reshape(-1, 2)
-        statements[name] = reliability(stated[:, 0], stated[:, 1] > 0.0)
+        stated, right, expected = np.array([getattr(v, name) for v in judged]).reshape(-1, 3).T
+        statements[name] = reliability(stated, right > 0.0, expected)
     return Summary(
         robot=robot,
         sensors=sensors,
@@ -230,9 +252,9 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
     table = Table(
         title=f"calibration, static contacts, {what}",
         caption=(
-            "calibration error of the stated probabilities, in brackets what chance alone makes of it if "
-            "they are true, on average and at most in 19 of 20 cases; region, ellipse: share of the truths "
-            "in those of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
+            "calibration error of the stated probabilities, in brackets what it is if the truths are "
+            "distributed as stated, on average and at most in 19 of 20 cases; region, ellipse: share of the "
+            "truths in those of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
         ),
     )
     for name in ("arm", "sensors", "noise N / Nm / Nm"):

@@ -29,10 +29,9 @@ class Reliability(NamedTuple):
     error: float
     """Expected calibration error: mean of |stated - right| over bins, weighted by their counts."""
     by_chance: float
-    """Its mean for these probabilities if they are correct. It is above zero, as gaps of either sign count.
-    """
+    """Its mean if what was stated is true. It is above zero, as gaps of either sign count."""
     by_chance_95: float
-    """Its 95 % quantile for correct probabilities: a larger error is not chance."""
+    """Its 95 % quantile if what was stated is true: a larger error is not chance."""
     bins: tuple[Bin, ...]
     """The bins that are not empty."""
 
@@ -46,13 +45,18 @@ class Reliability(NamedTuple):
         }
 
 
-def reliability(probability: np.ndarray, right: np.ndarray) -> Reliability:
+def reliability(
+    probability: np.ndarray, right: np.ndarray, expected: np.ndarray | None = None
+) -> Reliability:
     """Compare probabilities with outcomes.
 
     Args:
         probability: Stated probability, from 0 to 1, shape (N,).
         right: Whether it was correct, shape (N,), bool.
+        expected: Probability of being judged correct if what was stated is true, shape (N,), where the judge
+            errs; default: `probability`.
     """
+    expected = probability if expected is None else expected
     number = np.minimum((probability * BINS).astype(int), BINS - 1)
     bins = []
     for k in range(BINS):
@@ -61,7 +65,7 @@ def reliability(probability: np.ndarray, right: np.ndarray) -> Reliability:
             stated, share = float(probability[inside].mean()), float(right[inside].mean())
             bins.append(Bin(k / BINS, (k + 1) / BINS, int(inside.sum()), stated, share))
     rng = np.random.default_rng(0)
-    chance = [_error(number, probability, rng.random(len(right)) < probability) for _ in range(_TRIALS)]
+    chance = [_error(number, probability, rng.random(len(right)) < expected) for _ in range(_TRIALS)]
     return Reliability(
         error=_error(number, probability, right),
         by_chance=float(np.mean(chance)),

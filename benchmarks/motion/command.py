@@ -15,7 +15,7 @@ from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, 
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, Noise
 from contactsense.benchmarks.motion.at_rest import static_error
 from contactsense.benchmarks.motion.model_error import MASS_ERROR, assumed_friction, friction, heavier
-from contactsense.benchmarks.motion.score import Score
+from contactsense.benchmarks.motion.score import AGES, Answer, Score
 from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction
@@ -58,6 +58,9 @@ MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
     help="Repetitions of each run, each with other noise; all samples are evaluated together.",
 )
 @click.option("--bandwidth", type=float, help="Cut-off of the observer [Hz]; default: the scene's.")
+@click.option(
+    "--over-time", is_flag=True, help="Print how link, error and ambiguity change while a contact lasts."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def motion(
     folder: Path,
@@ -67,6 +70,7 @@ def motion(
     model: str,
     draws: int,
     bandwidth: float | None,
+    over_time: bool,
     as_json: bool,
 ) -> None:
     """Process the ground truth of moving arms in FOLDER (motion_ROBOT.npz, probe_ROBOT.npz).
@@ -92,7 +96,11 @@ def motion(
         click.echo(json.dumps({"bandwidth": bandwidth, "draws": draws, "results": results}, indent=1))
         return
     for wrong in MODELS[model]:
-        _print_table([r for r in results if r["wrong_model"] == wrong], wrong)
+        rows = [r for r in results if r["wrong_model"] == wrong]
+        if over_time:
+            _print_over_time(rows, wrong)
+        else:
+            _print_table(rows, wrong)
 
 
 def scene_for(stream: Stream, noise: Noise, wrong: bool, bandwidth: float | None = None) -> Scene:
@@ -195,9 +203,27 @@ def _summary(score: Score, resting: Localizer, noise: tuple[float, float, float]
         "missed": score.missed,
         "masked": score.masked,
         "delay_ms": delay,
+        "over_time": _over_time(score.answers),
         "false_alarms": score.false_alarms,
         "free_hours": score.free / 3600.0,
     }
+
+
+def _over_time(answers: Sequence[Answer]) -> list[dict[str, Any]]:
+    rows = []
+    for age in AGES:
+        chosen = [answer for answer in answers if answer.age == age]
+        if chosen:
+            rows.append(
+                {
+                    "age": age,
+                    "contacts": len(chosen),
+                    "link_right": float(np.mean([answer.link_right for answer in chosen])),
+                    "ambiguous": float(np.mean([answer.ambiguous for answer in chosen])),
+                    "error_mm": _quantiles(1e3 * np.array([answer.error for answer in chosen])),
+                }
+            )
+    return rows
 
 
 def _ratio(live: float | None, rest: float | None) -> float | None:
@@ -213,10 +239,33 @@ def _quantiles(values: np.ndarray) -> dict[str, float | None]:
     }
 
 
-def _print_table(results: Sequence[dict[str, Any]], wrong: bool) -> None:
-    model = "masses 2 % and friction 5 % wrong" if wrong else "masses exact, no friction"
+def _print_over_time(results: Sequence[dict[str, Any]], wrong: bool) -> None:
     table = Table(
-        title=f"contacts in motion, {model}; errors in mm",
+        title=f"contacts over time, {_model(wrong)}; errors in mm, missing answers included",
+        caption="contacts: those that last so long after their onset, in runs without overlapping contacts",
+    )
+    for name in ("arm", "suite", "noise N", "motion"):
+        table.add_column(name, no_wrap=True)
+    for name in ("after s", "contacts", "link right", "ambiguous", "median", "p95"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for r in results:
+        for row in r["over_time"]:
+            table.add_row(
+                r["robot"], r["suite"], f"{r['noise']['force']:g}", r["kind"],
+                f"{row['age']:g}", str(row["contacts"]),
+                _percent(row["link_right"]), _percent(row["ambiguous"]),
+                _number(row["error_mm"]["median"]), _number(row["error_mm"]["p95"]),
+            )  # fmt: skip
+    Console(width=128).print(table)
+
+
+def _model(wrong: bool) -> str:
+    return "masses 2 % and friction 5 % wrong" if wrong else "masses exact, no friction"
+
+
+def _print_table(results: Sequence[dict[str, Any]], wrong: bool) -> None:
+    table = Table(
+        title=f"contacts in motion, {_model(wrong)}; errors in mm",
         caption=(
             "x rest: ratio to the same contacts at rest; answered: share of the touched samples with an "
             "answer; masked: contacts that began during a false alarm; alarms: false ones, and the minutes "

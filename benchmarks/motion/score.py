@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,22 @@ AFTERGLOW = 0.2
 """Time after the end of a contact during which the observer may still report it [s]."""
 PAUSE = 0.1
 """Alarms separated by less than this are one alarm [s]."""
+
+AGES = (0.02, 0.1, 0.3, 1.0)
+"""Times after the onset of a contact at which its answer is taken [s]."""
+
+
+class Answer(NamedTuple):
+    """What was said of a contact at a certain time after its onset."""
+
+    age: float
+    """One of `AGES`."""
+    ambiguous: bool
+    """Whether several candidates remain."""
+    link_right: bool
+    """Whether the link of the best one is correct; False without an answer."""
+    error: float
+    """Its distance from the truth, infinite without an answer [m]."""
 
 
 @dataclass
@@ -30,6 +47,8 @@ class Score:
     """Number of samples touched at one place by at least `FORCE`."""
     rows: list[tuple[Stream, int]] = field(default_factory=list)
     """Indices of the samples with an answer, for the comparison with an arm at rest."""
+    answers: list[Answer] = field(default_factory=list)
+    """Of the runs without overlapping contacts, for each contact that lasts so long with `FORCE`."""
     delay: list[float] = field(default_factory=list)
     """Delay from the first sample of a contact to the first answer, for contacts that were found [s]."""
     events: dict[str, int] = field(default_factory=dict)
@@ -48,7 +67,10 @@ class Score:
         answered = np.zeros(len(stream.t), dtype=bool)
         strong = (stream.link >= 0) & (np.linalg.norm(stream.wrench[:, :3], axis=1) >= FORCE)
         self.touched += int(strong.sum())
+        ages = _ages(stream, strong)
         for i, estimate in enumerate(estimates):
+            if i in ages:
+                self.answers.append(_answer(ages[i], estimate, int(stream.link[i]), stream.point_base[i]))
             if not estimate.contacts:
                 continue
             answered[i] = True
@@ -82,3 +104,23 @@ class Score:
         self.free += dt * float(free.sum())
         alarms = stream.t[free & answered]
         self.false_alarms += int(len(alarms) > 0) + int((np.diff(alarms) > PAUSE).sum())
+
+
+def _ages(stream: Stream, strong: np.ndarray) -> dict[int, float]:
+    """Samples at which a contact has one of the `AGES`."""
+    dt = float(np.median(np.diff(stream.t)))
+    samples = {
+        event.start + round(age / dt): (age, event)
+        for event in stream.events
+        for age in AGES
+        if not stream.multi
+    }
+    return {i: age for i, (age, event) in samples.items() if i < event.stop and strong[i]}
+
+
+def _answer(age: float, estimate: Estimate, link: int, point: np.ndarray) -> Answer:
+    if not estimate.contacts:
+        return Answer(age, False, False, float("inf"))
+    best = estimate.contacts[0]
+    error = float(np.linalg.norm(best.point_base - point))
+    return Answer(age, estimate.status == "ambiguous", best.link_index == link, error)

@@ -8,6 +8,7 @@ import numpy as np
 
 from contactsense.benchmarks.solvers.paper_tables import (
     FORCE_OF_TABLE_3,
+    MISPRINTS,
     RADIUS_OF_TABLE_1,
     STEPS_OF_TABLE_2,
     TABLE_1,
@@ -19,11 +20,13 @@ from contactsense.benchmarks.solvers.tables import Table
 from contactsense.solvers import Method, Sphere, solve
 
 
-def four_contacts(friction: float, delta: float) -> tuple[np.ndarray, np.ndarray]:
+def four_contacts(
+    friction: float, delta: float, radius: float = RADIUS_OF_TABLE_1
+) -> tuple[np.ndarray, np.ndarray]:
     """Force and moment, shape (3,), of the paper's figure 8: four contacts on top of a sphere."""
     x = np.array((delta, 0.0, -delta, 0.0))
     y = np.array((0.0, 8.0 * delta, 0.0, -8.0 * delta))
-    points = np.column_stack((x, y, np.sqrt(RADIUS_OF_TABLE_1**2 - x**2 - y**2)))
+    points = np.column_stack((x, y, np.sqrt(radius**2 - x**2 - y**2)))
     forces = np.array([(-friction, friction, -1.0)] * 2 + [(friction, friction, -1.0)] * 2)
     return forces.sum(axis=0), np.cross(points, forces).sum(axis=0)
 
@@ -62,7 +65,7 @@ def _table_3() -> Table:
     rows = []
     data: list[dict[str, Any]] = []
     methods: tuple[Method, ...] = ("exact", "newton", "descent")
-    for moment, (axis, exact) in TABLE_3.items():
+    for moment, (axis, exact, iterative) in TABLE_3.items():
         wrench = (FORCE_OF_TABLE_3, (0.01, 0.01, moment))
         line = solve(Sphere(1.0), *wrench, "wrench_axis")
         found = {method: solve(Sphere(1.0), *wrench, method) for method in methods}
@@ -72,30 +75,46 @@ def _table_3() -> Table:
                 _point(axis),
                 _point(line.centroid) if line.ok else line.status.name.lower(),
                 _point(exact),
-                *(_point(solution.centroid) for solution in found.values()),
+                _point(found["exact"].centroid),
+                _point(iterative),
+                _point(found["descent"].centroid),
+                _point(found["newton"].centroid),
             )
         )
         data.append(
             {"m_3": moment, **{method: solution.centroid.tolist() for method, solution in found.items()}}
         )
-    head = ("m_3", "wrench axis, printed", "ours", "ellipsoid, printed", "closed form", "Newton", "descent")
+    head = (
+        "m_3",
+        "wrench axis, printed",
+        "ours",
+        "ellipsoid, printed",
+        "ours",
+        "iterative, printed",
+        "ours: descent",
+        "Newton",
+    )
     return Table(head, rows, data)
 
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print our numbers as JSON.")
 def paper(as_json: bool) -> None:
-    """Reproduce the tables of the paper on which this project is based, with the misprints of our copy
-    corrected.
+    """Reproduce the tables of the paper on which this project is based, and list the misprints of our copy.
 
     Bicchi, Salisbury & Brock, "Contact Sensing from Force Measurements", 1993.
     """
     made = {
-        "Table 1: x of the contact centroid under four contacts, radius 10": _table_1(),
+        f"Table 1: x of the centroid of four contacts, radius {RADIUS_OF_TABLE_1:g} (inferred)": _table_1(),
         "Table 2: time, as ratios (the paper's on a Motorola 68030)": _table_2(),
         "Table 3: contact on a unit sphere, f = (-0.3, -0.4, 0.01), m = (0.01, 0.01, m_3)": _table_3(),
     }
     if as_json:
         click.echo(json.dumps({title.partition(":")[0]: table.data for title, table in made.items()}))
-    else:
-        click.echo("\n\n".join(f"{title}\n\n{table.aligned()}" for title, table in made.items()))
+        return
+    for title, table in made.items():
+        notes = "".join(
+            f"- printed: {one.printed}; taken: {one.taken}. Reason: {one.reason}.\n"
+            for one in MISPRINTS.get(title.partition(":")[0], ())
+        )
+        click.echo(f"{title}\n\n{table.aligned()}\n" + (f"\n{notes}" if notes else ""))

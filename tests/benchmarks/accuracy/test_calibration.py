@@ -142,25 +142,45 @@ def test_an_estimate_is_judged_by_link_place_and_region() -> None:
     links = np.array([0.0, 0.95, 0.05])
     at_best = verdict(contacts, links, 1, np.array([0.005, 0.0, 0.0]))
     assert at_best is not None
-    assert at_best.answer == (0.7, True)
-    assert at_best.link == (0.95, True)
+    assert at_best.answer[:2] == (0.7, True)
+    assert at_best.answer[2] == pytest.approx(0.7, abs=0.005)
+    assert at_best.link == (0.95, True, 0.95)
     assert at_best.place[1]
     assert at_best.in_region
     assert at_best.in_ellipse is True
     at_second = verdict(contacts, links, 1, np.array([0.1, 0.0, 0.0]))
     assert at_second is not None
-    assert at_second.answer == (0.7, False)
-    assert at_second.link == (0.95, True)
+    assert at_second.answer[:2] == (0.7, False)
+    assert at_second.link == (0.95, True, 0.95)
     assert not at_second.place[1]
     assert at_second.in_region
     assert at_second.in_ellipse is None
     # At the middle of the third the density is above the level that 90 % need, 0.1 / 3 of the peak; not here.
     elsewhere = verdict(contacts, links, 2, np.array([0.02, 0.0, 0.0]))
     assert elsewhere is not None
-    assert elsewhere.answer == (0.7, False)
-    assert elsewhere.link == (0.95, False)
+    assert elsewhere.answer[:2] == (0.7, False)
+    assert elsewhere.link == (0.95, False, 0.95)
     assert not elsewhere.in_region
     assert verdict([], links, 1, np.zeros(3)) is None
+
+
+def test_truths_drawn_from_overlapping_candidates_are_judged_as_often_as_expected() -> None:
+    """The truth of one may be nearer to the other, so even true probabilities show a difference."""
+    contacts = [contact(0.8, (0, 0, 0)), contact(0.2, (0.015, 0, 0))]
+    rng = np.random.default_rng(4)
+    judged = []
+    for which in rng.choice(2, size=2000, p=[0.8, 0.2]):
+        point = contacts[which].point_base + rng.normal(size=3) * [0.01, 0.01, 0.0]
+        judged.append(verdict(contacts, np.array([0.0, 1.0]), 1, point))
+    right = [given.answer[1] for given in judged if given is not None]
+    expected = [given.answer[2] for given in judged if given is not None]
+    assert expected[0] < 0.72
+    assert np.mean(right) == pytest.approx(expected[0], abs=0.03)
+    assert set(expected) == {expected[0]}
+    stated = np.full(2000, 0.8)
+    assert reliability(stated, np.array(right)).error > 0.05
+    told = reliability(stated, np.array(right), np.array(expected))
+    assert told.error == pytest.approx(told.by_chance, abs=0.03)
 
 
 def test_no_answer_is_in_no_region() -> None:

@@ -1,5 +1,7 @@
 """The scoreboard for moving arms: what it counts, and that its model errors are what they say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,24 @@ def test_what_is_found_missed_and_late() -> None:
     assert score.missed == {"impact": 1}
     assert score.false_alarms == 0
     assert score.free == pytest.approx(2.0 - 0.002 * (200 + 100 + 25 + 100))
+
+
+def test_answers_are_taken_at_their_time_after_the_onset() -> None:
+    """The hold lasts 0.4 s, the impact 50 ms; nothing is said in the first 50 ms."""
+    answered = np.zeros(N, dtype=bool)
+    answered[225:400] = True
+    score = Score()
+    score.add(_stream(), _estimates(answered))
+    assert [answer[:3] for answer in score.answers] == [
+        (0.02, False, False),
+        (0.1, False, True),
+        (0.3, False, True),
+        (0.02, False, False),
+    ]
+    assert [answer.error for answer in score.answers] == pytest.approx([np.inf, 0.004, 0.004, np.inf])
+    overlapping = Score()
+    overlapping.add(replace(_stream(), multi=True), _estimates(answered))
+    assert overlapping.answers == []
 
 
 def test_false_alarms_are_counted_once_and_mask_what_begins_in_them() -> None:
