@@ -277,7 +277,7 @@ def _turn(
         cost[k] *= sharpness
     resample(rng, cost, chosen)
     for k in range(PARTICLES):
-        # Every second particle drawn from the pool, since the draw is sorted.
+        # Evenly spaced among those drawn from the pool, since the draw is sorted.
         pick = chosen[k * size // PARTICLES]
         sets.on[c, k], sets.at[c, k], sets.out[c, k] = on[pick], at[pick], out[pick]
 

@@ -48,8 +48,8 @@ def walk(
         rng: A NumPy generator.
         stage: Poses of the links, and their surfaces.
         step: Standard deviation of the step [m].
-        link, place, normal: Its position: index of the link, place (3,) [m] and normal (3,), link frame.
-        new_place, new_normal: Filled, shapes (3,).
+        link, point, normal: Its position: index of the link, place (3,) [m] and normal (3,), link frame.
+        new_point, new_normal: Filled, shapes (3,).
 
     Returns:
         Index of its new link.
