@@ -6,9 +6,9 @@ import numpy as np
 
 from contactsense import robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.robots.primitives import Capsule, Cylinder, Primitive
-from contactsense.robots.surface.convex_primitives import pack, project
+from contactsense.robots.surface.convex_primitives import Surfaces, pack, project
 
 
 def _tube(a: tuple[float, float, float], b: tuple[float, float, float], radius: float) -> Cylinder:
@@ -93,7 +93,7 @@ def contacts(
     return Truth(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _clearance(surfaces, motion, point, own) -> float:  # type: ignore[no-untyped-def]
+def _clearance(surfaces: Surfaces, motion: Motion, point: np.ndarray, own: int) -> float:
     """Distance from a point to the nearest primitive but its own, of any link; negative inside [m]."""
     distances = []
     for p in range(len(surfaces.kind)):

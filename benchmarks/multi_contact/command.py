@@ -12,17 +12,12 @@ from rich.table import Table
 
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
-from contactsense.benchmarks.multi_contact.measure import WITHIN, Arrival, localizer_for, measure
+from contactsense.benchmarks.multi_contact.measure import WITHIN, Scenario, localizer_for, measure
 from contactsense.benchmarks.multi_contact.pairs import measure_pairs
 from contactsense.benchmarks.multi_contact.stream import measure_stream
 from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links
 
-SCENARIOS: tuple[tuple[Arrival, float | None], ...] = (
-    ("one_by_one", 0.5),
-    ("one_by_one", None),
-    ("at_once", None),
-)
-"""How contacts start, and the known change of the other forces [N]."""
+SCENARIOS = (Scenario("one_by_one", 0.5), Scenario("one_by_one", None), Scenario("at_once", None))
 
 
 @click.command()
@@ -104,12 +99,12 @@ def several(
             task = progress.add_task("locating", total=len(kinds) * trials * len(SCENARIOS))
             for robot, level, count in kinds:
                 localizer = localizer_for(robot, level)
-                for arrival, drift in SCENARIOS[:1] if count == 1 else SCENARIOS:
+                for scenario in SCENARIOS[:1] if count == 1 else SCENARIOS:
                     row = measure(
-                        localizer, level, trials, count, force=force, arrival=arrival, drift=drift,
-                        links=links, direction=direction, tick=lambda: progress.advance(task),
+                        localizer, level, trials, count, scenario, force=force, links=links,
+                        direction=direction, tick=lambda: progress.advance(task),
                     )  # fmt: skip
-                    known = "" if count == 1 else _scenario_name(arrival, drift)
+                    known = "" if count == 1 else _scenario_name(scenario)
                     results.append({"robot": robot, "noise": str(level), "arriving": known} | row)
     if as_json:
         click.echo(json.dumps(results, indent=1))
@@ -120,9 +115,10 @@ def several(
         _print(results, subtitle)
 
 
-def _scenario_name(arrival: Arrival, drift: float | None) -> str:
-    if arrival == "at_once":
+def _scenario_name(scenario: Scenario) -> str:
+    if scenario.arrival == "at_once":
         return "at once"
+    drift = scenario.drift
     return "one by one, forces free" if drift is None else f"one by one, forces +-{drift:g} N"
 
 

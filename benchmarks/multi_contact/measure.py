@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -15,6 +15,17 @@ Arrival = Literal["at_once", "one_by_one"]
 
 WITHIN = 0.0225
 """Distance within which a contact counts as found: that of MCP-EP [m]."""
+
+
+class Scenario(NamedTuple):
+    """How contacts start."""
+
+    arrival: Arrival
+    """`one_by_one`: one sample for each number of contacts, the contacts found before are known. `at_once`:
+    one sample with all of them, none known."""
+    drift: float | None
+    """Change of the other forces when a contact starts, known to the localizer [N]; None: these forces change
+    arbitrarily, and the localizer assumes nothing about them."""
 
 
 def localizer_for(robot: str, noise: Noise, gravity: float = 9.81, contacts: int = 1) -> Localizer:
@@ -39,10 +50,9 @@ def measure(
     noise: Noise,
     trials_count: int,
     contacts: int,
+    scenario: Scenario,
     *,
     force: float = 20.0,
-    arrival: Arrival = "one_by_one",
-    drift: float | None = None,
     links: Links = "different",
     direction: ForceDirection = "cone",
     seed: int = 1,
@@ -55,11 +65,8 @@ def measure(
         noise: Added to every sample.
         trials_count: Number of trials.
         contacts: Number of contacts in each.
+        scenario: How they start.
         force: Magnitude of each force [N].
-        arrival: `one_by_one`: one sample for each number of contacts, the contacts found before are known.
-            `at_once`: one sample with all of them, none known.
-        drift: Change of the other forces when a contact starts, known to the localizer [N]; None: these
-            forces change arbitrarily, and the localizer assumes nothing about them.
         links, direction: See `Trials.draw`.
         seed: Random seed.
         tick: Called after each trial.
@@ -67,6 +74,7 @@ def measure(
     Returns:
         Plain numbers for a table or JSON, see `summary`.
     """
+    arrival, drift = scenario
     trials = Trials(localizer.scene, seed)
     rng = np.random.default_rng(seed + 1)
     errors, seconds = [], []

@@ -9,8 +9,9 @@ import numpy as np
 
 from contactsense import Scene
 from contactsense.benchmarks.peers.method import Answers
-from contactsense.benchmarks.peers.stage import build_stage, given, measure
+from contactsense.benchmarks.peers.stage import Noise, Stage, build_stage, given, measure
 from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import Motion
 from contactsense.localization.intrinsic_contact import contact_on_link
 from contactsense.robots.jit.kernel import allocating_kernel
 from contactsense.robots.vectors import add, rotate, vector
@@ -38,7 +39,16 @@ class ExactContact:
 
 
 @allocating_kernel
-def _run(stage, closed_form, q, base_wrench, joint_torque, link, point_base, force_base):  # type: ignore[no-untyped-def]
+def _run(
+    stage: Stage,
+    closed_form: bool,
+    q: np.ndarray,
+    base_wrench: np.ndarray,
+    joint_torque: np.ndarray,
+    link: np.ndarray,
+    point_base: np.ndarray,
+    force_base: np.ndarray,
+) -> None:
     motion, surfaces, noise = stage.motion, stage.surfaces, stage.noise
     n = q.shape[1]
     links = len(surfaces.start) - 1
@@ -61,7 +71,15 @@ def _run(stage, closed_form, q, base_wrench, joint_torque, link, point_base, for
 
 
 @allocating_kernel
-def _fuse(noise, motion, b, L, h, wrench, cost):  # type: ignore[no-untyped-def]
+def _fuse(
+    noise: Noise,
+    motion: Motion,
+    b: np.ndarray,
+    L: np.ndarray,
+    h: np.ndarray,
+    wrench: np.ndarray,
+    cost: np.ndarray,
+) -> None:
     """Least-squares wrench under each link's hypothesis, and -2 log evidence up to a constant.
 
     The evidence of a linear Gaussian model: squared residual plus the logarithm of the information's

@@ -14,11 +14,17 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Scene
-from contactsense.benchmarks.peers.friction import EDGES, solve
 from contactsense.benchmarks.peers.method import Answers
-from contactsense.benchmarks.peers.single import add_contact, force_of, resample
+from contactsense.benchmarks.peers.single import (
+    Problem,
+    add_contact,
+    force_of,
+    new_problem,
+    resample,
+    solve_contacts,
+)
 from contactsense.benchmarks.peers.skin_table import scattered
-from contactsense.benchmarks.peers.stage import build_stage, measure, to_base
+from contactsense.benchmarks.peers.stage import Stage, build_stage, measure, to_base
 from contactsense.benchmarks.peers.walk import walk
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.robots.jit.kernel import allocating_kernel, kernel
@@ -62,11 +68,10 @@ class ExplorationFilter:
         """For a scene's arm; a sensor that the scene does not have is omitted."""
         self.name = "exploring particle filter"
         self._stage = build_stage(scene, LEAST_TORQUE, LEAST_MOMENT)
-        self._friction = scene.friction
         self._contacts, self._rounds, self._seed = contacts, rounds, seed
         table = scattered(self._stage.surfaces, _DENSITY, seed)
         first = np.searchsorted(table.link, np.unique(table.link))
-        self._table = table.point, table.normal, table.link, np.append(first, len(table.link))
+        self._places = Places(table.point, table.normal, table.link, np.append(first, len(table.link)))
 
     def __call__(
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
@@ -99,28 +104,24 @@ class ExplorationFilter:
             np.zeros((runs, steps, sets, 3)),
         )
         _run(
-            self._stage, self._friction, *self._table,
+            np.random.default_rng(self._seed), self._stage, self._places,
             *(np.ascontiguousarray(array, dtype=np.float64) for array in (q, base, torque)),
-            np.random.default_rng(self._seed),
-            PARTICLES, EXPLORERS, self._rounds, SHORT, LONG, EXCESS, *found,
+            self._rounds, found,
         )  # fmt: skip
         return found
 
 
-class Problem(NamedTuple):
-    """Scratch of the QPs of one run, for one contact per set."""
+class Places(NamedTuple):
+    """Random places on the surface, sorted by link, in the frames of the links."""
 
-    b: np.ndarray
-    A: np.ndarray
-    G: np.ndarray
-    h: np.ndarray
-    x: np.ndarray
-    L: np.ndarray
-    s: np.ndarray
-    order: np.ndarray
-    directions: np.ndarray
-    """Edge forces of each contact in the order of the columns, shape (sets, 4, 3)."""
-    rows: np.ndarray
+    point: np.ndarray
+    """Shape (M, 3) [m]."""
+    normal: np.ndarray
+    """Outward unit normals, shape (M, 3)."""
+    link: np.ndarray
+    """Index of the link, ascending, shape (M,), int64."""
+    first: np.ndarray
+    """First place of each link that has any, and their number at the end, int64."""
 
 
 class Sets(NamedTuple):
@@ -140,25 +141,44 @@ class Sets(NamedTuple):
     """Shape (sets, 3)."""
 
 
+class Pool(NamedTuple):
+    """Scratch: particles of a set that have moved, and exploring particles, in one round."""
+
+    on: np.ndarray
+    """Links, shape (pool,), int64."""
+    at: np.ndarray
+    """Places, link frame, shape (pool, 3) [m]."""
+    out: np.ndarray
+    """Normals, shape (pool, 3)."""
+    cost: np.ndarray
+    """Squared residual of each in units of the noise, shape (pool,)."""
+    chosen: np.ndarray
+    """Those that are drawn, shape (pool,), int64."""
+
+
 @allocating_kernel
-def _run(  # type: ignore[no-untyped-def]
-    stage, friction, points, normals, links, first, q, base_wrench, joint_torque,
-    rng, particles, explorers, rounds, short, long, excess, found_link, found_point, found_force,
-):  # fmt: skip
-    most = found_link.shape[2]
-    width, m, pool = EDGES * most, q.shape[1] + 6, particles + explorers
-    problem = Problem(
-        np.empty(m), np.empty((width, m)), np.empty((width, width)), np.empty(width), np.empty(width),
-        np.empty((width, width)), np.empty(width), np.empty(width, dtype=np.int64),
-        np.empty((most, EDGES, 3)), np.empty((m, 3)),
-    )  # fmt: skip
+def _run(
+    rng: np.random.Generator,
+    stage: Stage,
+    places: Places,
+    q: np.ndarray,
+    base_wrench: np.ndarray,
+    joint_torque: np.ndarray,
+    rounds: int,
+    found: Found,
+) -> None:
+    most = found.link.shape[2]
+    m, size = q.shape[1] + 6, PARTICLES + EXPLORERS
+    problem = new_problem(most, m)
     sets = Sets(
-        np.empty((most, particles), dtype=np.int64), np.empty((most, particles, 3)),
-        np.empty((most, particles, 3)), np.empty(most, dtype=np.int64), np.empty((most, 3)),
+        np.empty((most, PARTICLES), dtype=np.int64), np.empty((most, PARTICLES, 3)),
+        np.empty((most, PARTICLES, 3)), np.empty(most, dtype=np.int64), np.empty((most, 3)),
         np.empty((most, 3)),
     )  # fmt: skip
-    on, at, out = np.empty(pool, dtype=np.int64), np.empty((pool, 3)), np.empty((pool, 3))
-    cost, chosen = np.empty(pool), np.empty(pool, dtype=np.int64)
+    pool = Pool(
+        np.empty(size, dtype=np.int64), np.empty((size, 3)), np.empty((size, 3)), np.empty(size),
+        np.empty(size, dtype=np.int64),
+    )  # fmt: skip
     for i in range(q.shape[0]):
         forward_kinematics(stage.model, q[i], stage.motion)
         sets.best_on[:] = -1
@@ -172,40 +192,40 @@ def _run(  # type: ignore[no-untyped-def]
                 # A set is added if the existing ones leave too much unexplained: at once if a new measurement
                 # differs, and after they had half of the rounds to settle.
                 if count < most and (turn == 0 or turn == rounds // 2):
-                    left = _forces(stage, friction, problem, square, sets, count)
-                    if count == 0 or left > excess:
-                        _throw(rng, sets, count, points, normals, links, first)
+                    left = _forces(stage, problem, square, sets, count)
+                    if count == 0 or left > EXCESS:
+                        _throw(rng, sets, count, places)
                         count += 1
-                _turn(
-                    rng, stage, friction, points, normals, links, first, problem, square, sets, count,
-                    short, long, FLAT ** (1.0 - turn / rounds), on, at, out, cost, chosen,
-                )  # fmt: skip
-            _forces(stage, friction, problem, square, sets, count)
+                sharpness = FLAT ** (1.0 - turn / rounds)
+                _turn(rng, stage, places, problem, square, sets, count, sharpness, pool)
+            _forces(stage, problem, square, sets, count)
             for c in range(count):
-                found_link[i, t, c] = sets.best_on[c]
+                found.link[i, t, c] = sets.best_on[c]
                 x, y, z = sets.best_at[c]
-                found_point[i, t, c] = to_base(stage.motion, sets.best_on[c], x, y, z)
-                force_of(problem.directions[c], problem.x, EDGES * c, found_force[i, t, c])
+                found.point_base[i, t, c] = to_base(stage.motion, sets.best_on[c], x, y, z)
+                force_of(problem, c, found.force_base[i, t, c])
 
 
 @allocating_kernel
-def _anywhere(rng, first):  # type: ignore[no-untyped-def]
+def _anywhere(rng: np.random.Generator, first: np.ndarray) -> int:
     """Index of a random place: a touchable link, all equally probable, then a place on it."""
     link = rng.integers(0, first.shape[0] - 1)
-    return rng.integers(first[link], first[link + 1])
+    place: int = rng.integers(first[link], first[link + 1])
+    return place
 
 
 @allocating_kernel
-def _throw(rng, sets, c, points, normals, links, first):  # type: ignore[no-untyped-def]
+def _throw(rng: np.random.Generator, sets: Sets, c: int, places: Places) -> None:
     """Start set `c` at random places."""
     for k in range(sets.on.shape[1]):
-        start = _anywhere(rng, first)
-        sets.on[c, k], sets.at[c, k], sets.out[c, k] = links[start], points[start], normals[start]
+        start = _anywhere(rng, places.first)
+        sets.on[c, k] = places.link[start]
+        sets.at[c, k], sets.out[c, k] = places.point[start], places.normal[start]
     sets.best_on[c], sets.best_at[c], sets.best_out[c] = sets.on[c, 0], sets.at[c, 0], sets.out[c, 0]
 
 
 @kernel
-def _taken(sets, c, count, link):  # type: ignore[no-untyped-def]
+def _taken(sets: Sets, c: int, count: int, link: int) -> bool:
     """Whether a set other than `c` is on a link."""
     taken = False
     for other in range(count):
@@ -214,60 +234,57 @@ def _taken(sets, c, count, link):  # type: ignore[no-untyped-def]
 
 
 @allocating_kernel
-def _turn(  # type: ignore[no-untyped-def]
-    rng, stage, friction, points, normals, links, first, problem, square, sets, count,
-    short, long, sharpness, on, at, out, cost, chosen,
-):  # fmt: skip
+def _turn(
+    rng: np.random.Generator,
+    stage: Stage,
+    places: Places,
+    problem: Problem,
+    square: float,
+    sets: Sets,
+    count: int,
+    sharpness: float,
+    pool: Pool,
+) -> None:
     """One round of the newest set."""
     c = count - 1
-    noise, motion = stage.noise, stage.motion
-    particles, pool = sets.on.shape[1], on.shape[0]
+    on, at, out, cost, chosen = pool
+    size = on.shape[0]
     number = 0
     for other in range(count):
         if other != c:
-            add_contact(
-                noise, motion, friction, sets.best_on[other], sets.best_at[other], sets.best_out[other],
-                problem.b, number, problem.A, problem.G, problem.h, problem.directions[number], problem.rows,
-            )  # fmt: skip
+            best_at, best_out = sets.best_at[other], sets.best_out[other]
+            add_contact(stage, sets.best_on[other], best_at, best_out, number, problem)
             number += 1
-    span = np.log(long / short)
-    for k in range(pool):
+    span = np.log(LONG / SHORT)
+    for k in range(size):
         if k == 0:
             # The best particle so far is kept, so that the result never becomes worse.
             on[k], at[k], out[k] = sets.best_on[c], sets.best_at[c], sets.best_out[c]
-        elif k < particles:
-            step = short * np.exp(span * rng.random())
+        elif k < PARTICLES:
+            step = SHORT * np.exp(span * rng.random())
             on[k] = walk(rng, stage, step, sets.on[c, k], sets.at[c, k], sets.out[c, k], at[k], out[k])
         else:
-            start = _anywhere(rng, first)
-            on[k], at[k], out[k] = links[start], points[start], normals[start]
+            start = _anywhere(rng, places.first)
+            on[k], at[k], out[k] = places.link[start], places.point[start], places.normal[start]
         if k > 0 and _taken(sets, c, count, on[k]):
             cost[k] = np.inf
             continue
-        add_contact(
-            noise, motion, friction, on[k], at[k], out[k], problem.b, number,
-            problem.A, problem.G, problem.h, problem.directions[number], problem.rows,
-        )  # fmt: skip
-        cost[k] = solve(
-            problem.G, problem.h, square, EDGES * count, problem.x, problem.L, problem.s, problem.order
-        )
+        add_contact(stage, on[k], at[k], out[k], number, problem)
+        cost[k] = solve_contacts(problem, square, count)
     best = np.argmin(cost)
     sets.best_on[c], sets.best_at[c], sets.best_out[c] = on[best], at[best], out[best]
-    for k in range(pool):
+    for k in range(size):
         cost[k] *= sharpness
     resample(rng, cost, chosen)
-    for k in range(particles):
-        # Every second particle drawn from the pool, since the draw is sorted.
-        pick = chosen[k * pool // particles]
+    for k in range(PARTICLES):
+        # Evenly spaced among those drawn from the pool, since the draw is sorted.
+        pick = chosen[k * size // PARTICLES]
         sets.on[c, k], sets.at[c, k], sets.out[c, k] = on[pick], at[pick], out[pick]
 
 
 @kernel
-def _forces(stage, friction, problem, square, sets, count):  # type: ignore[no-untyped-def]
+def _forces(stage: Stage, problem: Problem, square: float, sets: Sets, count: int) -> float:
     """Solve for the forces of all sets at their best places; returns the squared residual."""
     for c in range(count):
-        add_contact(
-            stage.noise, stage.motion, friction, sets.best_on[c], sets.best_at[c], sets.best_out[c],
-            problem.b, c, problem.A, problem.G, problem.h, problem.directions[c], problem.rows,
-        )  # fmt: skip
-    return solve(problem.G, problem.h, square, EDGES * count, problem.x, problem.L, problem.s, problem.order)
+        add_contact(stage, sets.best_on[c], sets.best_at[c], sets.best_out[c], c, problem)
+    return solve_contacts(problem, square, count)

@@ -12,9 +12,10 @@ import numpy as np
 
 from contactsense import Scene
 from contactsense.benchmarks.peers.method import Answers
-from contactsense.benchmarks.peers.stage import build_stage, given, to_base, to_link, turned_to_link
+from contactsense.benchmarks.peers.stage import Stage, build_stage, given, to_base, to_link, turned_to_link
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import nearest
 
 THRESHOLD = 3.0
@@ -49,7 +50,15 @@ class ForceLine:
 
 
 @kernel
-def _run(stage, threshold, q, base_wrench, joint_torque, link, point_base):  # type: ignore[no-untyped-def]
+def _run(
+    stage: Stage,
+    threshold: float,
+    q: np.ndarray,
+    base_wrench: np.ndarray,
+    joint_torque: np.ndarray,
+    link: np.ndarray,
+    point_base: np.ndarray,
+) -> None:
     motion, surfaces = stage.motion, stage.surfaces
     for i in range(q.shape[0]):
         forward_kinematics(stage.model, q[i], motion)
@@ -75,7 +84,9 @@ def _run(stage, threshold, q, base_wrench, joint_torque, link, point_base):  # t
 
 
 @kernel
-def enter(surfaces, link, x, y, z, ux, uy, uz):  # type: ignore[no-untyped-def]
+def enter(
+    surfaces: Surfaces, link: int, x: float, y: float, z: float, ux: float, uy: float, uz: float
+) -> tuple[float, float, float, float]:
     """Where a line first enters the union of a link's primitives.
 
     Args:

@@ -8,7 +8,9 @@ no iteration to a tolerance, about half a microsecond. `scipy.optimize.nnls` is 
 
 from math import fabs, sqrt
 
-from contactsense.robots.jit.kernel import kernel
+import numpy as np
+
+from contactsense.robots.jit.typed_kernel import kernel
 
 EDGES = 4
 """Edges of the pyramid."""
@@ -19,7 +21,7 @@ independent."""
 
 
 @kernel
-def edges(nx, ny, nz, friction, out):  # type: ignore[no-untyped-def]
+def edges(nx: float, ny: float, nz: float, friction: float, out: np.ndarray) -> None:
     """Edge forces of the pyramid about the friction cone, each with unit normal force.
 
     Args:
@@ -51,7 +53,7 @@ def edges(nx, ny, nz, friction, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def columns(rows, directions, out, first):  # type: ignore[no-untyped-def]
+def columns(rows: np.ndarray, directions: np.ndarray, out: np.ndarray, first: int) -> None:
     """Effect of each edge force on the sensors: columns `first`.. of the problem.
 
     Args:
@@ -68,7 +70,7 @@ def columns(rows, directions, out, first):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def gram(A, b, first, last, G, h):  # type: ignore[no-untyped-def]
+def gram(A: np.ndarray, b: np.ndarray, first: int, last: int, G: np.ndarray, h: np.ndarray) -> None:
     """Fill rows and columns `first` to `last` - 1 of the Gram matrix, with respect to all columns below
     `last`.
 
@@ -94,7 +96,9 @@ def gram(A, b, first, last, G, h):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _solve_passive(G, h, order, count, L, s):  # type: ignore[no-untyped-def]
+def _solve_passive(
+    G: np.ndarray, h: np.ndarray, order: np.ndarray, count: int, L: np.ndarray, s: np.ndarray
+) -> bool:
     """Least squares on the columns in `order`: fills `s`, or returns False if the last of them depends on the
     others."""
     for i in range(count):
@@ -123,7 +127,16 @@ def _solve_passive(G, h, order, count, L, s):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solve(G, h, square, count, x, L, s, order):  # type: ignore[no-untyped-def]
+def solve(
+    G: np.ndarray,
+    h: np.ndarray,
+    square: float,
+    count: int,
+    x: np.ndarray,
+    L: np.ndarray,
+    s: np.ndarray,
+    order: np.ndarray,
+) -> float:
     """Least squares with non-negative weights.
 
     Args:

@@ -8,11 +8,16 @@ weights. The answer is the place with the largest weight in the last round.
 import numpy as np
 
 from contactsense import Scene
-from contactsense.benchmarks.peers.friction import EDGES, solve
 from contactsense.benchmarks.peers.method import Answers
-from contactsense.benchmarks.peers.single import add_contact, force_of, resample
-from contactsense.benchmarks.peers.skin_table import scattered
-from contactsense.benchmarks.peers.stage import build_stage, given, measure, to_base
+from contactsense.benchmarks.peers.single import (
+    add_contact,
+    force_of,
+    new_problem,
+    resample,
+    solve_contacts,
+)
+from contactsense.benchmarks.peers.skin_table import Table, scattered
+from contactsense.benchmarks.peers.stage import Stage, build_stage, given, measure, to_base
 from contactsense.benchmarks.peers.walk import walk
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.robots.jit.kernel import allocating_kernel
@@ -39,7 +44,6 @@ class ParticleFilter:
         none."""
         self.name = "particle filter" if scene.base_wrench is None else "particle filter with base wrench"
         self._stage = build_stage(scene, LEAST_TORQUE, LEAST_MOMENT)
-        self._friction = scene.friction
         self._seed = seed
         self._table = scattered(self._stage.surfaces, _DENSITY, seed)
 
@@ -49,52 +53,52 @@ class ParticleFilter:
         n = len(q)
         answers = Answers(np.empty(n, dtype=np.int64), np.empty((n, 3)), np.empty((n, 3)))
         _run(
-            self._stage, self._friction, *self._table[:3], *given(q, base_wrench, joint_torque),
-            np.random.default_rng(self._seed), PARTICLES, ROUNDS, STEP, *answers[:3],
+            np.random.default_rng(self._seed), self._stage, self._table,
+            *given(q, base_wrench, joint_torque), *answers[:3],
         )  # fmt: skip
         return answers
 
 
 @allocating_kernel
-def _run(  # type: ignore[no-untyped-def]
-    stage, friction, points, normals, links, q, base_wrench, joint_torque,
-    rng, particles, rounds, step, link, point_base, force_base,
-):  # fmt: skip
+def _run(
+    rng: np.random.Generator,
+    stage: Stage,
+    table: Table,
+    q: np.ndarray,
+    base_wrench: np.ndarray,
+    joint_torque: np.ndarray,
+    link: np.ndarray,
+    point_base: np.ndarray,
+    force_base: np.ndarray,
+) -> None:
     m = q.shape[1] + 6
-    motion = stage.motion
-    b, rows, directions = np.empty(m), np.empty((m, 3)), np.empty((EDGES, 3))
-    A, G, h = np.empty((EDGES, m)), np.empty((EDGES, EDGES)), np.empty(EDGES)
-    x, L, s = np.empty(EDGES), np.empty((EDGES, EDGES)), np.empty(EDGES)
-    order = np.empty(EDGES, dtype=np.int64)
-    on, new_on = np.empty(particles, dtype=np.int64), np.empty(particles, dtype=np.int64)
-    at, new_at = np.empty((particles, 3)), np.empty((particles, 3))
-    out, new_out = np.empty((particles, 3)), np.empty((particles, 3))
-    cost, chosen = np.empty(particles), np.empty(particles, dtype=np.int64)
+    motion, problem = stage.motion, new_problem(1, m)
+    on, new_on = np.empty(PARTICLES, dtype=np.int64), np.empty(PARTICLES, dtype=np.int64)
+    at, new_at = np.empty((PARTICLES, 3)), np.empty((PARTICLES, 3))
+    out, new_out = np.empty((PARTICLES, 3)), np.empty((PARTICLES, 3))
+    cost, chosen = np.empty(PARTICLES), np.empty(PARTICLES, dtype=np.int64)
     for i in range(q.shape[0]):
         forward_kinematics(stage.model, q[i], motion)
-        measure(stage.noise, joint_torque[i], base_wrench[i], b)
+        measure(stage.noise, joint_torque[i], base_wrench[i], problem.b)
         square = 0.0
         for r in range(m):
-            square += b[r] * b[r]
-        for k in range(particles):
-            start = rng.integers(0, points.shape[0])
-            on[k], at[k], out[k] = links[start], points[start], normals[start]
+            square += problem.b[r] * problem.b[r]
+        for k in range(PARTICLES):
+            start = rng.integers(0, table.link.shape[0])
+            on[k], at[k], out[k] = table.link[start], table.point[start], table.normal[start]
         least = np.inf
-        for turn in range(rounds):
+        for turn in range(ROUNDS):
             least = np.inf
-            for k in range(particles):
-                new_on[k] = walk(rng, stage, step, on[k], at[k], out[k], new_at[k], new_out[k])
-                add_contact(
-                    stage.noise, motion, friction, new_on[k], new_at[k], new_out[k],
-                    b, 0, A, G, h, directions, rows,
-                )  # fmt: skip
-                cost[k] = solve(G, h, square, EDGES, x, L, s, order)
+            for k in range(PARTICLES):
+                new_on[k] = walk(rng, stage, STEP, on[k], at[k], out[k], new_at[k], new_out[k])
+                add_contact(stage, new_on[k], new_at[k], new_out[k], 0, problem)
+                cost[k] = solve_contacts(problem, square, 1)
                 if cost[k] < least:
                     least = cost[k]
-                    if turn == rounds - 1:
+                    if turn == ROUNDS - 1:
                         link[i] = new_on[k]
                         point_base[i] = to_base(motion, new_on[k], new_at[k, 0], new_at[k, 1], new_at[k, 2])
-                        force_of(directions, x, 0, force_base[i])
+                        force_of(problem, 0, force_base[i])
             resample(rng, cost, chosen)
-            for k in range(particles):
+            for k in range(PARTICLES):
                 on[k], at[k], out[k] = new_on[chosen[k]], new_at[chosen[k]], new_out[chosen[k]]

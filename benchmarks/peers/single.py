@@ -1,50 +1,92 @@
 """Fit of one contact at one point to a measurement, and helpers of the particle filters."""
 
 from math import exp
+from typing import NamedTuple
 
-from contactsense.benchmarks.peers.friction import EDGES, columns, edges, gram
-from contactsense.benchmarks.peers.stage import load, to_base, turned_to_base
-from contactsense.robots.jit.kernel import allocating_kernel, kernel
+import numpy as np
+
+from contactsense.benchmarks.peers.friction import EDGES, columns, edges, gram, solve
+from contactsense.benchmarks.peers.stage import Stage, load, to_base, turned_to_base
+from contactsense.robots.jit.kernel import allocating_kernel
+from contactsense.robots.jit.typed_kernel import kernel
+
+
+class Problem(NamedTuple):
+    """Least squares over the edge forces of several contacts: m measurements, four columns per contact."""
+
+    b: np.ndarray
+    """Measurement in units of its noise, shape (m,)."""
+    A: np.ndarray
+    """Columns as rows, shape (columns, m)."""
+    G: np.ndarray
+    """Gram matrix, shape (columns, columns)."""
+    h: np.ndarray
+    """A^T b, shape (columns,)."""
+    x: np.ndarray
+    """Weights of the edge forces, shape (columns,)."""
+    L: np.ndarray
+    """Scratch of `solve`, as the next two, shape (columns, columns)."""
+    s: np.ndarray
+    """Shape (columns,)."""
+    order: np.ndarray
+    """Shape (columns,), int64."""
+    directions: np.ndarray
+    """Edge forces of each contact in the order of the columns, base axes, shape (contacts, 4, 3)."""
+    rows: np.ndarray
+    """Scratch: measurement by force of one contact, shape (m, 3)."""
+
+
+@allocating_kernel
+def new_problem(contacts: int, m: int) -> Problem:
+    """Arrays for up to that many contacts and m measurements."""
+    width = EDGES * contacts
+    return Problem(
+        np.empty(m), np.empty((width, m)), np.empty((width, width)), np.empty(width), np.empty(width),
+        np.empty((width, width)), np.empty(width), np.empty(width, dtype=np.int64),
+        np.empty((contacts, EDGES, 3)), np.empty((m, 3)),
+    )  # fmt: skip
 
 
 @kernel
-def add_contact(  # type: ignore[no-untyped-def]
-    noise, motion, friction, link, place, normal, b, number, A, G, h, directions, rows
-):
+def add_contact(
+    stage: Stage, link: int, place: np.ndarray, normal: np.ndarray, number: int, problem: Problem
+) -> None:
     """Add the four edge forces of one contact to the problem as contact `number`.
 
     Args:
-        noise, motion: Sensors, and poses of the links.
-        friction: Coefficient of friction.
+        stage: Sensors, poses of the links, and friction.
         link, place, normal: The contact, in its link's frame.
-        b: Measurement in units of its noise, shape (m,).
         number: Index of the contact: columns 4 `number` to 4 `number` + 3; previous columns are already
             filled.
-        A, G, h: Columns as rows (columns, m), Gram matrix, A^T b; filled.
-        directions: Filled: its edge forces in base axes, shape (4, 3).
-        rows: Scratch, shape (m, 3).
+        problem: The columns, their products and `directions` are filled.
     """
-    nx, ny, nz = turned_to_base(motion, link, normal[0], normal[1], normal[2])
-    x, y, z = to_base(motion, link, place[0], place[1], place[2])
-    edges(nx, ny, nz, friction, directions)
-    load(noise, motion, link, x, y, z, rows)
-    first = EDGES * number
-    columns(rows, directions, A, first)
-    gram(A, b, first, first + EDGES, G, h)
+    nx, ny, nz = turned_to_base(stage.motion, link, normal[0], normal[1], normal[2])
+    x, y, z = to_base(stage.motion, link, place[0], place[1], place[2])
+    directions, first = problem.directions[number], EDGES * number
+    edges(nx, ny, nz, stage.friction, directions)
+    load(stage.noise, stage.motion, link, x, y, z, problem.rows)
+    columns(problem.rows, directions, problem.A, first)
+    gram(problem.A, problem.b, first, first + EDGES, problem.G, problem.h)
 
 
 @kernel
-def force_of(directions, weights, first, out):  # type: ignore[no-untyped-def]
-    """Force of a contact from the weights of its four edge forces; fills `out` (3,)."""
+def solve_contacts(problem: Problem, square: float, count: int) -> float:
+    """Find the forces of the first `count` contacts; `square`: b^T b. Returns the squared residual."""
+    return solve(problem.G, problem.h, square, EDGES * count, problem.x, problem.L, problem.s, problem.order)
+
+
+@kernel
+def force_of(problem: Problem, number: int, out: np.ndarray) -> None:
+    """Force of contact `number` from the weights of its four edge forces; fills `out` (3,)."""
     for i in range(3):
         total = 0.0
         for k in range(EDGES):
-            total += weights[first + k] * directions[k, i]
+            total += problem.x[EDGES * number + k] * problem.directions[number, k, i]
         out[i] = total
 
 
 @allocating_kernel
-def resample(rng, cost, chosen):  # type: ignore[no-untyped-def]
+def resample(rng: np.random.Generator, cost: np.ndarray, chosen: np.ndarray) -> None:
     """Systematic resampling: fills `chosen` (K,) with particle indices, each in proportion to its weight.
 
     Args:

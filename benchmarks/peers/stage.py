@@ -11,8 +11,9 @@ import numpy as np
 
 from contactsense import Scene
 from contactsense.kinematics.model import Model, Motion, empty_motion
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.vectors import Vector
 from contactsense.runtime.constants import build_constants
 
 
@@ -35,6 +36,8 @@ class Stage(NamedTuple):
     ball: np.ndarray
     """Ball about each link's surface in its frame: centre and radius, shape (links, 4) [m]."""
     noise: Noise
+    friction: float
+    """Coefficient of friction."""
 
 
 def build_stage(scene: Scene, least_torque: float = 0.0, least_moment: float = 0.0) -> Stage:
@@ -55,7 +58,14 @@ def build_stage(scene: Scene, least_torque: float = 0.0, least_moment: float = 0
     if scene.base_wrench is not None:
         base = np.linalg.cholesky(arm.sensors.base_information).T.copy()
         base *= min(1.0, scene.base_wrench.moment_noise / max(least_moment, 1e-12))
-    return Stage(arm.model, empty_motion(joints), arm.surfaces, _balls(arm.surfaces), Noise(torque, base))
+    return Stage(
+        arm.model,
+        empty_motion(joints),
+        arm.surfaces,
+        _balls(arm.surfaces),
+        Noise(torque, base),
+        float(scene.friction),
+    )
 
 
 def _balls(surfaces: Surfaces) -> np.ndarray:
@@ -90,7 +100,7 @@ def given(
 
 
 @kernel
-def measure(noise, joint_torque, base_wrench, rows):  # type: ignore[no-untyped-def]
+def measure(noise: Noise, joint_torque: np.ndarray, base_wrench: np.ndarray, rows: np.ndarray) -> None:
     """Fill `rows` (n + 6,) with a measurement in units of its noise.
 
     Args:
@@ -110,7 +120,7 @@ def measure(noise, joint_torque, base_wrench, rows):  # type: ignore[no-untyped-
 
 
 @kernel
-def load(noise, motion, link, x, y, z, rows):  # type: ignore[no-untyped-def]
+def load(noise: Noise, motion: Motion, link: int, x: float, y: float, z: float, rows: np.ndarray) -> None:
     """Effect of a force at a given place on the sensors, in units of their noise.
 
     Joint j measures the force f at c as f . (z_j x (c - o_j)) if it is proximal to the link; the base sensor
@@ -140,7 +150,7 @@ def load(noise, motion, link, x, y, z, rows):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def to_base(motion, link, x, y, z):  # type: ignore[no-untyped-def]
+def to_base(motion: Motion, link: int, x: float, y: float, z: float) -> Vector:
     """Transform a point from a link's frame to the base frame, as 3 floats [m]."""
     R, o = motion.rotation[link], motion.origin[link]
     return (
@@ -151,7 +161,7 @@ def to_base(motion, link, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def to_link(motion, link, x, y, z):  # type: ignore[no-untyped-def]
+def to_link(motion: Motion, link: int, x: float, y: float, z: float) -> Vector:
     """Transform a point from the base frame to a link's frame, as 3 floats [m]."""
     R, o = motion.rotation[link], motion.origin[link]
     dx, dy, dz = x - o[0], y - o[1], z - o[2]
@@ -163,7 +173,7 @@ def to_link(motion, link, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def turned_to_base(motion, link, x, y, z):  # type: ignore[no-untyped-def]
+def turned_to_base(motion: Motion, link: int, x: float, y: float, z: float) -> Vector:
     """Transform a direction from a link's frame to base axes, as 3 floats."""
     R = motion.rotation[link]
     return (
@@ -174,7 +184,7 @@ def turned_to_base(motion, link, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def turned_to_link(motion, link, x, y, z):  # type: ignore[no-untyped-def]
+def turned_to_link(motion: Motion, link: int, x: float, y: float, z: float) -> Vector:
     """Transform a direction from base axes to a link's frame, as 3 floats."""
     R = motion.rotation[link]
     return (

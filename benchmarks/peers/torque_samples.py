@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Scene
-from contactsense.benchmarks.peers.friction import EDGES, solve
 from contactsense.benchmarks.peers.method import Answers
-from contactsense.benchmarks.peers.single import add_contact, force_of
-from contactsense.benchmarks.peers.skin_table import spread
-from contactsense.benchmarks.peers.stage import build_stage, given, measure, to_base
+from contactsense.benchmarks.peers.single import add_contact, force_of, new_problem, solve_contacts
+from contactsense.benchmarks.peers.skin_table import Table, spread
+from contactsense.benchmarks.peers.stage import Stage, build_stage, given, measure, to_base
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.robots.jit.kernel import allocating_kernel
 
@@ -48,7 +47,6 @@ class TorqueSamples:
         if scene.base_wrench is not None:
             raise ValueError("base_wrench: expected a scene of joint torques alone")
         self._stage = build_stage(scene)
-        self._friction = scene.friction
         self.table = spread(self._stage.surfaces, spacing)
 
     def __call__(
@@ -59,7 +57,7 @@ class TorqueSamples:
         answers = Answers(np.empty(n, dtype=np.int64), np.empty((n, 3)), np.empty((n, 3)))
         cost = np.empty(len(self.table.link))
         for i in range(n):
-            best = _search(self._stage, self._friction, *self.table[:3], q[i], joint_torque[i], cost)
+            best = _search(self._stage, self.table, q[i], joint_torque[i], cost)
             answers.link[i], answers.point_base[i], answers.force_base[i] = best[0], best[1:4], best[4:7]
         return answers
 
@@ -67,7 +65,7 @@ class TorqueSamples:
         """All places that explain one measurement, `q` and `joint_torque` of shape (n,)."""
         cost = np.empty(len(self.table.link))
         (q,), _, (torque,) = given(np.array([q]), None, np.array([joint_torque]))
-        _search(self._stage, self._friction, *self.table[:3], q, torque, cost)
+        _search(self._stage, self.table, q, torque, cost)
         motion = self._stage.motion
         link = self.table.link
         point = np.einsum("nij,nj->ni", motion.rotation[link], self.table.point) + motion.origin[link]
@@ -81,45 +79,28 @@ class TorqueSamples:
 
 
 @allocating_kernel
-def _search(stage, friction, points, normals, links, q, joint_torque, cost):  # type: ignore[no-untyped-def]
+def _search(
+    stage: Stage, table: Table, q: np.ndarray, joint_torque: np.ndarray, cost: np.ndarray
+) -> np.ndarray:
     """Squared residual at each sample, into `cost` (M,); the best one's link, place and force, base axes."""
     forward_kinematics(stage.model, q, stage.motion)
-    n = q.shape[0]
-    m = n + 6
-    b, rows, directions = np.empty(m), np.empty((m, 3)), np.empty((EDGES, 3))
-    A, G, h = np.empty((EDGES, m)), np.empty((EDGES, EDGES)), np.empty(EDGES)
-    x, L, s = np.empty(EDGES), np.empty((EDGES, EDGES)), np.empty(EDGES)
-    order = np.empty(EDGES, dtype=np.int64)
+    m = q.shape[0] + 6
+    problem = new_problem(1, m)
     best = np.zeros(7)
-    measure(stage.noise, joint_torque, np.zeros(6), b)
+    measure(stage.noise, joint_torque, np.zeros(6), problem.b)
     square = 0.0
     for i in range(m):
-        square += b[i] * b[i]
+        square += problem.b[i] * problem.b[i]
     least = np.inf
     force = np.empty(3)
-    for i in range(points.shape[0]):
-        add_contact(
-            stage.noise,
-            stage.motion,
-            friction,
-            links[i],
-            points[i],
-            normals[i],
-            b,
-            0,
-            A,
-            G,
-            h,
-            directions,
-            rows,
-        )
-        cost[i] = solve(G, h, square, EDGES, x, L, s, order)
+    for i in range(table.link.shape[0]):
+        link, point = table.link[i], table.point[i]
+        add_contact(stage, link, point, table.normal[i], 0, problem)
+        cost[i] = solve_contacts(problem, square, 1)
         if cost[i] < least:
             least = cost[i]
-            force_of(directions, x, 0, force)
-            best[0] = links[i]
-            best[1], best[2], best[3] = to_base(
-                stage.motion, links[i], points[i, 0], points[i, 1], points[i, 2]
-            )
+            force_of(problem, 0, force)
+            best[0] = link
+            best[1], best[2], best[3] = to_base(stage.motion, link, point[0], point[1], point[2])
             best[4:7] = force
     return best

@@ -6,7 +6,7 @@ to the nearest point of the arm, which may lie on the link before or after its o
 
 import numpy as np
 
-from contactsense.benchmarks.peers.stage import to_base, to_link
+from contactsense.benchmarks.peers.stage import Stage, to_base, to_link
 from contactsense.robots.jit.kernel import allocating_kernel, kernel
 from contactsense.robots.surface.union import nearest
 
@@ -15,7 +15,9 @@ _MAX_DEPTH = 1e-4
 
 
 @kernel
-def _nearest_on_link(stage, link, x, y, z, within):  # type: ignore[no-untyped-def]
+def _nearest_on_link(
+    stage: Stage, link: int, x: float, y: float, z: float, within: float
+) -> tuple[float, float, float, float, float, float, float]:
     """Distance of a point of the base frame to one link if below `within`, else infinity, and the nearest
     place and normal in its frame."""
     px, py, pz = to_link(stage.motion, link, x, y, z)
@@ -30,15 +32,24 @@ def _nearest_on_link(stage, link, x, y, z, within):  # type: ignore[no-untyped-d
 
 
 @allocating_kernel
-def walk(rng, stage, step, link, point, normal, new_point, new_normal):  # type: ignore[no-untyped-def]
+def walk(
+    rng: np.random.Generator,
+    stage: Stage,
+    step: float,
+    link: int,
+    point: np.ndarray,
+    normal: np.ndarray,
+    new_point: np.ndarray,
+    new_normal: np.ndarray,
+) -> int:
     """Move a particle at random; it does not move if the step ends at a place that cannot be touched.
 
     Args:
         rng: A NumPy generator.
         stage: Poses of the links, and their surfaces.
         step: Standard deviation of the step [m].
-        link, place, normal: Its position: index of the link, place (3,) [m] and normal (3,), link frame.
-        new_place, new_normal: Filled, shapes (3,).
+        link, point, normal: Its position: index of the link, place (3,) [m] and normal (3,), link frame.
+        new_point, new_normal: Filled, shapes (3,).
 
     Returns:
         Index of its new link.

@@ -10,7 +10,10 @@ from contactsense import Scene
 from contactsense.benchmarks.peers.method import Answers
 from contactsense.benchmarks.posterior.evidence import Prior
 from contactsense.benchmarks.posterior.patch_posterior import (
+    LinkMeasurement,
+    Probes,
     densest_patch,
+    empty_measurement,
     evaluate_patches,
     mean_near,
     mean_on_patch,
@@ -71,6 +74,31 @@ class Posterior(NamedTuple):
     """Shape (links,)."""
 
 
+class Measurement(NamedTuple):
+    """One sample."""
+
+    q: np.ndarray
+    """Joint positions, shape (n,) [rad]."""
+    wrench: np.ndarray
+    """External wrench on the base sensor, shape (6,) [N, Nm]."""
+    has_base: bool
+    """Whether there is a base sensor."""
+    torque: np.ndarray
+    """External joint torques: a contact wrench w leaves s_j . w, shape (n,) [Nm]."""
+    has_torque: bool
+    """Whether there are joint torques."""
+
+
+class Buffers(NamedTuple):
+    """Scratch of the kernel."""
+
+    motion: Motion
+    hypotheses: Hypotheses
+    rows: SensorRows
+    local: LinkMeasurement
+    probes: Probes
+
+
 class Dense:
     """The dense posterior of one scene."""
 
@@ -111,12 +139,15 @@ class Dense:
         self._rule = _RULES.index(rule)
         self._constants = build_constants(scene)
         joints, links = self._constants.model.joints, len(self._constants.touchable)
-        self._state = (empty_motion(joints), zeros(Hypotheses, links=links), zeros(SensorRows, rows=joints))
-        self._scratch = (np.zeros(6), np.zeros((6, 6)), np.zeros((8, 8)), np.zeros((6, 6)), np.zeros(6))
-        self._transform = np.zeros((6, 6))
-        self._probes = (np.zeros(_PROBES, np.int64), np.zeros(_PROBES, np.int64), np.zeros((_PROBES, 3)))
+        self._buffers = Buffers(
+            empty_motion(joints),
+            zeros(Hypotheses, links=links),
+            zeros(SensorRows, rows=joints),
+            empty_measurement(),
+            Probes(np.zeros(_PROBES, np.int64), np.zeros(_PROBES, np.int64), np.zeros((_PROBES, 3))),
+        )
         count = len(samples.area)
-        self._fields = (np.zeros(count), np.zeros(count), np.zeros(count))
+        self._posterior = Posterior(np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(links))
 
     def __call__(
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
@@ -134,18 +165,16 @@ class Dense:
                 self._rule,
                 point[i],
                 force[i],
-                link_probability[i],
             )
+            link_probability[i] = self._posterior.link_probability
         return Answers(link, point, force, probability, link_probability)
 
     def posterior(
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
     ) -> Posterior:
         """Posterior of one measurement; arguments as of `__call__`, without the leading axis."""
-        link_probability = np.zeros(len(self._constants.touchable))
-        self._estimate(q, base_wrench, joint_torque, 0, np.zeros(3), np.zeros(3), link_probability)
-        density, weight, force = (array.copy() for array in self._fields)
-        return Posterior(density, weight, force, link_probability)
+        self._estimate(q, base_wrench, joint_torque, 0, np.zeros(3), np.zeros(3))
+        return Posterior(*(array.copy() for array in self._posterior))
 
     def level(self, posterior: Posterior, link: int, q: np.ndarray, point_base: np.ndarray) -> float:
         """Probability of all patches with a higher density than a point on a link.
@@ -153,7 +182,7 @@ class Dense:
         The density of the point is the highest of the five nearest patches, because at an edge the
         nearest patch may belong to another face.
         """
-        motion = self._state[0]
+        motion = self._buffers.motion
         forward_kinematics(self._constants.model, q, motion)
         local = (point_base - motion.origin[link]) @ motion.rotation[link]
         own = slice(self.samples.start[link], self.samples.start[link + 1])
@@ -168,28 +197,18 @@ class Dense:
         rule: int,
         point: np.ndarray,
         force: np.ndarray,
-        link_probability: np.ndarray,
     ) -> tuple[int, float]:
-        zeros = np.zeros(6)
-        estimate: tuple[int, float] = _estimate_kernel(
-            self._constants,
-            self.samples,
-            self.prior,
-            *self._state,
+        measured = Measurement(
             np.ascontiguousarray(q),
-            zeros if wrench is None else wrench,
+            np.zeros(6) if wrench is None else wrench,
             wrench is not None,
             np.zeros(len(q)) if torque is None else -torque,
             torque is not None,
-            rule,
-            *self._scratch,
-            self._transform,
-            *self._probes,
-            *self._fields,
-            point,
-            force,
-            link_probability,
         )
+        estimate: tuple[int, float] = _estimate_kernel(
+            self._constants, self.samples, self.prior, measured, rule, self._buffers, self._posterior, point,
+            force,
+        )  # fmt: skip
         return estimate
 
 
@@ -198,36 +217,21 @@ def _estimate_kernel(
     constants: Constants,
     samples: Samples,
     prior: Prior,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    rows: SensorRows,
-    q: np.ndarray,
-    wrench: np.ndarray,
-    has_base: bool,
-    torque: np.ndarray,
-    has_torque: bool,
+    measured: Measurement,
     rule: int,
-    local_w: np.ndarray,
-    local_L: np.ndarray,
-    M: np.ndarray,
-    H: np.ndarray,
-    g: np.ndarray,
-    T: np.ndarray,
-    probe: np.ndarray,
-    owner: np.ndarray,
-    probe_point: np.ndarray,
-    density: np.ndarray,
-    weight: np.ndarray,
-    normal_force: np.ndarray,
+    buffers: Buffers,
+    posterior: Posterior,
     point: np.ndarray,
     force: np.ndarray,
-    link_probability: np.ndarray,
 ) -> tuple[int, float]:
-    """Evaluate one measurement: fills point, force and link probabilities.
+    """Evaluate one measurement: fills the posterior, point and force.
 
     Returns:
         Index of the link, -1 for none, and the probability near its point.
     """
+    motion, hypotheses, rows, local, probes = buffers
+    q, wrench, has_base, torque, has_torque = measured
+    density, weight, normal_force, link_probability = posterior
     forward_kinematics(constants.model, q, motion)
     count = torque.shape[0] if has_torque else 0
     for j in range(count):
@@ -239,9 +243,8 @@ def _estimate_kernel(
     sensors = constants.sensors
     isolate(sensors.base_covariance, sensors.base_information, wrench, has_base, rows, count, 1.0, hypotheses)
     evaluate_patches(
-        samples, constants.touchable, q, motion, hypotheses, has_base, prior, local_w, local_L, T, M, density,
-        normal_force,
-    )  # fmt: skip
+        samples, constants.touchable, q, motion, hypotheses, has_base, prior, local, density, normal_force
+    )
     normalize(samples, density, weight, link_probability)
     link = 0
     for k in range(1, link_probability.shape[0]):
@@ -251,7 +254,7 @@ def _estimate_kernel(
     if rule == 0:
         first, last = 0, density.shape[0]
     if rule == 4:
-        patch = median_patch(samples, weight, first, last, motion, probe, owner, probe_point)
+        patch = median_patch(samples, weight, first, last, motion, probes)
     elif rule >= 2:
         patch = most_probable_patch(samples, density, weight, first, last)
     else:
@@ -264,30 +267,15 @@ def _estimate_kernel(
             link += 1
         first, last = samples.start[link], samples.start[link + 1]
     R, o = motion.rotation[link], motion.origin[link]
-    wrench_in_link_frame(hypotheses.wrench[link], hypotheses.information[link], R, o, T, local_w, local_L)
-    local = np.empty(3)
+    wrench_in_link_frame(hypotheses.wrench[link], hypotheses.information[link], R, o, local)
+    place = np.empty(3)
     if rule >= 3:
-        mean_near(
-            samples,
-            weight,
-            normal_force,
-            first,
-            last,
-            patch,
-            has_base,
-            prior,
-            local_w,
-            local_L,
-            M,
-            H,
-            g,
-            local,
-        )
+        mean_near(samples, weight, normal_force, first, last, patch, has_base, prior, local, place)
     else:
-        mean_on_patch(samples, patch, normal_force[patch], has_base, prior, local_w, local_L, M, H, g, local)
+        mean_on_patch(samples, patch, normal_force[patch], has_base, prior, local, place)
     n = samples.normal[patch]
     for i in range(3):
-        point[i] = o[i] + R[i, 0] * local[0] + R[i, 1] * local[1] + R[i, 2] * local[2]
+        point[i] = o[i] + R[i, 0] * place[0] + R[i, 1] * place[1] + R[i, 2] * place[2]
         outward = R[i, 0] * n[0] + R[i, 1] * n[1] + R[i, 2] * n[2]
         force[i] = hypotheses.wrench[link, i] if has_base else -normal_force[patch] * outward
     if not math.isfinite(point[0]):

@@ -28,6 +28,8 @@ EVIDENCE_CUTOFF = 30.0
 """Patches whose log evidence is below the best so far by more than this are dropped."""
 _ROUNDS = 6
 
+_Six = tuple[float, float, float, float, float, float]
+
 
 class Prior(NamedTuple):
     """Prior of a contact."""
@@ -47,7 +49,16 @@ class Prior(NamedTuple):
 
 
 @fused_kernel
-def gram(L, w, c, n, f, spread, offset, out):  # type: ignore[no-untyped-def]
+def gram(
+    L: np.ndarray,
+    w: np.ndarray,
+    c: np.ndarray,
+    n: np.ndarray,
+    f: np.ndarray,
+    spread: float,
+    offset: float,
+    out: np.ndarray,
+) -> _Six:
     """Scalar products of the eight columns d1, d2, e, a1, a2, xi, -F and the measurement.
 
     Args:
@@ -138,18 +149,18 @@ def gram(L, w, c, n, f, spread, offset, out):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _moment(scale, x, y, z):  # type: ignore[no-untyped-def]
+def _moment(scale: float, x: float, y: float, z: float) -> _Six:
     return 0.0, 0.0, 0.0, scale * x, scale * y, scale * z
 
 
 @fused_kernel
-def _force(fx, fy, fz, x, y, z):  # type: ignore[no-untyped-def]
+def _force(fx: float, fy: float, fz: float, x: float, y: float, z: float) -> _Six:
     """Wrench of a unit force at (x, y, z)."""
     return fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
 
 
 @fused_kernel
-def eliminate(M):  # type: ignore[no-untyped-def]
+def eliminate(M: np.ndarray) -> float:
     """Integrate the displacements, rows 0 to 2, out of `M` in place; returns half the log determinant."""
     half_log_det = 0.0
     for k in range(3):
@@ -164,7 +175,9 @@ def eliminate(M):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def at_force(M, F, friction_ratio, torsion_lever):  # type: ignore[no-untyped-def]
+def at_force(
+    M: np.ndarray, F: float, friction_ratio: float, torsion_lever: float
+) -> tuple[float, float, float]:
     """Log evidence at one normal force, and the quadratic energy over F for the friction at that force.
 
     Args:
@@ -198,7 +211,7 @@ def at_force(M, F, friction_ratio, torsion_lever):  # type: ignore[no-untyped-de
 
 
 @fused_kernel
-def over_force(M, prior, initial_force, threshold):  # type: ignore[no-untyped-def]
+def over_force(M: np.ndarray, prior: Prior, initial_force: float, threshold: float) -> tuple[float, float]:
     """Log evidence of a patch, integrated over all normal forces, and its estimate of the normal force
     [N].
 
@@ -238,7 +251,7 @@ def over_force(M, prior, initial_force, threshold):  # type: ignore[no-untyped-d
 
 
 @fused_kernel
-def _sum(M, prior, friction_ratio, first, step, count):  # type: ignore[no-untyped-def]
+def _sum(M: np.ndarray, prior: Prior, friction_ratio: float, first: float, step: float, count: int) -> float:
     """Log of the integral over log F by equal steps."""
     total = -math.inf
     for i in range(count):
@@ -247,7 +260,7 @@ def _sum(M, prior, friction_ratio, first, step, count):  # type: ignore[no-untyp
 
 
 @fused_kernel
-def _add(a, b):  # type: ignore[no-untyped-def]
+def _add(a: float, b: float) -> float:
     """Log of the sum of two numbers given by their logarithms, the second finite."""
     if a == -math.inf:
         return b

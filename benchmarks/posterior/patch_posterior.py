@@ -1,6 +1,7 @@
 """The posterior over all surface patches of all links for one measurement, and point estimates from it."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,16 +17,51 @@ RADIUS = 0.02
 _MAX_PEAKS = 24
 
 
+class LinkMeasurement(NamedTuple):
+    """The measurement in the frame of one link, and scratch for its patches."""
+
+    wrench: np.ndarray
+    """About the link's origin, link axes, shape (6,) [N, Nm]."""
+    information: np.ndarray
+    """Its information matrix, shape (6, 6)."""
+    transform: np.ndarray
+    """Scratch: map of a wrench from the link frame to the base frame, shape (6, 6)."""
+    gram: np.ndarray
+    """Scratch, see `contactsense.benchmarks.posterior.evidence.gram`, shape (8, 8)."""
+    H: np.ndarray
+    """Scratch: information of the six unknowns of a patch, shape (6, 6)."""
+    g: np.ndarray
+    """Scratch: right-hand side of their equations, then the solution, shape (6,)."""
+
+
+def empty_measurement() -> LinkMeasurement:
+    """Zeroed arrays."""
+    return LinkMeasurement(*(np.zeros(shape) for shape in (6, (6, 6), (6, 6), (8, 8), (6, 6), 6)))
+
+
+class Probes(NamedTuple):
+    """K patches that represent the posterior with equal probability."""
+
+    patch: np.ndarray
+    """Shape (K,), int64."""
+    link: np.ndarray
+    """Their links, shape (K,), int64."""
+    point: np.ndarray
+    """Their places in the base frame, shape (K, 3) [m]."""
+
+
 @fused_kernel
-def wrench_in_link_frame(w, L, R, o, T, local_w, local_L):  # type: ignore[no-untyped-def]
+def wrench_in_link_frame(
+    w: np.ndarray, L: np.ndarray, R: np.ndarray, o: np.ndarray, out: LinkMeasurement
+) -> None:
     """Transform a wrench and its information matrix from the base frame to the frame of a link.
 
     Args:
         w, L: About the base origin, base axes, shapes (6,) and (6, 6).
         R, o: Rotation and origin of the link, shapes (3, 3) and (3,).
-        T: Scratch: map of a wrench from the link frame to the base frame, shape (6, 6).
-        local_w, local_L: Filled.
+        out: Wrench, information and transform are filled.
     """
+    T, local_w, local_L = out.transform, out.wrench, out.information
     for k in range(3):
         a, b, c = R[0, k], R[1, k], R[2, k]
         for i in range(3):
@@ -57,10 +93,7 @@ def evaluate_patches(
     hypotheses: Hypotheses,
     wrench_measured: bool,
     prior: Prior,
-    local_w: np.ndarray,
-    local_L: np.ndarray,
-    T: np.ndarray,
-    M: np.ndarray,
+    local: LinkMeasurement,
     density: np.ndarray,
     force: np.ndarray,
 ) -> None:
@@ -68,6 +101,7 @@ def evaluate_patches(
     normal force."""
     best = -math.inf
     guess = np.zeros(3)
+    local_w, local_L, M = local.wrench, local.information, local.gram
     links = touchable.shape[0]
     angles = samples.covered.shape[2]
     for link in range(links):
@@ -77,7 +111,7 @@ def evaluate_patches(
             continue
         link_log_evidence = -hypotheses.energy[link]
         R, o = motion.rotation[link], motion.origin[link]
-        wrench_in_link_frame(hypotheses.wrench[link], hypotheses.information[link], R, o, T, local_w, local_L)
+        wrench_in_link_frame(hypotheses.wrench[link], hypotheses.information[link], R, o, local)
         # Upper bound of the standard deviation of the measured force.
         P = hypotheses.covariance[link]
         force_deviation = math.sqrt(P[0, 0] + P[1, 1] + P[2, 2])
@@ -110,13 +144,13 @@ def evaluate_patches(
 
 
 @fused_kernel
-def _bin(angle, count):  # type: ignore[no-untyped-def]
+def _bin(angle: float, count: int) -> int:
     turns = (angle + math.pi) / (2.0 * math.pi)
     return min(int((turns - math.floor(turns)) * count), count - 1)
 
 
 @fused_kernel
-def _initial_force(L, w, c, n, prior):  # type: ignore[no-untyped-def]
+def _initial_force(L: np.ndarray, w: np.ndarray, c: np.ndarray, n: np.ndarray, prior: Prior) -> float:
     """Least-squares normal force of a contact without friction and torsion [N]."""
     u = (
         -n[0],
@@ -166,7 +200,7 @@ def densest_patch(density: np.ndarray, first: int, last: int) -> int:
 
 
 @fused_kernel
-def probability_near(samples, weight, first, last, patch):  # type: ignore[no-untyped-def]
+def probability_near(samples: Samples, weight: np.ndarray, first: int, last: int, patch: int) -> float:
     """Probability of the patches within `RADIUS` of one."""
     total = 0.0
     x, y, z = samples.point[patch, 0], samples.point[patch, 1], samples.point[patch, 2]
@@ -178,7 +212,9 @@ def probability_near(samples, weight, first, last, patch):  # type: ignore[no-un
 
 
 @allocating_fused_kernel
-def most_probable_patch(samples, density, weight, first, last):  # type: ignore[no-untyped-def]
+def most_probable_patch(
+    samples: Samples, density: np.ndarray, weight: np.ndarray, first: int, last: int
+) -> int:
     """Of the highest separate peaks of the density, the one with the most probability nearby; -1 if none."""
     peaks = np.full(_MAX_PEAKS, -1)
     best, highest = -1, 0.0
@@ -207,13 +243,22 @@ def most_probable_patch(samples, density, weight, first, last):  # type: ignore[
 
 
 @allocating_fused_kernel
-def mean_on_patch(samples, s, F, wrench_measured, prior, local_w, local_L, M, H, g, out):  # type: ignore[no-untyped-def]
+def mean_on_patch(
+    samples: Samples,
+    s: int,
+    F: float,
+    wrench_measured: bool,
+    prior: Prior,
+    local: LinkMeasurement,
+    out: np.ndarray,
+) -> None:
     """Expected point on a patch, link frame: its centre plus the mean displacement along it."""
+    M, H, g = local.gram, local.H, local.g
     n, c = samples.normal[s], samples.point[s]
     guess = np.empty(3)
     for i in range(3):
-        guess[i] = local_w[i] if wrench_measured else -F * n[i]
-    t = gram(local_L, local_w, c, n, guess, samples.spread[s], prior.surface_deviation, M)
+        guess[i] = local.wrench[i] if wrench_measured else -F * n[i]
+    t = gram(local.information, local.wrench, c, n, guess, samples.spread[s], prior.surface_deviation, M)
     friction_ratio = prior.friction_ratio[0]
     for i in range(6):
         for k in range(6):
@@ -235,9 +280,18 @@ def mean_on_patch(samples, s, F, wrench_measured, prior, local_w, local_L, M, H,
 
 
 @allocating_fused_kernel
-def mean_near(  # type: ignore[no-untyped-def]
-    samples, weight, force, first, last, patch, wrench_measured, prior, local_w, local_L, M, H, g, out
-):
+def mean_near(
+    samples: Samples,
+    weight: np.ndarray,
+    force: np.ndarray,
+    first: int,
+    last: int,
+    patch: int,
+    wrench_measured: bool,
+    prior: Prior,
+    local: LinkMeasurement,
+    out: np.ndarray,
+) -> None:
     """Mean point of the probability within `RADIUS` of one patch, link frame."""
     total = 0.0
     point = np.empty(3)
@@ -247,7 +301,7 @@ def mean_near(  # type: ignore[no-untyped-def]
     for s in range(first, last):
         dx, dy, dz = samples.point[s, 0] - x, samples.point[s, 1] - y, samples.point[s, 2] - z
         if weight[s] > min_weight and dx * dx + dy * dy + dz * dz <= RADIUS * RADIUS:
-            mean_on_patch(samples, s, force[s], wrench_measured, prior, local_w, local_L, M, H, g, point)
+            mean_on_patch(samples, s, force[s], wrench_measured, prior, local, point)
             total += weight[s]
             for i in range(3):
                 out[i] += weight[s] * point[i]
@@ -256,16 +310,18 @@ def mean_near(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def median_patch(samples, weight, first, last, motion, probe, owner, point):  # type: ignore[no-untyped-def]
+def median_patch(
+    samples: Samples, weight: np.ndarray, first: int, last: int, motion: Motion, probes: Probes
+) -> int:
     """The patch in a range with the lowest expected distance to the contact; -1 if none.
 
     Args:
         samples, weight: All patches and their probabilities.
         first, last: Range of the patches that may be returned.
         motion: Poses of the links.
-        probe, owner, point: Scratch: patches that represent the posterior with equal probability, their
-            links, and their positions in the base frame; shapes (K,), (K,) and (K, 3).
+        probes: Filled.
     """
+    probe, owner, point = probes.patch, probes.link, probes.point
     count = probe.shape[0]
     total, filled, link = 0.0, 0, 0
     for s in range(weight.shape[0]):

@@ -10,7 +10,7 @@ from contactsense.benchmarks.solvers.sampling import Contacts, press, unit
 from contactsense.robots.vectors import vector
 from contactsense.solvers import Paraboloid, Superquadric, Surface
 from contactsense.solvers.general import solve_smooth_counted
-from contactsense.solvers.implicit_surfaces import evaluate
+from contactsense.solvers.implicit_surfaces import Size, evaluate
 from contactsense.solvers.level_set import SmoothBody
 from contactsense.solvers.surface import Problem
 from contactsense.solvers.wrench import Wrench
@@ -69,7 +69,7 @@ def points_on(surface: Surface, rng: np.random.Generator, count: int) -> tuple[n
 
 
 @njit(error_model="numpy")
-def _onto(size, points, out):  # type: ignore[no-untyped-def]
+def _onto(size: Size, points: np.ndarray, out: np.ndarray) -> None:
     for i in range(points.shape[0]):
         x, y, z = points[i]
         for _ in range(3):
@@ -82,7 +82,14 @@ def _onto(size, points, out):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def _count(force, moment, body, status, steps, residual):  # type: ignore[no-untyped-def]
+def _count(
+    force: np.ndarray,
+    moment: np.ndarray,
+    body: SmoothBody,
+    status: np.ndarray,
+    steps: np.ndarray,
+    residual: np.ndarray,
+) -> None:
     for i in range(force.shape[0]):
         answer, steps[i] = solve_smooth_counted(Wrench(vector(force[i]), vector(moment[i])), body)
         status[i], residual[i] = answer.status, answer.residual

@@ -58,7 +58,7 @@ def press(
 
 
 @njit(error_model="numpy")
-def _project(kind, size, points, out):  # type: ignore[no-untyped-def]
+def _project(kind: int, size: tuple[float, ...], points: np.ndarray, out: np.ndarray) -> None:
     for i in range(points.shape[0]):
         _, out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = project(
             kind, size, points[i, 0], points[i, 1], points[i, 2]

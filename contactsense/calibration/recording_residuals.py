@@ -1,5 +1,7 @@
 """Residuals of whole recordings by the momentum observer: the errors that calibration minimizes."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
@@ -20,38 +22,61 @@ _STANDSTILL_PATH = 2e-3
 """A joint that has moved less than this [rad] within `_STANDSTILL` seconds is at rest."""
 
 
+class Dynamics(NamedTuple):
+    """An arm in the form that the kernels use."""
+
+    model: Model
+    torque_model: JointTorqueModel
+    gravity: np.ndarray
+    """Base axes, shape (3,) [m/s^2]."""
+    motion: Motion
+    """Scratch: kinematics and momenta at one sample."""
+
+
+class JointMotion(NamedTuple):
+    """N samples of the motion of n joints."""
+
+    t: np.ndarray
+    """Time [s], shape (N,)."""
+    q: np.ndarray
+    """Joint positions [rad], shape (N, n)."""
+    qd: np.ndarray
+    """Joint velocities [rad/s], shape (N, n)."""
+
+
+@kernel
+def time_step(t: np.ndarray, i: int) -> float:
+    """Time since the previous sample [s]; 0, which restarts the observer, at the first one and after a
+    gap."""
+    dt = 0.0 if i == 0 else t[i] - t[i - 1]
+    return 0.0 if dt > GAP else dt
+
+
 @kernel
 def _observe(
-    model: Model,
-    torque_model: JointTorqueModel,
-    motion: Motion,
-    gravity: np.ndarray,
-    t: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
+    arm: Dynamics,
+    joints: JointMotion,
     torque: np.ndarray,
     wrench: np.ndarray,
     bandwidth: float,
-    gap: float,
     joint_observer: MomentumObserver,
     base_observer: MomentumObserver,
     unmodelled_std: np.ndarray,
-    joint_residuals: np.ndarray,
-    base_residuals: np.ndarray,
+    out: np.ndarray,
 ) -> None:
-    for i in range(t.shape[0]):
-        dt = 0.0 if i == 0 else t[i] - t[i - 1]
-        if dt > gap:
-            dt = 0.0
-        kinematics_and_momenta(model, q[i], qd[i], gravity, motion)
+    motion, n = arm.motion, joints.q.shape[1]
+    for i in range(joints.t.shape[0]):
+        dt, qd = time_step(joints.t, i), joints.qd[i]
+        kinematics_and_momenta(arm.model, joints.q[i], qd, arm.gravity, motion)
         if torque.shape[0] > 0:
             observe_joints(
-                model, torque_model, motion, qd[i], torque[i], dt, bandwidth, joint_observer, unmodelled_std
-            )
-            copy(joint_observer.residual, joint_residuals[i])
+                arm.model, arm.torque_model, motion, qd, torque[i], dt, bandwidth, joint_observer,
+                unmodelled_std,
+            )  # fmt: skip
+            copy(joint_observer.residual, out[i, :n])
         if wrench.shape[0] > 0:
             observe_wrench(motion.momentum[0], motion.gravity[0], wrench[i], dt, bandwidth, base_observer)
-            copy(base_observer.residual, base_residuals[i])
+            copy(base_observer.residual, out[i, n:])
 
 
 def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) -> np.ndarray:
@@ -69,40 +94,36 @@ def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) ->
     none = np.empty((0, 1))
     torque = none if recording.torque is None else recording.torque * arm.gain
     wrench = none if recording.reading is None else arm.base_wrench(recording.t, recording.reading)
-    joint_residuals, base_residuals = np.zeros((len(recording.t), n)), np.zeros((len(recording.t), 6))
+    out = np.zeros((len(recording.t), n + 6))
     _observe(
-        arm.model, arm.torque_model, empty_motion(n), arm.gravity, recording.t, recording.q, recording.qd,
-        torque, wrench, bandwidth, GAP, empty_observer(n), empty_observer(6), np.zeros(n), joint_residuals,
-        base_residuals,
+        Dynamics(arm.model, arm.torque_model, arm.gravity, empty_motion(n)),
+        JointMotion(recording.t, recording.q, recording.qd),
+        torque, wrench, bandwidth, empty_observer(n), empty_observer(6), np.zeros(n), out,
     )  # fmt: skip
-    return np.hstack((joint_residuals, base_residuals))
+    return out
 
 
 @kernel
 def _friction_of_rows(
-    model: Model,
-    torque_model: JointTorqueModel,
-    motion: Motion,
-    gravity: np.ndarray,
+    arm: Dynamics,
     q: np.ndarray,
     qd: np.ndarray,
     out: np.ndarray,
 ) -> None:
+    motion = arm.motion
     for i in range(q.shape[0]):
-        kinematics_and_momenta(model, q[i], qd[i], gravity, motion)
+        kinematics_and_momenta(arm.model, q[i], qd[i], arm.gravity, motion)
         for j in range(q.shape[1]):
             out[i, j] = friction_torque(
-                torque_model, j, qd[i, j], dot6(motion.screw[j], motion.gravity[j + 1])
+                arm.torque_model, j, qd[i, j], dot6(motion.screw[j], motion.gravity[j + 1])
             )
 
 
 def friction(arm: CalibrationModel, recording: FreeMotion) -> np.ndarray:
     """Friction torque of the model at every sample, shape (N, n) [Nm]."""
     out = np.empty_like(recording.q)
-    n = recording.q.shape[1]
-    _friction_of_rows(
-        arm.model, arm.torque_model, empty_motion(n), arm.gravity, recording.q, recording.qd, out
-    )
+    dynamics = Dynamics(arm.model, arm.torque_model, arm.gravity, empty_motion(recording.q.shape[1]))
+    _friction_of_rows(dynamics, recording.q, recording.qd, out)
     return out
 
 

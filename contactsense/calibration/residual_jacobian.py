@@ -12,11 +12,17 @@ import numpy as np
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import PER_JOINT, Entry, Group, apply_step
-from contactsense.calibration.recording_residuals import GAP, recently_moved, residuals, settled_samples
-from contactsense.kinematics.model import Model, Motion, empty_motion
+from contactsense.calibration.recording_residuals import (
+    Dynamics,
+    JointMotion,
+    recently_moved,
+    residuals,
+    settled_samples,
+    time_step,
+)
+from contactsense.kinematics.model import empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, arm_regressor
-from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import MomentumObserver, advance, empty_observer, start_step
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
@@ -135,15 +141,9 @@ def _joint_columns(
 
 @kernel
 def _observe_links(
-    model: Model,
-    torque_model: JointTorqueModel,
-    motion: Motion,
-    gravity: np.ndarray,
-    t: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
+    arm: Dynamics,
+    joints: JointMotion,
     bandwidth: float,
-    gap: float,
     state: MomentumObserver,
     momentum: np.ndarray,
     drift: np.ndarray,
@@ -153,15 +153,14 @@ def _observe_links(
     out: np.ndarray,
 ) -> None:
     """The observer, applied to the columns of the regressor instead of momenta and drifts."""
-    joints = q.shape[1]
+    n = joints.q.shape[1]
     row = 0
-    for i in range(t.shape[0]):
-        dt = 0.0 if i == 0 else t[i] - t[i - 1]
-        step = start_step(state, 0.0 if dt > gap else dt, bandwidth)
-        kinematics_and_momenta(model, q[i], qd[i], gravity, motion)
+    for i in range(joints.t.shape[0]):
+        step = start_step(state, time_step(joints.t, i), bandwidth)
+        kinematics_and_momenta(arm.model, joints.q[i], joints.qd[i], arm.gravity, arm.motion)
         arm_regressor(
-            model, motion, gravity, torque_model.gravity, torque_model.inertia,
-            momentum[:joints], drift[:joints], momentum[joints:], drift[joints:], scratch,
+            arm.model, arm.motion, arm.gravity, arm.torque_model.gravity, arm.torque_model.inertia,
+            momentum[:n], drift[:n], momentum[n:], drift[n:], scratch,
         )  # fmt: skip
         e = 0
         for r in range(momentum.shape[0]):
@@ -208,8 +207,9 @@ def inertial_columns(
     rows = len(range(*keep.indices(len(recording.t))))
     out = np.empty((rows, int(np.prod(shape))))
     _observe_links(
-        arm.model, arm.torque_model, empty_motion(joints), gravity, recording.t, recording.q,
-        recording.qd, bandwidth, GAP, empty_observer(out.shape[1]), np.empty(shape), np.empty(shape),
-        np.empty(3), start, stride, out,
+        Dynamics(arm.model, arm.torque_model, gravity, empty_motion(joints)),
+        JointMotion(recording.t, recording.q, recording.qd),
+        bandwidth, empty_observer(out.shape[1]), np.empty(shape), np.empty(shape), np.empty(3), start, stride,
+        out,
     )  # fmt: skip
     return out.reshape(rows, *shape)

@@ -8,7 +8,7 @@ Torques are averaged as what they differ from that wrench's prediction, which is
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,7 @@ from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_windows import ContactWindows
 
 
-@dataclass(frozen=True, eq=False)
-class LinkWindows:
+class LinkWindows(NamedTuple):
     """Means over W windows for a contact on one link."""
 
     wrench: np.ndarray
@@ -32,6 +31,19 @@ class LinkWindows:
     """Wrench in the link's frame to base wrench, in the middle of each window, shape (W, 6, 6)."""
     screw: np.ndarray
     """Screws of the joints that carry the link, base frame, zero for others, shape (W, n, 6)."""
+
+
+class _Residuals(NamedTuple):
+    """N samples of a contact: posture and residuals, low-passed by the observers."""
+
+    t: np.ndarray
+    """Time [s], shape (N,)."""
+    q: np.ndarray
+    """Joint positions [rad], shape (N, n)."""
+    base_wrench: np.ndarray
+    """External base wrench, shape (N, 6) [N, Nm]."""
+    joint_torque: np.ndarray
+    """External joint torques, shape (N, n) [Nm]."""
 
 
 def link_windows(
@@ -54,24 +66,15 @@ def link_windows(
     found = LinkWindows(
         np.zeros((count, 6)), np.zeros((count, joints)), np.zeros((count, 6, 6)), np.zeros((count, joints, 6))
     )
-    _average(
-        model,
-        empty_motion(joints),
+    residuals = _Residuals(
         history.t,
         np.ascontiguousarray(history.block.q),
         np.ascontiguousarray(history.base_wrench),
         np.ascontiguousarray(history.joint_torque),
-        2.0 * math.pi * bandwidth,
-        windows.edges,
-        windows.q,
-        body,
-        np.zeros(joints),
-        np.zeros(6),
-        found.wrench,
-        found.torque,
-        found.transform,
-        found.screw,
     )
+    motion, K = empty_motion(joints), 2.0 * math.pi * bandwidth
+    _average(model, motion, residuals, K, windows.edges, body, np.zeros(joints), np.zeros(6), found)
+    _add_prediction(model, motion, np.ascontiguousarray(windows.q), body, found)
     return found
 
 
@@ -79,21 +82,18 @@ def link_windows(
 def _average(
     model: Model,
     motion: Motion,
-    t: np.ndarray,
-    q: np.ndarray,
-    base_wrench: np.ndarray,
-    joint_torque: np.ndarray,
+    residuals: _Residuals,
     K: float,
     edges: np.ndarray,
-    middle: np.ndarray,
     body: int,
     posture: np.ndarray,
     external: np.ndarray,
-    wrench: np.ndarray,
-    torque: np.ndarray,
-    transform: np.ndarray,
-    screw: np.ndarray,
+    out: LinkWindows,
 ) -> None:
+    """Means of the wrench, and of the torques minus what it predicts; `posture` (n,) and `external` (6,) are
+    scratch."""
+    t, q, base_wrench, joint_torque = residuals
+    wrench, torque = out.wrench, out.torque
     joints = q.shape[1]
     for w in range(edges.shape[0] - 1):
         total = t[edges[w + 1]] - t[edges[w]]
@@ -120,9 +120,16 @@ def _average(
                     for k in range(6):
                         value -= motion.screw[j, k] * external[k]
                 torque[w, j] += share * value
-        for j in range(joints):
-            posture[j] = middle[w, j]
-        forward_kinematics(model, posture, motion)
+
+
+@kernel
+def _add_prediction(model: Model, motion: Motion, middle: np.ndarray, body: int, out: LinkWindows) -> None:
+    """Fill transforms and screws in the posture in the middle of each window, and add the torques that the
+    mean wrench predicts there."""
+    wrench, torque, transform, screw = out
+    joints = middle.shape[1]
+    for w in range(middle.shape[0]):
+        forward_kinematics(model, middle[w], motion)
         R, o = motion.rotation[body], motion.origin[body]
         for i in range(3):
             for k in range(3):

@@ -8,22 +8,31 @@ windows share: two tangential coordinates and the surface's offset h at each kno
 """
 
 import math
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from contactsense.kinematics.linalg.cholesky import cholesky
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import nearest
 from contactsense.tracking.contact_tracker import tangents
 
+if TYPE_CHECKING:
+    from contactsense.service.analysis.place_search import EliminationArrays, PathArrays, WindowSums
+
 
 @kernel
-def _nearest(surfaces, link, x, y, z):  # type: ignore[no-untyped-def]
+def _nearest(
+    surfaces: Surfaces, link: int, x: float, y: float, z: float
+) -> tuple[float, float, float, float, float, float]:
     """Nearest point of the link's surface, and the outward normal there."""
     _, _, point, normal = nearest(surfaces, surfaces.start[link], surfaces.start[link + 1], (x, y, z))
     return (*point, *normal)
 
 
 @kernel
-def project_knots(surfaces, link, places, frames):  # type: ignore[no-untyped-def]
+def project_knots(surfaces: Surfaces, link: int, places: np.ndarray, frames: np.ndarray) -> None:
     """Move places (K, 3), link frame, to the link's surface; fill `frames` (K, 2, 3) with tangents."""
     for k in range(places.shape[0]):
         nx, ny, nz = 0.0, 0.0, 1.0
@@ -36,7 +45,16 @@ def project_knots(surfaces, link, places, frames):  # type: ignore[no-untyped-de
 
 
 @kernel
-def eliminate_forces(surfaces, link, prior_rows, windows, path, b, out, derivatives):  # type: ignore[no-untyped-def]
+def eliminate_forces(
+    surfaces: Surfaces,
+    link: int,
+    prior_rows: np.ndarray,
+    windows: "WindowSums",
+    path: "PathArrays",
+    b: np.ndarray,
+    out: "EliminationArrays",
+    derivatives: bool,
+) -> float:
     """Eliminate force and torsion of every window.
 
     Args:
@@ -55,9 +73,8 @@ def eliminate_forces(surfaces, link, prior_rows, windows, path, b, out, derivati
     """
     L, a, M = windows.information, windows.value, windows.bias
     biases, knots = b.shape[0], path.places.shape[0]
-    local = 6 + biases
     energy = 0.0
-    G, LG, H, Y, E = out.G, out.LG, out.H, out.Y, out.E
+    G, LG, H, E = out.G, out.LG, out.H, out.E
     for w in range(a.shape[0]):
         k0, alpha = path.knot[w], path.fraction[w]
         k1 = min(k0 + 1, knots - 1)
@@ -127,12 +144,14 @@ def eliminate_forces(surfaces, link, prior_rows, windows, path, b, out, derivati
             E[c, 0] = ty * fz - tz * fy
             E[c, 1] = tz * fx - tx * fz
             E[c, 2] = tx * fy - ty * fx
-        _scatter(L[w], M[w], E, LG, G, H, Y, out, u, k0, k1, knots, local)
+        _scatter(L[w], M[w], out, u, k0, k1, knots)
     return energy
 
 
 @kernel
-def _normal_equations(L, G, LG, H, rhs, r):  # type: ignore[no-untyped-def]
+def _normal_equations(
+    L: np.ndarray, G: np.ndarray, LG: np.ndarray, H: np.ndarray, rhs: np.ndarray, r: np.ndarray
+) -> None:
     """L G; lower triangle of H = G^T L G; r = G^T rhs. The upper half of G is (1 0)."""
     for i in range(6):
         for k in range(3):
@@ -149,8 +168,12 @@ def _normal_equations(L, G, LG, H, rhs, r):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _scatter(L, M, E, LG, G, H, Y, out, u, k0, k1, knots, local):  # type: ignore[no-untyped-def]
+def _scatter(
+    L: np.ndarray, M: np.ndarray, out: "EliminationArrays", u: np.ndarray, k0: int, k1: int, knots: int
+) -> None:
     """Add one window's part of the Schur complement to the matrix, and that of the gradient."""
+    G, LG, H, Y, E = out.G, out.LG, out.H, out.Y, out.E
+    local = 6 + M.shape[1]
     # What is left of the right-hand side once the wrench is explained.
     for i in range(6):
         out.rhs[i] -= LG[i, 0] * u[0] + LG[i, 1] * u[1] + LG[i, 2] * u[2] + LG[i, 3] * u[3]

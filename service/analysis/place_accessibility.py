@@ -77,7 +77,14 @@ def log_accessible_share(
 
 
 @kernel
-def _shares(surfaces, frames, prior, which, points, share):  # type: ignore[no-untyped-def]
+def _shares(
+    surfaces: Surfaces,
+    frames: BodyFrames,
+    prior: Prior,
+    which: np.ndarray,
+    points: np.ndarray,
+    share: np.ndarray,
+) -> None:
     for i in range(points.shape[0]):
         free = clearance(surfaces, frames, which[i], points[i, 0], points[i, 1], points[i, 2], 0.0)
         share[i] = accessible_share(free, prior)

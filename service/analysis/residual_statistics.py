@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,6 +54,22 @@ class ResidualSummary:
         )
 
 
+class _Statistics(NamedTuple):
+    """What is collected, n joints."""
+
+    width: np.ndarray
+    """Width of the bins [s], shape (1,)."""
+    largest: np.ndarray
+    """Largest energy, base force and torque about each joint in each bin, shape (BINS, 2 + n)."""
+    std: np.ndarray
+    """Largest standard deviation of the base force and of each joint torque, shape (BINS, 1 + n)."""
+    squares: np.ndarray
+    """Sums over the samples without contact of the squared ratios of residual and standard deviation: base
+    wrench, joint torques, shape (6 + n,)."""
+    counts: np.ndarray
+    """Samples that are free, touched, degraded, and in which each sensor is missing, int64."""
+
+
 class ResidualStatistics:
     """Collects blocks of one recording."""
 
@@ -65,10 +82,13 @@ class ResidualStatistics:
         """
         self._start = start
         width = FIRST_WIDTH if start is None or end is None else max(end - start, 1e-9) / BINS
-        self._width = np.array([width])
-        self._largest = np.full((BINS, 2 + joints), np.nan)
-        self._std = np.full((BINS, 1 + joints), np.nan)
-        self._squares, self._counts = np.zeros(6 + joints), np.zeros(3 + len(SHIFT), dtype=np.int64)
+        self._collected = _Statistics(
+            np.array([width]),
+            np.full((BINS, 2 + joints), np.nan),
+            np.full((BINS, 1 + joints), np.nan),
+            np.zeros(6 + joints),
+            np.zeros(3 + len(SHIFT), dtype=np.int64),
+        )
 
     def add(self, found: BlockEstimates) -> None:
         """Add a block."""
@@ -78,18 +98,18 @@ class ResidualStatistics:
             return
         _add(
             found.t, found.flags, found.energy, found.base_wrench, found.base_wrench_std,
-            found.joint_torque, found.joint_torque_std, self._start, self._width, self._largest, self._std,
-            self._squares, self._counts,
+            found.joint_torque, found.joint_torque_std, self._start, self._collected,
         )  # fmt: skip
 
     def summary(self) -> ResidualSummary:
         """Summary of the blocks so far."""
-        filled = np.flatnonzero(np.isfinite(self._largest[:, 0]))
-        free, touched, degraded, *missing = self._counts.tolist()
-        ratio = np.sqrt(self._squares / max(free, 1))
-        largest, std = self._largest[filled], self._std[filled]
+        width, largest, std, squares, counts = self._collected
+        filled = np.flatnonzero(np.isfinite(largest[:, 0]))
+        free, touched, degraded, *missing = counts.tolist()
+        ratio = np.sqrt(squares / max(free, 1))
+        largest, std = largest[filled], std[filled]
         return ResidualSummary(
-            t=(self._start or 0.0) + filled * self._width[0],
+            t=(self._start or 0.0) + filled * width[0],
             energy=largest[:, 0],
             base_force=largest[:, 1],
             base_force_std=std[:, 0],
@@ -114,13 +134,10 @@ def _add(
     joint_torque: np.ndarray,
     joint_torque_std: np.ndarray,
     start: float,
-    width: np.ndarray,
-    largest: np.ndarray,
-    std: np.ndarray,
-    squares: np.ndarray,
-    counts: np.ndarray,
+    collected: _Statistics,
 ) -> None:
     """Add a block, see `ResidualStatistics`; the first seven as in `contactsense.BlockEstimates`."""
+    width, largest, std, squares, counts = collected
     n, bins = joint_torque.shape[1], largest.shape[0]
     for i in range(t.shape[0]):
         touched, degraded = flags[i] & TOUCHED != 0, flags[i] & DEGRADED != 0

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.robots import Robot
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import Tool
 from contactsense.service.mock.obstacles import Obstacle
 from contactsense.service.mock.physics import bodies as arrays
@@ -106,7 +107,7 @@ class ArmSimulation:
         advance(*self._arguments, STEP / SUBSTEPS, 0, self._state, self._work)
 
     @property
-    def _arguments(self) -> tuple[object, ...]:
+    def _arguments(self) -> tuple[arrays.Bodies, Surfaces, arrays.Obstacles, Servo, np.ndarray]:
         return self._bodies, self._surfaces, self._obstacles, self._servo, self._fall
 
     def step(self, target: np.ndarray, pushes: Sequence[Push] = ()) -> None:

@@ -10,10 +10,12 @@ with the smallest depth is used instead.
 
 from math import sqrt
 
-from contactsense.robots.jit.kernel import kernel
-from contactsense.robots.surface.convex_primitives import project, support
-from contactsense.service.mock.physics.bodies import BOX, HALF_SPACE
-from contactsense.service.mock.physics.dynamics_kernels import cross, turn, turn_back
+import numpy as np
+
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.surface.convex_primitives import Surfaces, project, support
+from contactsense.service.mock.physics.bodies import BOX, HALF_SPACE, Obstacles
+from contactsense.service.mock.physics.dynamics_kernels import Scratch, cross, turn, turn_back
 
 HALVINGS = 40
 """Bisections along an edge: a metre down to a picometre."""
@@ -24,9 +26,14 @@ FAR = 1e9
 CREEP = 0.01
 """Sliding speed from which friction has its full magnitude [m/s]; below, it is proportional to the speed."""
 
+Nearest = tuple[float, float, float, float, float, float, float]
+"""Depth or distance [m], point [m] and direction."""
+
 
 @kernel
-def deepest_point(kind, size, rotation, origin, obstacles, i):  # type: ignore[no-untyped-def]
+def deepest_point(
+    kind: int, size: np.ndarray, rotation: np.ndarray, origin: np.ndarray, obstacles: Obstacles, i: int
+) -> Nearest:
     """Deepest point of one primitive in obstacle i.
 
     Args:
@@ -53,7 +60,18 @@ def deepest_point(kind, size, rotation, origin, obstacles, i):  # type: ignore[n
 
 
 @kernel
-def _behind_plane(kind, size, rotation, origin, nx, ny, nz, ax, ay, az):  # type: ignore[no-untyped-def]
+def _behind_plane(
+    kind: int,
+    size: np.ndarray,
+    rotation: np.ndarray,
+    origin: np.ndarray,
+    nx: float,
+    ny: float,
+    nz: float,
+    ax: float,
+    ay: float,
+    az: float,
+) -> Nearest:
     """Deepest point behind the plane through a with normal n."""
     dx, dy, dz = turn_back(rotation, -nx, -ny, -nz)
     px, py, pz = support(kind, size, dx, dy, dz)
@@ -63,7 +81,9 @@ def _behind_plane(kind, size, rotation, origin, nx, ny, nz, ax, ay, az):  # type
 
 
 @kernel
-def _in_box(kind, size, rotation, origin, obstacles, i):  # type: ignore[no-untyped-def]
+def _in_box(
+    kind: int, size: np.ndarray, rotation: np.ndarray, origin: np.ndarray, obstacles: Obstacles, i: int
+) -> Nearest:
     """Deepest point in a box with rounded edges."""
     half = obstacles.half[i]
     own, at, reach = obstacles.rotation[i], obstacles.origin[i], obstacles.radius[i]
@@ -94,7 +114,9 @@ def _in_box(kind, size, rotation, origin, obstacles, i):  # type: ignore[no-unty
 
 
 @kernel
-def _nearest_edge(kind, size, rotation, origin, obstacles, i):  # type: ignore[no-untyped-def]
+def _nearest_edge(
+    kind: int, size: np.ndarray, rotation: np.ndarray, origin: np.ndarray, obstacles: Obstacles, i: int
+) -> Nearest:
     """Distance of a primitive from the nearest edge of a box's core (`FAR` if it is inside), its nearest
     point and the direction from the edge to that point, base frame."""
     half, own, at = obstacles.half[i], obstacles.rotation[i], obstacles.origin[i]
@@ -131,22 +153,26 @@ def _nearest_edge(kind, size, rotation, origin, obstacles, i):  # type: ignore[n
 
 
 @kernel
-def _out_of_reach(obstacles, i, x, y, z, radius):  # type: ignore[no-untyped-def]
+def _out_of_reach(obstacles: Obstacles, i: int, x: float, y: float, z: float, radius: float) -> bool:
     """Whether a ball around a point (base frame) does not touch obstacle i."""
     own, at = obstacles.rotation[i], obstacles.origin[i]
     dx, dy, dz = x - at[0], y - at[1], z - at[2]
     if obstacles.kind[i] == HALF_SPACE:
-        return own[0, 2] * dx + own[1, 2] * dy + own[2, 2] * dz > radius
-    reach = radius + obstacles.radius[i]
+        height: float = own[0, 2] * dx + own[1, 2] * dy + own[2, 2] * dz
+        return height > radius
+    reach: float = radius + obstacles.radius[i]
     if obstacles.kind[i] == BOX:
         dx, dy, dz = turn_back(own, dx, dy, dz)
         half = obstacles.half[i]
         dx, dy, dz = max(abs(dx) - half[0], 0.0), max(abs(dy) - half[1], 0.0), max(abs(dz) - half[2], 0.0)
-    return dx * dx + dy * dy + dz * dz > reach * reach
+    square: float = dx * dx + dy * dy + dz * dz
+    return square > reach * reach
 
 
 @kernel
-def add_contacts(surfaces, obstacles, work, pose, contacts):  # type: ignore[no-untyped-def]
+def add_contacts(
+    surfaces: Surfaces, obstacles: Obstacles, work: Scratch, pose: np.ndarray, contacts: np.ndarray
+) -> None:
     """Add the wrenches of the obstacles on each moving link to the loads, and record the contacts.
 
     Args:
@@ -185,7 +211,9 @@ def add_contacts(surfaces, obstacles, work, pose, contacts):  # type: ignore[no-
 
 
 @kernel
-def _push(obstacles, i, link, work, nx, ny, nz, row):  # type: ignore[no-untyped-def]
+def _push(
+    obstacles: Obstacles, i: int, link: int, work: Scratch, nx: float, ny: float, nz: float, row: np.ndarray
+) -> None:
     """Add the force of obstacle i on a link at a contact point to the loads, and write it to `row`."""
     R, o = work.rotation[link], work.origin[link]
     lx, ly, lz = turn_back(R, row[1] - o[0], row[2] - o[1], row[3] - o[2])

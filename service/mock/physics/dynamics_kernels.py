@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.vectors import Vector
+from contactsense.service.mock.physics.bodies import Bodies
 
 
 class Scratch(NamedTuple):
@@ -66,7 +68,7 @@ def scratch(count: int, joints: int) -> Scratch:
 
 
 @kernel
-def turn(matrix, x, y, z):  # type: ignore[no-untyped-def]
+def turn(matrix: np.ndarray, x: float, y: float, z: float) -> Vector:
     """matrix @ (x, y, z)."""
     return (
         matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
@@ -76,7 +78,7 @@ def turn(matrix, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def turn_back(matrix, x, y, z):  # type: ignore[no-untyped-def]
+def turn_back(matrix: np.ndarray, x: float, y: float, z: float) -> Vector:
     """matrix.T @ (x, y, z)."""
     return (
         matrix[0, 0] * x + matrix[1, 0] * y + matrix[2, 0] * z,
@@ -86,13 +88,13 @@ def turn_back(matrix, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def cross(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
+def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
     """Vector product."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @kernel
-def set_poses(bodies, q, work):  # type: ignore[no-untyped-def]
+def set_poses(bodies: Bodies, q: np.ndarray, work: Scratch) -> None:
     """Fill `local`, `rotation` and `origin` for joint positions q [rad]; further joints are at 0."""
     for j in range(bodies.axis.shape[0]):
         angle = q[j] if j < q.shape[0] else 0.0
@@ -118,7 +120,7 @@ def set_poses(bodies, q, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def set_velocities(bodies, qd, work):  # type: ignore[no-untyped-def]
+def set_velocities(bodies: Bodies, qd: np.ndarray, work: Scratch) -> None:
     """Fill `omega` and `velocity` for joint velocities qd [rad/s], after `set_poses`."""
     for j in range(bodies.axis.shape[0]):
         rate = qd[j] if j < qd.shape[0] else 0.0
@@ -135,7 +137,15 @@ def set_velocities(bodies, qd, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def inverse_dynamics(bodies, moving, qdd, fall, loaded, work, torque):  # type: ignore[no-untyped-def]
+def inverse_dynamics(
+    bodies: Bodies,
+    moving: float,
+    qdd: np.ndarray,
+    fall: np.ndarray,
+    loaded: float,
+    work: Scratch,
+    torque: np.ndarray,
+) -> None:
     """Joint torques [Nm] for joint accelerations qdd [rad/s^2], after `set_poses` and `set_velocities`.
 
     Args:
@@ -201,7 +211,7 @@ def inverse_dynamics(bodies, moving, qdd, fall, loaded, work, torque):  # type: 
 
 
 @kernel
-def set_mass_matrix(bodies, still, work):  # type: ignore[no-untyped-def]
+def set_mass_matrix(bodies: Bodies, still: np.ndarray, work: Scratch) -> None:
     """Fill `mass`, column by column from the recursion; `still`: a zero vector of shape (3,)."""
     n = work.unit.shape[0]
     for k in range(n):
@@ -213,7 +223,9 @@ def set_mass_matrix(bodies, still, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solve(matrix, diagonal, right, factor, out):  # type: ignore[no-untyped-def]
+def solve(
+    matrix: np.ndarray, diagonal: np.ndarray, right: np.ndarray, factor: np.ndarray, out: np.ndarray
+) -> None:
     """Solve (matrix + diag(diagonal)) out = right by Cholesky; all of size n, `factor` is overwritten."""
     n = right.shape[0]
     for i in range(n):

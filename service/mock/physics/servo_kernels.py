@@ -16,9 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.service.mock.physics.bodies import Bodies, Obstacles
 from contactsense.service.mock.physics.contact_kernels import add_contacts
 from contactsense.service.mock.physics.dynamics_kernels import (
+    Scratch,
     inverse_dynamics,
     set_mass_matrix,
     set_poses,
@@ -68,7 +71,16 @@ class State(NamedTuple):
 
 
 @kernel
-def set_acceleration(bodies, surfaces, obstacles, servo, fall, dt, state, work):  # type: ignore[no-untyped-def]
+def set_acceleration(
+    bodies: Bodies,
+    surfaces: Surfaces,
+    obstacles: Obstacles,
+    servo: Servo,
+    fall: np.ndarray,
+    dt: float,
+    state: State,
+    work: Scratch,
+) -> None:
     """Fill `qdd`, `torque` and `contacts` of the state, and `wrench` of the scratch, from the rest of it.
 
     Args:
@@ -119,7 +131,17 @@ def set_acceleration(bodies, surfaces, obstacles, servo, fall, dt, state, work):
 
 
 @kernel
-def advance(bodies, surfaces, obstacles, servo, fall, dt, steps, state, work):  # type: ignore[no-untyped-def]
+def advance(
+    bodies: Bodies,
+    surfaces: Surfaces,
+    obstacles: Obstacles,
+    servo: Servo,
+    fall: np.ndarray,
+    dt: float,
+    steps: int,
+    state: State,
+    work: Scratch,
+) -> None:
     """Integrate the given number of steps of `dt` [s] by semi-implicit Euler; the target advances with its
     own acceleration."""
     for _ in range(steps):

@@ -15,7 +15,11 @@ from contactsense.benchmarks.peers.cases import answer, score, static_cases
 from contactsense.benchmarks.posterior.bootstrap import ratio
 from contactsense.benchmarks.posterior.dense import Dense, prior_of
 from contactsense.benchmarks.posterior.evidence import Prior, eliminate, gram, over_force
-from contactsense.benchmarks.posterior.patch_posterior import mean_on_patch, wrench_in_link_frame
+from contactsense.benchmarks.posterior.patch_posterior import (
+    empty_measurement,
+    mean_on_patch,
+    wrench_in_link_frame,
+)
 from contactsense.benchmarks.posterior.samples import Samples, of_primitives
 from contactsense.benchmarks.posterior.table import Skins, rows, table
 from tests.shared import shared
@@ -126,10 +130,8 @@ def test_the_place_on_a_patch_is_the_mean_of_its_displacements() -> None:
     at = np.array([0.001, -0.0005, 0.0])
     w = np.concatenate((f, np.cross(at, f)))
     noise = np.array([0.05] * 3 + [0.01] * 3)
-    place, M = np.zeros(3), np.zeros((8, 8))
-    mean_on_patch(
-        samples, 0, 20.0, True, prior(0.0), w, np.diag(noise**-2.0), M, np.zeros((6, 6)), np.zeros(6), place
-    )
+    place, local = np.zeros(3), empty_measurement()._replace(wrench=w, information=np.diag(noise**-2.0))
+    mean_on_patch(samples, 0, 20.0, True, prior(0.0), local, place)
     gain = 0.00115**2 / (0.00115**2 + (0.01 / 20.0) ** 2)
     assert place == pytest.approx(gain * at, rel=1e-3, abs=1e-9)
 
@@ -140,11 +142,11 @@ def test_a_wrench_is_brought_into_a_links_frame_with_its_information() -> None:
     R, o = Rotation.random(rng=rng).as_matrix(), rng.normal(size=3)
     root = rng.normal(size=(6, 6))
     w, other = rng.normal(size=(2, 6))
-    local_w, local_L = np.zeros(6), np.zeros((6, 6))
-    wrench_in_link_frame(w, root @ root.T, R, o, np.zeros((6, 6)), local_w, local_L)
+    local = empty_measurement()
+    wrench_in_link_frame(w, root @ root.T, R, o, local)
     seen = np.concatenate((R.T @ other[:3], R.T @ (other[3:] - np.cross(o, other[:3]))))
-    d = seen - local_w
-    assert d @ local_L @ d == pytest.approx((other - w) @ root @ root.T @ (other - w))
+    d = seen - local.wrench
+    assert d @ local.information @ d == pytest.approx((other - w) @ root @ root.T @ (other - w))
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,7 @@
 """What a scene is understood to say."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -101,7 +103,7 @@ def test_a_tool_without_a_surface_is_warned_of() -> None:
     assert "tool.primitives" in scene_warnings(Scene(robot="ur5e", tool=Tool(mass=1.0)))[0]
 
 
-def test_the_picture_shows_links_in_their_colours(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_the_picture_shows_links_in_their_colours(tmp_path: Path) -> None:
     from matplotlib import image
 
     path = tmp_path / "scene.png"
