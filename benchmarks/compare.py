@@ -9,13 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from scipy.stats import binom
 
 from contactsense.benchmarks import options
+from contactsense.benchmarks.accuracy.calibration import Share
 from contactsense.benchmarks.peers import PEERS
-from contactsense.benchmarks.peers.cases import ROBOTS, TRUTH, Case, answer, errors, score, static_cases
+from contactsense.benchmarks.peers.cases import ROBOTS, TRUTH, Case, answer, errors, static_cases
 from contactsense.benchmarks.peers.method import Located, Method
 
 NEAR = 0.0225
@@ -34,32 +37,47 @@ def methods(case: Case) -> Iterator[Method]:
 def compare(
     robot: str, sensors: str, samples: int, skip: int = 0, folder: Path = TRUTH
 ) -> Iterator[dict[str, Any]]:
-    """One row of plain numbers per noise column and method; lengths in mm, infinite ones as None."""
+    """One row of plain numbers per noise column and method; lengths in mm, infinite ones as None. Each figure
+    is followed by the bounds of its 95 % interval."""
     rows = slice(skip, skip + samples)
     for case in static_cases(robot, sensors=(sensors,), rows=rows, folder=folder):
         for method in methods(case):
             answers, seconds = answer(method, case)
-            result = score(answers, case.points, seconds)
+            distance = errors(answers, case.points)
             yield {
                 "robot": robot,
                 "sensors": sensors,
                 "noise": list(case.noise),
                 "method": method.name,
-                "link_right": result.link_right,
-                "median_mm": _finite(1e3 * result.median),
-                "p95_mm": _finite(1e3 * result.p95),
-                "near": float((errors(answers, case.points) <= NEAR).mean()),
-                "answered": result.answered,
+                "link_right": Share.of(int((answers.link == case.points.link).sum()), len(distance)),
+                "median_mm": [_finite(1e3 * value) for value in quantile(distance, 0.5)],
+                "p95_mm": [_finite(1e3 * value) for value in quantile(distance, 0.95)],
+                "near": Share.of(int((distance <= NEAR).sum()), len(distance)),
+                "answered": float((answers.link >= 0).mean()),
                 "microseconds": 1e6 * seconds,
             }
+
+
+def quantile(values: np.ndarray, probability: float) -> tuple[float, float, float]:
+    """A quantile of values (N,) and the bounds of its 95 % interval, from the order of the values alone."""
+    count = len(values)
+    ranks = (probability * (count - 1), *(binom.ppf((0.025, 0.975), count, probability) - (1.0, 0.0)))
+    ordered = np.sort(values)
+    middle, low, high = (float(ordered[int(np.clip(np.ceil(rank), 0, count - 1))]) for rank in ranks)
+    return middle, low, high
 
 
 def _finite(value: float) -> float | None:
     return value if value < float("inf") else None
 
 
+def _length(figures: list[float | None]) -> str:
+    value, low, high = ("-" if one is None else f"{one:.1f}" for one in figures)
+    return f"{value} ({low}-{high})"
+
+
 def _table(rows: list[dict[str, Any]], title: str) -> Table:
-    table = Table(title=title)
+    table = Table(title=title, caption="in brackets 95 % intervals; -: no answer")
     table.add_column("noise N / Nm / Nm", no_wrap=True)
     table.add_column("method", no_wrap=True)
     for name in ("link right", "median mm", "95 % mm", f"within {1e3 * NEAR:g} mm", "us / answer"):
@@ -72,9 +90,10 @@ def _table(rows: list[dict[str, Any]], title: str) -> Table:
         table.add_row(
             "" if noise == last else noise,
             row["method"],
-            f"{100 * row['link_right']:.1f} %",
-            *("no answer" if row[key] is None else f"{row[key]:.1f}" for key in ("median_mm", "p95_mm")),
-            f"{100 * row['near']:.1f} %",
+            str(row["link_right"]),
+            _length(row["median_mm"]),
+            _length(row["p95_mm"]),
+            str(row["near"]),
             f"{row['microseconds']:.0f}",
         )
         last = noise
@@ -105,7 +124,7 @@ def main(robots: tuple[str, ...], samples: int, skip: int, truth: Path, as_json:
         title = (
             f"{robot}, {SENSORS[sensors]}: {samples} static contacts after {skip}, no answer counting as far"
         )
-        Console(width=128).print(_table(part, title))
+        Console(width=150).print(_table(part, title))
 
 
 if __name__ == "__main__":

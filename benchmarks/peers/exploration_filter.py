@@ -2,7 +2,7 @@
 (Han & Kim 2023).
 
 It uses joint torques and base wrench. Contacts start one after another, at most one per link. Each round
-processes the sets in turn: the other sets are fixed at their best places, the set's particles walk on the
+moves the newest set; the earlier ones are fixed at their best places. The set's particles walk on the
 surface, exploring particles are placed at random on all links without another set, and all are weighted by
 the residual of one QP over the forces of all contacts together. The set is resampled from both, so that an
 exploring particle that explains the measurement better moves the set to another link. If the residual remains
