@@ -34,13 +34,14 @@ def records(buffer: np.ndarray, at: int, shape: tuple[int, ...], dtype: np.dtype
     return buffer[at : at + words].view(dtype).reshape(shape)
 
 
-# Numba assumes that a function which returns an array allocates.
-@overload(block, jit_options={"_nrt": True})  # type: ignore[typeddict-unknown-key]
+# Numba assumes that a function which returns an array allocates. If `strict`, it demands the same annotations
+# of `_block`, which takes types, as of the function that it returns, which takes values.
+@overload(block, jit_options={"_nrt": True}, strict=False)  # type: ignore[typeddict-unknown-key]
 def _block(buffer: types.Type, at: types.Type, shape: types.Type) -> Callable[..., np.ndarray]:
     return lambda buffer, at, shape: _array_view(buffer, at, shape)  # type: ignore[call-arg]
 
 
-@overload(records, jit_options={"_nrt": True})  # type: ignore[typeddict-unknown-key]
+@overload(records, jit_options={"_nrt": True}, strict=False)  # type: ignore[typeddict-unknown-key]
 def _records(
     buffer: types.Type, at: types.Type, shape: types.Type, dtype: types.Type
 ) -> Callable[..., np.ndarray]:
