@@ -5,11 +5,19 @@ of rows, so that the compiler keeps them in registers; it must assume that array
 writes overlap.
 """
 
+import numpy as np
+
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.vectors import Vector
+
+Block = tuple[Vector, Vector, Vector]
+"""A 3x3 block, as its rows."""
 
 
 @fused_kernel
-def to_body_frame(w, L, R, o, local_w, local_L):  # type: ignore[no-untyped-def]
+def to_body_frame(
+    w: np.ndarray, L: np.ndarray, R: np.ndarray, o: np.ndarray, local_w: np.ndarray, local_L: np.ndarray
+) -> None:
     """Transform a fused wrench and its information matrix to a body frame.
 
     Args:
@@ -40,7 +48,7 @@ def to_body_frame(w, L, R, o, local_w, local_L):  # type: ignore[no-untyped-def]
 
 
 @inlined_fused_kernel
-def blocks(L):  # type: ignore[no-untyped-def]
+def blocks(L: np.ndarray) -> tuple[Block, Block, Block]:
     """The blocks F, D and M of an information matrix, each a tuple of rows."""
     return (
         ((L[0, 0], L[0, 1], L[0, 2]), (L[1, 0], L[1, 1], L[1, 2]), (L[2, 0], L[2, 1], L[2, 2])),
@@ -50,7 +58,9 @@ def blocks(L):  # type: ignore[no-untyped-def]
 
 
 @inlined_fused_kernel
-def shift_information(F, D, M, x, y, z):  # type: ignore[no-untyped-def]
+def shift_information(
+    F: Block, D: Block, M: Block, x: float, y: float, z: float
+) -> tuple[Block, Block, Block]:
     """Information about another point c = (x, y, z): X^T L X with X = [1 0; [c]x 1].
 
     Returns:
@@ -73,13 +83,13 @@ def shift_information(F, D, M, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @inlined_fused_kernel
-def _add_cross(a, b, x, y, z):  # type: ignore[no-untyped-def]
+def _add_cross(a: Vector, b: Vector, x: float, y: float, z: float) -> Vector:
     """a + b x (x, y, z)."""
     return a[0] + b[1] * z - b[2] * y, a[1] + b[2] * x - b[0] * z, a[2] + b[0] * y - b[1] * x
 
 
 @inlined_fused_kernel
-def rotate_block(axes, B):  # type: ignore[no-untyped-def]
+def rotate_block(axes: Block, B: Block) -> Block:
     """A block in the frame with these axes: a_i . B a_k."""
     p, q, r = matvec(B, axes[0]), matvec(B, axes[1]), matvec(B, axes[2])
     return (
@@ -90,12 +100,12 @@ def rotate_block(axes, B):  # type: ignore[no-untyped-def]
 
 
 @inlined_fused_kernel
-def dot(a, b):  # type: ignore[no-untyped-def]
+def dot(a: Vector, b: Vector) -> float:
     """a . b of three numbers each."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined_fused_kernel
-def matvec(B, a):  # type: ignore[no-untyped-def]
+def matvec(B: Block, a: Vector) -> Vector:
     """B a, with B a block, a tuple of rows."""
     return dot(B[0], a), dot(B[1], a), dot(B[2], a)

@@ -93,7 +93,15 @@ class View:
 
 
 @kernel
-def _trace(surfaces, starts, direction, reach, which, points, normals):  # type: ignore[no-untyped-def]
+def _trace(
+    surfaces: Surfaces,
+    starts: np.ndarray,
+    direction: np.ndarray,
+    reach: float,
+    which: np.ndarray,
+    points: np.ndarray,
+    normals: np.ndarray,
+) -> None:
     d = vector(direction)
     count = surfaces.kind.shape[0]
     for i in range(starts.shape[0]):

@@ -5,11 +5,15 @@ face of the base cannot.
 """
 
 import math
+from typing import Protocol
 
+import numpy as np
+
+from contactsense.localization.candidate_buffers import Candidates
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
-from contactsense.robots.surface.convex_primitives import out_of_reach, project
+from contactsense.robots.surface.convex_primitives import Surfaces, out_of_reach, project
 from contactsense.robots.vectors import tangents
-from contactsense.solvers.posterior import STUDENT_DOF
+from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 QUADRATURE_RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
 """Radii (in standard deviations) and weights of a quadrature for a normal distribution on a plane.
@@ -31,14 +35,28 @@ FULLY_ACCESSIBLE = 0.98
 """Accessible share above which point and covariance of a candidate are not changed."""
 
 
+class Frames(Protocol):
+    """Body frames of all primitives in the base frame: `Candidates`, or another tuple with these fields."""
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """Orientations, shape (P, 3, 3)."""
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Origins, shape (P, 3) [m]."""
+
+
 @inlined_fused_kernel
-def clearance(surfaces, frames, excluded, x, y, z, max_distance):  # type: ignore[no-untyped-def]
+def clearance(
+    surfaces: Surfaces, frames: Frames, excluded: int, x: float, y: float, z: float, max_distance: float
+) -> float:
     """Distance of a point from the nearest other primitive of the same or a neighbouring link, or of a body
     of the cell that covers [m].
 
     Args:
         surfaces: Primitives; those beyond the last link's are of bodies that cover.
-        frames: Their body frames in the base frame (`rotation` and `origin`).
+        frames: Their body frames in the base frame.
         excluded: Primitive that is ignored: the one on which the point lies.
         x, y, z: The point, base frame [m].
         max_distance: Upper bound of the result [m].
@@ -69,7 +87,7 @@ def clearance(surfaces, frames, excluded, x, y, z, max_distance):  # type: ignor
 
 
 @fused_kernel
-def accessible_share(margin, prior):  # type: ignore[no-untyped-def]
+def accessible_share(margin: float, prior: Prior) -> float:
     """Probability that a place can be touched, given the clearance `margin` above it [m].
 
     1 for a positive clearance. For a negative one it falls with the tail of a Student t distribution,
@@ -78,11 +96,13 @@ def accessible_share(margin, prior):  # type: ignore[no-untyped-def]
     if margin >= 0.0:
         return 1.0
     penetration = PENETRATION_SCALE * margin / prior.surface_deviation
-    return (1.0 + penetration * penetration / STUDENT_DOF) ** (-0.5 * (STUDENT_DOF + 1.0))
+    return float((1.0 + penetration * penetration / STUDENT_DOF) ** (-0.5 * (STUDENT_DOF + 1.0)))
 
 
 @fused_kernel
-def clearance_above(surfaces, candidates, row, prior):  # type: ignore[no-untyped-def]
+def clearance_above(
+    surfaces: Surfaces, candidates: Candidates, row: int, prior: Prior
+) -> tuple[float, float, float, float, float]:
     """Clearance at the height `prior.clearance` above a candidate's point.
 
     Returns:
@@ -112,7 +132,9 @@ def clearance_above(surfaces, candidates, row, prior):  # type: ignore[no-untype
 
 
 @fused_kernel
-def apply_accessibility(surfaces, candidates, row, prior, min_score):  # type: ignore[no-untyped-def]
+def apply_accessibility(
+    surfaces: Surfaces, candidates: Candidates, row: int, prior: Prior, min_score: float
+) -> bool:
     """Condition a candidate on being accessible.
 
     The candidate's score is lowered by the log of the accessible share of its neighbourhood; its point and
@@ -219,7 +241,7 @@ def apply_accessibility(surfaces, candidates, row, prior, min_score):  # type: i
 
 
 @fused_kernel
-def is_mounting_face(link, z, nz, spread):  # type: ignore[no-untyped-def]
+def is_mounting_face(link: int, z: float, nz: float, spread: float) -> bool:
     """Whether a point is on the mounting face of the base link, which cannot be touched.
 
     link: index of the link. z: height above the mounting plane z = 0 of the base frame [m]. nz: z

@@ -2,8 +2,12 @@
 
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.posterior import SearchBuffers
+from contactsense.solvers.posterior_mode import Mode
 
 MAX_CANDIDATES = 8
 """Number of candidates that the search over the surface returns at most."""
@@ -53,14 +57,16 @@ class Candidates(NamedTuple):
 
 
 @fused_kernel
-def rotate_into(R, x, y, z, out):  # type: ignore[no-untyped-def]
+def rotate_into(R: np.ndarray, x: float, y: float, z: float, out: np.ndarray) -> None:
     """out = R (x, y, z)."""
     for i in range(3):
         out[i] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
 
 
 @fused_kernel
-def store_candidate(candidates, row, p, mode, buffers, surface_deviation):  # type: ignore[no-untyped-def]
+def store_candidate(
+    candidates: Candidates, row: int, p: int, mode: Mode, buffers: SearchBuffers, surface_deviation: float
+) -> None:
     """Store the result of `find_posterior_mode` on primitive p in row `row`, in the base frame.
 
     The covariance of the point is that of the posterior plus the effect of the real surface's tilt: a

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from contactsense.localization.simd_layout import EXCLUDED, LANES, NX, NY, NZ, SPREAD, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel
 
@@ -12,7 +14,17 @@ PULL_SHARE = 0.5
 
 
 @fused_kernel
-def exclude_cells(w, P, R, o, squared_force, force_variance, torsion_lever, limit, block):  # type: ignore[no-untyped-def]
+def exclude_cells(
+    w: np.ndarray,
+    P: np.ndarray,
+    R: np.ndarray,
+    o: np.ndarray,
+    squared_force: float,
+    force_variance: float,
+    torsion_lever: float,
+    limit: float,
+    block: np.ndarray,
+) -> None:
     """Exclude cells that cannot have caused the measured wrench.
 
     A cell is excluded if the moment about its centre exceeds what noise, torsion and the cell's width

@@ -21,7 +21,9 @@ A block of cells is processed in parallel, one cell per SIMD lane
 
 import math
 
-from contactsense.solvers.posterior import STUDENT_DOF
+import numpy as np
+
+from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
@@ -46,7 +48,15 @@ MAX_LOG_FORCE_STEP = 1.5
 
 
 @fused_kernel
-def find_modes(count, w, L, prior, force_measured, limit, block):  # type: ignore[no-untyped-def]
+def find_modes(
+    count: int,
+    w: np.ndarray,
+    L: np.ndarray,
+    prior: Prior,
+    force_measured: bool,
+    limit: float,
+    block: np.ndarray,
+) -> None:
     """Find the posterior mode in each cell of a block by Gauss-Newton.
 
     Args:
@@ -75,7 +85,9 @@ def find_modes(count, w, L, prior, force_measured, limit, block):  # type: ignor
 
 
 @fused_kernel
-def laplace_evidence(j, prior, limit, block):  # type: ignore[no-untyped-def]
+def laplace_evidence(
+    j: int, prior: Prior, limit: float, block: np.ndarray
+) -> tuple[float, float, float, float, float, float, float, float]:
     """Mode and evidence of one cell, after `find_modes`.
 
     Args:
@@ -111,7 +123,7 @@ def laplace_evidence(j, prior, limit, block):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _transform_wrench(w, L, block):  # type: ignore[no-untyped-def]
+def _transform_wrench(w: np.ndarray, L: np.ndarray, block: np.ndarray) -> None:
     """Wrench and information matrix about the centre of each cell, in the axes of its normal and
     tangents."""
     f, m = (w[0], w[1], w[2]), (w[3], w[4], w[5])
@@ -138,7 +150,7 @@ def _transform_wrench(w, L, block):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _initial_values(prior, force_measured, block):  # type: ignore[no-untyped-def]
+def _initial_values(prior: Prior, force_measured: bool, block: np.ndarray) -> None:
     """Initial values: the measured force if there is one, else the median of the prior."""
     for j in range(LANES):
         w0, w1, w2 = block[W0 + j], block[W1 + j], block[W2 + j]
@@ -153,7 +165,9 @@ def _initial_values(prior, force_measured, block):  # type: ignore[no-untyped-de
 
 
 @fused_kernel
-def _gauss_newton_step(ratio_information, torsion_information, limit, may_step, block):  # type: ignore[no-untyped-def]
+def _gauss_newton_step(
+    ratio_information: float, torsion_information: float, limit: float, may_step: bool, block: np.ndarray
+) -> None:
     """Energy, its curvature, and a Gauss-Newton step for all active cells.
 
     Args:

@@ -3,18 +3,36 @@ line."""
 
 import math
 
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.wrench_information import to_body_frame
-from contactsense.localization.candidate_buffers import store_candidate
+from contactsense.localization.candidate_buffers import Candidates, store_candidate
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import vector
 from contactsense.solvers.line_of_action import enter_surface
-from contactsense.solvers.posterior import Contact, energy_at, inflate_by_surface_deviation, pushing_force
+from contactsense.solvers.posterior import (
+    Contact,
+    Prior,
+    SearchBuffers,
+    energy_at,
+    inflate_by_surface_deviation,
+    pushing_force,
+)
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
 from contactsense.solvers.wrench import Wrench
 
 
 @fused_kernel
-def search_along_line_of_action(surfaces, touchable, hypotheses, prior, buffers, candidates):  # type: ignore[no-untyped-def]
+def search_along_line_of_action(
+    surfaces: Surfaces,
+    touchable: np.ndarray,
+    hypotheses: Hypotheses,
+    prior: Prior,
+    buffers: SearchBuffers,
+    candidates: Candidates,
+) -> int:
     """Find the most probable contact on each primitive near the line of action; row p is for primitive p.
 
     Args:
@@ -25,7 +43,7 @@ def search_along_line_of_action(surfaces, touchable, hypotheses, prior, buffers,
     Returns:
         Number of rows in `order`. The `score` of rejected rows is -infinity.
     """
-    count = _initial_guesses(surfaces, touchable, hypotheses, prior, candidates, buffers)
+    count: int = _initial_guesses(surfaces, touchable, hypotheses, prior, candidates, buffers)
     lowest_energy = math.inf
     for i in range(count):
         # Lowest energy first, so that the others are rejected early.
@@ -52,7 +70,14 @@ def search_along_line_of_action(surfaces, touchable, hypotheses, prior, buffers,
 
 
 @fused_kernel
-def _initial_guesses(surfaces, touchable, hypotheses, prior, candidates, buffers):  # type: ignore[no-untyped-def]
+def _initial_guesses(
+    surfaces: Surfaces,
+    touchable: np.ndarray,
+    hypotheses: Hypotheses,
+    prior: Prior,
+    candidates: Candidates,
+    buffers: SearchBuffers,
+) -> int:
     """Initial guess on every touchable primitive near the line of action.
 
     The guess is the point where the line enters the primitive, or the nearest point; it is written to
@@ -112,13 +137,15 @@ def _initial_guesses(surfaces, touchable, hypotheses, prior, candidates, buffers
 
 
 @fused_kernel
-def _shift_energy(distance, P, ox, oy, oz, squared_force, prior):  # type: ignore[no-untyped-def]
+def _shift_energy(
+    distance: float, P: np.ndarray, ox: float, oy: float, oz: float, squared_force: float, prior: Prior
+) -> float:
     """Approximate energy of moving the line of action by `distance` [m] towards the point o.
 
     The moment about o must change by |f| times the distance. P is the covariance of the wrench,
     `squared_force` the square of its force [N^2].
     """
-    return (
+    return float(
         0.5
         * squared_force
         * distance
@@ -128,7 +155,7 @@ def _shift_energy(distance, P, ox, oy, oz, squared_force, prior):  # type: ignor
 
 
 @fused_kernel
-def moment_variance(P, ox, oy, oz):  # type: ignore[no-untyped-def]
+def moment_variance(P: np.ndarray, ox: float, oy: float, oz: float) -> float:
     """Trace of the covariance of the moment about the point o [Nm^2].
 
     P: covariance of the wrench about the origin, shape (6, 6). ox, oy, oz: the point [m].
@@ -140,5 +167,5 @@ def moment_variance(P, ox, oy, oz):  # type: ignore[no-untyped-def]
         + oy * (P[1, 1] * oy + 2.0 * P[1, 2] * oz)
         + oz * oz * P[2, 2]
     )
-    trace = P[3, 3] + P[4, 4] + P[5, 5] - 2.0 * cross + oo * (P[0, 0] + P[1, 1] + P[2, 2]) - oPo
+    trace: float = P[3, 3] + P[4, 4] + P[5, 5] - 2.0 * cross + oo * (P[0, 0] + P[1, 1] + P[2, 2]) - oPo
     return max(trace, 0.0)

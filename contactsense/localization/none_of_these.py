@@ -10,9 +10,14 @@ evidence has a closed form.
 import math
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.linalg.ldl import ldl_solve
+from contactsense.kinematics.model import Motion
 from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.posterior import Prior, SearchBuffers
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 NONE_OF_THESE_PROBABILITY = 0.01
@@ -38,7 +43,15 @@ class LeftOutLinks(NamedTuple):
 
 
 @fused_kernel
-def none_of_these_evidence(left_out, depth, motion, hypotheses, link, prior, buffers):  # type: ignore[no-untyped-def]
+def none_of_these_evidence(
+    left_out: LeftOutLinks,
+    depth: np.ndarray,
+    motion: Motion,
+    hypotheses: Hypotheses,
+    link: int,
+    prior: Prior,
+    buffers: SearchBuffers,
+) -> tuple[float, bool]:
     """Log evidence of "none of these", relative to the prior of a touch on a searched link.
 
     Links whose evidence is negligible beside what is found already are passed over: the likelihood of a touch
@@ -73,7 +86,7 @@ def none_of_these_evidence(left_out, depth, motion, hypotheses, link, prior, buf
 
 
 @fused_kernel
-def _copy_measurement(hypotheses, link, H, g):  # type: ignore[no-untyped-def]
+def _copy_measurement(hypotheses: Hypotheses, link: int, H: np.ndarray, g: np.ndarray) -> float:
     """Fill the normal equations H x = g with the fused wrench of a link; returns its energy at x = 0."""
     w, L = hypotheses.wrench[link], hypotheses.information[link]
     energy = 0.0
@@ -87,7 +100,7 @@ def _copy_measurement(hypotheses, link, H, g):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _evidence_of_anything(hypotheses, link, prior, buffers):  # type: ignore[no-untyped-def]
+def _evidence_of_anything(hypotheses: Hypotheses, link: int, prior: Prior, buffers: SearchBuffers) -> float:
     """Log evidence of a wrench with a broad zero-mean normal prior, at `link`; `buffers.gradient` then holds
     the most probable wrench."""
     H, g = buffers.normal_equations, buffers.gradient
@@ -99,11 +112,19 @@ def _evidence_of_anything(hypotheses, link, prior, buffers):  # type: ignore[no-
     log_det, decrease, _, _, _ = ldl_solve(H, g)
     log_det_prior = 3.0 * (math.log(force_information) + math.log(moment_information))
     log_odds = math.log(NONE_OF_THESE_PROBABILITY / (1.0 - NONE_OF_THESE_PROBABILITY))
-    return log_odds - hypotheses.energy[link] - (energy - decrease) + 0.5 * (log_det_prior - log_det)
+    return float(log_odds - hypotheses.energy[link] - (energy - decrease) + 0.5 * (log_det_prior - log_det))
 
 
 @fused_kernel
-def _evidence_of_touch(left_out, link, R, o, hypotheses, prior, buffers):  # type: ignore[no-untyped-def]
+def _evidence_of_touch(
+    left_out: LeftOutLinks,
+    link: int,
+    R: np.ndarray,
+    o: np.ndarray,
+    hypotheses: Hypotheses,
+    prior: Prior,
+    buffers: SearchBuffers,
+) -> float:
     """Log evidence of a touch on a link that is left out, of orientation R and origin o, with its
     `log_weight`; `buffers.gradient` holds a force that the measurement suggests."""
     force = NONE_OF_THESE_FORCE * prior.force
@@ -158,7 +179,7 @@ def _evidence_of_touch(left_out, link, R, o, hypotheses, prior, buffers):  # typ
             H[2, i] -= z * column[i]
     log_det, decrease, _, _, _ = ldl_solve(H, g)
     log_det_prior = -6.0 * math.log(force) - math.log(determinant)
-    return (
+    return float(
         left_out.log_weight[link]
         - hypotheses.energy[link]
         - (energy - decrease)

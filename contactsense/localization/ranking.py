@@ -14,12 +14,15 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
-from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
+from contactsense.localization.accessibility import Frames, apply_accessibility, is_mounting_face
+from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_of_action_search import moment_variance, search_along_line_of_action
 from contactsense.localization.none_of_these import none_of_these_evidence
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_search import search_surface
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
@@ -121,7 +124,7 @@ def locate_contacts(
 
 
 @fused_kernel
-def _is_hopeless(lowest_energy, log_share, none_evidence):  # type: ignore[no-untyped-def]
+def _is_hopeless(lowest_energy: float, log_share: float, none_evidence: float) -> bool:
     """Whether no contact can reach the evidence of "none of these".
 
     The prior on a link integrates to at most the density's factor, which `lowest_energy` contains (the lowest
@@ -131,7 +134,7 @@ def _is_hopeless(lowest_energy, log_share, none_evidence):  # type: ignore[no-un
 
 
 @fused_kernel
-def _with_link_prior(hypotheses, prior, cells):  # type: ignore[no-untyped-def]
+def _with_link_prior(hypotheses: Hypotheses, prior: Prior, cells: SurfaceCells) -> Hypotheses:
     """The hypotheses with the prior over links in their energies: the searches then treat improbable links as
     they treat badly fitting ones."""
     for link in range(hypotheses.energy.shape[0]):
@@ -146,7 +149,9 @@ def _with_link_prior(hypotheses, prior, cells):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _add_log_prior(candidates, count, unassigned_evidence, log_share):  # type: ignore[no-untyped-def]
+def _add_log_prior(
+    candidates: Candidates, count: int, unassigned_evidence: np.ndarray, log_share: float
+) -> float:
     """Add a log prior to the evidence of all candidates; returns the best evidence."""
     best = -math.inf
     for i in range(count):
@@ -159,7 +164,7 @@ def _add_log_prior(candidates, count, unassigned_evidence, log_share):  # type: 
 
 
 @fused_kernel
-def _best_link(marks, mark, hypotheses):  # type: ignore[no-untyped-def]
+def _best_link(marks: np.ndarray, mark: int, hypotheses: Hypotheses) -> int:
     """Link with the lowest energy among those with that mark, -1 if there is none."""
     best = -1
     for link in range(marks.shape[0]):
@@ -169,17 +174,17 @@ def _best_link(marks, mark, hypotheses):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _is_line_of_action_known(w, P, o):  # type: ignore[no-untyped-def]
+def _is_line_of_action_known(w: np.ndarray, P: np.ndarray, o: np.ndarray) -> bool:
     """Whether the line of action is known accurately near the point o."""
     squared_force = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-    return (
+    return bool(
         moment_variance(P, o[0], o[1], o[2])
         < LINE_OF_ACTION_DEVIATION * LINE_OF_ACTION_DEVIATION * squared_force
     )
 
 
 @fused_kernel
-def place_primitives(surfaces, depth, motion, candidates):  # type: ignore[no-untyped-def]
+def place_primitives(surfaces: Surfaces, depth: np.ndarray, motion: Motion, candidates: Frames) -> None:
     """Compute the body frames of all primitives in the base frame."""
     for p in range(surfaces.kind.shape[0]):
         body = depth[surfaces.link[p]]
@@ -192,7 +197,7 @@ def place_primitives(surfaces, depth, motion, candidates):  # type: ignore[no-un
 
 
 @fused_kernel
-def _apply_accessibility(surfaces, candidates, count, prior):  # type: ignore[no-untyped-def]
+def _apply_accessibility(surfaces: Surfaces, candidates: Candidates, count: int, prior: Prior) -> None:
     """Lower the score of candidates that are not, or only partly, accessible."""
     best = -math.inf
     for i in range(count):
@@ -212,7 +217,15 @@ def _apply_accessibility(surfaces, candidates, count, prior):  # type: ignore[no
 
 
 @fused_kernel
-def _rank(surfaces, candidates, count, min_separation, unassigned_evidence, none_evidence, link_probability):  # type: ignore[no-untyped-def]
+def _rank(
+    surfaces: Surfaces,
+    candidates: Candidates,
+    count: int,
+    min_separation: float,
+    unassigned_evidence: np.ndarray,
+    none_evidence: float,
+    link_probability: np.ndarray,
+) -> int:
     """Sort the candidates, drop duplicates and improbable ones, and normalize scores to probabilities.
 
     Args:
@@ -260,7 +273,9 @@ def _rank(surfaces, candidates, count, min_separation, unassigned_evidence, none
 
 
 @fused_kernel
-def _is_duplicate(surfaces, candidates, p, count_kept, min_separation):  # type: ignore[no-untyped-def]
+def _is_duplicate(
+    surfaces: Surfaces, candidates: Candidates, p: int, count_kept: int, min_separation: float
+) -> bool:
     """Whether one of the first `count_kept` candidates is on the same link within `min_separation` [m]."""
     link = surfaces.link[candidates.primitive[p]]
     for i in range(count_kept):

@@ -9,12 +9,20 @@ import math
 
 import numpy as np
 
+from contactsense.isolation.link_hypotheses import Hypotheses
+from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_information import to_body_frame
+from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.energy_bound import exclude_cells
 from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
 from contactsense.localization.line_of_action_search import moment_variance
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.simd_layout import EXCLUDED, LANES, NX, NY, NZ, SPREAD, VARIANCE, X, Y, Z
+from contactsense.localization.surface_cells import SurfaceCells
+from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 SUBDIVIDE_WITHIN = 3.0
@@ -24,7 +32,15 @@ MAX_SUBDIVIDED = 32
 
 
 @fused_kernel
-def evaluate_cells(scene, searched, motion, hypotheses, wrench_measured, prior, arrays):  # type: ignore[no-untyped-def]
+def evaluate_cells(
+    scene: SearchedSurface,
+    searched: np.ndarray,
+    motion: Motion,
+    hypotheses: Hypotheses,
+    wrench_measured: bool,
+    prior: Prior,
+    arrays: SearchArrays,
+) -> tuple[int, float]:
     """Fill a row of `arrays.cells` for each sample or subsample that is not rejected.
 
     Args:
@@ -58,9 +74,18 @@ def evaluate_cells(scene, searched, motion, hypotheses, wrench_measured, prior, 
 
 
 @fused_kernel
-def _evaluate_samples(  # type: ignore[no-untyped-def]
-    surfaces, samples, touchable, depth, motion, hypotheses, wrench_measured, prior, cells, candidates
-):
+def _evaluate_samples(
+    surfaces: Surfaces,
+    samples: SurfaceSamples,
+    touchable: np.ndarray,
+    depth: np.ndarray,
+    motion: Motion,
+    hypotheses: Hypotheses,
+    wrench_measured: bool,
+    prior: Prior,
+    cells: SurfaceCells,
+    candidates: Candidates,
+) -> tuple[int, float]:
     """Fill a row of `cells` for each sample that is not rejected; returns their number and the lowest
     energy."""
     rows = 0
@@ -134,9 +159,17 @@ def _evaluate_samples(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _collect_block(  # type: ignore[no-untyped-def]
-    samples, bound_count, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
-):
+def _collect_block(
+    samples: SurfaceSamples,
+    bound_count: int,
+    mode_count: int,
+    force_measured: bool,
+    prior: Prior,
+    link_energy: float,
+    rows: int,
+    lowest_energy: float,
+    cells: SurfaceCells,
+) -> tuple[int, int, float]:
     """Move the cells that the bound does not exclude to the second block, and evaluate it when it is
     full.
 
@@ -158,9 +191,18 @@ def _collect_block(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _evaluate_subsamples(  # type: ignore[no-untyped-def]
-    surfaces, subsamples, depth, motion, hypotheses, prior, cells, rows, best, lowest_energy
-):
+def _evaluate_subsamples(
+    surfaces: Surfaces,
+    subsamples: SurfaceSubsamples,
+    depth: np.ndarray,
+    motion: Motion,
+    hypotheses: Hypotheses,
+    prior: Prior,
+    cells: SurfaceCells,
+    rows: int,
+    best: float,
+    lowest_energy: float,
+) -> int:
     """Replace the best cells by their subsamples; returns the new number of rows."""
     last, mode_count = -1, 0
     link_energy, force_measured = 0.0, False
@@ -196,7 +238,9 @@ def _evaluate_subsamples(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _wrench_in_link(w, P, L, R, o, cells):  # type: ignore[no-untyped-def]
+def _wrench_in_link(
+    w: np.ndarray, P: np.ndarray, L: np.ndarray, R: np.ndarray, o: np.ndarray, cells: SurfaceCells
+) -> tuple[float, float]:
     """Transform the fused wrench and its information matrix to the link frame, written to `cells`.
 
     Returns:
@@ -208,7 +252,9 @@ def _wrench_in_link(w, P, L, R, o, cells):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _load_lane(samples, s, block, indices, j):  # type: ignore[no-untyped-def]
+def _load_lane(
+    samples: SurfaceSamples | SurfaceSubsamples, s: int, block: np.ndarray, indices: np.ndarray, j: int
+) -> None:
     """Copy sample s into lane j of a block."""
     c, n = samples.point, samples.normal
     block[X + j], block[Y + j], block[Z + j] = c[s, 0], c[s, 1], c[s, 2]
@@ -218,7 +264,16 @@ def _load_lane(samples, s, block, indices, j):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _evaluate_block(samples, count, force_measured, prior, link_energy, rows, lowest_energy, cells):  # type: ignore[no-untyped-def]
+def _evaluate_block(
+    samples: SurfaceSamples | SurfaceSubsamples,
+    count: int,
+    force_measured: bool,
+    prior: Prior,
+    link_energy: float,
+    rows: int,
+    lowest_energy: float,
+    cells: SurfaceCells,
+) -> tuple[int, float]:
     """Evaluate a block of samples and append those that are not rejected; returns number of rows and
     lowest energy."""
     block, limit = cells.mode_block, lowest_energy + ENERGY_CUTOFF - link_energy
@@ -242,7 +297,7 @@ def _evaluate_block(samples, count, force_measured, prior, link_energy, rows, lo
 
 
 @fused_kernel
-def _count_above(cells, rows, threshold):  # type: ignore[no-untyped-def]
+def _count_above(cells: SurfaceCells, rows: int, threshold: float) -> int:
     """Number of rows with a score above the threshold."""
     count = 0
     for s in range(rows):
@@ -252,7 +307,7 @@ def _count_above(cells, rows, threshold):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _best_score(cells, rows):  # type: ignore[no-untyped-def]
+def _best_score(cells: SurfaceCells, rows: int) -> float:
     """Highest score of all rows, -infinity if there are none."""
     best = -math.inf
     for s in range(rows):
@@ -261,7 +316,15 @@ def _best_score(cells, rows):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _is_far_from_line_of_action(w, P, origin, radius, p, prior, squared_force):  # type: ignore[no-untyped-def]
+def _is_far_from_line_of_action(
+    w: np.ndarray,
+    P: np.ndarray,
+    origin: np.ndarray,
+    radius: np.ndarray,
+    p: int,
+    prior: Prior,
+    squared_force: float,
+) -> bool:
     """Whether the line of action passes too far from primitive p to be explained by noise."""
     ox, oy, oz = origin[p, 0], origin[p, 1], origin[p, 2]
     mx, my, mz = w[3] - oy * w[2] + oz * w[1], w[4] - oz * w[0] + ox * w[2], w[5] - ox * w[1] + oy * w[0]
@@ -274,4 +337,4 @@ def _is_far_from_line_of_action(w, P, origin, radius, p, prior, squared_force): 
     variance = (
         moment_variance(P, ox, oy, oz) + prior.surface_deviation * prior.surface_deviation * squared_force
     )
-    return 0.5 * squared_force * gap * gap > 2.0 * ENERGY_CUTOFF * variance
+    return bool(0.5 * squared_force * gap * gap > 2.0 * ENERGY_CUTOFF * variance)

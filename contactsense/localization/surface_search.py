@@ -5,14 +5,27 @@ Candidates are clusters of the cells that `contactsense.localization.surface_evi
 
 import math
 
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import Hypotheses
+from contactsense.kinematics.model import Motion
+from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.accessibility import accessible_share, clearance
-from contactsense.localization.candidate_buffers import MAX_CANDIDATES, rotate_into, store_candidate
+from contactsense.localization.candidate_buffers import (
+    MAX_CANDIDATES,
+    Candidates,
+    rotate_into,
+    store_candidate,
+)
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.surface.convex_primitives import project
+from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.surface.union import nearest
-from contactsense.solvers.posterior import Contact, pushing_force
+from contactsense.robots.vectors import Vector
+from contactsense.solvers.posterior import Contact, Prior, pushing_force
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
 
 MERGE_DISTANCE = 0.04
@@ -33,7 +46,15 @@ MIN_RELATIVE_WEIGHT = 1e-3
 
 
 @fused_kernel
-def search_surface(scene, searched, motion, hypotheses, wrench_measured, prior, arrays):  # type: ignore[no-untyped-def]
+def search_surface(
+    scene: SearchedSurface,
+    searched: np.ndarray,
+    motion: Motion,
+    hypotheses: Hypotheses,
+    wrench_measured: bool,
+    prior: Prior,
+    arrays: SearchArrays,
+) -> int:
     """Fill rows of `arrays.candidates`; `order` lists them.
 
     The log evidence on each link that is not part of any candidate is written to
@@ -71,14 +92,23 @@ def search_surface(scene, searched, motion, hypotheses, wrench_measured, prior, 
 
 
 @fused_kernel
-def _log_add(a, b):  # type: ignore[no-untyped-def]
+def _log_add(a: float, b: float) -> float:
     """log(exp(a) + exp(b))."""
     high, low = max(a, b), min(a, b)
     return high if low == -math.inf else high + math.log1p(math.exp(low - high))
 
 
 @fused_kernel
-def _apply_accessibility(surfaces, depth, motion, prior, cells, candidates, rows, best):  # type: ignore[no-untyped-def]
+def _apply_accessibility(
+    surfaces: Surfaces,
+    depth: np.ndarray,
+    motion: Motion,
+    prior: Prior,
+    cells: SurfaceCells,
+    candidates: Candidates,
+    rows: int,
+    best: float,
+) -> None:
     """Lower the score of cells that other primitives cover."""
     for s in range(rows):
         if cells.score[s] < best - ENERGY_CUTOFF:
@@ -103,7 +133,7 @@ def _apply_accessibility(surfaces, depth, motion, prior, cells, candidates, rows
 
 
 @fused_kernel
-def _best_cell(cells, rows):  # type: ignore[no-untyped-def]
+def _best_cell(cells: SurfaceCells, rows: int) -> int:
     """Row of the best remaining cell, -1 if there is none."""
     best, best_row = -math.inf, -1
     for s in range(rows):
@@ -113,7 +143,16 @@ def _best_cell(cells, rows):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _build_candidate(scene, motion, hypotheses, prior, arrays, rows, s, row):  # type: ignore[no-untyped-def]
+def _build_candidate(
+    scene: SearchedSurface,
+    motion: Motion,
+    hypotheses: Hypotheses,
+    prior: Prior,
+    arrays: SearchArrays,
+    rows: int,
+    s: int,
+    row: int,
+) -> None:
     """Build the candidate in row `row` from cell s: its posterior mode, merged with the cells that belong
     to it."""
     surfaces, depth = scene.surfaces, scene.depth
@@ -193,7 +232,17 @@ def _build_candidate(scene, motion, hypotheses, prior, arrays, rows, s, row):  #
 
 
 @fused_kernel
-def _project_onto_link(surfaces, candidates, row, link, R, o, x, y, z):  # type: ignore[no-untyped-def]
+def _project_onto_link(
+    surfaces: Surfaces,
+    candidates: Candidates,
+    row: int,
+    link: int,
+    R: np.ndarray,
+    o: np.ndarray,
+    x: float,
+    y: float,
+    z: float,
+) -> Vector:
     """Move a candidate to the point of the link's surface nearest to (x, y, z) [m]; returns that, link
     frame."""
     p, point, normal = -1, (x, y, z), (0.0, 0.0, 0.0)
@@ -211,7 +260,9 @@ def _project_onto_link(surfaces, candidates, row, link, R, o, x, y, z):  # type:
 
 
 @fused_kernel
-def _merge_cells(surfaces, cells, rows, s, x, y, z, radius):  # type: ignore[no-untyped-def]
+def _merge_cells(
+    surfaces: Surfaces, cells: SurfaceCells, rows: int, s: int, x: float, y: float, z: float, radius: float
+) -> tuple[float, Vector, Six]:
     """Merge cell s and the cells of its link within `radius` [m] of the point (x, y, z); they are marked
     as used.
 
@@ -247,7 +298,9 @@ def _merge_cells(surfaces, cells, rows, s, x, y, z, radius):  # type: ignore[no-
 
 
 @fused_kernel
-def _set_covariance(candidates, row, R, C, surface_deviation):  # type: ignore[no-untyped-def]
+def _set_covariance(
+    candidates: Candidates, row: int, R: np.ndarray, C: Six, surface_deviation: float
+) -> None:
     """Covariance of a candidate's point from second moments C (link frame) and the surface deviation."""
     n = candidates.normal[row]
     for i in range(3):

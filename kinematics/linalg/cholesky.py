@@ -2,12 +2,27 @@
 without allocation."""
 
 import math
+from typing import Protocol
+
+import numpy as np
 
 from contactsense.robots.jit.kernel import fused_kernel
 
 
+class Factored(Protocol):
+    """A tuple with a factored matrix and room for its inverse, both square and of the same shape."""
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """The Cholesky factor, in the lower triangle."""
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """Filled with the inverse."""
+
+
 @fused_kernel
-def cholesky(A, size):  # type: ignore[no-untyped-def]
+def cholesky(A: np.ndarray, size: int) -> float:
     """Cholesky factor in place of the lower triangle; returns the log determinant, infinite if A is not
     positive definite."""
     det = 1.0
@@ -34,7 +49,7 @@ def cholesky(A, size):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def solve_in_place(H, g, size):  # type: ignore[no-untyped-def]
+def solve_in_place(H: np.ndarray, g: np.ndarray, size: int) -> tuple[float, float]:
     """Solve H x = g in place of g and factor H in place; log determinant of H, and 1/2 g . x."""
     log_det = cholesky(H, size)
     if log_det == math.inf:
@@ -57,7 +72,7 @@ def solve_in_place(H, g, size):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def invert_factored(stack, size):  # type: ignore[no-untyped-def]
+def invert_factored(stack: Factored, size: int) -> None:
     """Fill `stack.inverse` with the inverse from the Cholesky factor in `stack.matrix`."""
     L, V = stack.matrix, stack.inverse
     for column in range(size):

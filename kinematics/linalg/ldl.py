@@ -12,10 +12,16 @@ SMALLEST_DETERMINANT, LARGEST_DETERMINANT = 1e-300, 1e300
 
 
 @inlined_fused_kernel
-def ldl_solve_unrolled(  # type: ignore[no-untyped-def]
-    h00, h01, h02, h03, h04, h05, h11, h12, h13, h14, h15, h22, h23, h24, h25, h33, h34, h35, h44, h45, h55,
-    g0, g1, g2, g3, g4, g5,
-):  # fmt: skip
+def ldl_solve_unrolled(
+    h00: float, h01: float, h02: float, h03: float, h04: float, h05: float,
+    h11: float, h12: float, h13: float, h14: float, h15: float,
+    h22: float, h23: float, h24: float, h25: float,
+    h33: float, h34: float, h35: float,
+    h44: float, h45: float, h55: float,
+    g0: float, g1: float, g2: float, g3: float, g4: float, g5: float,
+) -> tuple[
+    float, bool, float, float, float, float, float, float, float, float, float, float
+]:  # fmt: skip
     """Solve H x = g by L D L^T. Unrolled, as loops are slower, and without branches, so that loops over many
     such equations are vectorized.
 
@@ -96,7 +102,7 @@ def ldl_solve_unrolled(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def ldl_solve(H, g):  # type: ignore[no-untyped-def]
+def ldl_solve(H: np.ndarray, g: np.ndarray) -> tuple[float, float, float, float, float]:
     """Solve H x = g in place of g, from the upper triangle of H.
 
     Returns:
@@ -162,7 +168,7 @@ def half_squared_norm(C: np.ndarray, w: np.ndarray) -> float:
 
 
 @fused_kernel
-def invert_spd(C, out):  # type: ignore[no-untyped-def]
+def invert_spd(C: np.ndarray, out: np.ndarray) -> None:
     """Fill `out` with the inverse of a positive definite matrix, by Gauss-Jordan elimination without
     pivoting."""
     n = C.shape[0]

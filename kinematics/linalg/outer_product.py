@@ -1,10 +1,13 @@
 """Rank-one updates of symmetric 6x6 matrices."""
 
+import numpy as np
+
+from contactsense.kinematics.spatial import Six
 from contactsense.robots.jit.kernel import fused_kernel
 
 
 @fused_kernel
-def add_outer_product(H, weight, row):  # type: ignore[no-untyped-def]
+def add_outer_product(H: np.ndarray, weight: float, row: np.ndarray | Six) -> None:
     """Add weight x x^T to the upper triangle of H, with x the six numbers of `row`; unrolled, as loops are
     slower."""
     x0, x1, x2, x3, x4, x5 = row
@@ -33,7 +36,7 @@ def add_outer_product(H, weight, row):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def add_scaled_vector(g, value, row):  # type: ignore[no-untyped-def]
+def add_scaled_vector(g: np.ndarray, value: float, row: np.ndarray | Six) -> None:
     """Add `value` times the six numbers of `row` to g."""
     x0, x1, x2, x3, x4, x5 = row
     g[0] += value * x0
@@ -45,7 +48,7 @@ def add_scaled_vector(g, value, row):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def symmetrize(H):  # type: ignore[no-untyped-def]
+def symmetrize(H: np.ndarray) -> None:
     """Copy the upper triangle of H to the lower one."""
     for i in range(6):
         for k in range(i):

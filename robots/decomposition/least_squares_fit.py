@@ -70,7 +70,7 @@ class Target(NamedTuple):
 
 
 @kernel
-def _residual(d, value, mode):  # type: ignore[no-untyped-def]
+def _residual(d: float, value: float, mode: int) -> float:
     e = d - value
     if (mode == AT_LEAST and e > 0.0) or (mode == AT_MOST and e < 0.0):
         return 0.0
@@ -78,7 +78,7 @@ def _residual(d, value, mode):  # type: ignore[no-untyped-def]
 
 
 @allocating_kernel
-def _bounded(bodies):  # type: ignore[no-untyped-def]
+def _bounded(bodies: Bodies) -> _Bounded:
     radius = np.empty(bodies.kind.shape[0])
     for i in range(bodies.kind.shape[0]):
         radius[i] = bounding_radius(bodies.kind[i], bodies.size[i])
@@ -86,7 +86,7 @@ def _bounded(bodies):  # type: ignore[no-untyped-def]
 
 
 @allocating_kernel
-def cost(bodies, target, scale, reach):  # type: ignore[no-untyped-def]
+def cost(bodies: Bodies, target: Target, scale: float, reach: float) -> float:
     """Weighted sum of pseudo-Huber losses of scale `scale` [m], saturating at `reach` [m]."""
     total = 0.0
     bounded = _bounded(bodies)
@@ -99,7 +99,9 @@ def cost(bodies, target, scale, reach):  # type: ignore[no-untyped-def]
 
 
 @allocating_kernel
-def _normal_equations(bodies, target, scale, reach, H, g):  # type: ignore[no-untyped-def]
+def _normal_equations(
+    bodies: Bodies, target: Target, scale: float, reach: float, H: np.ndarray, g: np.ndarray
+) -> float:
     H[:] = 0.0
     g[:] = 0.0
     row = np.empty(_PARAMETERS)
@@ -135,7 +137,7 @@ def _normal_equations(bodies, target, scale, reach, H, g):  # type: ignore[no-un
 
 
 @allocating_kernel
-def _step(bodies, H, g, damping, least, new):  # type: ignore[no-untyped-def]
+def _step(bodies: Bodies, H: np.ndarray, g: np.ndarray, damping: float, least: float, new: Bodies) -> None:
     A = np.empty((_PARAMETERS, _PARAMETERS))
     for k in range(bodies.kind.shape[0]):
         for a in range(_PARAMETERS):
@@ -170,12 +172,12 @@ def _step(bodies, H, g, damping, least, new):  # type: ignore[no-untyped-def]
 
 
 @allocating_kernel
-def fit(bodies, target, scale, reach, least, steps):  # type: ignore[no-untyped-def]
+def fit(bodies: Bodies, target: Target, scale: float, reach: float, least: float, steps: int) -> float:
     """Improve `rotation`, `origin` and `size` of the bodies in place; returns the cost reached.
 
     Args:
-        bodies: The `Bodies`.
-        target: The `Target`.
+        bodies: The primitives.
+        target: What they are fitted to.
         scale: Where the loss turns from square to linear [m].
         reach: Residuals beyond this have no pull [m].
         least: Least radius of the ball of a primitive, and of an ellipsoid [m].
@@ -188,10 +190,10 @@ def fit(bodies, target, scale, reach, least, steps):  # type: ignore[no-untyped-
         bodies.kind, np.empty_like(bodies.rotation), np.empty_like(bodies.origin), np.empty_like(bodies.size)
     )
     damping = 1e-2
-    now = _normal_equations(bodies, target, scale, reach, H, g)
+    now: float = _normal_equations(bodies, target, scale, reach, H, g)
     for _ in range(steps):
         _step(bodies, H, g, damping, least, new)
-        after = cost(new, target, scale, reach)
+        after: float = cost(new, target, scale, reach)
         if after < now:
             gain = (now - after) / now
             bodies.rotation[:] = new.rotation

@@ -1,5 +1,6 @@
 """Views and copies of arrays inside kernels, which cannot allocate."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from contactsense.robots.jit.kernel import kernel
 
 
 @kernel
-def copy(values, out):  # type: ignore[no-untyped-def]
+def copy(values: np.ndarray, out: np.ndarray) -> None:
     """Fill the vector `out` with the first of `values`; NumPy's `out[:] = values` would allocate in case the
     two overlap."""
     for i in range(out.shape[0]):
@@ -33,14 +34,17 @@ def records(buffer: np.ndarray, at: int, shape: tuple[int, ...], dtype: np.dtype
     return buffer[at : at + words].view(dtype).reshape(shape)
 
 
-# Numba assumes that a function which returns an array allocates.
-@overload(block, jit_options={"_nrt": True})  # type: ignore[typeddict-unknown-key]
-def _block(buffer, at, shape):  # type: ignore[no-untyped-def]
+# Numba assumes that a function which returns an array allocates. If `strict`, it demands the same annotations
+# of `_block`, which takes types, as of the function that it returns, which takes values.
+@overload(block, jit_options={"_nrt": True}, strict=False)  # type: ignore[typeddict-unknown-key]
+def _block(buffer: types.Type, at: types.Type, shape: types.Type) -> Callable[..., np.ndarray]:
     return lambda buffer, at, shape: _array_view(buffer, at, shape)  # type: ignore[call-arg]
 
 
-@overload(records, jit_options={"_nrt": True})  # type: ignore[typeddict-unknown-key]
-def _records(buffer, at, shape, dtype):  # type: ignore[no-untyped-def]
+@overload(records, jit_options={"_nrt": True}, strict=False)  # type: ignore[typeddict-unknown-key]
+def _records(
+    buffer: types.Type, at: types.Type, shape: types.Type, dtype: types.Type
+) -> Callable[..., np.ndarray]:
     return lambda buffer, at, shape, dtype: _record_view(buffer, at, shape, dtype)  # type: ignore[call-arg]
 
 

@@ -144,27 +144,31 @@ def _code(expression: str) -> CodeType:
 
 
 @inlined_kernel
-def _take1(buffer, at, a):  # type: ignore[no-untyped-def]
+def _take1(buffer: np.ndarray, at: int, a: int) -> tuple[np.ndarray, int]:
     return block(buffer, at, (a,)), at + a
 
 
 @inlined_kernel
-def _take2(buffer, at, a, b):  # type: ignore[no-untyped-def]
+def _take2(buffer: np.ndarray, at: int, a: int, b: int) -> tuple[np.ndarray, int]:
     return block(buffer, at, (a, b)), at + a * b
 
 
 @inlined_kernel
-def _take3(buffer, at, a, b, c):  # type: ignore[no-untyped-def]
+def _take3(buffer: np.ndarray, at: int, a: int, b: int, c: int) -> tuple[np.ndarray, int]:
     return block(buffer, at, (a, b, c)), at + a * b * c
 
 
 @inlined_kernel
-def _records1(buffer, at, dtype, words, a):  # type: ignore[no-untyped-def]
+def _records1(
+    buffer: np.ndarray, at: int, dtype: np.dtype[Any], words: int, a: int
+) -> tuple[np.ndarray, int]:
     return records(buffer, at, (a,), dtype), at + words * a
 
 
 @inlined_kernel
-def _records2(buffer, at, dtype, words, a, b):  # type: ignore[no-untyped-def]
+def _records2(
+    buffer: np.ndarray, at: int, dtype: np.dtype[Any], words: int, a: int, b: int
+) -> tuple[np.ndarray, int]:
     return records(buffer, at, (a, b), dtype), at + words * a * b
 
 

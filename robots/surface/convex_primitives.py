@@ -20,11 +20,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from contactsense.robots.jit.declaration import Floats, Integers
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.robot import Link
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.robots.surface.ellipsoid_projection import nearest_on_ellipsoid
+from contactsense.robots.surface.ellipsoid_projection import Dimensions, Projection, nearest_on_ellipsoid
+from contactsense.robots.vectors import Vector
+
+ShapeOperator = tuple[float, float, float, float, float, float]
+"""Result of `curvature`."""
 
 REVOLVED = 0
 ELLIPSOID = 1
@@ -117,7 +121,7 @@ def _along(a: Sequence[float], b: Sequence[float]) -> tuple[np.ndarray, np.ndarr
 
 
 @kernel
-def bounding_radius(kind, size):  # type: ignore[no-untyped-def]
+def bounding_radius(kind: int, size: Dimensions) -> float:
     """Radius of the ball about the body frame's origin that holds a primitive [m]."""
     if kind == REVOLVED:
         across = max(size[1], size[2])
@@ -128,7 +132,7 @@ def bounding_radius(kind, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def keep_valid(kind, size, least):  # type: ignore[no-untyped-def]
+def keep_valid(kind: int, size: np.ndarray, least: float) -> None:
     """Clip dimensions in place to what a body can have: no negative core, no ball or ellipsoid below `least`
     [m]."""
     for i in range(4):
@@ -142,7 +146,7 @@ def keep_valid(kind, size, least):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def project(kind, size, x, y, z):  # type: ignore[no-untyped-def]
+def project(kind: int, size: Dimensions, x: float, y: float, z: float) -> Projection:
     """Nearest surface point of a primitive.
 
     Args:
@@ -162,7 +166,7 @@ def project(kind, size, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def out_of_reach(kind, size, x, y, z, reach):  # type: ignore[no-untyped-def]
+def out_of_reach(kind: int, size: Dimensions, x: float, y: float, z: float, reach: float) -> bool:
     """Whether a point is more than `reach` [m] away from a primitive for sure (or less deep inside, where it
     is negative): by the can about a body of revolution, in a fraction of the time of `project`.
 
@@ -178,7 +182,7 @@ def out_of_reach(kind, size, x, y, z, reach):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _project_revolved(size, x, y, z):  # type: ignore[no-untyped-def]
+def _project_revolved(size: Dimensions, x: float, y: float, z: float) -> Projection:
     h, R0, R1, r = size[0], size[1], size[2], size[3]
     rho = sqrt(x * x + y * y)
     if rho > 0.0:
@@ -220,7 +224,7 @@ def _project_revolved(size, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _project_box(size, x, y, z):  # type: ignore[no-untyped-def]
+def _project_box(size: Dimensions, x: float, y: float, z: float) -> Projection:
     bx, by, bz, r = size[0], size[1], size[2], size[3]
     sx = 1.0 if x >= 0.0 else -1.0
     sy = 1.0 if y >= 0.0 else -1.0
@@ -243,7 +247,9 @@ def _project_box(size, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def curvature(kind, size, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
+def curvature(
+    kind: int, size: Dimensions, px: float, py: float, pz: float, nx: float, ny: float, nz: float
+) -> ShapeOperator:
     """Shape operator of a primitive at a surface point: how the outward normal turns with a step on the
     surface.
 
@@ -273,7 +279,7 @@ def curvature(kind, size, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-de
 
 
 @kernel
-def _tangential(kx, ky, kz, nx, ny, nz):  # type: ignore[no-untyped-def]
+def _tangential(kx: float, ky: float, kz: float, nx: float, ny: float, nz: float) -> ShapeOperator:
     """Six numbers of P diag(k) P with P = 1 - n n^T."""
     kn = kx * nx * nx + ky * ny * ny + kz * nz * nz
     return (
@@ -287,7 +293,9 @@ def _tangential(kx, ky, kz, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _curvature_revolved(size, px, py, nx, ny, nz):  # type: ignore[no-untyped-def]
+def _curvature_revolved(
+    size: Dimensions, px: float, py: float, nx: float, ny: float, nz: float
+) -> ShapeOperator:
     h, R0, R1, r = size[0], size[1], size[2], size[3]
     rho = sqrt(px * px + py * py)
     k = 1.0 / r if r > 0.0 else 0.0
@@ -317,7 +325,7 @@ def _curvature_revolved(size, px, py, nx, ny, nz):  # type: ignore[no-untyped-de
 
 
 @kernel
-def support(kind, size, dx, dy, dz):  # type: ignore[no-untyped-def]
+def support(kind: int, size: Dimensions, dx: float, dy: float, dz: float) -> Vector:
     """Surface point farthest along a direction.
 
     Args:

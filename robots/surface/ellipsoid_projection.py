@@ -2,11 +2,18 @@
 
 from math import sqrt
 
-from contactsense.robots.jit.kernel import kernel
+import numpy as np
+
+from contactsense.robots.jit.typed_kernel import kernel
+
+Dimensions = np.ndarray | tuple[float, ...]
+"""Dimensions of a primitive, as `contactsense.robots.surface.convex_primitives` lists them by kind [m]."""
+Projection = tuple[float, float, float, float, float, float, float]
+"""Signed distance, nearest surface point and outward unit normal."""
 
 
 @kernel
-def nearest_on_ellipsoid(size, x, y, z):  # type: ignore[no-untyped-def]
+def nearest_on_ellipsoid(size: Dimensions, x: float, y: float, z: float) -> Projection:
     """Signed distance, nearest surface point and outward unit normal, as of
     `contactsense.robots.surface.convex_primitives.project`."""
     # Nearest point c with c_i = a_i^2 y_i / (t + a_i^2); t is the largest root of F(t) = sum (a_i y_i / (t +

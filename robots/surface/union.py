@@ -1,18 +1,46 @@
 """Signed distance to a union of primitives: the nearest primitive and its distance."""
 
+from typing import Protocol
+
 import numpy as np
 
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.typed_kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, project
-from contactsense.robots.vectors import add, dot, rotate, rotate_back, subtract, vector
+from contactsense.robots.vectors import Vector, add, dot, rotate, rotate_back, subtract, vector
+
+
+class PackedPrimitives(Protocol):
+    """`Surfaces`, or another tuple with these of its fields."""
+
+    @property
+    def kind(self) -> np.ndarray:
+        """Kinds of the primitives."""
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """Axes of the body frames."""
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Their origins [m]."""
+
+    @property
+    def size(self) -> np.ndarray:
+        """Dimensions by kind [m]."""
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Radii of the balls that hold the primitives [m]."""
 
 
 @kernel
-def nearest(primitives, first, last, point):  # type: ignore[no-untyped-def]
+def nearest(
+    primitives: PackedPrimitives, first: int, last: int, point: Vector
+) -> tuple[float, int, Vector, Vector]:
     """Nearest of the primitives `first` to `last` - 1 to a point, as a union: inside several, the deepest.
 
     Args:
-        primitives: `Surfaces`, or another tuple with its `kind`, `rotation`, `origin`, `size` and `radius`.
+        primitives: The primitives, in one frame.
         first, last: Range of primitives.
         point: Point, link frame [m].
 
@@ -40,7 +68,15 @@ def nearest(primitives, first, last, point):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _distances(surfaces, first, last, points, distance, which, normal):  # type: ignore[no-untyped-def]
+def _distances(
+    surfaces: Surfaces,
+    first: int,
+    last: int,
+    points: np.ndarray,
+    distance: np.ndarray,
+    which: np.ndarray,
+    normal: np.ndarray,
+) -> None:
     for i in range(points.shape[0]):
         distance[i], which[i], _, n = nearest(surfaces, first, last, vector(points[i]))
         normal[i, 0], normal[i, 1], normal[i, 2] = n

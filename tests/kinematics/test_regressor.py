@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, arm_regressor, inertia_of, parameters_of
 from contactsense.kinematics.spatial import dot6
@@ -17,7 +17,7 @@ GRAVITY = np.array([1.0, -2.0, -9.0])
 THETA = np.array([parameters_of(link.inertia) for link in ARM.links])
 
 
-def _regressors(q: np.ndarray, qd: np.ndarray):  # type: ignore[no-untyped-def]
+def _regressors(q: np.ndarray, qd: np.ndarray) -> tuple[Motion, list[np.ndarray]]:
     motion = empty_motion(6)
     kinematics_and_momenta(MODEL, q, qd, GRAVITY, motion)
     shapes = ((6, 7, PARAMETERS),) * 4

@@ -15,7 +15,9 @@ def test_copy_fills_the_output(kind: type) -> None:
 
 
 @kernel
-def _blocks(buffer, at, a, b, c):  # type: ignore[no-untyped-def]
+def _blocks(
+    buffer: np.ndarray, at: int, a: int, b: int, c: int
+) -> tuple[float, float, float, tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
     one, two, three = block(buffer, at, (a,)), block(buffer, at, (a, b)), block(buffer, at, (a, b, c))
     three[a - 1, b - 1, c - 1] *= 2
     return one.sum(), two[a - 1].sum(), three[0, b - 1].sum(), one.shape, two.shape, three.shape

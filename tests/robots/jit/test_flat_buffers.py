@@ -46,7 +46,7 @@ views = views_kernel("views", (State,), ("joints", "sensors"), __name__)
 
 
 @kernel
-def _change(buffers):  # type: ignore[no-untyped-def]
+def _change(buffers: tuple[np.ndarray, np.ndarray, tuple[int, int]]) -> float:
     """Change something of every field."""
     state = views(buffers)
     state.joints.momentum[0] += 1.0
@@ -60,7 +60,7 @@ def _change(buffers):  # type: ignore[no-untyped-def]
     last = state.clocks[state.clocks.shape[0] - 1]
     last.running = not last.running
     state.covariance[0, 1, 0] += 6.0
-    return state.joints.clock[0].time
+    return float(state.joints.clock[0].time)
 
 
 def _changed(state: Any) -> None:

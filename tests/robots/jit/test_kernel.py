@@ -96,14 +96,14 @@ def test_a_class_of_arguments_that_is_gone_leaves_no_trace(tmp_path: Path) -> No
         assert _run(tmp_path) == 3.0
 
 
-def _half(x):  # type: ignore[no-untyped-def]
+def _half(x: np.ndarray) -> float:
     y = np.empty(x.shape[0])
     for i in range(x.shape[0]):
         y[i] = 0.5 * x[i]
-    return y[0]
+    return float(y[0])
 
 
-def _move_down(x):  # type: ignore[no-untyped-def]
+def _move_down(x: np.ndarray) -> None:
     x[1:] = x[:-1]
 
 
