@@ -82,7 +82,9 @@ class Hypotheses(NamedTuple):
 
 
 @fused_kernel
-def _kalman_step(a, value, variance, w, P, L):  # type: ignore[no-untyped-def]
+def _kalman_step(
+    a: np.ndarray, value: float, variance: float, w: np.ndarray, P: np.ndarray, L: np.ndarray
+) -> tuple[float, float]:
     """Kalman step for value = a . w + noise, in place; energy and variance of the innovation."""
     row = (a[0], a[1], a[2], a[3], a[4], a[5])
     cross_covariance = (
@@ -167,7 +169,7 @@ def isolate(
 
 
 @fused_kernel
-def _within_range(log_volume, volume):  # type: ignore[no-untyped-def]
+def _within_range(log_volume: float, volume: float) -> tuple[float, float]:
     """The same product with a second factor that can be multiplied further."""
     if _LARGEST_INVERSE < volume < _LARGEST:
         return log_volume, volume

@@ -7,11 +7,23 @@ does not explain the measurement.
 
 import math
 
+import numpy as np
+
 from contactsense.kinematics.linalg.cholesky import invert_factored
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
-from contactsense.multi_contact.buffers import UNKNOWNS, MultiContactBuffers, PrimitiveFrames
+from contactsense.multi_contact.buffers import (
+    UNKNOWNS,
+    Explanations,
+    KnownContacts,
+    MeasurementRows,
+    MultiContactBuffers,
+    OptimizerState,
+    PrimitiveFrames,
+    SeedingBuffers,
+)
 from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
 from contactsense.multi_contact.sample_likelihood import initial_forces, initialize_seeding
+from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.multi_contact.seeding import find_seeds
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -127,7 +139,14 @@ def search_contact_sets(
 
 
 @fused_kernel
-def known_evidence(surfaces, prior, frames, rows, known_count, optimizer):  # type: ignore[no-untyped-def]
+def known_evidence(
+    surfaces: Surfaces,
+    prior: Prior,
+    frames: PrimitiveFrames,
+    rows: MeasurementRows,
+    known_count: int,
+    optimizer: OptimizerState,
+) -> float:
     """Log evidence of the known contacts before the measurement.
 
     The optimization uses the same priors for every contact: of its link and place, and of its force.
@@ -143,11 +162,21 @@ def known_evidence(surfaces, prior, frames, rows, known_count, optimizer):  # ty
         if optimizer.prior_force_information[i] == 0.0:
             # Without a prior of the force, correct Laplace's approximation for the tail of Student's t.
             score += math.log(1.0 + 2.0 / STUDENT_DOF)
-    return score
+    return float(score)
 
 
 @fused_kernel
-def set_evidence(surfaces, prior, frames, rows, m, known_count, count, limit, optimizer):  # type: ignore[no-untyped-def]
+def set_evidence(
+    surfaces: Surfaces,
+    prior: Prior,
+    frames: PrimitiveFrames,
+    rows: MeasurementRows,
+    m: int,
+    known_count: int,
+    count: int,
+    limit: float,
+    optimizer: OptimizerState,
+) -> tuple[float, float]:
     """Optimize the contacts in `optimizer`, the known ones first.
 
     Arguments as for `contactsense.multi_contact.joint_optimization.find_joint_mode`.
@@ -163,7 +192,15 @@ def set_evidence(surfaces, prior, frames, rows, m, known_count, count, limit, op
 
 
 @fused_kernel
-def initialize_known_contact(surfaces, frames, known_contacts, optimizer, normal, force_scale, i):  # type: ignore[no-untyped-def]
+def initialize_known_contact(
+    surfaces: Surfaces,
+    frames: PrimitiveFrames,
+    known_contacts: KnownContacts,
+    optimizer: OptimizerState,
+    normal: np.ndarray,
+    force_scale: float,
+    i: int,
+) -> None:
     """Initialize contact i with known contact i: point, force and their priors.
 
     Without a prior of the force, the initial force is a push of the given scale [N]. `normal` is filled
@@ -193,7 +230,7 @@ def initialize_known_contact(surfaces, frames, known_contacts, optimizer, normal
 
 
 @fused_kernel
-def _point_information(T, C, out):  # type: ignore[no-untyped-def]
+def _point_information(T: np.ndarray, C: np.ndarray, out: np.ndarray) -> None:
     """Information matrix of a point: inverse of its covariance C in the tangent plane of the frame T."""
     aa, ab, bb = MIN_POINT_DEVIATION * MIN_POINT_DEVIATION, 0.0, MIN_POINT_DEVIATION * MIN_POINT_DEVIATION
     for i in range(3):
@@ -210,7 +247,16 @@ def _point_information(T, C, out):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _initialize_further_contact(surfaces, frames, seed_samples, seeding, optimizer, sample, force, i):  # type: ignore[no-untyped-def]
+def _initialize_further_contact(
+    surfaces: Surfaces,
+    frames: PrimitiveFrames,
+    seed_samples: SeedSamples,
+    seeding: SeedingBuffers,
+    optimizer: OptimizerState,
+    sample: int,
+    force: np.ndarray,
+    i: int,
+) -> None:
     """Initialize contact i at a sample, with the given force [N], base axes."""
     c = seeding.point_normal[sample]
     point = (c[0], c[1], c[2])
@@ -224,7 +270,14 @@ def _initialize_further_contact(surfaces, frames, seed_samples, seeding, optimiz
 
 
 @fused_kernel
-def _log_accessibility(surfaces, frames, prior, optimizer, known_count, count):  # type: ignore[no-untyped-def]
+def _log_accessibility(
+    surfaces: Surfaces,
+    frames: PrimitiveFrames,
+    prior: Prior,
+    optimizer: OptimizerState,
+    known_count: int,
+    count: int,
+) -> float:
     """Log of the accessible share of the further contacts."""
     score = 0.0
     for i in range(known_count, count):
@@ -238,7 +291,15 @@ def _log_accessibility(surfaces, frames, prior, optimizer, known_count, count): 
 
 
 @fused_kernel
-def _store_explanation(optimizer, surface_deviation, count, energy, score, explanations, t):  # type: ignore[no-untyped-def]
+def _store_explanation(
+    optimizer: OptimizerState,
+    surface_deviation: float,
+    count: int,
+    energy: float,
+    score: float,
+    explanations: Explanations,
+    t: int,
+) -> None:
     """Write the contacts in `optimizer` as explanation t."""
     explanations.contacts[t] = count
     explanations.energy[t] = energy
@@ -266,7 +327,13 @@ def _store_explanation(optimizer, surface_deviation, count, energy, score, expla
 
 
 @fused_kernel
-def _contact_covariance(optimizer, i, surface_deviation, point_covariance, force_covariance):  # type: ignore[no-untyped-def]
+def _contact_covariance(
+    optimizer: OptimizerState,
+    i: int,
+    surface_deviation: float,
+    point_covariance: np.ndarray,
+    force_covariance: np.ndarray,
+) -> None:
     """Covariance of point [m^2] and force [N^2] of contact i."""
     at = i * UNKNOWNS
     V, G, T = optimizer.inverse, optimizer.wrench_jacobian, optimizer.saved_frame[i]
@@ -283,7 +350,7 @@ def _contact_covariance(optimizer, i, surface_deviation, point_covariance, force
 
 
 @fused_kernel
-def _wrench_covariance(optimizer, size, out):  # type: ignore[no-untyped-def]
+def _wrench_covariance(optimizer: OptimizerState, size: int, out: np.ndarray) -> None:
     """Covariance of the sum of all wrenches."""
     V, G = optimizer.inverse, optimizer.wrench_jacobian
     for a in range(6):
@@ -297,7 +364,7 @@ def _wrench_covariance(optimizer, size, out):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _rank_sets(link, explanations, stored, min_separation):  # type: ignore[no-untyped-def]
+def _rank_sets(link: np.ndarray, explanations: Explanations, stored: int, min_separation: float) -> int:
     """Sort the explanations, drop duplicates and improbable ones, normalize; returns how many remain."""
     order = explanations.order
     for i in range(stored):
@@ -325,7 +392,9 @@ def _rank_sets(link, explanations, stored, min_separation):  # type: ignore[no-u
 
 
 @fused_kernel
-def _is_duplicate_set(link, explanations, t, count_kept, min_separation):  # type: ignore[no-untyped-def]
+def _is_duplicate_set(
+    link: np.ndarray, explanations: Explanations, t: int, count_kept: int, min_separation: float
+) -> bool:
     """Whether one of the first `count_kept` explanations has the same contacts.
 
     In any order, within `min_separation` [m].

@@ -14,10 +14,12 @@ prior. A tracked contact also has a prior of its point, and may have one of its 
 
 import math
 
-from contactsense.multi_contact.buffers import UNKNOWNS
+import numpy as np
+
+from contactsense.multi_contact.buffers import UNKNOWNS, MeasurementRows, OptimizerState, PrimitiveFrames
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.surface.convex_primitives import curvature
-from contactsense.solvers.posterior import STUDENT_DOF
+from contactsense.robots.surface.convex_primitives import Surfaces, curvature
+from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 PRIMITIVE_EXTENT = 0.6
 """Prior standard deviation of a point on a primitive, relative to its bounding radius.
@@ -27,7 +29,9 @@ That of a point anywhere on a rod. It bounds the covariance of directions that c
 
 
 @fused_kernel
-def energy_of(links, rows, m, prior, count, optimizer):  # type: ignore[no-untyped-def]
+def energy_of(
+    links: np.ndarray, rows: MeasurementRows, m: int, prior: Prior, count: int, optimizer: OptimizerState
+) -> float:
     """Energy of the contacts in `optimizer`, infinite where a force pulls.
 
     Also fills `optimizer.residual` and the wrench of each contact.
@@ -81,7 +85,15 @@ def energy_of(links, rows, m, prior, count, optimizer):  # type: ignore[no-untyp
 
 
 @fused_kernel
-def linearize(surfaces, frames, rows, m, prior, count, optimizer):  # type: ignore[no-untyped-def]
+def linearize(
+    surfaces: Surfaces,
+    frames: PrimitiveFrames,
+    rows: MeasurementRows,
+    m: int,
+    prior: Prior,
+    count: int,
+    optimizer: OptimizerState,
+) -> None:
     """Gauss-Newton matrix and gradient of the energy at the contacts in `optimizer`.
 
     The matrix (lower triangle) goes to `optimizer.matrix`, the gradient to `optimizer.step`. Arguments as for
@@ -167,13 +179,15 @@ def linearize(surfaces, frames, rows, m, prior, count, optimizer):  # type: igno
 
 
 @fused_kernel
-def component(T, a, f):  # type: ignore[no-untyped-def]
+def component(T: np.ndarray, a: int, f: np.ndarray) -> float:
     """Component of the vector f along column a of the frame T."""
-    return T[0, a] * f[0] + T[1, a] * f[1] + T[2, a] * f[2]
+    return float(T[0, a] * f[0] + T[1, a] * f[1] + T[2, a] * f[2])
 
 
 @fused_kernel
-def _tangent_curvature(surfaces, frames, optimizer, i):  # type: ignore[no-untyped-def]
+def _tangent_curvature(
+    surfaces: Surfaces, frames: PrimitiveFrames, optimizer: OptimizerState, i: int
+) -> tuple[float, float, float]:
     """Curvature of the surface along the two tangents at contact i: k11, k12, k22 [1/m]."""
     p = optimizer.primitive[i]
     R, o, c, T = frames.rotation[p], frames.origin[p], optimizer.point[i], optimizer.frame[i]
@@ -205,7 +219,13 @@ def _tangent_curvature(surfaces, frames, optimizer, i):  # type: ignore[no-untyp
 
 
 @fused_kernel
-def _add_prior_row(H, g, at, residual, row):  # type: ignore[no-untyped-def]
+def _add_prior_row(
+    H: np.ndarray,
+    g: np.ndarray,
+    at: int,
+    residual: float,
+    row: tuple[float, float, float, float, float, float, float],
+) -> None:
     """Add a squared prior residual with its derivatives by one contact to H (lower triangle) and g."""
     for a in range(UNKNOWNS):
         g[at + a] += residual * row[a]
@@ -214,7 +234,7 @@ def _add_prior_row(H, g, at, residual, row):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _add_known_contact_prior(radius, optimizer, i):  # type: ignore[no-untyped-def]
+def _add_known_contact_prior(radius: float, optimizer: OptimizerState, i: int) -> None:
     """Add the priors of point and force of contact i, and the extent of its primitive."""
     at = i * UNKNOWNS
     H, g, G = optimizer.matrix, optimizer.step, optimizer.wrench_jacobian

@@ -4,11 +4,12 @@
 import math
 
 from contactsense.kinematics.linalg.cholesky import solve_in_place
-from contactsense.multi_contact.buffers import UNKNOWNS
+from contactsense.multi_contact.buffers import UNKNOWNS, MeasurementRows, OptimizerState, PrimitiveFrames
 from contactsense.multi_contact.joint_energy import component, energy_of, linearize
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.surface.convex_primitives import project
-from contactsense.robots.vectors import tangents
+from contactsense.robots.surface.convex_primitives import Surfaces, project
+from contactsense.robots.vectors import Vector, tangents
+from contactsense.solvers.posterior import Prior
 
 MAX_ITERATIONS = 20
 """Maximum number of Gauss-Newton steps."""
@@ -30,7 +31,16 @@ REJECTION_FACTOR = 3.0
 
 
 @fused_kernel
-def find_joint_mode(surfaces, frames, rows, m, prior, count, limit, optimizer):  # type: ignore[no-untyped-def]
+def find_joint_mode(
+    surfaces: Surfaces,
+    frames: PrimitiveFrames,
+    rows: MeasurementRows,
+    m: int,
+    prior: Prior,
+    count: int,
+    limit: float,
+    optimizer: OptimizerState,
+) -> tuple[float, float]:
     """Most probable contacts, from the initial values in `optimizer`, which also holds the result.
 
     Args:
@@ -109,7 +119,15 @@ def find_joint_mode(surfaces, frames, rows, m, prior, count, limit, optimizer): 
 
 
 @fused_kernel
-def set_contact(surfaces, frames, optimizer, i, p, point, force):  # type: ignore[no-untyped-def]
+def set_contact(
+    surfaces: Surfaces,
+    frames: PrimitiveFrames,
+    optimizer: OptimizerState,
+    i: int,
+    p: int,
+    point: Vector,
+    force: Vector,
+) -> None:
     """Set contact i to the point on primitive p nearest to a point [m], with a pushing force [N]. Base
     frame."""
     R, o, c, T = frames.rotation[p], frames.origin[p], optimizer.point[i], optimizer.frame[i]
@@ -133,7 +151,7 @@ def set_contact(surfaces, frames, optimizer, i, p, point, force):  # type: ignor
 
 
 @fused_kernel
-def _save_iterate(count, optimizer, save):  # type: ignore[no-untyped-def]
+def _save_iterate(count: int, optimizer: OptimizerState, save: bool) -> None:
     """Save the iterate, or restore it."""
     for i in range(count):
         for k in range(3):
@@ -159,7 +177,14 @@ def _save_iterate(count, optimizer, save):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _step(surfaces, frames, prior, count, scale, optimizer):  # type: ignore[no-untyped-def]
+def _step(
+    surfaces: Surfaces,
+    frames: PrimitiveFrames,
+    prior: Prior,
+    count: int,
+    scale: float,
+    optimizer: OptimizerState,
+) -> None:
     """Take the step, times `scale`, from the saved iterate."""
     for i in range(count):
         at = i * UNKNOWNS

@@ -36,7 +36,7 @@ class Variances(NamedTuple):
 
 
 @fused_kernel
-def _twist_cross(a, twist, sensor_twist, out):  # type: ignore[no-untyped-def]
+def _twist_cross(a: np.ndarray, twist: np.ndarray, sensor_twist: np.ndarray, out: np.ndarray) -> None:
     """Row c with c . w = a . (V x* w) for all w, V = twist - sensor_twist. Six floats each."""
     vx, vy, vz = twist[0] - sensor_twist[0], twist[1] - sensor_twist[1], twist[2] - sensor_twist[2]
     x, y, z = twist[3] - sensor_twist[3], twist[4] - sensor_twist[4], twist[5] - sensor_twist[5]
@@ -49,7 +49,14 @@ def _twist_cross(a, twist, sensor_twist, out):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _lagged_row(row, twist, sensor_twist, lag, scratch, out):  # type: ignore[no-untyped-def]
+def _lagged_row(
+    row: np.ndarray,
+    twist: np.ndarray,
+    sensor_twist: np.ndarray,
+    lag: float,
+    scratch: np.ndarray,
+    out: np.ndarray,
+) -> None:
     """Row of a link that moves with `twist`, for a sensor that moves with `sensor_twist`.
 
     row (1 + lag V x*)^-1, to second order in the lag.
@@ -142,7 +149,7 @@ def fill_measurement_rows(
 
 
 @fused_kernel
-def rank_of(rows, m, links, count, scratch):  # type: ignore[no-untyped-def]
+def rank_of(rows: MeasurementRows, m: int, links: np.ndarray, count: int, scratch: np.ndarray) -> int:
     """Rank of the map from the wrenches of contacts on `links` to the rows: the number of independent
     measurements.
 

@@ -8,7 +8,15 @@ set of samples is that of one small Gaussian.
 
 import math
 
+import numpy as np
+
+from contactsense.detection.thresholds import Usable
 from contactsense.kinematics.linalg.cholesky import cholesky
+from contactsense.kinematics.model import Motion
+from contactsense.kinematics.spatial import Six
+from contactsense.localization.surface_samples import SurfaceSamples
+from contactsense.multi_contact.buffers import KnownContacts, MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 
 RATIO_FACTOR = 2.0
@@ -20,7 +28,7 @@ MIN_FORCE = 1.0
 
 
 @fused_kernel
-def estimate_force_scale(external, present):  # type: ignore[no-untyped-def]
+def estimate_force_scale(external: tuple[np.ndarray, np.ndarray, np.ndarray], present: Usable) -> float:
     """Approximate magnitude of the contact forces [N].
 
     Arguments as for `contactsense.multi_contact.measurement_rows.fill_measurement_rows`.
@@ -40,7 +48,13 @@ def estimate_force_scale(external, present):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def transform_samples(samples, depth, motion, seed_samples, seeding):  # type: ignore[no-untyped-def]
+def transform_samples(
+    samples: SurfaceSamples,
+    depth: np.ndarray,
+    motion: Motion,
+    seed_samples: SeedSamples,
+    seeding: SeedingBuffers,
+) -> None:
     """Transform all samples to the base frame: fills `seeding.point_normal`."""
     for i in range(seed_samples.link.shape[0]):
         body = depth[seed_samples.link[i]]
@@ -52,7 +66,16 @@ def transform_samples(samples, depth, motion, seed_samples, seeding):  # type: i
 
 
 @fused_kernel
-def initialize_seeding(links, friction_ratio, known_contacts, count, force_scale, rows, m, seeding):  # type: ignore[no-untyped-def]
+def initialize_seeding(
+    links: np.ndarray,
+    friction_ratio: float,
+    known_contacts: KnownContacts,
+    count: int,
+    force_scale: float,
+    rows: MeasurementRows,
+    m: int,
+    seeding: SeedingBuffers,
+) -> None:
     """Covariance of the rows due to noise and known contacts, and the innovation over their known forces.
 
     Args:
@@ -106,9 +129,17 @@ def initialize_seeding(links, friction_ratio, known_contacts, count, force_scale
 
 
 @fused_kernel
-def _add_contact_covariance(  # type: ignore[no-untyped-def]
-    rows, m, link, point_normal, deviations, moment_deviation, force_jacobian, normal_jacobian, out
-):
+def _add_contact_covariance(
+    rows: MeasurementRows,
+    m: int,
+    link: int,
+    point_normal: Six,
+    deviations: tuple[float, float],
+    moment_deviation: float,
+    force_jacobian: np.ndarray,
+    normal_jacobian: np.ndarray,
+    out: np.ndarray,
+) -> None:
     """Add to `out` (lower triangle) the covariance of the rows due to a contact.
 
     Args:
@@ -148,9 +179,17 @@ def _add_contact_covariance(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def add_sample_covariance(  # type: ignore[no-untyped-def]
-    seed_samples, friction_ratio, i, coarse_factor, force_scale, rows, m, seeding, out
-):
+def add_sample_covariance(
+    seed_samples: SeedSamples,
+    friction_ratio: float,
+    i: int,
+    coarse_factor: float,
+    force_scale: float,
+    rows: MeasurementRows,
+    m: int,
+    seeding: SeedingBuffers,
+    out: np.ndarray,
+) -> None:
     """`_add_contact_covariance` for a contact at sample i."""
     c = seeding.point_normal[i]
     point_normal = (c[0], c[1], c[2], c[3], c[4], c[5])
@@ -170,13 +209,13 @@ def add_sample_covariance(  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def log_likelihood(m, seeding):  # type: ignore[no-untyped-def]
+def log_likelihood(m: int, seeding: SeedingBuffers) -> float:
     """Log likelihood (up to a constant) of the innovation under the covariance in `seeding.factor`.
 
     Factors the covariance and does the forward substitution into `weighted_innovation`.
     """
     L, y, z = seeding.factor, seeding.innovation, seeding.weighted_innovation
-    total = -0.5 * cholesky(L, m)
+    total: float = -0.5 * cholesky(L, m)
     for r in range(m):
         x = y[r]
         for s in range(r):
@@ -187,7 +226,7 @@ def log_likelihood(m, seeding):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def weight_innovation(m, seeding):  # type: ignore[no-untyped-def]
+def weight_innovation(m: int, seeding: SeedingBuffers) -> None:
     """Back substitution after `log_likelihood`: inverse covariance times innovation."""
     L, z = seeding.factor, seeding.weighted_innovation
     for r in range(m - 1, -1, -1):
@@ -198,7 +237,7 @@ def weight_innovation(m, seeding):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def is_pushing(m, seeding, sample):  # type: ignore[no-untyped-def]
+def is_pushing(m: int, seeding: SeedingBuffers, sample: int) -> bool:
     """Whether the most likely force at a sample pushes, after `weight_innovation`."""
     x = 0.0
     for r in range(m):
@@ -207,7 +246,7 @@ def is_pushing(m, seeding, sample):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def copy_lower(m, a, out):  # type: ignore[no-untyped-def]
+def copy_lower(m: int, a: np.ndarray, out: np.ndarray) -> None:
     """Copy the lower triangle of a symmetric matrix, shape (m, m)."""
     for r in range(m):
         for s in range(r + 1):
@@ -215,7 +254,17 @@ def copy_lower(m, a, out):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def initial_forces(seed_samples, friction_ratio, s, count, force_scale, rows, m, seeding, out):  # type: ignore[no-untyped-def]
+def initial_forces(
+    seed_samples: SeedSamples,
+    friction_ratio: float,
+    s: int,
+    count: int,
+    force_scale: float,
+    rows: MeasurementRows,
+    m: int,
+    seeding: SeedingBuffers,
+    out: np.ndarray,
+) -> None:
     """Most likely forces at the samples of a seed, base axes, shape (>= count, 3) [N]."""
     coarse_factor = 1.0 if count == 1 else seed_samples.coarse_factor
     copy_lower(m, seeding.prior_covariance, seeding.factor)

@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+
+from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.sample_likelihood import (
     add_sample_covariance,
     copy_lower,
@@ -9,6 +12,7 @@ from contactsense.multi_contact.sample_likelihood import (
     log_likelihood,
     weight_innovation,
 )
+from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 
 SAME_SIDE_COSINE = 0.9
@@ -16,14 +20,24 @@ SAME_SIDE_COSINE = 0.9
 
 
 @fused_kernel
-def _are_neighbours(primitives, point_normal, a, b):  # type: ignore[no-untyped-def]
+def _are_neighbours(primitives: np.ndarray, point_normal: np.ndarray, a: int, b: int) -> bool:
     """Whether two samples are on the same side of the same primitive: one optimization reaches both."""
     u, v = point_normal[a], point_normal[b]
-    return primitives[a] == primitives[b] and u[3] * v[3] + u[4] * v[4] + u[5] * v[5] > SAME_SIDE_COSINE
+    return bool(primitives[a] == primitives[b] and u[3] * v[3] + u[4] * v[4] + u[5] * v[5] > SAME_SIDE_COSINE)
 
 
 @fused_kernel
-def insert_seed(primitives, point_normal, count, score, a, b, c, scores, seeds):  # type: ignore[no-untyped-def]
+def insert_seed(
+    primitives: np.ndarray,
+    point_normal: np.ndarray,
+    count: int,
+    score: float,
+    a: int,
+    b: int,
+    c: int,
+    scores: np.ndarray,
+    seeds: np.ndarray,
+) -> None:
     """Insert a set of `count` samples into a list sorted by falling score, if its score is high enough.
 
     Of sets that differ in one sample only, on the same side of the same primitive, the list keeps the
@@ -64,7 +78,15 @@ def insert_seed(primitives, point_normal, count, score, a, b, c, scores, seeds):
 
 
 @fused_kernel
-def find_seeds(seed_samples, friction_ratio, count, force_scale, rows, m, seeding):  # type: ignore[no-untyped-def]
+def find_seeds(
+    seed_samples: SeedSamples,
+    friction_ratio: float,
+    count: int,
+    force_scale: float,
+    rows: MeasurementRows,
+    m: int,
+    seeding: SeedingBuffers,
+) -> int:
     """Fill `seeding.seed` with the sets of `count` (1 to 3) samples that explain the innovation best.
 
     Args:
@@ -92,7 +114,14 @@ def find_seeds(seed_samples, friction_ratio, count, force_scale, rows, m, seedin
 
 
 @fused_kernel
-def _seed_single(seed_samples, friction_ratio, force_scale, rows, m, seeding):  # type: ignore[no-untyped-def]
+def _seed_single(
+    seed_samples: SeedSamples,
+    friction_ratio: float,
+    force_scale: float,
+    rows: MeasurementRows,
+    m: int,
+    seeding: SeedingBuffers,
+) -> None:
     """Every sample, for one further contact."""
     for i in range(seed_samples.primitive.shape[0]):
         copy_lower(m, seeding.prior_covariance, seeding.factor)
@@ -117,7 +146,15 @@ def _seed_single(seed_samples, friction_ratio, force_scale, rows, m, seeding):  
 
 
 @fused_kernel
-def _seed_pairs(seed_samples, friction_ratio, count, force_scale, rows, m, seeding):  # type: ignore[no-untyped-def]
+def _seed_pairs(
+    seed_samples: SeedSamples,
+    friction_ratio: float,
+    count: int,
+    force_scale: float,
+    rows: MeasurementRows,
+    m: int,
+    seeding: SeedingBuffers,
+) -> None:
     """Every pair of the coarse samples: seeds of two contacts, or the beam for three."""
     seeding.beam_score[:] = -math.inf
     for e in range(seed_samples.coarse.shape[0]):
@@ -162,7 +199,7 @@ def _seed_pairs(seed_samples, friction_ratio, count, force_scale, rows, m, seedi
 
 
 @fused_kernel
-def _seed_triples(seed_samples, m, seeding):  # type: ignore[no-untyped-def]
+def _seed_triples(seed_samples: SeedSamples, m: int, seeding: SeedingBuffers) -> None:
     """The pairs of the beam, each extended by every coarse sample."""
     for t in range(seeding.beam_score.shape[0]):
         if seeding.beam_score[t] == -math.inf:
@@ -198,7 +235,7 @@ def _seed_triples(seed_samples, m, seeding):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _sum(m, a, b, out):  # type: ignore[no-untyped-def]
+def _sum(m: int, a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
     for r in range(m):
         for s in range(r + 1):
             out[r, s] = a[r, s] + b[r, s]

@@ -9,8 +9,12 @@ force pushes.
 
 import math
 
+import numpy as np
+
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import REVOLVED, project
+from contactsense.robots.vectors import Vector
+from contactsense.solvers.wrench import Wrench
 
 _MAX_ITERATIONS = 30
 ENTRY_TOLERANCE = 1e-4
@@ -18,7 +22,17 @@ ENTRY_TOLERANCE = 1e-4
 
 
 @fused_kernel
-def _start_parameter(kind, size, radius, ax, ay, az, ux, uy, uz):  # type: ignore[no-untyped-def]
+def _start_parameter(
+    kind: int,
+    size: np.ndarray,
+    radius: float,
+    ax: float,
+    ay: float,
+    az: float,
+    ux: float,
+    uy: float,
+    uz: float,
+) -> float:
     """Parameter s of a point on the line a + s u outside the body, before it enters.
 
     The line enters the bounding sphere or, for a body of revolution, the bounding cylinder there.
@@ -38,7 +52,7 @@ def _start_parameter(kind, size, radius, ax, ay, az, ux, uy, uz):  # type: ignor
 
 
 @fused_kernel
-def enter_surface(kind, size, radius, wrench):  # type: ignore[no-untyped-def]
+def enter_surface(kind: int, size: np.ndarray, radius: float, wrench: Wrench) -> tuple[float, Vector, Vector]:
     """Point where the line of action enters a primitive.
 
     Args:

@@ -3,7 +3,6 @@ its covariance and its evidence (theory, section 5)."""
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +13,7 @@ from contactsense.robots.vectors import Vector
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.posterior import (
     Contact,
+    Inflation,
     Prior,
     SearchBuffers,
     energy_at,
@@ -198,10 +198,11 @@ class _Search:
         found = solve_wrench(self.surface, f, np.cross(c, f) + torsion)
         return _State(found.centroid, found.normal, f, found.torsion) if found.ok else None
 
-    def inflation(self, s: _State) -> Any:
-        return inflate_by_surface_deviation(self.L, self.prior, s.contact())
+    def inflation(self, s: _State) -> Inflation:
+        found: Inflation = inflate_by_surface_deviation(self.L, self.prior, s.contact())
+        return found
 
-    def energy(self, s: _State, inflation: Any) -> float:
+    def energy(self, s: _State, inflation: Inflation) -> float:
         return float(energy_at(self.w, self.L, self.prior, inflation, s.contact()))
 
     def descend(self, s: _State) -> ProbableContact:
@@ -218,7 +219,7 @@ class _Search:
             s = trial
         return self.contact(s, variances, log_det)
 
-    def linearize(self, s: _State, inflation: Any) -> tuple[float, float, tuple[float, float, float]]:
+    def linearize(self, s: _State, inflation: Inflation) -> tuple[float, float, tuple[float, float, float]]:
         """Write the step to the buffers.
 
         Returns:
@@ -230,7 +231,7 @@ class _Search:
         log_det, predicted, v11, v12, v22 = ldl_solve(self.buffers.normal_equations, self.buffers.gradient)
         return log_det, predicted, (v11, v12, v22)
 
-    def shorter(self, s: _State, inflation: Any, energy: float) -> _State | None:
+    def shorter(self, s: _State, inflation: Inflation, energy: float) -> _State | None:
         """The contact after the longest of the halved steps that lowers the energy."""
         step, T = self.buffers.gradient.copy(), self.buffers.frame[:, 1:].copy()
         W = self.surface.shape_operator(s.c, s.n)

@@ -22,7 +22,10 @@ gives the covariance and the evidence (Laplace approximation).
 import math
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from contactsense.kinematics.linalg.outer_product import add_outer_product, add_scaled_vector
+from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import blocks, dot, matvec, shift_information
 from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import fused_kernel
@@ -32,6 +35,8 @@ STUDENT_DOF = 4.0
 """Degrees of freedom nu of the Student t distribution of the friction ratio."""
 MIN_INITIAL_FORCE = 1e-3
 """Initial force of a search if the fused wrench has none [N]."""
+Inflation = tuple[Six, float, float]
+"""Result of `inflate_by_surface_deviation`."""
 
 
 class Prior(NamedTuple):
@@ -80,7 +85,7 @@ class SearchBuffers(NamedTuple):
 
 
 @fused_kernel
-def inflate_by_surface_deviation(L, prior, contact):  # type: ignore[no-untyped-def]
+def inflate_by_surface_deviation(L: np.ndarray, prior: Prior, contact: Contact) -> Inflation:
     """Low-rank change of the information by the surface's offset: L' = L - s^2 v v^T / (1 + s^2 u . v), v
     = L u.
 
@@ -105,7 +110,7 @@ def inflate_by_surface_deviation(L, prior, contact):  # type: ignore[no-untyped-
 
 
 @fused_kernel
-def log_prior(prior, normal_force):  # type: ignore[no-untyped-def]
+def log_prior(prior: Prior, normal_force: float) -> float:
     """Log of the prior density at its peak for a normal force [N], times (2 pi)^3.
 
     The place is uniform by area here: `Prior.log_link_density` belongs to the link. The factor is that of
@@ -117,7 +122,7 @@ def log_prior(prior, normal_force):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def energy_at(w, L, prior, inflation, contact):  # type: ignore[no-untyped-def]
+def energy_at(w: np.ndarray, L: np.ndarray, prior: Prior, inflation: Inflation, contact: Contact) -> float:
     """Energy of a contact; infinite if the force does not push.
 
     `inflation` is the result of `inflate_by_surface_deviation`. Other arguments as in
@@ -164,7 +169,7 @@ def energy_at(w, L, prior, inflation, contact):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def pushing_force(force, normal):  # type: ignore[no-untyped-def]
+def pushing_force(force: Vector, normal: Vector) -> Vector:
     """The force, with its normal part raised until it pushes: a valid initial value for the search [N]."""
     (fx, fy, fz), (nx, ny, nz) = force, normal
     normal_force = -(fx * nx + fy * ny + fz * nz)
@@ -174,7 +179,15 @@ def pushing_force(force, normal):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def linearize(w, L, prior, inflation, W, contact, buffers):  # type: ignore[no-untyped-def]
+def linearize(
+    w: np.ndarray,
+    L: np.ndarray,
+    prior: Prior,
+    inflation: Inflation,
+    W: Six,
+    contact: Contact,
+    buffers: SearchBuffers,
+) -> None:
     """Compute gradient and Gauss-Newton matrix of the energy, written to `buffers`.
 
     W: shape operator of the surface at c (upper triangle, six floats) [1/m]. Other arguments as in
@@ -282,7 +295,7 @@ def linearize(w, L, prior, inflation, W, contact, buffers):  # type: ignore[no-u
 
 
 @fused_kernel
-def _transposed_matvec(B, a):  # type: ignore[no-untyped-def]
+def _transposed_matvec(B: tuple[Vector, Vector, Vector], a: Vector) -> Vector:
     """B^T a, for a 3x3 block B given as a tuple of rows."""
     return (
         B[0][0] * a[0] + B[1][0] * a[1] + B[2][0] * a[2],
@@ -292,7 +305,7 @@ def _transposed_matvec(B, a):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def _add_prior(H, g, r, row):  # type: ignore[no-untyped-def]
+def _add_prior(H: np.ndarray, g: np.ndarray, r: float, row: Six) -> None:
     """Add a squared residual r with derivatives `row` to the upper triangle of H and to g."""
     add_scaled_vector(g, r, row)
     add_outer_product(H, 1.0, row)

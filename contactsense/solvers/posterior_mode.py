@@ -4,11 +4,15 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import curvature, project
 from contactsense.solvers.posterior import (
     Contact,
+    Prior,
+    SearchBuffers,
     energy_at,
     inflate_by_surface_deviation,
     linearize,
@@ -46,7 +50,16 @@ class Mode(NamedTuple):
 
 
 @fused_kernel
-def find_posterior_mode(kind, size, w, L, prior, limit, start, buffers):  # type: ignore[no-untyped-def]
+def find_posterior_mode(
+    kind: int,
+    size: np.ndarray,
+    w: np.ndarray,
+    L: np.ndarray,
+    prior: Prior,
+    limit: float,
+    start: Contact,
+    buffers: SearchBuffers,
+) -> Mode:
     """Most probable contact on one primitive, from an initial guess on its surface. Body frame.
 
     Args:

@@ -1,5 +1,7 @@
 """Levels of detail: what a scene names is what it pays for, and more detail is nearer to the truth."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,6 @@ def test_skin_without_meshes_is_refused_where_no_package_has_them() -> None:
         Localizer(Scene(robot="ur10e", detail="skin"))
 
 
-def test_a_missing_mesh_is_named(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_missing_mesh_is_named(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"meshes: .*base"):
         Localizer(Scene(robot="ur5e", detail="skin", meshes=tmp_path))

@@ -19,9 +19,15 @@ from contactsense.robots.jit.kernel import kernel
 
 
 @kernel
-def _alarms(  # type: ignore[no-untyped-def]
-    state: MomentumObserver, noise, dt: float, bandwidth: float, onset: float, release: float, on: bool
-):
+def _alarms(
+    state: MomentumObserver,
+    noise: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    onset: float,
+    release: float,
+    on: bool,
+) -> tuple[int, bool]:
     """Onsets in noise, shape (samples, degrees_of_freedom), by the rule of `contactsense.runtime.kernels`."""
     count = 0
     above = False

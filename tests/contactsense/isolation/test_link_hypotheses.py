@@ -71,7 +71,9 @@ def _isolate(
     isolate(covariance, np.linalg.inv(covariance), case["base"], has_base, rows, len(rows.value), ratio, out)
 
 
-def _dense(case, link, has_base, has_torque, sensors):  # type: ignore[no-untyped-def]
+def _dense(
+    case: dict[str, np.ndarray], link: int, has_base: bool, has_torque: bool, sensors: dict[int, str]
+) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Fused wrench, covariance, energy and log evidence from the joint Gaussian of everything but the
     base."""
     rows, values, variances = [], [], []

@@ -11,7 +11,12 @@ from contactsense.benchmarks.multi_contact.trials import Trial, Trials
 from contactsense.kinematics.linalg.cholesky import invert_factored, solve_in_place
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact import joint_energy, joint_optimization
-from contactsense.multi_contact.buffers import UNKNOWNS, MultiContactBuffers, empty_multi_contact_buffers
+from contactsense.multi_contact.buffers import (
+    UNKNOWNS,
+    MultiContactBuffers,
+    PrimitiveFrames,
+    empty_multi_contact_buffers,
+)
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project
@@ -53,6 +58,10 @@ class Case(NamedTuple):
     buffers: MultiContactBuffers
     trials: Trials
 
+    @property
+    def frames(self) -> PrimitiveFrames:
+        return PrimitiveFrames(self.state.candidates.rotation, self.state.candidates.origin)
+
 
 @pytest.fixture(scope="module")
 def case() -> Case:
@@ -74,8 +83,8 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
         (trial.q, torque + rng.standard_normal(6), base, np.zeros((0, 6))),
         True,
     )
-    surfaces, frames, optimizer = case.constants.surfaces, case.state.candidates, case.buffers.optimizer
-    place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, frames)
+    surfaces, frames, optimizer = case.constants.surfaces, case.frames, case.buffers.optimizer
+    place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, case.state.candidates)
     optimizer.prior_point_information[:] = 0.0
     optimizer.prior_force_information[:] = 0.0
     for i, push in enumerate(trial.pushes):
@@ -108,7 +117,7 @@ def test_the_gradient_is_that_of_the_energy(case: Case, count: int) -> None:
     m = _take(case, trial, 0.01, count)
     constants, frames, rows, optimizer = (
         case.constants,
-        case.state.candidates,
+        case.frames,
         case.buffers.rows,
         case.buffers.optimizer,
     )
@@ -178,7 +187,7 @@ def test_the_optimum_agrees_with_scipy(case: Case, seed: int) -> None:
         [np.concatenate((optimizer.point[i], optimizer.force[i], [0.0, 0.0])) for i in range(2)]
     )
     energy, log_z = joint_optimization.find_joint_mode(
-        constants.surfaces, case.state.candidates, case.buffers.rows, m, constants.prior, 2, np.inf, optimizer
+        constants.surfaces, case.frames, case.buffers.rows, m, constants.prior, 2, np.inf, optimizer
     )
     assert np.isfinite(log_z)
     oracle = least_squares(
@@ -207,7 +216,7 @@ def test_the_inverse_is_that_of_the_matrix(case: Case) -> None:
     m = _take(case, trial, 0.0, 9)
     constants, optimizer = case.constants, case.buffers.optimizer
     joint_energy.linearize(
-        constants.surfaces, case.state.candidates, case.buffers.rows, m, constants.prior, 3, optimizer
+        constants.surfaces, case.frames, case.buffers.rows, m, constants.prior, 3, optimizer
     )
     size = 3 * UNKNOWNS
     lower = np.tril(optimizer.matrix[:size, :size])
@@ -226,7 +235,7 @@ def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
     optimizer.prior_point[0] = optimizer.point[0]
     optimizer.prior_point_information[0] = information * np.eye(3)
     joint_optimization.find_joint_mode(
-        constants.surfaces, case.state.candidates, case.buffers.rows, m, constants.prior, 1, np.inf, optimizer
+        constants.surfaces, case.frames, case.buffers.rows, m, constants.prior, 1, np.inf, optimizer
     )
     assert np.linalg.norm(optimizer.point[0] - optimizer.prior_point[0]) < 0.003
     invert_factored(optimizer, UNKNOWNS)
@@ -247,7 +256,7 @@ def test_the_prior_over_links_adds_to_the_evidence_once_per_contact(case: Case) 
         surfaces = case.constants.surfaces
         found.append(
             joint_optimization.find_joint_mode(
-                surfaces, case.state.candidates, case.buffers.rows, m, prior, 2, np.inf, optimizer
+                surfaces, case.frames, case.buffers.rows, m, prior, 2, np.inf, optimizer
             )
         )
         links = surfaces.link[optimizer.primitive[:2]]

@@ -10,16 +10,17 @@ from contactsense.robots.jit.declaration import WORD
 from contactsense.robots.jit.kernel import allocating_kernel
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
-from contactsense.runtime.buffers import KernelBuffers, buffer_views
-from contactsense.runtime.constants import build_constants
-from contactsense.runtime.state import empty_state
+from contactsense.runtime.buffers import Buffers, KernelBuffers, buffer_views
+from contactsense.runtime.constants import Constants, build_constants
+from contactsense.runtime.state import State, empty_state
 from tests.plain_arm import plain_ur5e
 
 
 @allocating_kernel
-def _unfold(buffers):  # type: ignore[no-untyped-def]
+def _unfold(buffers: Buffers) -> tuple[Constants, State]:
     """Other kernels cannot hand arrays to Python."""
-    return buffer_views(buffers)
+    views: tuple[Constants, State] = buffer_views(buffers)
+    return views
 
 
 def _arrays(value: Any) -> list[Any]:

@@ -1,7 +1,9 @@
 """Contacts that are known because they were constructed: surface points, normals, and wrenches that act
 there."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -24,7 +26,10 @@ from contactsense.solvers import (
 )
 from contactsense.solvers.implicit_surfaces import evaluate
 
-POINTS = {}
+Sampler: TypeAlias = Callable[..., tuple[np.ndarray, np.ndarray]]
+F = TypeVar("F", bound=Sampler)
+
+POINTS: dict[type, Sampler] = {}
 """Type of a surface -> function (surface, rng, count) that draws surface points and their normals."""
 
 
@@ -63,10 +68,10 @@ def draw(surface: Surface, rng: np.random.Generator, count: int, torsion: float 
     return Contacts(centroid, normal, force, moment, xi)
 
 
-def points_on(*kinds: type) -> object:
+def points_on(*kinds: type) -> Callable[[F], F]:
     """Register a sampler of surface points."""
 
-    def register(function):  # type: ignore[no-untyped-def]
+    def register(function: F) -> F:
         POINTS.update(dict.fromkeys(kinds, function))
         return function
 

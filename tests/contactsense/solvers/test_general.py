@@ -29,7 +29,9 @@ STONE = unit(np.random.default_rng(1).normal(size=(30, 3))) * (0.1, 0.05, 0.07)
 
 
 @njit(error_model="numpy")
-def egg(size, x, y, z):  # type: ignore[no-untyped-def]
+def egg(
+    size: tuple[float, float], x: float, y: float, z: float
+) -> tuple[float, float, float, float, float, float, float, float, float, float]:
     """A convex body that is neither a gauge nor symmetric: blunt below, steep above."""
     a, b = size
     steep = np.exp(20.0 * z)

@@ -19,7 +19,7 @@ from contactsense.solvers.posterior import (
     inflate_by_surface_deviation,
     pushing_force,
 )
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, find_posterior_mode
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, Mode, find_posterior_mode
 from contactsense.solvers.wrench import wrench_of
 
 SHAPES: tuple[Primitive, ...] = (
@@ -61,7 +61,9 @@ def _contact(rng: np.random.Generator, kind: int, size: np.ndarray) -> tuple[np.
     )
 
 
-def _search(shape: Primitive, wrench: np.ndarray, information: np.ndarray, prior: Prior):  # type: ignore[no-untyped-def]
+def _search(
+    shape: Primitive, wrench: np.ndarray, information: np.ndarray, prior: Prior
+) -> tuple[Mode, SearchBuffers, int, np.ndarray]:
     surfaces = pack([Link("one", Inertia(1.0, np.zeros(3), np.eye(3)), (shape,))])
     buffers = zeros(SearchBuffers)
     kind, size = surfaces.kind[0], surfaces.size[0]
@@ -115,12 +117,20 @@ def test_the_result_is_a_local_minimum(shape: Primitive) -> None:
         start = np.array((*found.point, *found.force, found.torsion))
         step = np.array([0.003] * 3 + [0.3] * 3 + [0.02])
 
-        def energy(x, w=w, L=L, kind=kind, size=size, start=start, step=step):  # type: ignore[no-untyped-def]
+        def energy(
+            x: np.ndarray,
+            w: np.ndarray = w,
+            L: np.ndarray = L,
+            kind: int = kind,
+            size: np.ndarray = size,
+            start: np.ndarray = start,
+            step: np.ndarray = step,
+        ) -> float:
             projected = project(kind, size, *(start[:3] + x[:3] * step[:3]))[1:]
             *force, torsion = (start + x * step)[3:].tolist()
             trial = Contact(projected[:3], projected[3:], tuple(force), torsion)
             inflation = inflate_by_surface_deviation(L, PRIOR, trial)
-            return energy_at(w, L, PRIOR, inflation, trial)
+            return float(energy_at(w, L, PRIOR, inflation, trial))
 
         best = minimize(
             energy, np.zeros(7), method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-4, "fatol": 1e-6}
