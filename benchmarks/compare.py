@@ -60,10 +60,10 @@ def compare(
 
 def quantile(values: np.ndarray, probability: float) -> tuple[float, float, float]:
     """A quantile of values (N,) and the bounds of its 95 % interval, from the order of the values alone."""
-    count = len(values)
-    ranks = (probability * (count - 1), *(binom.ppf((0.025, 0.975), count, probability) - (1.0, 0.0)))
-    ordered = np.sort(values)
-    middle, low, high = (float(ordered[int(np.clip(np.ceil(rank), 0, count - 1))]) for rank in ranks)
+    count, ordered = len(values), np.sort(values)
+    below, above = (int(binom.ppf(tail, count, probability)) for tail in (0.025, 0.975))
+    ranks = int(np.ceil(probability * (count - 1))), max(below - 1, 0), min(above, count - 1)
+    middle, low, high = (float(ordered[rank]) for rank in ranks)
     return middle, low, high
 
 

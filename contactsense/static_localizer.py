@@ -13,16 +13,16 @@ from contactsense.output.batch import Batch, batch_of
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.kernel import loaded
 from contactsense.robots.jit.progress_bar import Notify, shown_compilation
-from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.buffers import Buffers, KernelBuffers
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
+from contactsense.runtime.explanation import Measured
 from contactsense.runtime.intrinsic import batch_intrinsic
 from contactsense.runtime.kernels import batch, locate_once
 from contactsense.runtime.parallel_batch import explain_rows
 from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.runtime.result_rows import WIDTH
-from contactsense.runtime.skin_grids import skin_of
+from contactsense.runtime.skin_grids import skin_argument
 from contactsense.runtime.state import empty_state
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import by_field
@@ -59,8 +59,7 @@ class StaticLocalizer:
         self._intrinsic = method == "intrinsic"
         constants = build_constants(scene)
         self._buffers = KernelBuffers(constants, empty_state(constants))
-        skin = skin_of(scene)
-        self._skin: Skin = (skin.values, skin.start, skin.shape, skin.low, skin.cell)
+        self._skin = skin_argument(scene)
         self._kernel_args = (self._buffers.arguments, self._skin)
         self._plausible = PlausibleLimits(scene)
         self._joints, self._links, primitives = self._buffers.arguments[2][:3]
@@ -163,7 +162,7 @@ class StaticLocalizer:
 
     def _locate_once(
         self,
-        values: tuple[np.ndarray, ...],
+        values: Measured,
         external: bool,
         usable: Usable,
         threshold: float,
@@ -175,21 +174,19 @@ class StaticLocalizer:
         """
         if self._intrinsic:
             return self._locate_once_intrinsic(values, external, usable)
-        options = (external, usable, self._gate, threshold, self._rows)
+        buffers, gate, rows = self._kernel_args, self._gate, self._rows
         try:
-            count, no_contact_energy = locate_once(*self._kernel_args, values, *options)
+            count, no_contact_energy = locate_once(*buffers, values, external, usable, gate, threshold, rows)
         except TypeError:
             count = -1
         if count < 0:
-            count, no_contact_energy = locate_once(
-                *self._kernel_args, self._sample_fields.checked(*values), *options
-            )
+            values = self._sample_fields.checked(*values)
+            count, no_contact_energy = locate_once(*buffers, values, external, usable, gate, threshold, rows)
         return count, no_contact_energy
 
-    def _locate_once_intrinsic(
-        self, values: tuple[np.ndarray, ...], external: bool, usable: Usable
-    ) -> tuple[int, float]:
-        measured = tuple(value[None] for value in self._sample_fields.checked(*values))
+    def _locate_once_intrinsic(self, values: Measured, external: bool, usable: Usable) -> tuple[int, float]:
+        q, torque, base, link_wrench = self._sample_fields.checked(*values)
+        measured = (q[None], torque[None], base[None], link_wrench[None])
         energy, link_probability = np.empty(1), np.empty((1, self._links))
         batch_intrinsic(
             *self._kernel_args, measured, external, *usable[1:], energy, link_probability, self._rows[:1]
@@ -236,16 +233,15 @@ class StaticLocalizer:
             link_wrench[:, s] = link_rows.get(name, 0.0)
         no_contact_energy, link_probability = np.empty(n), np.empty((n, self._links))
         best = np.empty((n, WIDTH))
-        measured = (q, torque, base, link_wrench)
-        found = (no_contact_energy, link_probability, best)
 
         def explain(buffers: Buffers, part: slice) -> None:
-            inputs = (buffers, self._skin, tuple(array[part] for array in measured), external)
-            outputs = tuple(array[part] for array in found)
+            measured = (q[part], torque[part], base[part], link_wrench[part])
+            found = (no_contact_energy[part], link_probability[part], best[part])
             if self._intrinsic:
-                batch_intrinsic(*inputs, *usable[1:], *outputs)
+                batch_intrinsic(buffers, self._skin, measured, external, *usable[1:], *found)
             else:
-                batch(*inputs, usable, self._gate, *outputs, np.zeros_like(self._rows))
+                rows = np.zeros_like(self._rows)
+                batch(buffers, self._skin, measured, external, usable, self._gate, *found, rows)
 
         kernel = batch_intrinsic if self._intrinsic else batch
         with nullcontext() if loaded(kernel) else shown_compilation((kernel,), self._progress):

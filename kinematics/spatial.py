@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 
 Six = tuple[float, float, float, float, float, float]
 

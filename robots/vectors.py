@@ -4,8 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from contactsense.robots.jit.kernel import inlined_kernel
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
 Vector = tuple[float, float, float]
 

@@ -25,7 +25,7 @@ from contactsense.runtime.buffers import Buffers, KernelBuffers, buffer_views
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.kernels import locate_once
 from contactsense.runtime.result_rows import WIDTH
-from contactsense.runtime.skin_grids import skin_of
+from contactsense.runtime.skin_grids import skin_argument
 from contactsense.runtime.state import empty_state
 from contactsense.solvers.posterior import pushing_force
 
@@ -54,7 +54,7 @@ class Oracle:
         """For a scene with base sensor and joint torques."""
         constants = build_constants(scene)
         self._kernel_buffers = KernelBuffers(constants, empty_state(constants))
-        self._arguments = (self._kernel_buffers.arguments, tuple(skin_of(scene)))
+        self._arguments = (self._kernel_buffers.arguments, skin_argument(scene))
         self._estimate_builder = EstimateBuilder(scene, constants, self._kernel_buffers.state.motion)
         self._sets = MultiContactLocator(scene, self._kernel_buffers, self._arguments, self._estimate_builder)
         self._rows = np.zeros((max(len(constants.surfaces.kind), MAX_CANDIDATES), WIDTH))

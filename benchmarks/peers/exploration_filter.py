@@ -103,11 +103,9 @@ class ExplorationFilter:
             np.zeros((runs, steps, sets, 3)),
             np.zeros((runs, steps, sets, 3)),
         )
-        _run(
-            np.random.default_rng(self._seed), self._stage, self._places,
-            *(np.ascontiguousarray(array, dtype=np.float64) for array in (q, base, torque)),
-            self._rounds, found,
-        )  # fmt: skip
+        q, base, torque = (np.ascontiguousarray(array, dtype=np.float64) for array in (q, base, torque))
+        rng = np.random.default_rng(self._seed)
+        _run(rng, self._stage, self._places, q, base, torque, self._rounds, found)
         return found
 
 

@@ -10,7 +10,7 @@ from math import fabs, sqrt
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 
 EDGES = 4
 """Edges of the pyramid."""

@@ -7,8 +7,7 @@ import numpy as np
 
 from contactsense.benchmarks.peers.friction import EDGES, columns, edges, gram, solve
 from contactsense.benchmarks.peers.stage import Stage, load, to_base, turned_to_base
-from contactsense.robots.jit.kernel import allocating_kernel
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import allocating_kernel, kernel
 
 
 class Problem(NamedTuple):

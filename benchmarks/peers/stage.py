@@ -11,7 +11,7 @@ import numpy as np
 
 from contactsense import Scene
 from contactsense.kinematics.model import Model, Motion, empty_motion
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import Vector
 from contactsense.runtime.constants import build_constants

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED, Surfaces
 from contactsense.robots.surface.union import nearest
 from contactsense.robots.vectors import Vector, cross, dot, vector

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from contactsense.multi_contact.buffers import (
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.output.estimate_builder import EstimateBuilder
-from contactsense.runtime.buffers import KernelBuffers
+from contactsense.robots.surface.signed_distance_grid import Skin
+from contactsense.runtime.buffers import Buffers, KernelBuffers
 from contactsense.runtime.result_rows import WIDTH
 from contactsense.scene import Scene
 from contactsense.types import Contact, Estimate
@@ -44,7 +45,7 @@ class MultiContactLocator:
         self,
         scene: Scene,
         kernel_buffers: KernelBuffers,
-        arrays: tuple[Any, ...],
+        arrays: tuple[Buffers, Skin],
         estimate_builder: EstimateBuilder,
     ) -> None:
         """Prepare for the scene of a `Localizer` and its kernel buffers."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from contactsense.robots import RobotError
-from contactsense.robots.surface.signed_distance_grid import Grids
+from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.scene import Scene, SceneError
 
 
@@ -33,6 +33,12 @@ def skin_of(scene: Scene) -> Grids:
         # The line of action of a push on the pedestal may cross the base link behind it.
         shape[0] = 0
     return grids._replace(values=values, shape=shape)
+
+
+def skin_argument(scene: Scene) -> Skin:
+    """`skin_of` as the argument of kernels."""
+    skin = skin_of(scene)
+    return skin.values, skin.start, skin.shape, skin.low, skin.cell
 
 
 def _no_skin() -> Grids:

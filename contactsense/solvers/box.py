@@ -5,7 +5,7 @@ on a face, and its line must not miss an edge. If rounding errors place the cont
 the nearest patch is used.
 """
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, dot, norm, scale
 from contactsense.solvers.cylinder import directions
 from contactsense.solvers.ellipsoid import unit_sphere

@@ -7,7 +7,7 @@ If rounding errors place the contact outside both, the nearer patch is used, so 
 
 from math import sqrt
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import dot
 from contactsense.solvers.cylinder import directions, height, lateral_frame, on_lateral
 from contactsense.solvers.ellipsoid import ball, on_ball

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, rotate_back, subtract, vector
 from contactsense.solvers.cylinder import solve_cone, solve_cylinder
 from contactsense.solvers.ellipsoid import solve_ellipsoid

@@ -15,7 +15,7 @@ contact lies around the axis does not depend on it.
 
 from math import sqrt
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import divide, dot, norm
 from contactsense.solvers.solution import (
     MISS,

@@ -12,7 +12,7 @@ product. Zero torsion is not a special case: there K = 0 and the result is the w
 
 from math import sqrt
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, norm, scale
 from contactsense.solvers.solution import (
     MISS,

@@ -9,7 +9,7 @@ around the remaining half has 0.77 of the area, however flat or steep the body i
 
 from math import sqrt
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, subtract, tangents
 from contactsense.solvers.level_set import SmoothBody, enter_level, level_at, reach_of
 from contactsense.solvers.solution import OK

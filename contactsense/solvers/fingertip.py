@@ -1,6 +1,6 @@
 """The paper's fingertip (figure 5): a hemisphere on a cylinder of the same radius, open below."""
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import dot
 from contactsense.solvers.cylinder import directions, height, on_lateral
 from contactsense.solvers.ellipsoid import ball, on_ball

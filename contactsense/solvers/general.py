@@ -12,7 +12,7 @@ from typing import Any
 
 from numba import njit
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, divide, norm
 from contactsense.solvers.ellipsoid_method import bracket_contact
 from contactsense.solvers.implicit_surfaces import resized, unit_exponent, unresized, unscaled_exponent

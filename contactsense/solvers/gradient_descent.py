@@ -6,7 +6,7 @@ optimal along the gradient of the linearized g.
 
 from math import sqrt
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, divide, dot, norm, scale
 from contactsense.solvers.solution import (
     MISS,

@@ -8,7 +8,7 @@ that c / (1 + value) lies on the surface for any c. The paraboloid, open at one 
 from math import copysign, frexp, ldexp, sqrt
 from typing import Any
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 
 ELLIPSOID, SUPERQUADRIC, PARABOLOID = 0.0, 1.0, 2.0
 """First number of a body's size; the others are described at `evaluate`."""

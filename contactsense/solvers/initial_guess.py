@@ -6,7 +6,7 @@ a user's function.
 
 from typing import Any
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled, dot
 from contactsense.solvers.box import patch_of_box
 from contactsense.solvers.ellipsoid import unit_sphere

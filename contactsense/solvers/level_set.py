@@ -3,7 +3,7 @@
 from math import sqrt
 from typing import Any, NamedTuple
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add, add_scaled, divide, dot, norm, scale, subtract, tangents
 from contactsense.solvers.implicit_surfaces import evaluate
 from contactsense.solvers.solution import MISS, OK

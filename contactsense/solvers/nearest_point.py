@@ -6,7 +6,7 @@ Both need only the projection onto the body: the nearest surface point to a poin
 
 from math import sqrt
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, norm
 from contactsense.solvers.solution import MISS, OK, Answer, input_status, make_answer, no_contact

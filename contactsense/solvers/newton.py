@@ -8,7 +8,7 @@ end at the rim of the pushed side, or slow down where M is nearly singular.
 
 from typing import NamedTuple
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add, add_scaled, divide, dot, norm, scale, subtract, tangents
 from contactsense.solvers.level_set import (
     SmoothBody,

@@ -18,7 +18,7 @@ they know that a body has another side, which Newton's linear ones do not.
 from math import inf, sqrt
 from typing import NamedTuple
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add, add_scaled, cross, dot, scale, subtract
 from contactsense.solvers.initial_guess import initial_guess, warped_step
 from contactsense.solvers.level_set import (

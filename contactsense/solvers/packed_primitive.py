@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.solvers.box import solve_box
 from contactsense.solvers.ellipsoid import solve_ellipsoid, solve_sphere
 from contactsense.solvers.revolved import solve_revolved

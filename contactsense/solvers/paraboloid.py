@@ -16,7 +16,7 @@ of which the form with the larger of L + W and L - W has no cancellation.
 
 from math import ldexp, sqrt
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, divide, dot, norm
 from contactsense.solvers.solution import (
     MISS,

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled
 from contactsense.solvers.solution import FAR, Answer, make_answer, torsion
 from contactsense.solvers.wrench import Wrench

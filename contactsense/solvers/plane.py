@@ -1,6 +1,6 @@
 """Plane: closed form (paper, section 5.1.3, with the signs of a pushing contact)."""
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot
 from contactsense.solvers.solution import (
     OK,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add, add_scaled, cross, divide, dot, norm, scale, vector
 from contactsense.solvers.ellipsoid import unit_sphere
 from contactsense.solvers.patch import Patch, nearer, no_patch, on_patch

@@ -9,7 +9,7 @@ the contact outside every patch, the nearest is used.
 from math import atan2, pi, sqrt
 from typing import NamedTuple
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import dot
 from contactsense.solvers.cylinder import directions, height, lateral_frame, on_lateral
 from contactsense.solvers.ellipsoid import ball

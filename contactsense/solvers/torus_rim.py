@@ -15,7 +15,7 @@ because the whole outer half belongs to a convex body, the disc plus the ball.
 from math import cos, inf, pi, sin, sqrt
 from typing import NamedTuple
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import norm
 from contactsense.solvers.solution import is_contact
 from contactsense.solvers.wrench import Wrench, invariant

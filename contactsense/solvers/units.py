@@ -3,7 +3,7 @@
 from math import frexp, ldexp
 from typing import NamedTuple
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.solution import Answer
 from contactsense.solvers.wrench import Wrench

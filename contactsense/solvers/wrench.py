@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, rotate_back, subtract
 
 _SPLIT = 134217729.0

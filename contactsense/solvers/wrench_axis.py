@@ -6,7 +6,7 @@ the wrench appears in their residual.
 
 from math import sqrt
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, norm
 from contactsense.solvers.cylinder import solve_cone, solve_cylinder
 from contactsense.solvers.nearest_point import TAPERED, enter

@@ -11,13 +11,16 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
 from numba import njit
 from numba.core.caching import IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 from numba.core.types import unliteral
+
+F = TypeVar("F", bound=Callable[..., Any])
+"""A kernel keeps the signature of its function."""
 
 _FUSED = frozenset({"contract", "reassoc", "nsz", "arcp"})
 _INLINED = "inlined"
@@ -33,7 +36,7 @@ _SOURCES: dict[Any, tuple[Callable[..., Any], frozenset[str]]] = {}
 """Compiled function -> its source and its compile options."""
 
 
-def kernel(function: Callable[..., Any]) -> Any:
+def kernel(function: F) -> F:
     """Compile `function` on first use, with division by zero as in IEEE 754, and cache the machine code on
     disk.
 
@@ -48,7 +51,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compile(function, frozenset())
 
 
-def inlined_kernel(function: Callable[..., Any]) -> Any:
+def inlined_kernel(function: F) -> F:
     """Like `kernel`, but inlined into each kernel that calls it.
 
     For functions that take the whole `Constants` and `State`: a call passes each array as seven numbers or
@@ -58,7 +61,7 @@ def inlined_kernel(function: Callable[..., Any]) -> Any:
     return _compile(function, frozenset({_INLINED}))
 
 
-def fused_kernel(function: Callable[..., Any]) -> Any:
+def fused_kernel(function: F) -> F:
     """Like `kernel`, but sums may be reordered and multiplications fused into them.
 
     For statistical estimates, where the last digits do not matter and speed does. Infinities and NaN are
@@ -67,22 +70,22 @@ def fused_kernel(function: Callable[..., Any]) -> Any:
     return _compile(function, _FUSED)
 
 
-def inlined_fused_kernel(function: Callable[..., Any]) -> Any:
+def inlined_fused_kernel(function: F) -> F:
     """`fused_kernel` and `inlined_kernel` combined."""
     return _compile(function, _FUSED | {_INLINED})
 
 
-def nogil_kernel(function: Callable[..., Any]) -> Any:
+def nogil_kernel(function: F) -> F:
     """Like `kernel`, but other threads run Python meanwhile: for calls that take milliseconds."""
     return _compile(function, frozenset({_NOGIL}))
 
 
-def allocating_kernel(function: Callable[..., Any]) -> Any:
+def allocating_kernel(function: F) -> F:
     """Like `kernel`, but may allocate arrays and draw random numbers: for benchmarks and offline work."""
     return _compile(function, frozenset({_ALLOCATING}))
 
 
-def allocating_fused_kernel(function: Callable[..., Any]) -> Any:
+def allocating_fused_kernel(function: F) -> F:
     """`allocating_kernel` and `fused_kernel` combined."""
     return _compile(function, _FUSED | {_ALLOCATING})
 
@@ -115,11 +118,12 @@ def disable_compilation(compiled: Any) -> None:
         compiled.disable_compile()
 
 
-def _compile(function: Callable[..., Any], compile_options: frozenset[str]) -> Any:
+def _compile(function: F, compile_options: frozenset[str]) -> F:
     compiled = _jit(function, compile_options)
     if compiled is not function:
         compiled.__class__ = Kernel
-    return compiled
+    kept: F = compiled
+    return kept
 
 
 def _jit(function: Callable[..., Any], compile_options: frozenset[str]) -> Any:

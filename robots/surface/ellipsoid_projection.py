@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 
 Dimensions = np.ndarray | tuple[float, ...]
 """Dimensions of a primitive, as `contactsense.robots.surface.convex_primitives` lists them by kind [m]."""

@@ -4,7 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.vectors import Vector, add, dot, rotate, rotate_back, subtract, vector
 

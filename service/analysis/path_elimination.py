@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from contactsense.kinematics.linalg.cholesky import cholesky
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import nearest
 from contactsense.tracking.contact_tracker import tangents

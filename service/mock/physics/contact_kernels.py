@@ -12,7 +12,7 @@ from math import sqrt
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, project, support
 from contactsense.service.mock.physics.bodies import BOX, HALF_SPACE, Obstacles
 from contactsense.service.mock.physics.dynamics_kernels import Scratch, cross, turn, turn_back

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector
 from contactsense.service.mock.physics.bodies import Bodies
 

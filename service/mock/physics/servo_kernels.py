@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.robots.jit.typed_kernel import kernel
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.service.mock.physics.bodies import Bodies, Obstacles
 from contactsense.service.mock.physics.contact_kernels import add_contacts
