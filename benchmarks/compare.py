@@ -72,16 +72,20 @@ def _finite(value: float) -> float | None:
 
 
 def _length(figures: list[float | None]) -> str:
-    value, low, high = ("-" if one is None else f"{one:.1f}" for one in figures)
+    value, low, high = ("inf" if one is None else f"{one:.1f}" for one in figures)
     return f"{value} ({low}-{high})"
 
 
+def _percent(share: Share) -> str:
+    return str(share).removesuffix(" %")
+
+
 def _table(rows: list[dict[str, Any]], title: str) -> Table:
-    table = Table(title=title, caption="in brackets 95 % intervals; -: no answer")
+    table = Table(title=title, caption="in brackets 95 % intervals; inf: no answer")
     table.add_column("noise N / Nm / Nm", no_wrap=True)
     table.add_column("method", no_wrap=True)
-    for name in ("link right", "median mm", "95 % mm", f"within {1e3 * NEAR:g} mm", "us / answer"):
-        table.add_column(name, justify="right")
+    for name in ("link right %", "median mm", "95 % mm", f"within {1e3 * NEAR:g} mm %", "us"):
+        table.add_column(name, justify="right", no_wrap=True)
     last = None
     for row in rows:
         noise = " / ".join(f"{level:g}" for level in row["noise"])
@@ -90,10 +94,10 @@ def _table(rows: list[dict[str, Any]], title: str) -> Table:
         table.add_row(
             "" if noise == last else noise,
             row["method"],
-            str(row["link_right"]),
+            _percent(row["link_right"]),
             _length(row["median_mm"]),
             _length(row["p95_mm"]),
-            str(row["near"]),
+            _percent(row["near"]),
             f"{row['microseconds']:.0f}",
         )
         last = noise
