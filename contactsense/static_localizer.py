@@ -154,7 +154,8 @@ class StaticLocalizer:
         external: bool,
     ) -> None:
         """Raise a ValueError if a measurement cannot be; `row` is added to the name of its field."""
-        base, torque = (None if value is None else np.asarray(value) for value in sensors)
+        base = None if sensors[0] is None else np.asarray(sensors[0])
+        torque = None if sensors[1] is None else np.asarray(sensors[1])
         given = {name: np.asarray(value) for name, value in links.items()}
         found = self._plausible.request(np.asarray(q), base, torque, given, external)
         if found is not None:

@@ -27,6 +27,7 @@ _WEIGHT_LEVER = 0.5
 """Moments are compared with the arm's weight at this lever [m]."""
 _ROUNDING = 1e-6
 """A reading at its limit is beyond it in spite of being converted to base axes and back."""
+_NO_FORCE = [0.0, 0.0, 0.0]
 _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -54,7 +55,8 @@ class PlausibleLimits:
         """Take limits of joints and sensors from `scene`."""
         joints = scene.robot.joints
         self._joint_names = [joint.name for joint in joints]
-        # Single samples are compared as numbers: for so few of them, that is faster than as arrays.
+        # Single samples are compared as numbers: for so few of them, that is faster than as arrays. What is
+        # within the limits of all joints and components needs no comparison with each.
         self._lowest, self._highest = [], []
         for low, high in (joint.position_limits for joint in joints):
             self._lowest.append(low - ONE_TURN if np.isfinite(low) else -LARGEST_COUNT)
@@ -79,11 +81,17 @@ class PlausibleLimits:
         weight = float(np.linalg.norm(self.weight.force))
         self._largest = [LARGEST_FORCE + weight] * 3 + [LARGEST_MOMENT + weight] * 3
         self._weight, self._weight_force = weight, self.weight.force.tolist()
+        self._opposite_force = [-value for value in self._weight_force]
+        self._lowest_of_all, self._highest_of_all = max(self._lowest), min(self._highest)
+        self._least_torque = min(self._torque)
 
     def position(self, q: np.ndarray) -> Implausible | None:
         """Whether joint positions q, shape (n,) [rad], are beyond limits and one turn."""
+        values = q.tolist()
+        if min(values) >= self._lowest_of_all and max(values) <= self._highest_of_all:
+            return None
         for name, value, low, high in zip(
-            self._joint_names, q.tolist(), self._lowest, self._highest, strict=True
+            self._joint_names, values, self._lowest, self._highest, strict=True
         ):
             if value < low or value > high:
                 return Implausible(
@@ -95,7 +103,10 @@ class PlausibleLimits:
 
     def torque(self, torque: np.ndarray, scale: float = TORQUE_SCALE) -> Implausible | None:
         """Whether torques, shape (n,) [Nm], exceed `scale` times the joints' limits."""
-        for name, value, limit in zip(self._joint_names, torque.tolist(), self._torque, strict=True):
+        values, least = torque.tolist(), scale * self._least_torque
+        if -least <= min(values) and max(values) <= least:
+            return None
+        for name, value, limit in zip(self._joint_names, values, self._torque, strict=True):
             if abs(value) > scale * limit:
                 return Implausible(
                     "joint_torque",
@@ -106,7 +117,7 @@ class PlausibleLimits:
     @property
     def of_all_joints(self) -> tuple[float, float, float]:
         """Lowest and highest position [rad] and largest torque [Nm] that are plausible for every joint."""
-        return max(self._lowest), min(self._highest), TORQUE_SCALE * min(self._torque)
+        return self._lowest_of_all, self._highest_of_all, TORQUE_SCALE * self._least_torque
 
     def saturation(self, wrench: np.ndarray) -> Implausible | None:
         """Whether the base sensor that reads this wrench, base axes and origin, shape (6,) [N, Nm], is at or
@@ -216,9 +227,9 @@ class PlausibleLimits:
                     f"{self._weight:.0f} N; raw readings need external=False",
                 )
             return None
-        if self._is_near(force, [0.0, 0.0, 0.0]):
+        if self._is_near(force, _NO_FORCE):
             advice = "is the sensor tared (base_wrench.bias), or is the weight subtracted (external=True)?"
-        elif self._is_near(force, [-value for value in weight]):
+        elif self._is_near(force, self._opposite_force):
             advice = "it has the opposite sign (base_wrench.sign)"
         else:
             return None
@@ -241,7 +252,10 @@ class PlausibleLimits:
 
 def _first(field: str, wrench: np.ndarray, limits: list[float], what: str) -> Implausible | None:
     """The first component of a wrench, shape (6,), at or beyond its limit [N, Nm]."""
-    for name, value, limit in zip(_COMPONENTS, wrench.tolist(), limits, strict=True):
+    values, least = wrench.tolist(), min(limits)
+    if -least < min(values) and max(values) < least:
+        return None
+    for name, value, limit in zip(_COMPONENTS, values, limits, strict=True):
         if abs(value) >= limit:
             unit = "N" if name[0] == "f" else "Nm"
             return Implausible(
