@@ -17,7 +17,7 @@ import numba
 from numba import njit
 from numba.core.caching import IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
-from numba.core.types import unliteral
+from numba.core.types import Array, BaseTuple, unliteral
 
 F = TypeVar("F", bound=Callable[..., Any])
 """A kernel keeps the signature of its function."""
@@ -161,6 +161,19 @@ class Kernel(CPUDispatcher):
 
     _called_by_kernels: Any = None
 
+    def add_overload(self, compiled: Any) -> None:
+        """Numba calls this with new machine code, before any call of it.
+
+        Raises:
+            TypeError: Python would get an array within a tuple. Without reference counts that is the array
+                whose part was meant.
+        """
+        function, compile_options = _SOURCES[self]
+        kind = compiled.signature.return_type
+        if _ALLOCATING not in compile_options and isinstance(kind, BaseTuple) and _holds_arrays(kind):
+            raise TypeError(f"{function.__qualname__}: a kernel cannot return arrays to Python, got {kind}")
+        super().add_overload(compiled)
+
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Numba asks for this when a kernel that calls this one is typed.
 
@@ -188,6 +201,12 @@ class Kernel(CPUDispatcher):
             self._called_by_kernels = _jit(variant, compile_options | {_FOR_KERNELS})
             self._called_by_kernels.__class__ = _KernelForKernels
         return self._called_by_kernels
+
+
+def _holds_arrays(kind: Any) -> bool:
+    """Whether a value of this Numba type is an array or contains one."""
+    parts: Any = kind if isinstance(kind, BaseTuple) else ()
+    return isinstance(kind, Array) or any(_holds_arrays(part) for part in parts)
 
 
 class _KernelForKernels(CPUDispatcher):

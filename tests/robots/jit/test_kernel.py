@@ -113,6 +113,16 @@ def test_a_kernel_that_would_allocate_is_refused(function: Callable[..., Any]) -
         kernel(function)(np.ones(3))
 
 
+def _part_and_length(x: np.ndarray) -> tuple[tuple[np.ndarray, float], int]:
+    return (x[1:], 1.0), len(x)
+
+
+def test_a_kernel_that_would_return_a_part_of_an_array_is_refused() -> None:
+    # Python would get the whole array instead.
+    with pytest.raises(TypeError, match="_part_and_length: a kernel cannot return arrays to Python"):
+        kernel(_part_and_length)(np.ones(3))
+
+
 def test_an_allocating_kernel_may() -> None:
     assert allocating_kernel(_half)(np.ones(3)) == 0.5
 
