@@ -24,7 +24,7 @@ from contactsense.solvers.posterior import (
 )
 from contactsense.solvers.solution import Status
 from contactsense.solvers.solve_wrench import Method, solve_wrench
-from contactsense.solvers.surface import Surface, same_fields, vectors
+from contactsense.solvers.surface import EqualByFields, Surface, vectors
 
 _MAX_ITERATIONS = 60
 _TOLERANCE = 1e-12
@@ -55,7 +55,7 @@ class ContactPrior:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ProbableContact:
+class ProbableContact(EqualByFields):
     """The most probable contact on a surface."""
 
     status: Status
@@ -83,11 +83,6 @@ class ProbableContact:
     def ok(self) -> bool:
         """Whether this is a contact."""
         return self.status == Status.OK
-
-    def __eq__(self, other: object) -> bool:
-        return same_fields(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
 
 
 def most_probable_contact(

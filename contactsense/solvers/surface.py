@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,17 +39,44 @@ class Surface(Protocol):
         ...
 
 
-def same_fields(one: Any, other: object) -> bool:
-    """Whether two dataclasses are of one type and have equal fields, arrays among them; NaN equals NaN."""
-    names = [field.name for field in fields(one)]
-    if type(one) is not type(other):
-        return False
-    return all(
-        np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
-        if isinstance(getattr(one, name), np.ndarray | float)
-        else bool(getattr(one, name) == getattr(other, name))
-        for name in names
-    )
+class KernelSurface:
+    """A surface that one pair of kernels solves."""
+
+    kernels: ClassVar[tuple[Kernel, Kernel]]
+    """Exact solver, and wrench axis."""
+
+    def __post_init__(self) -> None:
+        positive(self, **vars(self))
+
+    def arguments(self) -> tuple[Any, ...]:
+        """What the kernels take after the wrench: the surface's fields, unless it says otherwise."""
+        return tuple(float(value) for value in vars(self).values())
+
+    def problem(self) -> Problem:
+        """See `Surface`."""
+        return self.kernels[0], self.arguments()
+
+    def line_problem(self) -> Problem:
+        """See `Surface`."""
+        return self.kernels[1], self.arguments()
+
+
+class EqualByFields:
+    """A dataclass that equals another of its type with equal fields, arrays among them; NaN equals NaN."""
+
+    __slots__ = ()
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return False
+        pairs = [(getattr(self, x.name), getattr(other, x.name)) for x in fields(self)]  # type: ignore[arg-type]
+        return all(
+            np.array_equal(one, same, equal_nan=True)
+            if isinstance(one, np.ndarray | float)
+            else bool(one == same)
+            for one, same in pairs
+        )
 
 
 def vectors(name: str, values: ArrayLike, dimensions: int) -> np.ndarray:
