@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from contactsense.kinematics.model import Model
 from contactsense.kinematics.regressor import bodies_of, parameters_of
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
-from contactsense.robots import Inertia
+from contactsense.robots.robot import NO_MASS
 from contactsense.runtime.constants import model_with_tool, wrench_transform
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
@@ -75,7 +75,7 @@ class CalibrationModel:
         bodies = [
             calibrated[x.name].inertia if x.name in calibrated else x.inertia for x in scene.robot.links
         ]
-        tool = scene.tool.inertia if scene.tool is not None else Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+        tool = scene.tool.inertia if scene.tool is not None else NO_MASS
         base, sensors = scene.base_wrench or WrenchSensor(), list(scene.link_sensors.values())
         return cls(
             scene=scene,

@@ -13,6 +13,7 @@ from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSub
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots import Link, Robot
 from contactsense.robots.jit.declaration import Floats, Integers
+from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia
 from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
@@ -143,9 +144,7 @@ def wrench_transform(rotation: np.ndarray, translation: np.ndarray) -> np.ndarra
         rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
         translation: Its origin in the base frame, shape (3,) [m].
     """
-    x, y, z = translation
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.block([[rotation, np.zeros((3, 3))], [cross @ rotation, rotation]])
+    return np.block([[rotation, np.zeros((3, 3))], [cross_matrix(translation) @ rotation, rotation]])
 
 
 def base_wrench_from_reading(sensor: WrenchSensor, reading: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from contactsense.robots import Inertia
 from contactsense.robots.jit.declaration import Floats, Integers
+from contactsense.robots.robot import NO_MASS
 from contactsense.runtime.tool_inertia import tool_in_last_link
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
@@ -56,7 +57,7 @@ def mounts(scene: Scene) -> dict[str, Mount]:
         link = robot.link_names.index(sensor.link)
         found[f"link_wrenches.{sensor.name}"] = Mount(
             sensor, link, sensor.rotation, np.array(sensor.translation), link, link,
-            Inertia(0.0, np.zeros(3), np.zeros((3, 3))),
+            NO_MASS,
         )  # fmt: skip
     wrist, links = scene.wrist_wrench, len(robot.links)
     if wrist is not None:

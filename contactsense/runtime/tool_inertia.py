@@ -1,8 +1,7 @@
 """Inertia of the scene's tool where the arm carries it."""
 
-import numpy as np
-
 from contactsense.robots import Inertia
+from contactsense.robots.robot import NO_MASS
 from contactsense.robots.tool import move_inertia
 from contactsense.scene import Scene
 
@@ -10,5 +9,5 @@ from contactsense.scene import Scene
 def tool_in_last_link(scene: Scene) -> Inertia:
     """Inertia of the tool in the last link's frame; zero without a tool."""
     if scene.tool is None:
-        return Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+        return NO_MASS
     return move_inertia(scene.tool.inertia, scene.robot.flange_rotation, scene.robot.flange_translation)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.robots.jit.flat_buffers import zeros
+from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.posterior import (
@@ -118,7 +119,7 @@ def most_probable_contact(
         R, p = surface.rotation, surface.origin
         adjoint = np.zeros((6, 6))
         adjoint[:3, :3] = adjoint[3:, 3:] = R.T
-        adjoint[3:, :3] = -R.T @ _cross_matrix(p)
+        adjoint[3:, :3] = -R.T @ cross_matrix(p)
         w = adjoint @ np.concatenate((f, m))
         found = most_probable_contact(surface.surface, w[:3], w[3:], adjoint @ P @ adjoint.T, given)
         if not found.ok:
@@ -279,7 +280,3 @@ def _tuple(array: np.ndarray) -> Vector:
     """The first three numbers of an array."""
     x, y, z = array[:3].tolist()
     return x, y, z
-
-
-def _cross_matrix(p: np.ndarray) -> np.ndarray:
-    return np.array(((0.0, -p[2], p[1]), (p[2], 0.0, -p[0]), (-p[1], p[0], 0.0)))

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.convex_primitives import curvature
 from contactsense.solvers.solution import Answer
 
@@ -120,12 +121,11 @@ def around_axis(normal: np.ndarray, bend: float) -> np.ndarray:
 
 def packed_shape(kind: int, size: tuple[float, ...], point: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Shape operator of a primitive as `contactsense.robots.surface.convex_primitives` packs it."""
-    xx, xy, xz, yy, yz, zz = curvature(kind, size, *point, *normal)
-    return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    return symmetric(curvature(kind, size, *point, *normal))
 
 
 def level_shape(level: tuple[float, ...], normal: np.ndarray) -> np.ndarray:
     """Shape operator from value, gradient and Hessian of a function that is constant on the surface."""
     _, gx, gy, gz, xx, yy, zz, xy, xz, yz = level
-    bend = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    bend = symmetric((xx, xy, xz, yy, yz, zz))
     return tangential(bend, normal) / float(np.linalg.norm((gx, gy, gz)))
