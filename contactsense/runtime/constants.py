@@ -18,9 +18,8 @@ from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia
 from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
 from contactsense.runtime.link_prior import area_share, log_link_density
-from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts
+from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts, tool_in_last_link
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
-from contactsense.runtime.tool_inertia import tool_in_last_link
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
 from contactsense.solvers.posterior import Prior
@@ -104,8 +103,7 @@ def build_constants(scene: Scene) -> Constants:
 def model_with_tool(scene: Scene) -> Model:
     """Kinematics and inertia of the scene's arm, the tool joined to the last link."""
     robot = scene.robot
-    calibrated = scene.inertia or {}
-    inertia = [calibrated[x.name].inertia if x.name in calibrated else x.inertia for x in robot.links]
+    inertia = scene.link_inertia
     inertia[-1] = join_inertia(inertia[-1], tool_in_last_link(scene))
     robot_with_tool = Robot(
         name=robot.name,

@@ -11,7 +11,7 @@ import numpy as np
 from contactsense.robots import Inertia
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.robot import NO_MASS
-from contactsense.runtime.tool_inertia import tool_in_last_link
+from contactsense.robots.tool import move_inertia
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
 
@@ -48,6 +48,13 @@ class LinkSensors(NamedTuple):
     """Its centre of mass [m]."""
     inertia: Annotated[Floats, "link_sensors, 3, 3"]
     """Its inertia about that [kg m^2]."""
+
+
+def tool_in_last_link(scene: Scene) -> Inertia:
+    """Inertia of the tool in the last link's frame; zero without a tool."""
+    if scene.tool is None:
+        return NO_MASS
+    return move_inertia(scene.tool_inertia, scene.robot.flange_rotation, scene.robot.flange_translation)
 
 
 def mounts(scene: Scene) -> dict[str, Mount]:

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.kinematics.regressor import parameters_of
 from contactsense.robots import Inertia
-from contactsense.robots.robot import NO_MASS
 from contactsense.robots.tool import move_inertia
 from contactsense.runtime.constants import wrench_transform
 from contactsense.runtime.link_sensors import mounts
@@ -120,7 +119,7 @@ class Setup:
     def of(cls, scene: Scene) -> Self:
         """What the scene states."""
         torque = scene.joint_torque or JointTorqueSensor()
-        tool = scene.tool.inertia if scene.tool is not None else NO_MASS
+        tool = scene.tool_inertia
         return cls(
             robot=scene.robot.name,
             angle_unit=1.0,

@@ -90,21 +90,19 @@ class Compound(KernelSurface):
         return self.parts[int(np.argmin(distances))].surface.shape_operator(point, normal)
 
 
-def _packed(surface: Simple) -> tuple[int, tuple[float, ...], np.ndarray, np.ndarray]:
+_KINDS = {
+    Plane: compound.PLANE, Sphere: compound.ELLIPSOID, Ellipsoid: compound.ELLIPSOID,
+    Cylinder: compound.CYLINDER, Cone: compound.CONE,
+}  # fmt: skip
+
+
+def _packed(surface: Simple) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
     """Kind, size, axes and origin of a surface."""
-    rotation, origin = np.eye(3), np.zeros(3)
-    inner: object = surface
     if isinstance(surface, Placed):
-        rotation, origin, inner = surface.rotation, surface.origin, surface.surface
-    if isinstance(inner, Plane):
-        normal, offset = inner.arguments()
-        return compound.PLANE, (*normal, offset), rotation, origin
-    if isinstance(inner, Sphere):
-        return compound.ELLIPSOID, (inner.radius, inner.radius, inner.radius, 0.0), rotation, origin
-    if isinstance(inner, Ellipsoid):
-        return compound.ELLIPSOID, (inner.a, inner.b, inner.c, 0.0), rotation, origin
-    if isinstance(inner, Cylinder):
-        return compound.CYLINDER, (inner.radius, 0.0, 0.0, 0.0), rotation, origin
-    if isinstance(inner, Cone):
-        return compound.CONE, (inner.radius, inner.taper, 0.0, 0.0), rotation, origin
-    raise ValueError(f"Compound: {type(inner).__name__} has no closed form of one surface")
+        kind, size, _, _ = _packed(surface.surface)  # type: ignore[arg-type]
+        return kind, size, surface.rotation, surface.origin
+    if type(surface) not in _KINDS:
+        raise ValueError(f"Compound: {type(surface).__name__} has no closed form of one surface")
+    # As for the wrench axis, for which a sphere is an ellipsoid.
+    numbers = np.hstack(surface.line_problem()[1])
+    return _KINDS[type(surface)], np.pad(numbers, (0, 4 - len(numbers))), np.eye(3), np.zeros(3)

@@ -175,6 +175,9 @@ def _global_search(wrench: Wrench, body: Body) -> Answer:
 
 @kernel
 def _revolved(wrench: Wrench, half: float, lower: float, upper: float, r: float) -> Answer:
+    if half == 0.0:
+        # The larger disc is the body.
+        lower = upper = max(lower, upper)
     reach = half + max(lower, upper) + r
     length = sqrt(4.0 * half * half + (lower - upper) * (lower - upper))
     cos_beta, sin_beta = (2.0 * half / length, (lower - upper) / length) if length > 0.0 else (1.0, 0.0)
