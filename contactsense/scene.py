@@ -25,6 +25,7 @@ from contactsense import robots
 from contactsense.robots import Robot
 from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
+from contactsense.robots.robot import NO_MASS, Inertia
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.sensors.field_checks import describe, within_one_turn
@@ -330,6 +331,17 @@ class Scene(BaseModel):
         if self.wrist_wrench is not None:
             found["wrist_wrench"] = self.wrist_wrench
         return found
+
+    @property
+    def link_inertia(self) -> list[Inertia]:
+        """Inertia of each link without the tool, in the link's frame: as in `inertia`, or the robot's."""
+        own = self.inertia or {}
+        return [own[link.name].inertia if link.name in own else link.inertia for link in self.robot.links]
+
+    @property
+    def tool_inertia(self) -> Inertia:
+        """Inertia of the tool in the flange's frame; zero without a tool."""
+        return NO_MASS if self.tool is None else self.tool.inertia
 
     @property
     def link_names(self) -> tuple[str, ...]:

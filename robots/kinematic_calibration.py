@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from contactsense.robots.link_poses import link_poses
 from contactsense.robots.robot import Robot
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.yaml_schema import RobotError, check, read_yaml
@@ -69,18 +70,14 @@ def calibrated(robot: Robot, path: str | Path) -> Robot:
 def _check_near(model: Robot, real: Robot, path: Path) -> None:
     """Compare joint axes as lines at zero angles: if two axes are nearly parallel, a calibration may shift a
     joint's frame along its axis by metres without changing the motion of the arm."""
-    pose = [np.eye(4), np.eye(4)]
-    for joints in zip(model.joints, real.joints, strict=True):
-        for i, joint in enumerate(joints):
-            step = np.eye(4)
-            step[:3, :3], step[:3, 3] = joint.rotation, joint.translation
-            pose[i] = pose[i] @ step
-        axis = pose[0][:3, :3] @ joints[0].axis
-        apart = pose[1][:3, 3] - pose[0][:3, 3]
+    zero = np.zeros(len(model.joints))
+    poses = zip(link_poses(model, zero)[1:], link_poses(real, zero)[1:], strict=True)
+    for joint, other, (pose, place) in zip(model.joints, real.joints, poses, strict=True):
+        axis, apart = pose[:3, :3] @ joint.axis, place[:3, 3] - pose[:3, 3]
         off = float(np.linalg.norm(apart - (apart @ axis) * axis))
-        turned = float(np.degrees(np.arccos(np.clip(axis @ pose[1][:3, :3] @ joints[1].axis, -1.0, 1.0))))
+        turned = float(np.degrees(np.arccos(np.clip(axis @ place[:3, :3] @ other.axis, -1.0, 1.0))))
         if off > FAR or turned > 5.0:
-            where = f"{path}: {joints[1].name}"
+            where = f"{path}: {other.name}"
             raise RobotError(
                 f"{where}: {off * 1e3:.0f} mm and {turned:.1f} deg off {model.name}: another arm's file?"
             )

@@ -36,6 +36,10 @@ class Inertia:
         object.__setattr__(self, "tensor", _frozen(self.tensor, (3, 3), "tensor"))
 
 
+NO_MASS = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+"""Inertia of a body without mass."""
+
+
 @dataclass(frozen=True, slots=True)
 class Joint:
     """A revolute joint: the pose of its child link in the frame of its parent link.

@@ -1,4 +1,4 @@
-"""Rotations in the notation of robot files."""
+"""Rotations in the notation of robot files, and matrices of vectors and tensors."""
 
 from collections.abc import Sequence
 from math import cos, sin
@@ -17,3 +17,15 @@ def rotation_from_rpy(rpy: Sequence[float]) -> np.ndarray:
             [-sp, cp * sr, cp * cr],
         ]
     )
+
+
+def cross_matrix(v: np.ndarray | Sequence[float]) -> np.ndarray:
+    """The matrix (3, 3) whose product with any vector is the cross product of v (3,) with it."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def symmetric(tensor: Sequence[float]) -> np.ndarray:
+    """Matrix (3, 3) of its components xx, xy, xz, yy, yz, zz."""
+    xx, xy, xz, yy, yz, zz = tensor
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
 from contactsense.robots.primitives import Primitive, Vector
-from contactsense.robots.robot import Inertia, Link
+from contactsense.robots.robot import NO_MASS, Link
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
 
@@ -40,7 +40,7 @@ def pack_bodies(bodies: Iterable[Body]) -> Surfaces:
     """Primitives of bodies in the base frame, body after body, all as one link."""
     bodies = tuple(bodies)
     shapes = tuple(shape for body in bodies for shape in body.primitives)
-    surfaces = pack([Link("", Inertia(0.0, np.zeros(3), np.zeros((3, 3))), shapes)])
+    surfaces = pack([Link("", NO_MASS, shapes)])
     first = 0
     for body in bodies:
         own = slice(first, first := first + len(body.primitives))

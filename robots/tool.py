@@ -5,6 +5,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat
 
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import Inertia
+from contactsense.robots.rotations import symmetric
 
 _Tensor = tuple[float, float, float, float, float, float]
 
@@ -29,8 +30,7 @@ class Tool(BaseModel):
     @property
     def inertia(self) -> Inertia:
         """Inertia in the flange frame."""
-        xx, xy, xz, yy, yz, zz = self.tensor
-        return Inertia(self.mass, np.array(self.com), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        return Inertia(self.mass, np.array(self.com), symmetric(self.tensor))
 
 
 def move_inertia(inertia: Inertia, rotation: np.ndarray, translation: np.ndarray) -> Inertia:

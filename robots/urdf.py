@@ -15,7 +15,7 @@ import trimesh
 
 from contactsense.robots.arm_chain import MOVING, longest_way, way_to
 from contactsense.robots.meshes import check_unit, read_mesh
-from contactsense.robots.robot import Inertia, Joint, Link, Robot
+from contactsense.robots.robot import NO_MASS, Inertia, Joint, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
 from contactsense.robots.urdf_document import TURNING, read_document
 from contactsense.robots.yaml_schema import RobotError
@@ -203,7 +203,7 @@ def _rigid(link: str, joints: Any, moving: set[str]) -> list[tuple[str, np.ndarr
 
 
 def _link(path: Path, name: str, parts: list[tuple[str, np.ndarray]], links: dict[str, Any]) -> Link:
-    total = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    total = NO_MASS
     for part, pose in parts:
         given = links[part].inertial
         if given is None or not given.mass:

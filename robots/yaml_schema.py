@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationErro
 
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
-from contactsense.robots.rotations import rotation_from_rpy
+from contactsense.robots.rotations import rotation_from_rpy, symmetric
 
 Tensor = tuple[float, float, float, float, float, float]
 Entry = TypeVar("Entry", bound=BaseModel)
@@ -135,12 +135,6 @@ class SurfaceEntry(_Entry):
     fit_seconds: float = 0.0
     """Duration of the fit on the machine that ran it [s]."""
     links: dict[str, LinkSurface]
-
-
-def symmetric(tensor: Tensor) -> np.ndarray:
-    """Matrix (3, 3) of ixx, ixy, ixz, iyy, iyz, izz."""
-    xx, xy, xz, yy, yz, zz = tensor
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def read_yaml(path: Path) -> Any:

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from contactsense.kinematics.model import Model
 from contactsense.kinematics.regressor import bodies_of, parameters_of
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
-from contactsense.robots import Inertia
 from contactsense.runtime.constants import model_with_tool, wrench_transform
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
@@ -71,11 +70,7 @@ class CalibrationModel:
         joints = len(scene.robot.joints)
         sensor = scene.joint_torque or JointTorqueSensor()
         f = sensor.friction
-        calibrated = scene.inertia or {}
-        bodies = [
-            calibrated[x.name].inertia if x.name in calibrated else x.inertia for x in scene.robot.links
-        ]
-        tool = scene.tool.inertia if scene.tool is not None else Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+        tool = scene.tool_inertia
         base, sensors = scene.base_wrench or WrenchSensor(), list(scene.link_sensors.values())
         return cls(
             scene=scene,
@@ -88,7 +83,7 @@ class CalibrationModel:
             lubricant=per_joint(f.lubricant, joints),
             velocity=f.velocity,
             lubricant_velocity=f.lubricant_velocity,
-            links=np.array([parameters_of(body) for body in bodies]),
+            links=np.array([parameters_of(body) for body in scene.link_inertia]),
             payload=np.array([tool.mass, *(tool.mass * tool.com)]),
             tilt=np.zeros(3),
             wrench_bias=np.array(base.bias),
@@ -117,9 +112,7 @@ class CalibrationModel:
         robot = self.scene.robot
         mass, first = float(self.payload[0]), robot.flange_rotation @ self.payload[1:]
         first = first + mass * robot.flange_translation
-        tensor = np.zeros((3, 3))
-        if self.scene.tool is not None:
-            tensor = robot.flange_rotation @ self.scene.tool.inertia.tensor @ robot.flange_rotation.T
+        tensor = robot.flange_rotation @ self.scene.tool_inertia.tensor @ robot.flange_rotation.T
         if abs(mass) > _MIN_TOOL_MASS:
             c = first / mass
             tensor = tensor + mass * ((c @ c) * np.eye(3) - np.outer(c, c))

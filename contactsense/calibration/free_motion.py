@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -72,21 +72,10 @@ class FreeMotion:
 
     def part(self, rows: np.ndarray) -> Self:
         """Some of the samples; `rows`: their indices, increasing."""
-
-        def some(values: np.ndarray | None) -> np.ndarray | None:
-            return None if values is None else values[rows]
-
-        return replace(
-            self,
-            t=self.t[rows],
-            q=self.q[rows],
-            qd=self.qd[rows],
-            torque=some(self.torque),
-            reading=some(self.reading),
-            rows=some(self.rows),
-            free=some(self.free),
-            link_readings={name: reading[rows] for name, reading in self.link_readings.items()},
-        )
+        arrays = {name: getattr(self, name) for name in ("t", "q", "qd", "torque", "reading", "rows", "free")}
+        some: dict[str, Any] = {name: array[rows] for name, array in arrays.items() if array is not None}
+        links = {name: reading[rows] for name, reading in self.link_readings.items()}
+        return replace(self, **some, link_readings=links)
 
     @property
     def usable(self) -> np.ndarray:

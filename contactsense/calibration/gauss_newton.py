@@ -163,17 +163,15 @@ def _best_velocities(
     prior = np.array([entry.prior_std for entry in selected])
     stride = row_stride(recordings, bandwidth)
     torque_only = [recording.with_readings({}) for recording in recordings if recording.torque is not None]
-    best: tuple[float, CalibrationModel] | None = None
-    for velocity, lubricant in product(_VELOCITIES, _LUBRICANT_VELOCITIES):
-        candidate = arm.with_values(velocity=velocity, lubricant_velocity=lubricant)
+    free = np.ones(len(selected), dtype=bool)
+
+    def cost(candidate: CalibrationModel) -> float:
         rows = [
             row
             for recording in torque_only
             for row in linearize(candidate, recording, selected, bandwidth, stride)
         ]
-        free = np.ones(len(selected), dtype=bool)
-        cost = fit_robust(rows, prior, np.zeros(len(selected)), free, len(arm.gain)).cost
-        if best is None or cost < best[0]:
-            best = (cost, candidate)
-    assert best is not None
-    return best[1]
+        return fit_robust(rows, prior, np.zeros(len(selected)), free, len(arm.gain)).cost
+
+    pairs = product(_VELOCITIES, _LUBRICANT_VELOCITIES)
+    return min((arm.with_values(velocity=v, lubricant_velocity=l) for v, l in pairs), key=cost)  # noqa: E741

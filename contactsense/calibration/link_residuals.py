@@ -5,19 +5,19 @@ is moved to the base origin and passes through the same observer. The residual i
 sensor's own frame as the scene states it, in which noise is isotropic and a bias is constant.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.calibration.calibration_model import CalibrationModel, on_time
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.parameters import Entry, apply_step
+from contactsense.calibration.parameters import Entry
 from contactsense.calibration.recording_residuals import residuals, settled_samples
-from contactsense.calibration.residual_jacobian import DIFFERENCE_STEPS, Rows, inertial_columns
+from contactsense.calibration.residual_jacobian import Rows, difference, inertial_columns
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
-from contactsense.robots.link_poses import poses_of_link
+from contactsense.robots.link_poses import link_poses
 from contactsense.runtime.link_sensors import Mount, mounts
 from contactsense.scene import Scene, WrenchSensor
 
@@ -27,6 +27,12 @@ class _Poses(NamedTuple):
 
     rotation: np.ndarray
     origin: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, q: np.ndarray, mount: Mount) -> Self:
+        """Those of the link that carries a sensor, at joint angles of shape (N, n) [rad]."""
+        poses = link_poses(scene.robot, q)[:, mount.body]
+        return cls(poses[:, :3, :3], poses[:, :3, 3])
 
     def to_base(self, wrench: np.ndarray) -> np.ndarray:
         """Wrenches of shape (N, 6, ...) from the frame to base axes and origin."""
@@ -54,7 +60,7 @@ def link_residuals(arm: CalibrationModel, recording: FreeMotion, field: str, ban
         bandwidth: Cut-off frequency of the observer [Hz].
     """
     number, mount, sensor = _of(arm.scene, field)
-    link = _Poses(*poses_of_link(arm.scene.robot, recording.q, mount.body))
+    link = _Poses.of(arm.scene, recording.q, mount)
     reading = on_time(recording.t, recording.link_readings[field], arm.link_delay[number])
     moved = _mounted(link, arm, field)
     part = FreeMotion(
@@ -83,7 +89,7 @@ def link_readings(
     torque, wrench = np.empty(q.shape[1]), np.empty((len(q), 6))
     for i in range(len(q)):
         inverse_dynamics(load, q[i], qd[i], qdd[i], arm.gravity, state, torque, wrench[i])
-    link = _Poses(*poses_of_link(arm.scene.robot, q, mount.body))
+    link = _Poses.of(arm.scene, q, mount)
     own = _mounted(link, arm, field).from_base(wrench)
     return np.asarray(_sign(sensor) * own + arm.link_bias[number])
 
@@ -99,57 +105,32 @@ def link_rows(
     per_body = None
     if links and recording.link_readings:
         per_body = inertial_columns(arm, recording, arm.gravity, bandwidth, keep)
-    joints, rows = recording.q.shape[1], []
-    count = len(recording.t[keep])
+    joints, rows = recording.q.shape[1], list[Rows]()
     for field in recording.link_readings:
         number, mount, _ = _of(arm.scene, field)
         residual = link_residuals(arm, recording, field, bandwidth)
+
+        def residual_of(x: CalibrationModel, field: str = field) -> np.ndarray:
+            return link_residuals(x, recording, field, bandwidth)
+
         columns = [
-            (k, _slope(arm, recording, field, entry, residual, bandwidth)[keep])
+            (k, difference(residual_of, arm, recording, entry, residual)[keep])
             for k, entry in enumerate(selected)
             if entry.sensor == field or entry.group in ("payload", "tilt")
         ]
         if per_body is not None:
-            link = _Poses(*poses_of_link(arm.scene.robot, recording.q[keep], mount.body))
+            link = _Poses.of(arm.scene, recording.q[keep], mount)
             own = _stated(link, mount).from_base(per_body[:, joints:])
             columns += [
                 (k, own[:, :, entry.index[0], entry.index[1]])
                 for k, entry in links
                 if entry.index[0] >= mount.first_body
             ]
-        rows += [
-            Rows(
-                joints + 6 * (number + 1) + i,
-                residual[keep, i],
-                np.array([k for k, _ in columns], dtype=np.int64),
-                np.array([slope[:, i] for _, slope in columns]).reshape(len(columns), count).T.copy(),
-                recording.usable[keep],
-                dt,
-            )
-            for i in range(6)
-        ]
+        for i in range(6):
+            slopes = [(k, slope[:, i]) for k, slope in columns]
+            channel = joints + 6 * (number + 1) + i
+            rows.append(Rows.of(channel, residual[keep, i], slopes, recording.usable[keep], dt))
     return rows
-
-
-def _slope(
-    arm: CalibrationModel,
-    recording: FreeMotion,
-    field: str,
-    entry: Entry,
-    residual: np.ndarray,
-    bandwidth: float,
-) -> np.ndarray:
-    """Derivative of a sensor's residual by one parameter, shape (N, 6)."""
-    if entry.group == "link_delay":
-        h = 0.5 * float(np.median(np.diff(recording.t)))
-        ahead, behind = (
-            link_residuals(apply_step(arm, [entry], np.array([step])), recording, field, bandwidth)
-            for step in (h, -h)
-        )
-        return np.asarray((ahead - behind) / (2.0 * h))
-    h = entry.prior_std * DIFFERENCE_STEPS.get(entry.group, 1.0)
-    shifted = link_residuals(apply_step(arm, [entry], np.array([h])), recording, field, bandwidth)
-    return np.asarray((shifted - residual) / h)
 
 
 def _of(scene: Scene, field: str) -> tuple[int, Mount, WrenchSensor]:

@@ -63,16 +63,17 @@ def estimate_noise(
     speed = np.abs(np.vstack(qd))
     noise = np.maximum(1.4826 * np.median(np.abs(residuals - mean), axis=0), 1e-6) ** 2
     known_variance = noise + (error * np.vstack(friction)) ** 2
-    best: tuple[float, NoiseLevels] | None = None
-    for velocity in _REST_VELOCITIES:
+
+    def levels(velocity: float) -> NoiseLevels:
         model, rest = _model_error(residuals, mean, speed, known_variance, known_variance - noise, velocity)
-        found = NoiseLevels(np.sqrt(noise / variance_ratio), error, model, rest, velocity)
-        variance = known_variance + model**2 + np.nan_to_num(rest) ** 2 / (1.0 + (speed / velocity) ** 2) ** 2
-        score = float(np.mean(residuals**2 / variance + np.log(variance)))
-        if best is None or score < best[0]:
-            best = (score, found)
-    assert best is not None
-    return best[1]
+        return NoiseLevels(np.sqrt(noise / variance_ratio), error, model, rest, velocity)
+
+    def cost(found: NoiseLevels) -> float:
+        at_rest = np.nan_to_num(found.rest_error) ** 2 / (1.0 + (speed / found.rest_velocity) ** 2) ** 2
+        variance = known_variance + found.model_error**2 + at_rest
+        return float(np.mean(residuals**2 / variance + np.log(variance)))
+
+    return min(map(levels, _REST_VELOCITIES), key=cost)
 
 
 def _between_recordings(residual: list[np.ndarray], friction: list[np.ndarray]) -> np.ndarray:

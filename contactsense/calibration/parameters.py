@@ -105,54 +105,55 @@ def _group_parameters(arm: CalibrationModel, group: Group) -> list[Entry]:
             Entry(group, (j,), f"{group} of {joint.name}", unit, ratio or fraction * joint.torque_limit, j)
             for j, joint in enumerate(joints)
         ]
+    parts = _parts(group)
     if group in OF_LINK_SENSORS:
-        return _link_sensor_parameters(arm, group)
-    if group == "payload":
-        parts = [("mass", "kg", 5.0)] + [(f"mass x com {a}", "kg m", 0.5) for a in _AXES]
-    elif group == "wrench_bias":
-        parts = _BIASES
-    elif group == "delay":
-        return [Entry("delay", (), "delay of the base sensor", "s", 0.02)]
-    else:
-        unit, size = ("m", 0.05) if group == "shift" else ("rad", 0.1)
-        # A rotation about gravity does not change it.
-        down = int(np.argmax(np.abs(arm.scene.gravity_base))) if group == "tilt" else -1
+        kind = group.removeprefix("link_")
         return [
-            Entry(group, (i,), f"{group} {axis}", unit, size) for i, axis in enumerate(_AXES) if i != down
+            Entry(group, (s, i)[: len(parts)], f"{field} {kind} {name}".rstrip(), unit, size, sensor=field)
+            for s, field in enumerate(arm.scene.link_sensors)
+            for i, (name, unit, size) in enumerate(parts)
         ]
+    if group == "delay":
+        return [Entry("delay", (), "delay of the base sensor", *parts[0][1:])]
+    # A rotation about gravity does not change it.
+    down = int(np.argmax(np.abs(arm.scene.gravity_base))) if group == "tilt" else -1
     label = group.replace("_", " ")
-    return [Entry(group, (i,), f"{label} {name}", unit, size) for i, (name, unit, size) in enumerate(parts)]
-
-
-def _link_sensor_parameters(arm: CalibrationModel, group: Group) -> list[Entry]:
-    """One group of every sensor within the arm."""
-    parts = {
-        "link_bias": [(f"bias {name}", unit, size) for name, unit, size in _BIASES],
-        "link_turn": [(f"turn {axis}", "rad", 0.1) for axis in _AXES],
-        "link_shift": [(f"shift {axis}", "m", 0.05) for axis in _AXES],
-        "link_delay": [("delay", "s", 0.02)],
-    }[group]
     return [
-        Entry(group, (s, i) if len(parts) > 1 else (s,), f"{field} {name}", unit, size, sensor=field)
-        for s, field in enumerate(arm.scene.link_sensors)
+        Entry(group, (i,), f"{label} {name}", unit, size)
         for i, (name, unit, size) in enumerate(parts)
+        if i != down
     ]
 
 
+def _parts(group: Group) -> list[tuple[str, str, float]]:
+    """Name, unit and prior standard deviation of each parameter of the tool, of gravity or of a sensor."""
+    if group == "payload":
+        return [("mass", "kg", 5.0)] + [(f"mass x com {a}", "kg m", 0.5) for a in _AXES]
+    if group in ("wrench_bias", "link_bias"):
+        return _BIASES
+    if group in ("delay", "link_delay"):
+        return [("", "s", 0.02)]
+    unit, size = ("m", 0.05) if group in ("shift", "link_shift") else ("rad", 0.1)
+    return [(axis, unit, size) for axis in _AXES]
+
+
 def _link_parameters(arm: CalibrationModel, inertia_error: float) -> list[Entry]:
-    found = []
-    for k, link in enumerate(arm.scene.robot.links):
-        if k == 0:
-            continue  # the base does not move: its weight is indistinguishable from a bias
-        m, moments = arm.links[k, 0], arm.links[k, [4, 6, 9]]
-        size = float(np.sqrt(max(moments.sum(), 1e-6) / (2.0 * max(m, 1e-3))))
-        sizes = [m, *[m * size] * 3, *[m * size**2] * 6]
-        units = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
-        found += [
-            Entry("links", (k, c), f"{link.name} {_INERTIAL[c]}", units[c], inertia_error * sizes[c])
-            for c in range(10)
-        ]
-    return found
+    units = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
+    scales = inertia_error * inertial_scales(arm.links)
+    # The base does not move: its weight is indistinguishable from a bias.
+    return [
+        Entry("links", (k, c), f"{link.name} {_INERTIAL[c]}", units[c], float(scales[k, c]))
+        for k, link in enumerate(arm.scene.robot.links)
+        for c in range(10)
+        if k > 0
+    ]
+
+
+def inertial_scales(links: np.ndarray) -> np.ndarray:
+    """Scale of each inertial parameter, (L, 10) as `links`: by the link's mass and radius of gyration."""
+    mass = links[:, 0]
+    size = np.sqrt(np.maximum(links[:, [4, 6, 9]].sum(axis=1), 1e-6) / (2.0 * np.maximum(mass, 1e-3)))
+    return np.column_stack([mass] + [mass * size] * 3 + [mass * size**2] * 6)
 
 
 def value(arm: CalibrationModel, entry: Entry) -> float:
@@ -164,14 +165,8 @@ def apply_step(
     arm: CalibrationModel, selected: list[Entry] | tuple[Entry, ...], step: np.ndarray
 ) -> CalibrationModel:
     """A copy of the arm with each selected parameter changed by its step."""
-    changes: dict[str, np.ndarray | float] = {}
+    changes: dict[str, np.ndarray] = {}
     for entry, change in zip(selected, step, strict=True):
-        if entry.group == "delay":
-            changes["delay"] = arm.delay + float(change)
-            continue
-        if entry.group not in changes:
-            changes[entry.group] = np.array(getattr(arm, entry.group))
-        array = changes[entry.group]
-        assert isinstance(array, np.ndarray)
-        array[entry.index] += change
-    return arm.with_values(**changes)
+        changed = changes.setdefault(entry.group, np.array(getattr(arm, entry.group)))
+        changed[entry.index] += change
+    return arm.with_values(**{name: x if x.ndim else float(x) for name, x in changes.items()})

@@ -5,7 +5,9 @@ nearly all parameters enter linearly, so one large step is exact, and the observ
 duplicated. The sixty columns of the links come from the regressor in one pass.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -49,6 +51,20 @@ class Rows:
     dt: float
     """Time between rows [s]."""
 
+    @classmethod
+    def of(
+        cls,
+        channel: int,
+        residual: np.ndarray,
+        slopes: list[tuple[int, np.ndarray]],
+        moving: np.ndarray,
+        dt: float,
+    ) -> Self:
+        """Rows with the derivatives, shape (N,) each, by the parameters of these indices."""
+        columns = np.array([number for number, _ in slopes], dtype=np.int64)
+        slope = np.array([slope for _, slope in slopes]).reshape(len(slopes), len(residual)).T.copy()
+        return cls(channel, residual, columns, slope, moving, dt)
+
 
 def linearize(
     arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float, stride: int
@@ -77,18 +93,13 @@ def linearize(
                 continue
             done.add(entry.group)
             slopes += _joint_columns(arm, recording, selected, entry.group, bandwidth, residual, keep)
-        elif entry.group == "delay":
-            h = 0.5 * float(np.median(np.diff(recording.t)))
-            ahead = residuals(apply_step(arm, [entry], np.array([h])), recording, bandwidth)
-            behind = residuals(apply_step(arm, [entry], np.array([-h])), recording, bandwidth)
-            slopes.append((number, ((ahead - behind) / (2.0 * h))[keep], None))
         else:
-            h = entry.prior_std * DIFFERENCE_STEPS.get(entry.group, 1.0)
-            shifted = residuals(apply_step(arm, [entry], np.array([h])), recording, bandwidth)
-            slopes.append((number, ((shifted - residual) / h)[keep], None))
-    links = [(number, entry) for number, entry in enumerate(selected) if entry.group == "links"]
+            slope = difference(lambda x: residuals(x, recording, bandwidth), arm, recording, entry, residual)
+            slopes.append((number, slope[keep], None))
+    links = [(number, entry.index) for number, entry in enumerate(selected) if entry.group == "links"]
     if links:
-        slopes += _link_columns(arm, recording, links, bandwidth, keep)
+        by_link = inertial_columns(arm, recording, arm.gravity, bandwidth, keep)
+        slopes += [(number, by_link[:, :, link, column], None) for number, (link, column) in links]
     moving = recently_moved(recording)[keep]
     usable = recording.usable[keep]
     dt = stride * float(np.median(np.diff(recording.t)))
@@ -100,17 +111,33 @@ def linearize(
             (number, slope[:, channel]) for number, slope, only in slopes if only is None or only == channel
         ]
         own = [(number, column) for number, column in own if np.any(column)]
-        rows.append(
-            Rows(
-                channel,
-                residual[keep, channel],
-                np.array([number for number, _ in own], dtype=np.int64),
-                np.array([column for _, column in own]).reshape(len(own), len(residual[keep])).T.copy(),
-                usable & moving[:, channel] if channel < joints else usable,
-                dt,
-            )
-        )
+        counts = usable & moving[:, channel] if channel < joints else usable
+        rows.append(Rows.of(channel, residual[keep, channel], own, counts, dt))
     return rows
+
+
+def difference(
+    residual_of: Callable[[CalibrationModel], np.ndarray],
+    arm: CalibrationModel,
+    recording: FreeMotion,
+    entry: Entry,
+    residual: np.ndarray,
+) -> np.ndarray:
+    """Derivative of residuals by one parameter, by a finite difference; shape as theirs.
+
+    Args:
+        residual_of: Residuals of an arm, for this recording.
+        arm: Point of linearization.
+        recording: Contact-free motion.
+        entry: The parameter.
+        residual: `residual_of(arm)`.
+    """
+    if entry.group in ("delay", "link_delay"):
+        h = 0.5 * float(np.median(np.diff(recording.t)))
+        ahead, behind = (residual_of(apply_step(arm, [entry], np.array([step]))) for step in (h, -h))
+        return np.asarray((ahead - behind) / (2.0 * h))
+    h = entry.prior_std * DIFFERENCE_STEPS.get(entry.group, 1.0)
+    return np.asarray((residual_of(apply_step(arm, [entry], np.array([h]))) - residual) / h)
 
 
 def _joint_columns(
@@ -171,18 +198,6 @@ def _observe_links(
         if i >= start and (i - start) % stride == 0:
             copy(state.residual, out[row])
             row += 1
-
-
-def _link_columns(
-    arm: CalibrationModel,
-    recording: FreeMotion,
-    links: list[tuple[int, Entry]],
-    bandwidth: float,
-    keep: slice,
-) -> list[tuple[int, np.ndarray, int | None]]:
-    """Columns of all links' inertial parameters, in one pass."""
-    columns = inertial_columns(arm, recording, arm.gravity, bandwidth, keep)
-    return [(number, columns[:, :, entry.index[0], entry.index[1]], None) for number, entry in links]
 
 
 def inertial_columns(

@@ -12,6 +12,7 @@ autocovariance G of the residuals (W. K. Newey, K. D. West, "A simple, positive 
 heteroskedasticity and autocorrelation consistent covariance matrix", Econometrica 1987; E. Parzen's taper).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,23 +85,22 @@ def fit_robust(
             tau = np.array([_correlation_time(c) for c in covariances])
     H, _ = _normal_equations(rows, weights, sigma, tau, k)
     counts = [sum(row.moving.sum() for row in rows if row.channel == c) for c in range(channels)]
-    degrees_of_freedom = _degrees_of_freedom(
-        rows, weights, sigma, tau, H + np.diag(1.0 / prior**2), free, channels
-    )
+    bread = np.zeros((k, k))
+    bread[np.ix_(free, free)] = np.linalg.inv((H + np.diag(1.0 / prior**2))[np.ix_(free, free)])
+    # Number of parameters fitted by each equation: trace of its part of the hat matrix.
+    degrees_of_freedom = np.zeros(channels)
+    for row, W in _weighted(rows, weights, sigma, tau):
+        part = (W.T @ row.slope) * bread[np.ix_(row.columns, row.columns)]
+        degrees_of_freedom[row.channel] += np.sum(part)
     meat = np.diag(1.0 / prior**2)
-    for i, row in enumerate(rows):
+    for row, W in _weighted(rows, weights, sigma, tau):
         c = row.channel
-        if not counts[c] or not len(row.columns):
-            continue
         # The fit uses some of the residuals' degrees of freedom.
         autocovariance = covariances[c] / max(1.0 - degrees_of_freedom[c] * tau[c] / counts[c], 0.2)
-        W = row.slope * weights[i][:, None] / (sigma[c] ** 2 * tau[c])
         filtered = fftconvolve(
             W, np.concatenate((autocovariance[:0:-1], autocovariance))[:, None], mode="same", axes=0
         )
         meat[np.ix_(row.columns, row.columns)] += W.T @ filtered
-    bread = np.zeros((k, k))
-    bread[np.ix_(free, free)] = np.linalg.inv((H + np.diag(1.0 / prior**2))[np.ix_(free, free)])
     covariance = bread @ (0.5 * (meat + meat.T)) @ bread
     if unexcited is not None and unexcited.any():
         sensitivity = bread @ H[:, unexcited] * prior[unexcited]
@@ -123,35 +123,19 @@ def _normal_equations(
     rows: list[Rows], weights: list[np.ndarray], sigma: np.ndarray, tau: np.ndarray, k: int
 ) -> tuple[np.ndarray, np.ndarray]:
     H, g = np.zeros((k, k)), np.zeros(k)
-    for row, weight in zip(rows, weights, strict=True):
-        if not weight.any():
-            continue
-        W = row.slope * (weight / (sigma[row.channel] ** 2 * tau[row.channel]))[:, None]
+    for row, W in _weighted(rows, weights, sigma, tau):
         H[np.ix_(row.columns, row.columns)] += W.T @ row.slope
         g[row.columns] += W.T @ row.residual
     return H, g
 
 
-def _degrees_of_freedom(
-    rows: list[Rows],
-    weights: list[np.ndarray],
-    sigma: np.ndarray,
-    tau: np.ndarray,
-    H: np.ndarray,
-    free: np.ndarray,
-    channels: int,
-) -> np.ndarray:
-    """Number of parameters fitted by each equation: trace of its part of the hat matrix."""
-    bread = np.zeros_like(H)
-    bread[np.ix_(free, free)] = np.linalg.inv(H[np.ix_(free, free)])
-    degrees_of_freedom = np.zeros(channels)
+def _weighted(
+    rows: list[Rows], weights: list[np.ndarray], sigma: np.ndarray, tau: np.ndarray
+) -> Iterator[tuple[Rows, np.ndarray]]:
+    """The rows that count, each with its slopes times its weights over the variance."""
     for row, weight in zip(rows, weights, strict=True):
         if weight.any() and len(row.columns):
-            W = row.slope * (weight / (sigma[row.channel] ** 2 * tau[row.channel]))[:, None]
-            degrees_of_freedom[row.channel] += np.sum(
-                (W.T @ row.slope) * bread[np.ix_(row.columns, row.columns)]
-            )
-    return degrees_of_freedom
+            yield row, row.slope * (weight / (sigma[row.channel] ** 2 * tau[row.channel]))[:, None]
 
 
 def _autocovariances(

@@ -13,13 +13,13 @@ from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSub
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots import Link, Robot
 from contactsense.robots.jit.declaration import Floats, Integers
+from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia
 from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
 from contactsense.runtime.link_prior import area_share, log_link_density
-from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts
+from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts, tool_in_last_link
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
-from contactsense.runtime.tool_inertia import tool_in_last_link
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
 from contactsense.solvers.posterior import Prior
@@ -103,8 +103,7 @@ def build_constants(scene: Scene) -> Constants:
 def model_with_tool(scene: Scene) -> Model:
     """Kinematics and inertia of the scene's arm, the tool joined to the last link."""
     robot = scene.robot
-    calibrated = scene.inertia or {}
-    inertia = [calibrated[x.name].inertia if x.name in calibrated else x.inertia for x in robot.links]
+    inertia = scene.link_inertia
     inertia[-1] = join_inertia(inertia[-1], tool_in_last_link(scene))
     robot_with_tool = Robot(
         name=robot.name,
@@ -143,9 +142,7 @@ def wrench_transform(rotation: np.ndarray, translation: np.ndarray) -> np.ndarra
         rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
         translation: Its origin in the base frame, shape (3,) [m].
     """
-    x, y, z = translation
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.block([[rotation, np.zeros((3, 3))], [cross @ rotation, rotation]])
+    return np.block([[rotation, np.zeros((3, 3))], [cross_matrix(translation) @ rotation, rotation]])
 
 
 def base_wrench_from_reading(sensor: WrenchSensor, reading: np.ndarray) -> np.ndarray:

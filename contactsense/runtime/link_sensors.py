@@ -10,7 +10,8 @@ import numpy as np
 
 from contactsense.robots import Inertia
 from contactsense.robots.jit.declaration import Floats, Integers
-from contactsense.runtime.tool_inertia import tool_in_last_link
+from contactsense.robots.robot import NO_MASS
+from contactsense.robots.tool import move_inertia
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
 
@@ -49,6 +50,13 @@ class LinkSensors(NamedTuple):
     """Its inertia about that [kg m^2]."""
 
 
+def tool_in_last_link(scene: Scene) -> Inertia:
+    """Inertia of the tool in the last link's frame; zero without a tool."""
+    if scene.tool is None:
+        return NO_MASS
+    return move_inertia(scene.tool_inertia, scene.robot.flange_rotation, scene.robot.flange_translation)
+
+
 def mounts(scene: Scene) -> dict[str, Mount]:
     """Place and load of each of `Scene.link_sensors`, in that order."""
     robot, found = scene.robot, {}
@@ -56,7 +64,7 @@ def mounts(scene: Scene) -> dict[str, Mount]:
         link = robot.link_names.index(sensor.link)
         found[f"link_wrenches.{sensor.name}"] = Mount(
             sensor, link, sensor.rotation, np.array(sensor.translation), link, link,
-            Inertia(0.0, np.zeros(3), np.zeros((3, 3))),
+            NO_MASS,
         )  # fmt: skip
     wrist, links = scene.wrist_wrench, len(robot.links)
     if wrist is not None:

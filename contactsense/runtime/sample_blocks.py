@@ -2,13 +2,16 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from contactsense.sensors.link_values import as_fields, by_field
 from contactsense.sensors.validation import as_floats
 from contactsense.types import Estimate, Sample
+
+_FIELDS = ("t", "q", "qd", "joint_torque", "base_wrench")
+"""Arrays of a block besides those of the link sensors."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,22 +52,26 @@ class SampleBlock:
         t = as_floats("t", block.t)
         if t.ndim != 1:
             raise ValueError(f"t: expected shape (N,), got shape {t.shape}")
+        found = {"t": t}
+        for name, value in block._arrays().items():
+            if name != "t":
+                size = joints if name in ("q", "qd", "joint_torque") else 6
+                array = found[name] = as_floats(name, value)
+                if array.shape != (len(t), size):
+                    raise ValueError(f"{name}: expected shape ({len(t)}, {size}), got shape {array.shape}")
+        return cls._of(found)
 
-        def checked(name: str, value: object, size: int) -> np.ndarray:
-            array = as_floats(name, value)
-            if array.shape != (len(t), size):
-                raise ValueError(f"{name}: expected shape ({len(t)}, {size}), got shape {array.shape}")
-            return array
+    def _arrays(self) -> dict[str, np.ndarray]:
+        """What the block has, by field of the sample."""
+        own = {name: getattr(self, name) for name in _FIELDS}
+        there = {name: x for name, x in own.items() if x is not None or name in ("q", "qd")}
+        return there | self.link_values
 
-        torque, base = block.joint_torque, block.base_wrench
-        return cls(
-            t,
-            checked("q", block.q, joints),
-            checked("qd", block.qd, joints),
-            None if torque is None else checked("joint_torque", torque, joints),
-            None if base is None else checked("base_wrench", base, 6),
-            **as_fields({name: checked(name, value, 6) for name, value in block.link_values.items()}),
-        )
+    @classmethod
+    def _of(cls, arrays: Mapping[str, np.ndarray]) -> Self:
+        """The inverse of `_arrays`."""
+        own: dict[str, Any] = {name: arrays[name] for name in _FIELDS if name in arrays}
+        return cls(**own, **as_fields({name: x for name, x in arrays.items() if name not in _FIELDS}))
 
     @property
     def link_values(self) -> dict[str, np.ndarray]:
@@ -77,44 +84,20 @@ class SampleBlock:
             yield self[at : at + size]
 
     def __getitem__(self, rows: slice | np.ndarray) -> Self:
-        torque, base = self.joint_torque, self.base_wrench
-        return type(self)(
-            self.t[rows],
-            self.q[rows],
-            self.qd[rows],
-            None if torque is None else torque[rows],
-            None if base is None else base[rows],
-            **as_fields({name: value[rows] for name, value in self.link_values.items()}),
-        )
+        return self._of({name: value[rows] for name, value in self._arrays().items()})
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """Consecutive parts of one stream as one block; at least one, with the same sensors."""
-
-        def stacked(name: str) -> np.ndarray:
-            return np.concatenate([getattr(part, name) for part in parts])
-
-        first = parts[0]
-        links = {
-            name: np.concatenate([part.link_values[name] for part in parts]) for name in first.link_values
-        }
-        return cls(
-            stacked("t"),
-            stacked("q"),
-            stacked("qd"),
-            None if first.joint_torque is None else stacked("joint_torque"),
-            None if first.base_wrench is None else stacked("base_wrench"),
-            **as_fields(links),
-        )
+        arrays = [part._arrays() for part in parts]
+        return cls._of({name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]})
 
     def sample(self, i: int) -> Sample:
         """Sample number i."""
-        torque, base = (
-            None if value is None or np.isnan(value[i]).all() else value[i]
-            for value in (self.joint_torque, self.base_wrench)
-        )
-        links = {name: x[i] for name, x in self.link_values.items() if not np.isnan(x[i]).all()}
-        return Sample(float(self.t[i]), self.q[i], self.qd[i], torque, base, **as_fields(links))
+        row = {name: x[i] for name, x in self._arrays().items() if name != "t"}
+        values = {name: x for name, x in row.items() if name in ("q", "qd") or not np.isnan(x).all()}
+        own: dict[str, Any] = {name: values.pop(name) for name in _FIELDS if name in values}
+        return Sample(float(self.t[i]), **own, **as_fields(values))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

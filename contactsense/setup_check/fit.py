@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contactsense.calibration.parameters import inertial_scales
 from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
 from contactsense.setup_check.hypotheses import wrench_fields
@@ -191,7 +192,7 @@ class Fitter:
         """Derivatives of the prediction by the nuisances in units of their priors, shape (M, C, P), and the
         first column of each sensor's bias."""
         basis, n = self._bases.of(setup.robot, setup.angle_unit), self._joints
-        size = self._inertia_error * _link_sizes(setup.links)
+        size = self._inertia_error * inertial_scales(setup.links)
         rows, links, drives = len(basis.viscous), 10 * (len(size) - 1), 4 * n
         own = sum(6 + 10 * setup.sensors[field].tool_alone for field in self._readings.wrenches)
         found = np.zeros((rows, n + 6 * len(self._fields), links + drives + own))
@@ -210,7 +211,7 @@ class Fitter:
             sensor, rates = setup.sensors[field], setup.reading_per_wrench(field)
             terms, channels = self._load_terms(setup, field), self._of(field)
             if sensor.tool_alone:
-                terms = terms[:, :, 0] * (self._inertia_error * _link_sizes(setup.carried(field))[0])
+                terms = terms[:, :, 0] * (self._inertia_error * inertial_scales(setup.carried(field))[0])
                 found[:, channels, first : first + 10] = rates @ terms
                 first += 10
             else:
@@ -288,10 +289,3 @@ class _Solved:
 
 def _bias_scale(field: str) -> np.ndarray:
     return _BASE_BIAS if field == BASE else _LINK_BIAS
-
-
-def _link_sizes(links: np.ndarray) -> np.ndarray:
-    """Scale of each inertial parameter by the link's mass and radius of gyration, shape (L, 10)."""
-    mass = links[:, 0]
-    size = np.sqrt(np.maximum(links[:, [4, 6, 9]].sum(axis=1), 1e-6) / (2.0 * np.maximum(mass, 1e-3)))
-    return np.column_stack([mass] + [mass * size] * 3 + [mass * size**2] * 6)

@@ -1,7 +1,7 @@
 """What could be wrong: each hypothesis changes one line of the scene, or how a signal is read."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 from typing import Any, get_args
@@ -69,9 +69,6 @@ class Hypothesis:
     """Continuous parameters to estimate."""
 
 
-Builder = Callable[[Setup], Hypothesis | None]
-
-
 class Hypotheses:
     """All hypotheses that apply to a scene and its sensors."""
 
@@ -86,34 +83,34 @@ class Hypotheses:
         """`others`: the scene with each other arm; `largest`: joint position as read; `torque`: whether joint
         torques were recorded; `fields`: which force/torque sensors were."""
         self._scene, self._others, self._largest = scene, others, largest
-        arm: list[Builder] = [self._robot, self._angle_unit, self._mounting]
-        arm += [self._tool] if scene.tool is None else [self._tool_mass, self._tool_com, self._tool]
-        torques: list[Builder] = [self._torque_sign, self._torque_signal, self._torque_meaning]
-        self._builders = arm + (torques if torque else [])
-        self._fields = tuple(fields)
+        self._torque, self._fields = torque, tuple(fields)
 
     def of(self, setup: Setup) -> list[Hypothesis]:
         """All single changes of a setup."""
-        found = [hypothesis for build in self._builders if (hypothesis := build(setup)) is not None]
+        found = [*self._arm(setup), self._mounting(setup), *self._tool(setup)]
+        if self._torque:
+            found += self._torques(setup)
         for field in self._fields:
             found += self._sensor(field, setup)
         return found
 
-    def _robot(self, setup: Setup) -> Hypothesis | None:
-        if setup.robot != self._scene.robot.name or not self._others:
-            return None
-        return Hypothesis("robot", tuple((name, setup.with_robot(s)) for name, s in self._others.items()))
-
-    def _angle_unit(self, setup: Setup) -> Hypothesis | None:
-        if setup.angle_unit != 1.0:
-            return None
-        units = (("they are in degrees", np.pi / 180.0), ("they were converted twice", 180.0 / np.pi))
-        starts = tuple(
+    def _arm(self, setup: Setup) -> list[Hypothesis]:
+        """Another arm, or another unit of its joint positions."""
+        robots = [(name, setup.with_robot(scene)) for name, scene in self._others.items()]
+        units = [
             (text, replace(setup, angle_unit=unit))
-            for text, unit in units
+            for text, unit in (
+                ("they are in degrees", np.pi / 180.0),
+                ("they were converted twice", 180.0 / np.pi),
+            )
             if unit * self._largest < _LARGEST_ANGLE
-        )
-        return Hypothesis("joint positions: unit", starts) if starts else None
+        ]
+        found = []
+        if setup.robot == self._scene.robot.name and robots:
+            found.append(Hypothesis("robot", tuple(robots)))
+        if setup.angle_unit == 1.0 and units:
+            found.append(Hypothesis("joint positions: unit", tuple(units)))
+        return found
 
     def _mounting(self, setup: Setup) -> Hypothesis:
         size = float(np.linalg.norm(setup.gravity))
@@ -130,32 +127,29 @@ class Hypotheses:
                     starts.append((text, replace(setup, gravity=down)))
         return Hypothesis("mounting", tuple(starts), (Free("tilt"),))
 
-    def _tool_mass(self, setup: Setup) -> Hypothesis:
-        return Hypothesis("tool.mass", (("", setup),), (Free("mass"),))
-
-    def _tool_com(self, setup: Setup) -> Hypothesis | None:
-        return Hypothesis("tool.com", (("", setup),), (Free("com"),)) if setup.mass > 0.0 else None
-
-    def _tool(self, setup: Setup) -> Hypothesis:
+    def _tool(self, setup: Setup) -> list[Hypothesis]:
+        mass, com = Free("mass"), Free("com")
         some = setup if setup.mass > 0.0 else replace(setup, mass=1.0)
-        return Hypothesis("tool", (("", some),), (Free("mass"), Free("com")))
+        found = []
+        if self._scene.tool is not None:
+            found.append(Hypothesis("tool.mass", (("", setup),), (mass,)))
+            if setup.mass > 0.0:
+                found.append(Hypothesis("tool.com", (("", setup),), (com,)))
+        return [*found, Hypothesis("tool", (("", some),), (mass, com))]
 
-    def _torque_sign(self, setup: Setup) -> Hypothesis:
-        return Hypothesis("joint_torque.sign", (("", replace(setup, gain=-setup.gain)),))
-
-    def _torque_signal(self, setup: Setup) -> Hypothesis:
+    def _torques(self, setup: Setup) -> list[Hypothesis]:
+        """What may be wrong with the joint torques."""
         constants = torque_constants(self._scene)
-        return Hypothesis(
-            "joint_torque.signal",
-            (
-                ("the values are currents [A]", replace(setup, gain=setup.gain / constants)),
-                ("the values are torques [Nm]", replace(setup, gain=setup.gain * constants)),
-            ),
+        signals = (
+            ("the values are currents [A]", replace(setup, gain=setup.gain / constants)),
+            ("the values are torques [Nm]", replace(setup, gain=setup.gain * constants)),
         )
-
-    def _torque_meaning(self, setup: Setup) -> Hypothesis:
         others = [meaning for meaning in get_args(Meaning) if meaning != setup.meaning]
-        return Hypothesis("joint_torque.meaning", tuple(("", replace(setup, meaning=m)) for m in others))
+        return [
+            Hypothesis("joint_torque.sign", (("", replace(setup, gain=-setup.gain)),)),
+            Hypothesis("joint_torque.signal", signals),
+            Hypothesis("joint_torque.meaning", tuple(("", replace(setup, meaning=m)) for m in others)),
+        ]
 
     def _sensor(self, field: str, setup: Setup) -> list[Hypothesis]:
         """What may be wrong with a force/torque sensor."""
@@ -165,6 +159,7 @@ class Hypotheses:
             return "", setup.with_sensor(field, **changes)
 
         turns = [turn for turn in signed_permutations() if np.linalg.det(turn) > 0.0]
+        others = [link for link in range(1, len(self._scene.robot.links)) if link != sensor.body]
         swap = np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(3))
         exchanged = setup.with_sensor(field, order=swap @ sensor.order)
         frames = tuple(changed(rotation=sensor.rotation @ turn) for turn in turns)
@@ -176,25 +171,19 @@ class Hypotheses:
             "delay": Hypothesis("", delays, (Free("delay", field),)),
             "order of axes": Hypothesis("", _reordered(field, setup)),
             "force and moment": Hypothesis("", (("the moment comes first", exchanged),)),
-            "link": Hypothesis("", tuple(changed(body=body) for body in self._other_links(sensor.body))),
+            "link": Hypothesis("", tuple(changed(body=body) for body in others)),
         }
         names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(self._scene, field)}
         return [replace(found[name], line=line) for line, name in names.items() if name in found]
 
-    def _other_links(self, body: int) -> list[int]:
-        return [link for link in range(1, len(self._scene.robot.links)) if link != body]
-
 
 def _reordered(field: str, setup: Setup) -> tuple[tuple[str, Setup], ...]:
-    starts = []
-    for a, b in ((0, 1), (0, 2), (1, 2)):
-        swap = np.eye(3)
-        swap[[a, b]] = swap[[b, a]]
-        starts.append((f"{'xyz'[a]} and {'xyz'[b]} are exchanged", swap))
-    for a in range(3):
-        mirror = np.eye(3)
-        mirror[a, a] = -1.0
-        starts.append((f"{'xyz'[a]} points the other way", mirror))
+    swaps = {"x and y": [1, 0, 2], "x and z": [2, 1, 0], "y and z": [0, 2, 1]}
+    starts = [(f"{axes} are exchanged", np.eye(3)[turned]) for axes, turned in swaps.items()]
+    starts += [
+        (f"{axis} points the other way", np.diag(1.0 - 2.0 * unit))
+        for axis, unit in zip("xyz", np.eye(3), strict=True)
+    ]
     order = setup.sensors[field].order
     return tuple(
         (text, setup.with_sensor(field, order=order @ np.kron(np.eye(2), axes))) for text, axes in starts

@@ -18,6 +18,7 @@ from contactsense.calibration.residual_jacobian import inertial_columns
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.robots import Robot
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.setup_check.hypotheses import wrench_fields
 from contactsense.setup_check.instants import BANDWIDTH, Instants, instants
 from contactsense.setup_check.load_terms import LoadTerms, load_terms
 
@@ -117,14 +118,13 @@ class Readings:
             pairs = zip(alone, places, strict=True)
             return np.concatenate([residuals(arm, part, BANDWIDTH)[at.samples] for part, at in pairs])
 
-        fields = (() if scene.base_wrench is None else ("base_wrench",)) + tuple(scene.link_sensors)
         torque = scene.joint_torque is not None and all(part.torque is not None for part in recordings)
         dt = float(np.median(np.concatenate([np.diff(part.t) for part in recordings])))
         return cls(
             -filtered("base_wrench")[:, :n] if torque else None,
             {
                 field: filtered(field)[:, n:]
-                for field in fields
+                for field in wrench_fields(scene)
                 if all(field in part.readings for part in recordings)
             },
             noise_variance_ratio(BANDWIDTH, dt),

@@ -105,14 +105,14 @@ def _frame(setup: SensorSetup, scene: SensorSetup) -> tuple[str, str]:
                 vector = Rotation.from_matrix(turn).as_rotvec()
                 degrees = float(np.degrees(np.linalg.norm(vector)))
                 if degrees > 1.0:
-                    axis = _vector(np.round(vector / np.abs(vector).max()), 0)
+                    axis = np.round(vector / np.abs(vector).max())
                     remark = f"turned by {degrees:.0f} degrees about {_axis(axis)}"
                 break
     return _vector(Rotation.from_matrix(rotation).as_euler("xyz"), 4), remark
 
 
-def _axis(text: str) -> str:
-    return {
-        "[1, 0, 0]": "x", "[-1, 0, 0]": "-x", "[0, 1, 0]": "y",
-        "[0, -1, 0]": "-y", "[0, 0, 1]": "z", "[0, 0, -1]": "-z",
-    }.get(text, text)  # fmt: skip
+def _axis(axis: np.ndarray) -> str:
+    """A direction of whole numbers; those of the frame by their letters."""
+    letters = zip("xyz", axis, strict=True)
+    named = [f"-{letter}" if x < 0.0 else letter for letter, x in letters if x != 0.0]
+    return named[0] if len(named) == 1 else _vector(axis, 0)

@@ -119,7 +119,7 @@ class Setup:
     def of(cls, scene: Scene) -> Self:
         """What the scene states."""
         torque = scene.joint_torque or JointTorqueSensor()
-        tool = scene.tool.inertia if scene.tool is not None else Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+        tool = scene.tool_inertia
         return cls(
             robot=scene.robot.name,
             angle_unit=1.0,

@@ -6,6 +6,7 @@ the nearest patch is used.
 """
 
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.convex_primitives import BOX
 from contactsense.robots.vectors import Vector, dot, norm, scale
 from contactsense.solvers.cylinder import directions
 from contactsense.solvers.ellipsoid import unit_sphere
@@ -17,23 +18,11 @@ from contactsense.solvers.solution import (
     PATCH_TOLERANCE,
     SHARP,
     Answer,
-    input_status,
     no_contact,
     with_status,
 )
-from contactsense.solvers.units import (
-    LARGE,
-    SMALL,
-    from_units,
-    length_to_units,
-    scale_by_power,
-    to_units,
-    units_for,
-)
+from contactsense.solvers.units import LARGE, SMALL, from_units, in_units, length_to_units, scale_by_power
 from contactsense.solvers.wrench import Wrench, invariant, moment_about
-
-_BOX = 2
-"""Index of this kind in `contactsense.robots.surface.convex_primitives`."""
 
 
 @kernel
@@ -146,9 +135,9 @@ def _box(wrench: Wrench, half: Vector, r: float) -> Answer:
         return on_patch(OK, wrench, patch, r)
     size = (half[0], half[1], half[2], r)
     if r == 0.0:
-        answer = enter(_BOX, size, reach, wrench)
+        answer = enter(BOX, size, reach, wrench)
         return with_status(answer, SHARP) if answer.status == OK else answer
-    answer = nearest_to_line(_BOX, size, reach, wrench)
+    answer = nearest_to_line(BOX, size, reach, wrench)
     return answer if invariant(wrench) == 0.0 else with_status(answer, NOT_CONVERGED)
 
 
@@ -172,9 +161,8 @@ def solve_box(wrench: Wrench, half: Vector, rounding: float) -> Answer:
     round_enough = rounding == 0.0 or rounding * rounding * ff > SMALL
     if ff > SMALL and round_enough and size * size * ff < LARGE and dot(m, m) < LARGE:
         return _box(wrench, half, rounding)
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, size)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, size)
     half, rounding = scale_by_power(half, -units.length), length_to_units(rounding, units)
-    return from_units(_box(to_units(wrench, units), half, rounding), units)
+    return from_units(_box(local, half, rounding), units)

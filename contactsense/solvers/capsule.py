@@ -12,8 +12,8 @@ from contactsense.robots.vectors import dot
 from contactsense.solvers.cylinder import directions, height, lateral_frame, on_lateral
 from contactsense.solvers.ellipsoid import ball, on_ball
 from contactsense.solvers.nearest_point import TAPERED, nearest_to_line
-from contactsense.solvers.solution import FAR, OK, PATCH_TOLERANCE, Answer, input_status, no_contact
-from contactsense.solvers.units import LARGE, SMALL, from_units, length_to_units, to_units, units_for
+from contactsense.solvers.solution import FAR, OK, PATCH_TOLERANCE, Answer, no_contact
+from contactsense.solvers.units import LARGE, SMALL, from_units, in_units, length_to_units
 from contactsense.solvers.wrench import Wrench, sum_error
 
 
@@ -88,16 +88,9 @@ def solve_tapered_capsule(wrench: Wrench, half: float, radius_a: float, radius_b
     ff = dot(f, f)
     if SMALL < size * size * ff < LARGE and dot(m, m) < LARGE and half * half * ff < LARGE:
         return _tapered_capsule(wrench, half, radius_a, radius_b)
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, half + size)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, half + size)
     half = length_to_units(half, units)
     radius_a, radius_b = length_to_units(radius_a, units), length_to_units(radius_b, units)
-    return from_units(_tapered_capsule(to_units(wrench, units), half, radius_a, radius_b), units)
-
-
-@kernel
-def solve_capsule(wrench: Wrench, half: float, radius: float) -> Answer:
-    """Contact centroid on a capsule about z, the ends of its segment at (0, 0, -half) and (0, 0, half)."""
-    return solve_tapered_capsule(wrench, half, radius, radius)
+    return from_units(_tapered_capsule(local, half, radius_a, radius_b), units)

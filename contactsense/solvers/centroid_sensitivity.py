@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
+from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.vectors import tangents
 from contactsense.solvers.solve_wrench import Solution, solve_wrench
 from contactsense.solvers.surface import Surface
@@ -65,7 +66,7 @@ def sensitivity(surface: Surface, solution: Solution) -> Sensitivity:
     T = np.array(tangents((float(n[0]), float(n[1]), float(n[2])))).reshape(2, 3).T
     push = float(f @ n)
     J = np.array(((0.0, -1.0), (1.0, 0.0)))
-    cross = np.array(((0.0, -c[2], c[1]), (c[2], 0.0, -c[0]), (-c[1], c[0], 0.0)))
+    cross = cross_matrix(c)
     size = float(np.linalg.norm(f))
     u = f / size
     t = float(f @ m)

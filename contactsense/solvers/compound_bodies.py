@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from contactsense.solvers import compound
 from contactsense.solvers.paper_surfaces import Cone, Cylinder, Ellipsoid, Placed, Plane, Sphere
-from contactsense.solvers.surface import Problem, positive
+from contactsense.solvers.surface import KernelSurface, positive
 
 Simple = Sphere | Ellipsoid | Cylinder | Cone | Plane | Placed
 """A surface with a closed form, or one of these placed."""
@@ -24,8 +24,10 @@ class Part:
     """The surfaces at which the part ends; it lies on the body's side of all of them."""
 
 
-class Compound:
+class Compound(KernelSurface):
     """A convex body whose surface is composed of parts (paper, section 7), with or without edges."""
+
+    kernels = compound.solve_compound, compound.wrench_axis_compound
 
     def __init__(self, parts: Sequence[Part], reach: float) -> None:
         """Compose a body.
@@ -72,13 +74,9 @@ class Compound:
         ]
         return cls(parts, reach)
 
-    def problem(self) -> Problem:
-        """Closed forms of its parts."""
-        return compound.solve_compound, (self._packed,)
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return compound.wrench_axis_compound, (self._packed,)
+    def arguments(self) -> tuple[Any, ...]:
+        """See `KernelSurface`."""
+        return (self._packed,)
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3): that of the part that contains the
@@ -92,21 +90,19 @@ class Compound:
         return self.parts[int(np.argmin(distances))].surface.shape_operator(point, normal)
 
 
-def _packed(surface: Simple) -> tuple[int, tuple[float, ...], np.ndarray, np.ndarray]:
+_KINDS = {
+    Plane: compound.PLANE, Sphere: compound.ELLIPSOID, Ellipsoid: compound.ELLIPSOID,
+    Cylinder: compound.CYLINDER, Cone: compound.CONE,
+}  # fmt: skip
+
+
+def _packed(surface: Simple) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
     """Kind, size, axes and origin of a surface."""
-    rotation, origin = np.eye(3), np.zeros(3)
-    inner: object = surface
     if isinstance(surface, Placed):
-        rotation, origin, inner = surface.rotation, surface.origin, surface.surface
-    if isinstance(inner, Plane):
-        normal, offset = inner.problem()[1]
-        return compound.PLANE, (*normal, offset), rotation, origin
-    if isinstance(inner, Sphere):
-        return compound.ELLIPSOID, (inner.radius, inner.radius, inner.radius, 0.0), rotation, origin
-    if isinstance(inner, Ellipsoid):
-        return compound.ELLIPSOID, (inner.a, inner.b, inner.c, 0.0), rotation, origin
-    if isinstance(inner, Cylinder):
-        return compound.CYLINDER, (inner.radius, 0.0, 0.0, 0.0), rotation, origin
-    if isinstance(inner, Cone):
-        return compound.CONE, (inner.radius, inner.taper, 0.0, 0.0), rotation, origin
-    raise ValueError(f"Compound: {type(inner).__name__} has no closed form of one surface")
+        kind, size, _, _ = _packed(surface.surface)  # type: ignore[arg-type]
+        return kind, size, surface.rotation, surface.origin
+    if type(surface) not in _KINDS:
+        raise ValueError(f"Compound: {type(surface).__name__} has no closed form of one surface")
+    # As for the wrench axis, for which a sphere is an ellipsoid.
+    numbers = np.hstack(surface.line_problem()[1])
+    return _KINDS[type(surface)], np.pad(numbers, (0, 4 - len(numbers))), np.eye(3), np.zeros(3)

@@ -26,12 +26,11 @@ from contactsense.solvers.solution import (
     TANGENT,
     TINY,
     Answer,
-    input_status,
     make_answer,
     no_contact,
     torsion,
 )
-from contactsense.solvers.units import LARGE, SMALL, from_units, length_to_units, to_units, units_for
+from contactsense.solvers.units import LARGE, SMALL, from_units, in_units, length_to_units
 from contactsense.solvers.wrench import Wrench, about_height, line_point
 
 _AT_APEX = 1e-15
@@ -134,11 +133,10 @@ def solve_cylinder(wrench: Wrench, radius: float) -> Answer:
     pp = radius * radius * (f[0] * f[0] + f[1] * f[1])
     if SMALL < pp < LARGE and dot(m, m) < LARGE and radius * abs(f[2]) < LARGE:
         return _cylinder(wrench, radius)
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, radius)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, radius)
-    return from_units(_cylinder(to_units(wrench, units), length_to_units(radius, units)), units)
+    return from_units(_cylinder(local, length_to_units(radius, units)), units)
 
 
 @kernel
@@ -207,8 +205,7 @@ def solve_cone(wrench: Wrench, radius: float, taper: float) -> Answer:
     ff = dot(f, f)
     if radius * radius * ff > SMALL and (1.0 + radius * radius) * ff < LARGE and dot(m, m) < LARGE:
         return _cone(wrench, radius, taper)
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, radius)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, radius)
-    return from_units(_cone(to_units(wrench, units), length_to_units(radius, units), taper), units)
+    return from_units(_cone(local, length_to_units(radius, units), taper), units)

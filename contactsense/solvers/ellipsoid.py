@@ -14,16 +14,8 @@ from math import sqrt
 
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, norm, scale
-from contactsense.solvers.solution import (
-    MISS,
-    OK,
-    TANGENT,
-    Answer,
-    input_status,
-    make_answer,
-    no_contact,
-)
-from contactsense.solvers.units import LARGE, SMALL, from_units, length_to_units, to_units, units_for
+from contactsense.solvers.solution import MISS, OK, TANGENT, Answer, make_answer, no_contact
+from contactsense.solvers.units import LARGE, SMALL, from_units, in_units, length_to_units
 from contactsense.solvers.wrench import Wrench, about_height, invariant
 
 _MAX_UNSCALED_SIZE = 1e6
@@ -116,12 +108,11 @@ def solve_ellipsoid(wrench: Wrench, a: float, b: float, c: float) -> Answer:
     ff = dot(f, f)
     if square * square * ff > SMALL and ff < LARGE and dot(m, m) < LARGE and size < _MAX_UNSCALED_SIZE:
         return _ellipsoid(wrench, a, b, c)
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, size)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, size)
     a, b, c = length_to_units(a, units), length_to_units(b, units), length_to_units(c, units)
-    return from_units(_ellipsoid(to_units(wrench, units), a, b, c), units)
+    return from_units(_ellipsoid(local, a, b, c), units)
 
 
 @kernel
@@ -136,8 +127,7 @@ def solve_sphere(wrench: Wrench, radius: float) -> Answer:
     f, m = wrench
     if SMALL < radius * radius * dot(f, f) < LARGE and dot(m, m) < LARGE:
         return _sphere(wrench, radius)
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, radius)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, radius)
-    return from_units(_sphere(to_units(wrench, units), length_to_units(radius, units)), units)
+    return from_units(_sphere(local, length_to_units(radius, units)), units)

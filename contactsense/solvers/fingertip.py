@@ -4,16 +4,8 @@ from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import dot
 from contactsense.solvers.cylinder import directions, height, on_lateral
 from contactsense.solvers.ellipsoid import ball, on_ball
-from contactsense.solvers.solution import (
-    FAR,
-    MISS,
-    OK,
-    PATCH_TOLERANCE,
-    Answer,
-    input_status,
-    no_contact,
-)
-from contactsense.solvers.units import LARGE, SMALL, from_units, length_to_units, to_units, units_for
+from contactsense.solvers.solution import FAR, MISS, OK, PATCH_TOLERANCE, Answer, no_contact
+from contactsense.solvers.units import LARGE, SMALL, from_units, in_units, length_to_units
 from contactsense.solvers.wrench import Wrench, pure_force
 from contactsense.solvers.wrench_axis import line_answer
 
@@ -52,20 +44,18 @@ def solve_fingertip(wrench: Wrench, radius: float) -> Answer:
     f, m = wrench
     if SMALL < radius * radius * dot(f, f) < LARGE and dot(m, m) < LARGE:
         return _fingertip(wrench, radius)
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, radius)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, radius)
-    return from_units(_fingertip(to_units(wrench, units), length_to_units(radius, units)), units)
+    return from_units(_fingertip(local, length_to_units(radius, units)), units)
 
 
 @kernel
 def wrench_axis_fingertip(wrench: Wrench, radius: float) -> Answer:
     """Point where the wrench axis enters the fingertip."""
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, radius)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, radius)
-    wrench, radius = to_units(wrench, units), length_to_units(radius, units)
-    answer = _fingertip(pure_force(wrench), radius)
-    return from_units(line_answer(answer, wrench, PATCH_TOLERANCE * radius), units)
+    radius = length_to_units(radius, units)
+    answer = _fingertip(pure_force(local), radius)
+    return from_units(line_answer(answer, local, PATCH_TOLERANCE * radius), units)

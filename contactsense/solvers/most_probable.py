@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.robots.jit.flat_buffers import zeros
+from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.posterior import (
@@ -24,7 +25,7 @@ from contactsense.solvers.posterior import (
 )
 from contactsense.solvers.solution import Status
 from contactsense.solvers.solve_wrench import Method, solve_wrench
-from contactsense.solvers.surface import Surface, same_fields, vectors
+from contactsense.solvers.surface import EqualByFields, Surface, vectors
 
 _MAX_ITERATIONS = 60
 _TOLERANCE = 1e-12
@@ -55,7 +56,7 @@ class ContactPrior:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ProbableContact:
+class ProbableContact(EqualByFields):
     """The most probable contact on a surface."""
 
     status: Status
@@ -83,11 +84,6 @@ class ProbableContact:
     def ok(self) -> bool:
         """Whether this is a contact."""
         return self.status == Status.OK
-
-    def __eq__(self, other: object) -> bool:
-        return same_fields(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
 
 
 def most_probable_contact(
@@ -123,7 +119,7 @@ def most_probable_contact(
         R, p = surface.rotation, surface.origin
         adjoint = np.zeros((6, 6))
         adjoint[:3, :3] = adjoint[3:, 3:] = R.T
-        adjoint[3:, :3] = -R.T @ _cross_matrix(p)
+        adjoint[3:, :3] = -R.T @ cross_matrix(p)
         w = adjoint @ np.concatenate((f, m))
         found = most_probable_contact(surface.surface, w[:3], w[3:], adjoint @ P @ adjoint.T, given)
         if not found.ok:
@@ -284,7 +280,3 @@ def _tuple(array: np.ndarray) -> Vector:
     """The first three numbers of an array."""
     x, y, z = array[:3].tolist()
     return x, y, z
-
-
-def _cross_matrix(p: np.ndarray) -> np.ndarray:
-    return np.array(((0.0, -p[2], p[1]), (p[2], 0.0, -p[0]), (-p[1], p[0], 0.0)))

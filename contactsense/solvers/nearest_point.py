@@ -9,8 +9,8 @@ from math import sqrt
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, norm
-from contactsense.solvers.solution import MISS, OK, Answer, input_status, make_answer, no_contact
-from contactsense.solvers.units import from_units, length_to_units, to_units, units_for
+from contactsense.solvers.solution import MISS, OK, Answer, make_answer, no_contact
+from contactsense.solvers.units import from_units, in_units, length_to_units
 from contactsense.solvers.wrench import Wrench, line_point
 
 TAPERED = 100
@@ -111,14 +111,13 @@ def enter(kind: int, size: Size, reach: float, wrench: Wrench) -> Answer:
         reach: Radius of a ball about the origin that holds the body.
         wrench: Wrench on the body.
     """
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, reach)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, reach)
     own = (
         length_to_units(size[0], units),
         length_to_units(size[1], units),
         length_to_units(size[2], units),
         length_to_units(size[3], units),
     )
-    return from_units(_enter(kind, own, length_to_units(reach, units), to_units(wrench, units)), units)
+    return from_units(_enter(kind, own, length_to_units(reach, units), local), units)

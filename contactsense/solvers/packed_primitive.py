@@ -4,14 +4,12 @@
 import numpy as np
 
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED
 from contactsense.solvers.box import solve_box
 from contactsense.solvers.ellipsoid import solve_ellipsoid, solve_sphere
 from contactsense.solvers.revolved import solve_revolved
 from contactsense.solvers.solution import Answer
 from contactsense.solvers.wrench import Wrench
-
-_REVOLVED, _ELLIPSOID = 0, 1
-"""Numbers of kinds in `contactsense.robots.surface.convex_primitives`; what is neither is a box."""
 
 
 @kernel
@@ -27,10 +25,10 @@ def solve_primitive(kind: int, size: np.ndarray, wrench: Wrench) -> Answer:
     Returns:
         See `contactsense.solvers.solution`.
     """
-    if kind == _REVOLVED:
+    if kind == REVOLVED:
         if size[0] == 0.0 and size[1] == 0.0 and size[2] == 0.0:
             return solve_sphere(wrench, size[3])
         return solve_revolved(wrench, size[0], size[1], size[2], size[3])
-    if kind == _ELLIPSOID:
+    if kind == ELLIPSOID:
         return solve_ellipsoid(wrench, size[0], size[1], size[2])
     return solve_box(wrench, (size[0], size[1], size[2]), size[3])

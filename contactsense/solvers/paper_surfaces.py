@@ -4,6 +4,7 @@ Every surface is described in its own frame; `Placed` moves it to another.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,37 +12,43 @@ from contactsense.solvers import cylinder, ellipsoid, general, plane, wrench_axi
 from contactsense.solvers import gradient_descent as descent
 from contactsense.solvers.implicit_surfaces import ELLIPSOID
 from contactsense.solvers.level_set import SmoothBody
-from contactsense.solvers.surface import Problem, Surface, around_axis, positive, same_fields, tangential
+from contactsense.solvers.surface import (
+    EqualByFields,
+    KernelSurface,
+    Problem,
+    Surface,
+    around_axis,
+    positive,
+    tangential,
+)
 
 _SKEW = 1e-9
 """How far the axes of a pose may be from orthonormal."""
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(KernelSurface):
     """A sphere about the origin (paper, section 5.1.1)."""
+
+    kernels = ellipsoid.solve_sphere, wrench_axis.wrench_axis_ellipsoid
 
     radius: float
     """Radius [m]."""
 
-    def __post_init__(self) -> None:
-        positive(self, radius=self.radius)
-
-    def problem(self) -> Problem:
-        """Closed form."""
-        return ellipsoid.solve_sphere, (float(self.radius),)
-
     def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_sphere, self.problem()[1]
+        """That of the ellipsoid, as are the following."""
+        return self._ellipsoid().line_problem()
 
     def newton_problem(self) -> Problem:
         """Newton's method, as for any smooth convex body."""
-        return Ellipsoid(self.radius, self.radius, self.radius).newton_problem()
+        return self._ellipsoid().newton_problem()
 
     def descent_problem(self) -> Problem:
         """Gradient descent (paper, section 6)."""
-        return Ellipsoid(self.radius, self.radius, self.radius).descent_problem()
+        return self._ellipsoid().descent_problem()
+
+    def _ellipsoid(self) -> "Ellipsoid":
+        return Ellipsoid(self.radius, self.radius, self.radius)
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
@@ -49,8 +56,10 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Ellipsoid:
+class Ellipsoid(KernelSurface):
     """An ellipsoid about the origin, its axes along those of the frame (paper, section 5)."""
+
+    kernels = ellipsoid.solve_ellipsoid, wrench_axis.wrench_axis_ellipsoid
 
     a: float
     """Semi-axis along x [m]."""
@@ -59,26 +68,15 @@ class Ellipsoid:
     c: float
     """Semi-axis along z [m]."""
 
-    def __post_init__(self) -> None:
-        positive(self, a=self.a, b=self.b, c=self.c)
-
-    def problem(self) -> Problem:
-        """Closed form."""
-        return ellipsoid.solve_ellipsoid, (float(self.a), float(self.b), float(self.c))
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_ellipsoid, self.problem()[1]
-
     def newton_problem(self) -> Problem:
         """Newton's method, as for any smooth convex body."""
-        a, b, c = self.problem()[1]
+        a, b, c = self.arguments()
         size = (ELLIPSOID, 1.0 / a, 1.0 / b, 1.0 / c, 0.0, 0.0)
         return general.solve_smooth, (SmoothBody(size, (0.0, 0.0, 0.0), (a, b, c), True),)
 
     def descent_problem(self) -> Problem:
         """Gradient descent (paper, section 6)."""
-        return descent.descent_ellipsoid, self.problem()[1]
+        return descent.descent_ellipsoid, self.arguments()
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
@@ -87,22 +85,13 @@ class Ellipsoid:
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(KernelSurface):
     """An infinite cylinder about z (paper, section 5.1.2)."""
+
+    kernels = cylinder.solve_cylinder, wrench_axis.wrench_axis_cylinder
 
     radius: float
     """Radius [m]."""
-
-    def __post_init__(self) -> None:
-        positive(self, radius=self.radius)
-
-    def problem(self) -> Problem:
-        """Closed form."""
-        return cylinder.solve_cylinder, (float(self.radius),)
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_cylinder, self.problem()[1]
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
@@ -110,8 +99,10 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
-class Cone:
+class Cone(KernelSurface):
     """An infinite cone about z, of radius `radius` - `taper` z, up to its apex."""
+
+    kernels = cylinder.solve_cone, wrench_axis.wrench_axis_cone
 
     radius: float
     """Radius at z = 0 [m]."""
@@ -123,14 +114,6 @@ class Cone:
         if self.taper == 0.0 or not np.isfinite(self.taper):
             raise ValueError(f"Cone: taper must be finite and not zero, not {self.taper}; use Cylinder")
 
-    def problem(self) -> Problem:
-        """Closed form."""
-        return cylinder.solve_cone, (float(self.radius), float(self.taper))
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_cone, self.problem()[1]
-
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
         rho = self.radius - self.taper * point[2]
@@ -138,9 +121,11 @@ class Cone:
 
 
 @dataclass(frozen=True)
-class Plane:
+class Plane(KernelSurface):
     """The plane normal . c = offset, with the body on the side opposite to the normal (paper, section
     5.1.3)."""
+
+    kernels = plane.solve_plane, wrench_axis.wrench_axis_plane
 
     normal: tuple[float, float, float]
     """Outward normal, of any length but zero."""
@@ -153,15 +138,11 @@ class Plane:
         if not np.isfinite(self.offset):
             raise ValueError(f"Plane: offset must be finite, not {self.offset}")
 
-    def problem(self) -> Problem:
-        """Closed form."""
+    def arguments(self) -> tuple[Any, ...]:
+        """See `KernelSurface`."""
         direction = np.asarray(self.normal, dtype=float) / np.abs(self.normal).max()
         nx, ny, nz = (float(component) for component in direction / np.linalg.norm(direction))
-        return plane.solve_plane, ((nx, ny, nz), float(self.offset))
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_plane, self.problem()[1]
+        return (nx, ny, nz), float(self.offset)
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
@@ -169,7 +150,7 @@ class Plane:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class Placed(EqualByFields):
     """A surface at a given pose."""
 
     surface: Surface
@@ -190,11 +171,6 @@ class Placed:
             raise ValueError("Placed: rotation must be orthonormal and right-handed")
         object.__setattr__(self, "origin", origin)
         object.__setattr__(self, "rotation", rotation)
-
-    def __eq__(self, other: object) -> bool:
-        return same_fields(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
 
     def problem(self) -> Problem:
         """That of the surface, in its own frame."""

@@ -10,6 +10,7 @@ from math import atan2, pi, sqrt
 from typing import NamedTuple
 
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.convex_primitives import REVOLVED
 from contactsense.robots.vectors import dot
 from contactsense.solvers.cylinder import directions, height, lateral_frame, on_lateral
 from contactsense.solvers.ellipsoid import ball
@@ -20,18 +21,14 @@ from contactsense.solvers.solution import (
     OK,
     PATCH_TOLERANCE,
     Answer,
-    input_status,
     make_answer,
     no_contact,
     torsion,
     with_status,
 )
 from contactsense.solvers.torus_rim import Place, Rim, bisect_rim, refine_rim, search_rim, start_rim
-from contactsense.solvers.units import LARGE, SMALL, from_units, length_to_units, to_units, units_for
+from contactsense.solvers.units import LARGE, SMALL, from_units, in_units, length_to_units
 from contactsense.solvers.wrench import Wrench, about_height, invariant
-
-_REVOLVED = 0
-"""Number of this kind in `contactsense.robots.surface.convex_primitives`."""
 
 
 class Body(NamedTuple):
@@ -172,12 +169,15 @@ def _global_search(wrench: Wrench, body: Body) -> Answer:
             if found and beyond < PATCH_TOLERANCE:
                 return _on_end(wrench, body.r, End(0.0, at, ring, place))
     size = (body.half, body.lower, body.upper, body.r)
-    answer = nearest_to_line(_REVOLVED, size, body.reach, wrench)
+    answer = nearest_to_line(REVOLVED, size, body.reach, wrench)
     return answer if invariant(wrench) == 0.0 else with_status(answer, NOT_CONVERGED)
 
 
 @kernel
 def _revolved(wrench: Wrench, half: float, lower: float, upper: float, r: float) -> Answer:
+    if half == 0.0:
+        # The larger disc is the body.
+        lower = upper = max(lower, upper)
     reach = half + max(lower, upper) + r
     length = sqrt(4.0 * half * half + (lower - upper) * (lower - upper))
     cos_beta, sin_beta = (2.0 * half / length, (lower - upper) / length) if length > 0.0 else (1.0, 0.0)
@@ -258,10 +258,9 @@ def solve_revolved(wrench: Wrench, half: float, lower: float, upper: float, roun
     ff = dot(f, f)
     if rounding * rounding * ff > SMALL and size * size * ff < LARGE and dot(m, m) < LARGE:
         return _revolved(wrench, half, lower, upper, rounding)
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, size)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, size)
     half, rounding = length_to_units(half, units), length_to_units(rounding, units)
     lower, upper = length_to_units(lower, units), length_to_units(upper, units)
-    return from_units(_revolved(to_units(wrench, units), half, lower, upper, rounding), units)
+    return from_units(_revolved(local, half, lower, upper, rounding), units)

@@ -1,6 +1,7 @@
 """Rounded convex bodies composed of patches: each selects the kernel that solves it."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +12,7 @@ from contactsense.solvers import box, capsule, fingertip, polytope, revolved, wr
 from contactsense.solvers.paper_surfaces import Ellipsoid, Placed, Sphere
 from contactsense.solvers.polytope import Hull, hull_of
 from contactsense.solvers.surface import (
-    Problem,
+    KernelSurface,
     Surface,
     around_axis,
     not_negative,
@@ -22,24 +23,19 @@ from contactsense.solvers.surface import (
 
 
 @dataclass(frozen=True)
-class Capsule:
+class Capsule(KernelSurface):
     """All points within `radius` of the segment from (0, 0, -half) to (0, 0, half)."""
+
+    kernels = capsule.solve_tapered_capsule, wrench_axis.wrench_axis_tapered_capsule
 
     half: float
     """Half the length of the segment [m]."""
     radius: float
     """Radius [m]."""
 
-    def __post_init__(self) -> None:
-        positive(self, half=self.half, radius=self.radius)
-
-    def problem(self) -> Problem:
-        """Closed forms of its patches."""
-        return capsule.solve_capsule, (float(self.half), float(self.radius))
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_capsule, self.problem()[1]
+    def arguments(self) -> tuple[Any, ...]:
+        """See `KernelSurface`."""
+        return float(self.half), float(self.radius), float(self.radius)
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
@@ -47,8 +43,10 @@ class Capsule:
 
 
 @dataclass(frozen=True)
-class TaperedCapsule:
+class TaperedCapsule(KernelSurface):
     """The convex hull of two balls about (0, 0, -half) and (0, 0, half)."""
+
+    kernels = capsule.solve_tapered_capsule, wrench_axis.wrench_axis_tapered_capsule
 
     half: float
     """Half the distance between the centres [m]."""
@@ -62,14 +60,6 @@ class TaperedCapsule:
         if abs(self.radius_a - self.radius_b) >= 2.0 * self.half:
             raise ValueError("TaperedCapsule: one ball holds the other; use Sphere")
 
-    def problem(self) -> Problem:
-        """Closed forms of its patches."""
-        return capsule.solve_tapered_capsule, (float(self.half), float(self.radius_a), float(self.radius_b))
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_tapered_capsule, self.problem()[1]
-
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
         sin_beta = (self.radius_a - self.radius_b) / (2.0 * self.half)
@@ -80,8 +70,10 @@ class TaperedCapsule:
 
 
 @dataclass(frozen=True)
-class Revolved:
+class Revolved(KernelSurface):
     """A truncated cone about z with flat caps, plus a ball: disc, cylinder and cone with rounded rims."""
+
+    kernels = revolved.solve_revolved, wrench_axis.wrench_axis_revolved
 
     half: float
     """Half the height of the cone, without the ball [m]; may be zero."""
@@ -96,24 +88,16 @@ class Revolved:
         positive(self, rounding=self.rounding)
         not_negative(self, half=self.half, lower=self.lower, upper=self.upper)
 
-    def problem(self) -> Problem:
-        """Closed forms of caps and side; rims by Newton's method."""
-        size = (float(self.half), float(self.lower), float(self.upper), float(self.rounding))
-        return revolved.solve_revolved, size
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_revolved, self.problem()[1]
-
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
-        size = (self.half, self.lower, self.upper, self.rounding)
-        return packed_shape(REVOLVED, size, point, normal)
+        return packed_shape(REVOLVED, self.arguments(), point, normal)
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(KernelSurface):
     """A box about the origin, plus a ball."""
+
+    kernels = box.solve_box, wrench_axis.wrench_axis_box
 
     bx: float
     """Half its length along x, without the ball [m]; may be zero, as may the others."""
@@ -127,13 +111,9 @@ class Box:
     def __post_init__(self) -> None:
         not_negative(self, bx=self.bx, by=self.by, bz=self.bz, rounding=self.rounding)
 
-    def problem(self) -> Problem:
-        """Closed forms of its patches."""
-        return box.solve_box, ((float(self.bx), float(self.by), float(self.bz)), float(self.rounding))
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return wrench_axis.wrench_axis_box, self.problem()[1]
+    def arguments(self) -> tuple[Any, ...]:
+        """See `KernelSurface`."""
+        return (float(self.bx), float(self.by), float(self.bz)), float(self.rounding)
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
@@ -141,22 +121,13 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Fingertip:
+class Fingertip(KernelSurface):
     """A hemisphere about the origin on a cylinder of the same radius, open below (paper, figure 5)."""
+
+    kernels = fingertip.solve_fingertip, fingertip.wrench_axis_fingertip
 
     radius: float
     """Radius [m]."""
-
-    def __post_init__(self) -> None:
-        positive(self, radius=self.radius)
-
-    def problem(self) -> Problem:
-        """Closed forms of both patches."""
-        return fingertip.solve_fingertip, (float(self.radius),)
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return fingertip.wrench_axis_fingertip, self.problem()[1]
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
@@ -165,8 +136,10 @@ class Fingertip:
         return tangential(np.eye(3) / self.radius, normal)
 
 
-class Polytope:
+class Polytope(KernelSurface):
     """The convex hull of points, plus a ball: a mesh's hull with rounded edges and corners."""
+
+    kernels = polytope.solve_polytope, polytope.wrench_axis_polytope
 
     def __init__(self, points: ArrayLike, rounding: float) -> None:
         """Compute the hull.
@@ -179,13 +152,9 @@ class Polytope:
         self.hull: Hull = hull_of(points)
         self.rounding = float(rounding)
 
-    def problem(self) -> Problem:
-        """Closed forms of its patches."""
-        return polytope.solve_polytope, (self.hull, self.rounding)
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return polytope.wrench_axis_polytope, self.problem()[1]
+    def arguments(self) -> tuple[Any, ...]:
+        """See `KernelSurface`."""
+        return self.hull, self.rounding
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""

@@ -9,12 +9,14 @@ import numpy as np
 from contactsense.solvers import general, paraboloid
 from contactsense.solvers import implicit_surfaces as implicit
 from contactsense.solvers.level_set import SmoothBody
-from contactsense.solvers.surface import Problem, level_shape, positive
+from contactsense.solvers.surface import KernelSurface, Problem, level_shape, positive
 
 
 @dataclass(frozen=True)
-class Superquadric:
+class Superquadric(KernelSurface):
     """((|x|/a)^p + (|y|/b)^p)^(q/p) + (|z|/c)^q = 1: from ellipsoid (p = q = 2) towards box."""
+
+    kernels = general.solve_smooth, general.wrench_axis_smooth
 
     a: float
     """Semi-axis along x [m]."""
@@ -32,28 +34,26 @@ class Superquadric:
         if not (2.0 <= self.p < np.inf and 2.0 <= self.q < np.inf):
             raise ValueError(f"Superquadric: exponents must be at least 2, not {self.p} and {self.q}")
 
-    def problem(self) -> Problem:
-        """Newton's method."""
+    def arguments(self) -> tuple[Any, ...]:
+        """See `KernelSurface`."""
         axes = (float(self.a), float(self.b), float(self.c))
         size = (implicit.SUPERQUADRIC, *(1.0 / axis for axis in axes), float(self.p), float(self.q))
-        return general.solve_smooth, (SmoothBody(size, (0.0, 0.0, 0.0), axes, True),)
+        return (SmoothBody(size, (0.0, 0.0, 0.0), axes, True),)
 
     def newton_problem(self) -> Problem:
         """The same: there is no closed form."""
         return self.problem()
 
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return general.wrench_axis_smooth, self.problem()[1]
-
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""
-        return level_shape(implicit.evaluate(self.problem()[1][0].size, *point), normal)
+        return level_shape(implicit.evaluate(self.arguments()[0].size, *point), normal)
 
 
 @dataclass(frozen=True)
-class Paraboloid:
+class Paraboloid(KernelSurface):
     """z = -(k1 x^2 + k2 y^2) / 2, the body below."""
+
+    kernels = paraboloid.solve_paraboloid, paraboloid.wrench_axis_paraboloid
 
     k1: float
     """Curvature along x at the top [1/m]."""
@@ -62,12 +62,9 @@ class Paraboloid:
     depth: float
     """Approximate depth below the top up to which it is touched [m]; only used by Newton's method."""
 
-    def __post_init__(self) -> None:
-        positive(self, k1=self.k1, k2=self.k2, depth=self.depth)
-
-    def problem(self) -> Problem:
-        """Closed form."""
-        return paraboloid.solve_paraboloid, (float(self.k1), float(self.k2))
+    def arguments(self) -> tuple[Any, ...]:
+        """See `KernelSurface`."""
+        return float(self.k1), float(self.k2)
 
     def newton_problem(self) -> Problem:
         """Newton's method, as for any smooth convex body."""
@@ -75,10 +72,6 @@ class Paraboloid:
         half = 0.5 * float(self.depth)
         extent = (float(np.sqrt(self.depth / self.k1)), float(np.sqrt(self.depth / self.k2)), half)
         return general.solve_smooth, (SmoothBody(size, (0.0, 0.0, -half), extent, False),)
-
-    def line_problem(self) -> Problem:
-        """Its wrench axis."""
-        return paraboloid.wrench_axis_paraboloid, self.problem()[1]
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3)."""

@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike
 
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.solution import Status
-from contactsense.solvers.surface import Kernel, Problem, Surface, same_fields, vectors
+from contactsense.solvers.surface import EqualByFields, Kernel, Problem, Surface, vectors
 from contactsense.solvers.wrench import Wrench, wrench_of
 
 Method = Literal["exact", "wrench_axis", "newton", "descent"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solution:
+class Solution(EqualByFields):
     """A soft-finger contact that balances a wrench, or the nearest surface point."""
 
     status: Status
@@ -44,14 +44,9 @@ class Solution:
         """Whether this is a contact."""
         return self.status == Status.OK
 
-    def __eq__(self, other: object) -> bool:
-        return same_fields(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solutions:
+class Solutions(EqualByFields):
     """One solution per row."""
 
     status: np.ndarray
@@ -77,11 +72,6 @@ class Solutions:
     def ok(self) -> np.ndarray:
         """Which rows are contacts, shape (N,)."""
         return np.asarray(self.status == Status.OK)
-
-    def __eq__(self, other: object) -> bool:
-        return same_fields(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
 
 
 METHODS: tuple[Method, ...] = get_args(Method)

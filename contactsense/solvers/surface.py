@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.convex_primitives import curvature
 from contactsense.solvers.solution import Answer
 
@@ -39,17 +40,44 @@ class Surface(Protocol):
         ...
 
 
-def same_fields(one: Any, other: object) -> bool:
-    """Whether two dataclasses are of one type and have equal fields, arrays among them; NaN equals NaN."""
-    names = [field.name for field in fields(one)]
-    if type(one) is not type(other):
-        return False
-    return all(
-        np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
-        if isinstance(getattr(one, name), np.ndarray | float)
-        else bool(getattr(one, name) == getattr(other, name))
-        for name in names
-    )
+class KernelSurface:
+    """A surface that one pair of kernels solves."""
+
+    kernels: ClassVar[tuple[Kernel, Kernel]]
+    """Exact solver, and wrench axis."""
+
+    def __post_init__(self) -> None:
+        positive(self, **vars(self))
+
+    def arguments(self) -> tuple[Any, ...]:
+        """What the kernels take after the wrench: the surface's fields, unless it says otherwise."""
+        return tuple(float(value) for value in vars(self).values())
+
+    def problem(self) -> Problem:
+        """See `Surface`."""
+        return self.kernels[0], self.arguments()
+
+    def line_problem(self) -> Problem:
+        """See `Surface`."""
+        return self.kernels[1], self.arguments()
+
+
+class EqualByFields:
+    """A dataclass that equals another of its type with equal fields, arrays among them; NaN equals NaN."""
+
+    __slots__ = ()
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return False
+        pairs = [(getattr(self, x.name), getattr(other, x.name)) for x in fields(self)]  # type: ignore[arg-type]
+        return all(
+            np.array_equal(one, same, equal_nan=True)
+            if isinstance(one, np.ndarray | float)
+            else bool(one == same)
+            for one, same in pairs
+        )
 
 
 def vectors(name: str, values: ArrayLike, dimensions: int) -> np.ndarray:
@@ -93,12 +121,11 @@ def around_axis(normal: np.ndarray, bend: float) -> np.ndarray:
 
 def packed_shape(kind: int, size: tuple[float, ...], point: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Shape operator of a primitive as `contactsense.robots.surface.convex_primitives` packs it."""
-    xx, xy, xz, yy, yz, zz = curvature(kind, size, *point, *normal)
-    return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    return symmetric(curvature(kind, size, *point, *normal))
 
 
 def level_shape(level: tuple[float, ...], normal: np.ndarray) -> np.ndarray:
     """Shape operator from value, gradient and Hessian of a function that is constant on the surface."""
     _, gx, gy, gz, xx, yy, zz, xy, xz, yz = level
-    bend = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    bend = symmetric((xx, xy, xz, yy, yz, zz))
     return tangential(bend, normal) / float(np.linalg.norm((gx, gy, gz)))

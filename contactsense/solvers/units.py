@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector
-from contactsense.solvers.solution import Answer
+from contactsense.solvers.solution import OK, Answer, input_status
 from contactsense.solvers.wrench import Wrench
 
 SMALL, LARGE = 1e-120, 1e120
@@ -58,6 +58,15 @@ def to_units(wrench: Wrench, units: Units) -> Wrench:
         scale_by_power(wrench.force, -units.force),
         scale_by_power(wrench.moment, -(units.moment + units.length)),
     )
+
+
+@kernel
+def in_units(wrench: Wrench, length: float) -> tuple[int, Wrench, Units]:
+    """Status of a wrench (`input_status`), the wrench in units in which it and a surface of size `length` are
+    of order one, and these units."""
+    status = input_status(wrench)
+    units = units_for(wrench, length) if status == OK else Units(0, 0, 0)
+    return status, to_units(wrench, units), units
 
 
 @kernel

@@ -7,6 +7,7 @@ the wrench appears in their residual.
 from math import sqrt
 
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.surface.convex_primitives import BOX, REVOLVED
 from contactsense.robots.vectors import Vector, add_scaled, cross, divide, dot, norm
 from contactsense.solvers.cylinder import solve_cone, solve_cylinder
 from contactsense.solvers.nearest_point import TAPERED, enter
@@ -21,14 +22,11 @@ from contactsense.solvers.solution import (
     make_answer,
     no_contact,
 )
-from contactsense.solvers.units import LARGE, SMALL, from_units, length_to_units, to_units, units_for
+from contactsense.solvers.units import LARGE, SMALL, from_units, in_units, length_to_units, to_units
 from contactsense.solvers.wrench import Wrench, pure_force
 
 _SMALLEST, _LARGEST = 1e-30, 1e30
 """Semi-axes between these need no other unit of length."""
-
-_REVOLVED, _BOX = 0, 2
-"""Numbers of kinds in `contactsense.robots.surface.convex_primitives`."""
 
 
 @kernel
@@ -63,18 +61,11 @@ def wrench_axis_ellipsoid(wrench: Wrench, a: float, b: float, c: float) -> Answe
     ordinary = min(a, b, c) > _SMALLEST and max(a, b, c) < _LARGEST
     if ordinary and SMALL < dot(f, f) < LARGE and dot(m, m) < LARGE:
         return _ellipsoid(wrench, a, b, c)
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, max(a, b, c))
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, max(a, b, c))
     a, b, c = length_to_units(a, units), length_to_units(b, units), length_to_units(c, units)
-    return from_units(_ellipsoid(to_units(wrench, units), a, b, c), units)
-
-
-@kernel
-def wrench_axis_sphere(wrench: Wrench, radius: float) -> Answer:
-    """Where the wrench axis enters a sphere about the origin (paper, section 5.1.1, K = 0)."""
-    return wrench_axis_ellipsoid(wrench, radius, radius, radius)
+    return from_units(_ellipsoid(local, a, b, c), units)
 
 
 @kernel
@@ -99,25 +90,21 @@ def line_answer(answer: Answer, wrench: Wrench, largest_torsion: float) -> Answe
 @kernel
 def wrench_axis_cylinder(wrench: Wrench, radius: float) -> Answer:
     """Where the wrench axis enters an infinite cylinder about z."""
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, radius)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, radius)
-    wrench = to_units(wrench, units)
-    answer = solve_cylinder(pure_force(wrench), length_to_units(radius, units))
-    return from_units(_without_torsion(answer, wrench), units)
+    answer = solve_cylinder(pure_force(local), length_to_units(radius, units))
+    return from_units(_without_torsion(answer, local), units)
 
 
 @kernel
 def wrench_axis_cone(wrench: Wrench, radius: float, taper: float) -> Answer:
     """Where the wrench axis enters an endless cone about z."""
-    status = input_status(wrench)
+    status, local, units = in_units(wrench, radius)
     if status != OK:
         return no_contact(status)
-    units = units_for(wrench, radius)
-    wrench = to_units(wrench, units)
-    answer = solve_cone(pure_force(wrench), length_to_units(radius, units), taper)
-    return from_units(_without_torsion(answer, wrench), units)
+    answer = solve_cone(pure_force(local), length_to_units(radius, units), taper)
+    return from_units(_without_torsion(answer, local), units)
 
 
 @kernel
@@ -140,20 +127,14 @@ def wrench_axis_tapered_capsule(wrench: Wrench, half: float, radius_a: float, ra
 
 
 @kernel
-def wrench_axis_capsule(wrench: Wrench, half: float, radius: float) -> Answer:
-    """Where the wrench axis enters a capsule about z."""
-    return wrench_axis_tapered_capsule(wrench, half, radius, radius)
-
-
-@kernel
 def wrench_axis_revolved(wrench: Wrench, half: float, lower: float, upper: float, rounding: float) -> Answer:
     """Where the wrench axis enters a truncated cone about z plus a ball."""
     size = (half, lower, upper, rounding)
-    return enter(_REVOLVED, size, half + max(lower, upper) + rounding, wrench)
+    return enter(REVOLVED, size, half + max(lower, upper) + rounding, wrench)
 
 
 @kernel
 def wrench_axis_box(wrench: Wrench, half: Vector, rounding: float) -> Answer:
     """Where the wrench axis enters a box about the origin plus a ball."""
     size = (half[0], half[1], half[2], rounding)
-    return enter(_BOX, size, half[0] + half[1] + half[2] + rounding, wrench)
+    return enter(BOX, size, half[0] + half[1] + half[2] + rounding, wrench)

@@ -11,6 +11,7 @@ from contactsense.localization.surface_samples import (
     SurfaceSubsamples,
     cover_distances,
 )
+from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.robots.surface.union import distances
 from contactsense.runtime.constants import Constants
@@ -115,8 +116,6 @@ def _shape_operators(surfaces: Surfaces, samples: SurfaceSamples | SurfaceSubsam
     for i, p in enumerate(samples.primitive):
         axes = surfaces.rotation[p]
         place = (samples.point[i] - surfaces.origin[p]) @ axes
-        xx, xy, xz, yy, yz, zz = curvature(
-            surfaces.kind[p], surfaces.size[p], *place, *(samples.normal[i] @ axes)
-        )
-        found[i] = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
+        bend = curvature(surfaces.kind[p], surfaces.size[p], *place, *(samples.normal[i] @ axes))
+        found[i] = axes @ symmetric(bend) @ axes.T
     return found

@@ -4,7 +4,7 @@ import numpy as np
 
 from contactsense.kinematics.model import Motion
 from contactsense.residuals.joint_friction import unmodelled_torque_std
-from contactsense.runtime.constants import Constants
+from contactsense.runtime.constants import Constants, wrench_transform
 from contactsense.scene import Scene
 
 
@@ -37,9 +37,8 @@ def sensor_response(scene: Scene, constants: Constants, motion: Motion) -> np.nd
         parts.append(proximal[:, :, None] * (motion.screw / std[:, None]))
     mounted = constants.link_sensors
     for s, body in enumerate(mounted.body):
-        x, y, z = motion.origin[body] + motion.rotation[body] @ mounted.origin[s]
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        about_sensor = np.block([[np.eye(3), np.zeros((3, 3))], [-cross, np.eye(3)]])
+        place = motion.origin[body] + motion.rotation[body] @ mounted.origin[s]
+        about_sensor = wrench_transform(np.eye(3), -place)
         std = np.sqrt(np.repeat(sensors.link_variance[s], 3))
         sees = np.arange(links) >= sensors.first_link[s]
         parts.append(sees[:, None, None] * (about_sensor / std[:, None]))

@@ -7,16 +7,16 @@ import numpy as np
 import trimesh
 
 from contactsense import robots
-from contactsense.robots import Inertia, Joint, Link, Robot, RobotError
+from contactsense.robots import Joint, Link, Robot, RobotError
 from contactsense.robots.decomposition.grid_builder import cached
 from contactsense.robots.library import MESH_SUFFIXES, URDF_SUFFIXES, in_library
 from contactsense.robots.meshes import check_unit, from_folder, read_mesh
+from contactsense.robots.robot import NO_MASS
 from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.robots.urdf import Chain, read_chain, read_rigid, visuals
 
 _AIRO_LINKS = {"base": "base_link_inertia"}
 """Links of PyPI's airo-models whose names differ from ours by more than a suffix."""
-_NO_MASS = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def read_arm(
@@ -52,7 +52,7 @@ def read_tool(path: Path, scale: float = 1.0) -> tuple[Robot, dict[str, trimesh.
     """
     held: tuple[str, ...] = ()
     if path.suffix.lower() in MESH_SUFFIXES:
-        mesh, body = read_mesh(path, scale), _NO_MASS
+        mesh, body = read_mesh(path, scale), NO_MASS
         check_unit(mesh, str(path), "use --scale 0.001 for millimetres")
     elif path.suffix in URDF_SUFFIXES:
         if scale != 1.0:
@@ -64,7 +64,7 @@ def read_tool(path: Path, scale: float = 1.0) -> tuple[Robot, dict[str, trimesh.
             f"got {path.suffix!r}"
         )
     joint = Joint("flange", np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]), (0.0, 0.0), np.inf, np.inf)
-    links = (Link("flange", _NO_MASS), Link("tool", body))
+    links = (Link("flange", NO_MASS), Link("tool", body))
     return Robot(path.stem, links, (joint,), file=path, held=held), {"tool": mesh}
 
 

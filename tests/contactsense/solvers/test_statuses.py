@@ -34,6 +34,7 @@ BODIES: dict[str, Surface] = {
     "cylinder": Revolved(0.5, 0.5, 0.5, 0.1),
     "cone": Revolved(0.5, 0.7, 0.3, 0.1),
     "disc": Revolved(0.0, 0.7, 0.7, 0.1),
+    "two discs in one plane": Revolved(0.0, 0.3, 0.7, 0.1),
     "ball on a segment": Revolved(0.5, 0.0, 0.0, 0.3),
     "box": Box(0.5, 0.3, 0.4, 0.1),
     "polytope": Polytope(np.array(CUBE) * 5.0, 0.1),
