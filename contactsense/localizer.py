@@ -1,5 +1,6 @@
 """`Localizer`: receives samples, returns estimates. It holds all state that persists between samples."""
 
+import contextlib
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -17,7 +18,7 @@ from contactsense.residuals.noise_scale import restart as restart_noise_scale
 from contactsense.residuals.sensor_consistency import restart as restart_consistency
 from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.robots.jit.declaration import numbers
-from contactsense.robots.jit.kernel import disable_compilation
+from contactsense.robots.jit.direct_call import direct_call
 from contactsense.robots.jit.progress_bar import shown_compilation
 from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
 from contactsense.runtime.detectable import usable_in
@@ -30,12 +31,10 @@ from contactsense.runtime.stream_start import FROM_START, StreamStart
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields
 from contactsense.sensors.stream_state import (
-    BASE,
     DEGRADED,
-    LINK,
     REPEATED,
     RESTARTED,
-    TORQUE,
+    SUSPECT,
     TOUCHED,
     UNUSABLE,
     WRONG_SIZE,
@@ -48,6 +47,8 @@ from contactsense.types import Estimate, Event, EventKind, Phase, Sample
 
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
 _NOT_FINITE = "time, positions or velocities are not finite or implausibly large: sample not used"
+_NO_VECTORS = (TypeError, ValueError, AttributeError)
+"""What is raised for a sample whose fields are no vectors of floats of the right size."""
 _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 
 
@@ -84,6 +85,8 @@ class Localizer(StaticLocalizer):
         super().__init__(scene, method, progress)
         self._screening = StreamScreening(scene, self._plausible)
         self._start = StreamStart(scene.bandwidth)
+        self._relevant_flags = self._sample_fields.relevant_flags
+        self._no_contact = self._estimate_builder.no_contact
         self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
         status = self._buffers.state.track.status
         self._contact_phase, self._contact_number = numbers(status, "phase"), numbers(status, "number")
@@ -154,25 +157,48 @@ class Localizer(StaticLocalizer):
         Raises:
             ValueError: a field has the wrong shape; the message names it.
         """
-        screen, fields = self._screening.screened, self._sample_fields.fields
-        try:
-            flags = detect(self._buffers.arguments, self._bandwidth, *fields(screen(sample)))
-        except (TypeError, ValueError, AttributeError):
-            flags = WRONG_SIZE
-        if flags == WRONG_SIZE:
-            sample = self._sample_fields.shaped(sample)
-            flags = detect(self._buffers.arguments, self._bandwidth, *fields(screen(sample)))
-        flags &= self._sample_fields.relevant_flags
+        screening, flags = self._screening, SUSPECT
+        if screening.by_kernel:
+            if screening.refused:
+                screening.refused = {}
+            try:
+                t, sensor_bits, readings = self._sample_fields.fields(sample)
+                flags = self._detect(
+                    self._buffers.arguments, self._bandwidth, t, sensor_bits, readings, False
+                )
+            except _NO_VECTORS:
+                flags = WRONG_SIZE
+        if flags & (SUSPECT | WRONG_SIZE):
+            sample, flags = self._detect_screened(sample)
+        flags &= self._relevant_flags
         if flags == 0 and self._phase == NONE:
             if self._start.watches:
                 self._start.update(sample.t, 0)
-            return self._estimate_builder.no_contact(sample.t, self._detectable.in_stream())
+            return self._no_contact(sample.t, self._detectable.in_stream())
         since_start = self._start.update(sample.t, flags)
         estimate = self._estimate(sample.t, flags)
         if since_start:
             reason = f"{estimate.reason}; {FROM_START}" if estimate.reason else FROM_START
             return replace(estimate, reason=reason)
         return estimate
+
+    def _detect_screened(self, sample: Sample) -> tuple[Sample, int]:
+        """Process a sample without what is implausible in it; values of other types are converted.
+
+        Returns:
+            The converted sample, and its flags.
+
+        Raises:
+            ValueError: a field has the wrong shape; the message names it.
+        """
+        screen, fields = self._screening.screened, self._sample_fields.fields
+        flags, arguments = WRONG_SIZE, (self._buffers.arguments, self._bandwidth)
+        with contextlib.suppress(*_NO_VECTORS):
+            flags = self._detect(*arguments, *fields(screen(sample)), True)
+        if flags == WRONG_SIZE:
+            sample = self._sample_fields.shaped(sample)
+            flags = self._detect(*arguments, *fields(screen(sample)), True)
+        return sample, flags
 
     def _estimate(self, t: float, flags: int) -> Estimate:
         """The estimate for the sample that `detect` has processed, unless it is simply `none`."""
@@ -183,7 +209,7 @@ class Localizer(StaticLocalizer):
             self._multi_tracker.forget()
         count = -1
         if flags & TOUCHED:
-            count = localize(*self._kernel_args, self._bandwidth, self._gate, self._rows)
+            count = self._localize(*self._kernel_args, self._bandwidth, self._gate, self._rows)
             if self._intrinsic:
                 base = self._usable()[0]
                 count = localize_intrinsic(*self._kernel_args, self._rows) if base else 0
@@ -314,23 +340,10 @@ class Localizer(StaticLocalizer):
             for size, in_scene in zip((6, self._joints), self._scene_sensors, strict=True)
         )
         links = dict.fromkeys(self._link_sensors, np.zeros(6))
-        detect(
-            self._buffers.arguments, self._bandwidth,
-            *self._sample_fields.fields(self._sample_fields.compile_sample()),
-        )  # fmt: skip
-        disable_compilation(detect)
-        self._stream.usable[:] = 0
-        self._stream.usable[[BASE, TORQUE]] = self._scene_sensors
-        self._stream.usable[LINK : LINK + len(links)] = 1
-        self._stream.clock[0].variance_ratio = 1.0
-        localize(*self._kernel_args, self._bandwidth, self._gate, self._rows)
-        self._locate_once(
-            self._sample_fields.values(self._sample_fields.compile_sample().q),
-            False,
-            (*self._scene_sensors, (1 << len(links)) - 1),
-            -1.0,
-        )
-        disable_compilation(locate_once)
+        compile_sample = self._sample_fields.fields(self._sample_fields.compile_sample())
+        self._detect = direct_call(detect, self._buffers.arguments, self._bandwidth, *compile_sample, True)
+        self._localize = direct_call(localize, *self._kernel_args, self._bandwidth, self._gate, self._rows)
+        self._compile_locate()
         self.locate(
             np.zeros(self._joints),
             base_wrench=base,

@@ -11,6 +11,7 @@ from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.output.batch import Batch, batch_of
 from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.robots.jit.direct_call import direct_call
 from contactsense.robots.jit.kernel import loaded
 from contactsense.robots.jit.progress_bar import Notify, shown_compilation
 from contactsense.runtime.buffers import Buffers, KernelBuffers
@@ -18,7 +19,7 @@ from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
 from contactsense.runtime.explanation import Measured
 from contactsense.runtime.intrinsic import batch_intrinsic
-from contactsense.runtime.kernels import batch, locate_once
+from contactsense.runtime.kernels import DOUBTFUL, NOT_FINITE, batch, locate_once
 from contactsense.runtime.parallel_batch import explain_rows
 from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.runtime.result_rows import WIDTH
@@ -75,6 +76,8 @@ class StaticLocalizer:
         self._sample_fields = SampleFields(self._scene_sensors, self._link_sensors, self._joints)
         self._thresholds = SampleThresholds(scene)
         self._detectable = DetectableForce(constants, self._buffers.state, self._thresholds)
+        # Threshold and detectable force of single measurements, for the sets of sensors given so far.
+        self._detection_limits: dict[Usable, tuple[float, float]] = {}
 
     def locate(
         self,
@@ -118,24 +121,30 @@ class StaticLocalizer:
                 beyond the joints' or the sensor's limits, `external` mistaken), or the scene has no such
                 sensor.
         """
-        links = by_field(wrist_wrench, link_wrenches)
-        usable = self._given_sensors((base_wrench, joint_torque), links)
+        links = by_field(wrist_wrench, link_wrenches) if wrist_wrench is not None or link_wrenches else {}
+        usable = (base_wrench is not None, joint_torque is not None, 0)
+        limits = None if links else self._detection_limits.get(usable)
+        if limits is None:
+            usable = self._given_sensors((base_wrench, joint_torque), links)
+            limits = self._thresholds.threshold(usable), self._detectable.of_measurement(usable)
+            self._detection_limits[usable] = limits
         look_for_sets = contacts != 1 or len(known) > 0
         if look_for_sets:
             self._locator = self._locator or MultiContactLocator(
                 self.scene, self._buffers, self._kernel_args, self._estimate_builder
             )
             self._locator.check(contacts, known, drift)
-        threshold = self._thresholds.threshold(usable) if detect else -1.0
-        count, no_contact_energy = self._locate_once(
-            self._sample_fields.values(q, joint_torque, base_wrench, links),
-            external,
-            usable,
-            threshold,
-        )
-        self._estimate_builder.detectable = self._detectable.of_measurement(usable)
-        if detect:
+        threshold, self._estimate_builder.detectable = limits
+        if not detect:
+            threshold = -1.0
+        values = self._sample_fields.values(q, joint_torque, base_wrench, links)
+        # The kernel knows no ranges of link sensors.
+        check = detect and not (self._intrinsic or (links and self._plausible.has_link_range))
+        count, no_contact_energy = self._locate_once(values, external, usable, threshold, check)
+        if detect and (not check or count == DOUBTFUL):
             self._refuse_implausible("", q, (base_wrench, joint_torque), links, external)
+            if check:
+                count, no_contact_energy = self._locate_once(values, external, usable, threshold, False)
         if no_contact_energy <= threshold:
             return self._estimate_builder.without_contacts(0.0, "none")
         estimate = self._estimate_builder.contacts(0.0, self._buffers.state, self._rows, count)
@@ -162,11 +171,7 @@ class StaticLocalizer:
             raise ValueError(f"{found.field}{row}: {found.reason}")
 
     def _locate_once(
-        self,
-        values: Measured,
-        external: bool,
-        usable: Usable,
-        threshold: float,
+        self, values: Measured, external: bool, usable: Usable, threshold: float, check: bool
     ) -> tuple[int, float]:
         """`contactsense.runtime.kernels.locate_once`; values of other array types are converted.
 
@@ -175,15 +180,30 @@ class StaticLocalizer:
         """
         if self._intrinsic:
             return self._locate_once_intrinsic(values, external, usable)
-        buffers, gate, rows = self._kernel_args, self._gate, self._rows
         try:
-            count, no_contact_energy = locate_once(*buffers, values, external, usable, gate, threshold, rows)
-        except TypeError:
-            count = -1
-        if count < 0:
-            values = self._sample_fields.checked(*values)
-            count, no_contact_energy = locate_once(*buffers, values, external, usable, gate, threshold, rows)
-        return count, no_contact_energy
+            fit = self._sample_fields.are_vectors(*values[:3])
+        except AttributeError:
+            fit = False
+        if fit:
+            found = self._explain_once(values, external, usable, threshold, check)
+            if found[0] != NOT_FINITE:
+                return found
+        return self._explain_once(self._sample_fields.checked(*values), external, usable, threshold, check)
+
+    def _explain_once(
+        self, values: Measured, external: bool, usable: Usable, threshold: float, check: bool
+    ) -> tuple[int, float]:
+        buffers, skin = self._kernel_args
+        return self._locate_directly(
+            buffers, skin, values, external, usable, self._gate, threshold, check, self._rows
+        )
+
+    def _compile_locate(self) -> None:
+        """Compile or load the kernel for single measurements."""
+        values = self._sample_fields.values(self._sample_fields.compile_sample().q)
+        self._locate_directly = direct_call(
+            locate_once, *self._kernel_args, values, False, (True, True, 0), False, 0.0, False, self._rows
+        )
 
     def _locate_once_intrinsic(self, values: Measured, external: bool, usable: Usable) -> tuple[int, float]:
         q, torque, base, link_wrench = self._sample_fields.checked(*values)

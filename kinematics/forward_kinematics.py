@@ -8,63 +8,63 @@ import numpy as np
 
 from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.trigonometry import sine_and_versine
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.vectors import Vector, cross, dot, vector
+
+Rows = tuple[Vector, Vector, Vector]
+"""A 3 x 3 matrix, row by row."""
 
 
-@kernel
-def _rotate_about(axis: np.ndarray, angle: float, before: np.ndarray, after: np.ndarray) -> None:
-    """Set `after = before @ Rot(axis, angle)` by Rodrigues' formula."""
+@inlined_kernel
+def _row_times(row: Vector, matrix: Rows) -> Vector:
+    """A row vector times a matrix."""
+    x, y, z = matrix
+    return (
+        row[0] * x[0] + row[1] * y[0] + row[2] * z[0],
+        row[0] * x[1] + row[1] * y[1] + row[2] * z[1],
+        row[0] * x[2] + row[1] * y[2] + row[2] * z[2],
+    )
+
+
+@inlined_kernel
+def _rotation_about(axis: Vector, angle: float) -> Rows:
+    """Rotation matrix by Rodrigues' formula."""
     s, v = sine_and_versine(angle)
-    x, y, z = axis[0], axis[1], axis[2]
-    r00 = 1.0 - v * (y * y + z * z)
-    r01 = v * x * y - s * z
-    r02 = v * x * z + s * y
-    r10 = v * x * y + s * z
-    r11 = 1.0 - v * (x * x + z * z)
-    r12 = v * y * z - s * x
-    r20 = v * x * z - s * y
-    r21 = v * y * z + s * x
-    r22 = 1.0 - v * (x * x + y * y)
-    for i in range(3):
-        b0, b1, b2 = before[i, 0], before[i, 1], before[i, 2]
-        after[i, 0] = b0 * r00 + b1 * r10 + b2 * r20
-        after[i, 1] = b0 * r01 + b1 * r11 + b2 * r21
-        after[i, 2] = b0 * r02 + b1 * r12 + b2 * r22
+    x, y, z = axis
+    return (
+        (1.0 - v * (y * y + z * z), v * x * y - s * z, v * x * z + s * y),
+        (v * x * y + s * z, 1.0 - v * (x * x + z * z), v * y * z - s * x),
+        (v * x * z - s * y, v * y * z + s * x, 1.0 - v * (x * x + y * y)),
+    )
 
 
 @kernel
 def forward_kinematics(model: Model, q: np.ndarray, motion: Motion) -> None:
     """Forward kinematics: fill `rotation`, `origin` and `screw` of `motion` for joint positions q [rad]."""
-    rotation, origin, screw = motion.rotation, motion.origin, motion.screw
-    for i in range(3):
-        for k in range(3):
-            rotation[0, i, k] = 1.0 if i == k else 0.0
-        origin[0, i] = 0.0
+    # From joint to joint the pose stays in registers: stores to an array would have to be waited for.
+    a, b, c = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    o = (0.0, 0.0, 0.0)
+    _store_pose(motion, 0, (a, b, c), o)
     for j in range(q.shape[0]):
-        parent = rotation[j]
-        child = rotation[j + 1]
-        for i in range(3):
-            origin[j + 1, i] = (
-                origin[j, i]
-                + parent[i, 0] * model.translation[j, 0]
-                + parent[i, 1] * model.translation[j, 1]
-                + parent[i, 2] * model.translation[j, 2]
-            )
-            for k in range(3):
-                child[i, k] = (
-                    parent[i, 0] * model.rotation[j, 0, k]
-                    + parent[i, 1] * model.rotation[j, 1, k]
-                    + parent[i, 2] * model.rotation[j, 2, k]
-                )
-        axis = model.axis[j]
-        zx = child[0, 0] * axis[0] + child[0, 1] * axis[1] + child[0, 2] * axis[2]
-        zy = child[1, 0] * axis[0] + child[1, 1] * axis[1] + child[1, 2] * axis[2]
-        zz = child[2, 0] * axis[0] + child[2, 1] * axis[1] + child[2, 2] * axis[2]
-        ox, oy, oz = origin[j + 1, 0], origin[j + 1, 1], origin[j + 1, 2]
-        screw[j, 0] = oy * zz - oz * zy
-        screw[j, 1] = oz * zx - ox * zz
-        screw[j, 2] = ox * zy - oy * zx
-        screw[j, 3] = zx
-        screw[j, 4] = zy
-        screw[j, 5] = zz
-        _rotate_about(axis, q[j], child, child)
+        t = vector(model.translation[j])
+        o = (
+            o[0] + a[0] * t[0] + a[1] * t[1] + a[2] * t[2],
+            o[1] + b[0] * t[0] + b[1] * t[1] + b[2] * t[2],
+            o[2] + c[0] * t[0] + c[1] * t[1] + c[2] * t[2],
+        )
+        fixed = vector(model.rotation[j, 0]), vector(model.rotation[j, 1]), vector(model.rotation[j, 2])
+        a, b, c = _row_times(a, fixed), _row_times(b, fixed), _row_times(c, fixed)
+        axis = vector(model.axis[j])
+        z = dot(a, axis), dot(b, axis), dot(c, axis)
+        m, s = cross(o, z), motion.screw[j]
+        s[0], s[1], s[2], s[3], s[4], s[5] = m[0], m[1], m[2], z[0], z[1], z[2]
+        turn = _rotation_about(axis, q[j])
+        a, b, c = _row_times(a, turn), _row_times(b, turn), _row_times(c, turn)
+        _store_pose(motion, j + 1, (a, b, c), o)
+
+
+@inlined_kernel
+def _store_pose(motion: Motion, body: int, rows: Rows, o: Vector) -> None:
+    R, origin = motion.rotation[body], motion.origin[body]
+    for i in range(3):
+        R[0, i], R[1, i], R[2, i], origin[i] = rows[0][i], rows[1][i], rows[2][i], o[i]

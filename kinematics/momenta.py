@@ -9,7 +9,7 @@ import numpy as np
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, Motion
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
 
 @kernel
@@ -40,7 +40,7 @@ def kinematics_and_momenta(
     _sum_inward(model, gravity, motion)
 
 
-@kernel
+@inlined_kernel
 def _sum_inward(model: Model, gravity: np.ndarray, motion: Motion) -> None:
     """Suffix sums of momentum and gravity wrench, from the last link to the base."""
     momentum, weight = motion.momentum, motion.gravity
@@ -63,7 +63,7 @@ def _sum_inward(model: Model, gravity: np.ndarray, motion: Motion) -> None:
                 weight[j, i] += weight[j + 1, i]
 
 
-@kernel
+@inlined_kernel
 def body_momentum_and_weight(
     mass: float,
     com: np.ndarray,
@@ -108,7 +108,7 @@ def body_momentum_and_weight(
     weight[5] = cx * fy - cy * fx
 
 
-@kernel
+@inlined_kernel
 def com_in_base(R: np.ndarray, c: np.ndarray, o: np.ndarray) -> tuple[float, float, float]:
     """Transform the body-frame point c to the base frame [m]."""
     return (
@@ -118,7 +118,7 @@ def com_in_base(R: np.ndarray, c: np.ndarray, o: np.ndarray) -> tuple[float, flo
     )
 
 
-@kernel
+@inlined_kernel
 def apply_inertia(R: np.ndarray, J: np.ndarray, x: float, y: float, z: float) -> tuple[float, float, float]:
     """R J R^T times the vector (x, y, z): an inertia tensor in body axes applied to a vector in base axes."""
     bx = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z

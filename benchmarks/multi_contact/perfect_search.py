@@ -71,7 +71,7 @@ class Oracle:
         """The estimate of `Localizer.locate`; arguments as there."""
         present = (True, True, 0)
         measured = (q, joint_torque, base_wrench, np.zeros((0, 6)))
-        listed, _ = locate_once(*self._arguments, measured, True, present, False, -1.0, self._rows)
+        listed, _ = locate_once(*self._arguments, measured, True, present, False, -1.0, False, self._rows)
         if contacts > 1:
             return self._sets.explain(present, contacts, known, drift)
         return self._estimate_builder.contacts(0.0, self._kernel_buffers.state, self._rows, listed)

@@ -12,13 +12,16 @@ joint j proximal to the contact, r_j - s_j . y is noise at every instant, howeve
 low-pass.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque, unmodelled_torque_std
-from contactsense.residuals.momentum_observer import MomentumObserver, advance, start_step
-from contactsense.robots.jit.kernel import kernel
+from contactsense.residuals.momentum_observer import MomentumObserver, Step, advance, start_step
+from contactsense.residuals.observers import Observers
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
 
 @kernel
@@ -49,25 +52,84 @@ def observe_joints(
     """
     step = start_step(state, dt, bandwidth)
     for j in range(qd.shape[0]):
-        h, drift = _joint_momentum(model, torque_model, motion, qd, torque, j)
-        advance(state, j, h, drift, step)
-        friction = friction_torque(torque_model, j, qd[j], dot6(motion.screw[j], motion.gravity[j + 1]))
-        std = unmodelled_torque_std(torque_model, j, qd[j], friction)
-        # A systematic error is low-passed in the same way as the residual.
-        unmodelled_std[j] = std + step[0] * (unmodelled_std[j] - std) if dt > 0.0 else std
+        found = _joint_equation(model, torque_model, motion, qd, torque, j)
+        _advance_joint(state, j, found, step, dt, unmodelled_std)
 
 
-@kernel
-def _joint_momentum(
+class JointEquation(NamedTuple):
+    """The equation of one joint torque at one sample."""
+
+    momentum: float
+    """h [Nms]."""
+    drift: float
+    """[Nm]"""
+    std: float
+    """Standard deviation of the model and friction error [Nm]."""
+
+
+@inlined_kernel
+def _joint_equation(
     model: Model, torque_model: JointTorqueModel, motion: Motion, qd: np.ndarray, torque: np.ndarray, j: int
-) -> tuple[float, float]:
-    """h and drift of joint j, for the contents of its torque signal."""
+) -> JointEquation:
+    """The equation of joint j, for the contents of its torque signal."""
     s, H = motion.screw[j], motion.momentum[j + 1]
     weight = dot6(s, motion.gravity[j + 1])
     h = torque_model.inertia * (dot6(s, H) + model.rotor_inertia[j] * qd[j])
     known = torque_model.inertia * dot6(motion.screw_rate[j], H) + torque_model.gravity * weight
-    bias_and_friction = torque_model.bias[j] + friction_torque(torque_model, j, qd[j], weight)
-    return h, known + torque[j] - bias_and_friction
+    friction = friction_torque(torque_model, j, qd[j], weight)
+    drift = known + torque[j] - (torque_model.bias[j] + friction)
+    return JointEquation(h, drift, unmodelled_torque_std(torque_model, j, qd[j], friction))
+
+
+@inlined_kernel
+def _advance_joint(
+    state: MomentumObserver, j: int, found: JointEquation, step: Step, dt: float, unmodelled_std: np.ndarray
+) -> None:
+    advance(state, j, found.momentum, found.drift, step)
+    # A systematic error is low-passed in the same way as the residual.
+    unmodelled_std[j] = found.std + step[0] * (unmodelled_std[j] - found.std) if dt > 0.0 else found.std
+
+
+@inlined_kernel
+def _advance_difference(
+    state: MomentumObserver, j: int, found: JointEquation, motion: Motion, wrench: np.ndarray, step: Step
+) -> None:
+    s, H, G = motion.screw[j], motion.momentum[0], motion.gravity[0]
+    h = found.momentum - dot6(s, H)
+    drift = found.drift - (dot6(motion.screw_rate[j], H) + dot6(s, G) - dot6(s, wrench))
+    advance(state, j, h, drift, step)
+
+
+@inlined_kernel
+def advance_torques(
+    model: Model,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    readings: tuple[np.ndarray, np.ndarray, np.ndarray],
+    dt: tuple[float, float],
+    steps: tuple[Step, Step],
+    observers: Observers,
+    unmodelled_std: np.ndarray,
+) -> None:
+    """`observe_joints` and `observe_torque_difference` in one pass, for steps that have been started.
+
+    Args:
+        model, torque_model, motion, unmodelled_std: As for `observe_joints`.
+        readings: Velocities and torques, as there, and the wrench on the base sensor, as for
+            `observe_base_in_link_frames`.
+        dt: Time since the last torques, and since the last sample with both [s]; negative: none in this
+            sample.
+        steps: For the same two, see `contactsense.residuals.observers.start_steps`.
+        observers: `joints` and `torque_difference` are changed in place.
+    """
+    qd, torque, wrench = readings
+    if dt[0] < 0.0:
+        return
+    for j in range(qd.shape[0]):
+        found = _joint_equation(model, torque_model, motion, qd, torque, j)
+        _advance_joint(observers.joints, j, found, steps[0], dt[0], unmodelled_std)
+        if dt[1] >= 0.0:
+            _advance_difference(observers.torque_difference, j, found, motion, wrench, steps[1])
 
 
 @kernel
@@ -107,7 +169,12 @@ def observe_base_in_link_frames(
         bandwidth: Cut-off frequency [Hz].
         state: Changed in place, six equations per body, base first.
     """
-    step = start_step(state, dt, bandwidth)
+    advance_base(motion, wrench, start_step(state, dt, bandwidth), state)
+
+
+@inlined_kernel
+def advance_base(motion: Motion, wrench: np.ndarray, step: Step, state: MomentumObserver) -> None:
+    """`observe_base_in_link_frames` for a step that has been started."""
     H, G = motion.momentum[0], motion.gravity[0]
     hx, hy, hz, lx, ly, lz = H[0], H[1], H[2], H[3], H[4], H[5]
     for body in range(motion.rotation.shape[0]):
@@ -198,13 +265,9 @@ def observe_torque_difference(
         state: Changed in place, n equations: low-passed s_j . w_ext - s_j . y_ext.
     """
     step = start_step(state, dt, bandwidth)
-    H, G = motion.momentum[0], motion.gravity[0]
     for j in range(qd.shape[0]):
-        h, drift = _joint_momentum(model, torque_model, motion, qd, torque, j)
-        s = motion.screw[j]
-        h -= dot6(s, H)
-        drift -= dot6(motion.screw_rate[j], H) + dot6(s, G) - dot6(s, wrench)
-        advance(state, j, h, drift, step)
+        found = _joint_equation(model, torque_model, motion, qd, torque, j)
+        _advance_difference(state, j, found, motion, wrench, step)
 
 
 @kernel

@@ -18,7 +18,7 @@ well.
 """
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.flat_buffers import zeros
@@ -88,6 +88,11 @@ def noise_variance_ratio(bandwidth: float, dt: float) -> float:
     return state.history[0].variance_ratio
 
 
+Step: TypeAlias = tuple[float, float, float, float, float, float]
+"""What `start_step` gives to `advance`: a, and K dt times the weights of g at the new sample and the three
+before it; and K [1/s]."""
+
+
 @kernel
 def _moments(k: float) -> tuple[float, float, float, float]:
     """Integrals of s^n exp(-k (1 - s)) over s from 0 to 1, n = 0..3."""
@@ -109,15 +114,9 @@ def _moments(k: float) -> tuple[float, float, float, float]:
 
 
 @kernel
-def start_step(
-    state: MomentumObserver, dt: float, bandwidth: float
-) -> tuple[float, float, float, float, float, float]:
-    """Start a step of dt [s] for all equations of a group and update its history; dt = 0 restarts the group.
-
-    Returns:
-        a, and K dt times the weights of g at the new sample and the three before it; and K [1/s]. `advance`
-        takes them.
-    """
+def start_step(state: MomentumObserver, dt: float, bandwidth: float) -> Step:
+    """Start a step of dt [s] for all equations of a group and update its history; dt = 0 restarts the
+    group."""
     history = state.history[0]
     K = 2.0 * math.pi * bandwidth
     if dt <= 0.0:
@@ -183,7 +182,7 @@ def advance(
     i: int,
     momentum: float,
     drift: float,
-    step: tuple[float, float, float, float, float, float],
+    step: Step,
 ) -> None:
     """Advance equation i: `momentum` is h, `drift` the known part of dh/dt at the new sample; `step` is the
     result of `start_step`."""

@@ -2,8 +2,18 @@
 
 from typing import Annotated, NamedTuple
 
-from contactsense.residuals.momentum_observer import MomentumObserver
+import numpy as np
+
+from contactsense.residuals.momentum_observer import (
+    MomentumObserver,
+    Step,
+    copy_history,
+    in_step,
+    start_step,
+)
 from contactsense.robots.jit.declaration import Sized
+from contactsense.robots.jit.kernel import inlined_kernel
+from contactsense.sensors.stream_state import BASE, TORQUE, TORQUE_DIFFERENCE
 
 
 class Observers(NamedTuple):
@@ -19,3 +29,38 @@ class Observers(NamedTuple):
     """Residual of each of the link sensors, base axes."""
     link_difference: Annotated[MomentumObserver, Sized("link_sensors", equations="6")]
     """Residual of each link sensor minus that of the base sensor."""
+
+
+@inlined_kernel
+def start_steps(observers: Observers, steps: np.ndarray, bandwidth: float) -> tuple[Step, Step, Step]:
+    """Start the step of base sensor, joint torques and their difference.
+
+    Args:
+        observers: Their histories are updated.
+        steps: `contactsense.sensors.stream_state.StreamState.steps`.
+        bandwidth: Cut-off frequency of the observers [Hz].
+
+    Returns:
+        For each what `contactsense.residuals.momentum_observer.advance` takes; all zero without a value.
+    """
+    base, joints, difference = observers.base, observers.joints, observers.torque_difference
+    dt = steps[BASE]
+    # Sensors that came with the same samples need the weights of a step once.
+    joints_alike = steps[TORQUE] == dt and in_step(joints, base)
+    difference_alike = steps[TORQUE_DIFFERENCE] == dt and in_step(difference, base)
+    of_base = of_joints = of_difference = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if dt >= 0.0:
+        of_base = start_step(base, dt, bandwidth)
+    if steps[TORQUE] >= 0.0:
+        if joints_alike:
+            of_joints = of_base
+            copy_history(base, joints)
+        else:
+            of_joints = start_step(joints, steps[TORQUE], bandwidth)
+    if steps[TORQUE_DIFFERENCE] >= 0.0:
+        if difference_alike:
+            of_difference = of_base
+            copy_history(base, difference)
+        else:
+            of_difference = start_step(difference, steps[TORQUE_DIFFERENCE], bandwidth)
+    return of_base, of_joints, of_difference

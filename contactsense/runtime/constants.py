@@ -19,6 +19,7 @@ from contactsense.robots.tool import join_inertia
 from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
 from contactsense.runtime.link_prior import area_share, log_link_density
 from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts, tool_in_last_link
+from contactsense.runtime.reading_limits import ReadingLimits, reading_limits
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
@@ -53,6 +54,8 @@ class Constants(NamedTuple):
     """Bias and friction in the joint torque signal."""
     bias_rate: float
     """Inverse of the averaging time of biases [1/s]; 0: biases are constant."""
+    limits: ReadingLimits
+    """Limits of plausible readings."""
     thresholds: Annotated[Floats, f"4 * (link_sensors + 1), {LONGEST_STEP_MS}, 2"]
     """Onset and release thresholds, see `contactsense.detection.thresholds.stream_thresholds`."""
 
@@ -71,7 +74,7 @@ def sizes_of(constants: Constants) -> dict[str, int]:
 
 def build_constants(scene: Scene) -> Constants:
     """Constant arrays for the kernels."""
-    torque = scene.joint_torque or JointTorqueSensor()
+    torque, base = scene.joint_torque or JointTorqueSensor(), scene.base_wrench or WrenchSensor()
     surfaces = scene_surfaces(scene)
     unsearched = unsearched_surfaces(scene)
     samples, subsamples, area = sample_surface(surfaces, float(unsearched.area.sum()))
@@ -96,6 +99,7 @@ def build_constants(scene: Scene) -> Constants:
         link_sensors=link_sensors(scene),
         torque_model=joint_torque_model(torque, len(scene.robot.joints)),
         bias_rate=0.0 if scene.bias_time is None else 1.0 / scene.bias_time,
+        limits=reading_limits(scene, wrench_transform(base.rotation, np.array(base.translation))),
         thresholds=stream_thresholds(scene),
     )
 

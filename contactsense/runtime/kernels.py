@@ -14,12 +14,21 @@ from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.explanation import Measured, explain, take_static_sample
-from contactsense.runtime.residual_update import set_external, update_residuals
+from contactsense.runtime.reading_limits import (
+    TORQUE_SCALE,
+    are_positions_within,
+    are_torques_within,
+    is_base_plausible,
+    is_contact_wrench,
+    is_sample_plausible,
+)
+from contactsense.runtime.residual_update import set_external, update_residuals, use_residuals
 from contactsense.runtime.result_rows import write_candidates
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import (
     REPEATED,
     RESTARTED,
+    SUSPECT,
     UNUSABLE,
     WRONG_SIZE,
     Readings,
@@ -36,6 +45,9 @@ from contactsense.tracking.contact_tracker import (
 )
 from contactsense.tracking.sliding import extrapolate_sliding
 
+NOT_FINITE, DOUBTFUL = -1, -2
+"""What `locate_once` returns instead of a number of candidates."""
+
 
 @kernel
 def detect(
@@ -44,6 +56,7 @@ def detect(
     t: float,
     sensor_bits: int,
     readings: Readings,
+    screened: bool,
 ) -> int:
     """Detect a contact in one sample of a live stream.
 
@@ -55,6 +68,8 @@ def detect(
         t: Time of the sample [s].
         sensor_bits: Which sensors have a value, see `contactsense.sensors.stream_state.register_sample`.
         readings: See `contactsense.sensors.stream_state.Readings`; any values for a sensor without a value.
+        screened: Whether the readings are known to be plausible; otherwise that is checked, and a sample
+            whose readings may not be is not used.
 
     Returns:
         Flags of the sample, see `contactsense.sensors.stream_state`.
@@ -63,6 +78,10 @@ def detect(
     stream = state.stream
     if not store_sample(stream, readings):
         return WRONG_SIZE
+    if not screened and not is_sample_plausible(
+        constants.limits, stream.q, stream.torque, stream.base_wrench, sensor_bits
+    ):
+        return SUSPECT
     flags: int = register_sample(stream, t, sensor_bits, bandwidth)
     if flags & (REPEATED | UNUSABLE):
         return flags
@@ -113,6 +132,8 @@ def localize(
     window = track.status[0].window
     if window > 0:
         _use_window_mean(state, window)
+    else:
+        use_residuals(state)
     count, _ = explain(
         constants, state, has_base, has_torque, link_sensors, track.variance_ratio[window], gate, -1.0
     )
@@ -203,6 +224,7 @@ def locate_once(
     usable: Usable,
     gate: bool,
     threshold: float,
+    check: bool,
     rows: np.ndarray,
 ) -> tuple[int, float]:
     """One sample of an arm at rest: `take_static_sample` and `explain`.
@@ -212,26 +234,49 @@ def locate_once(
         measured, external: As for `take_static_sample`.
         usable: Which sensors have measured.
         threshold: As for `explain`.
+        check: Whether the measurement is checked: may it be implausible, apart from link sensors with a known
+            range, it is not explained.
 
     Returns:
-        Number of candidates in `rows`, and the energy of the no-contact hypothesis; -1 and 0 where a vector
-        has the wrong size or is not finite.
+        Number of candidates in `rows`, and the energy of the no-contact hypothesis; `NOT_FINITE` and 0 where
+        a vector has the wrong size or is not finite, `DOUBTFUL` and 0 where the measurement may be
+        implausible.
     """
     constants, state = buffer_views(buffers)
     grids = Grids(*skin)
     q, torque, base_wrench, link_wrench = measured
     n = state.torque.shape[0]
     if not (is_finite_vector(q, n) and is_finite_vector(torque, n) and is_finite_vector(base_wrench, 6)):
-        return -1, 0.0
+        return NOT_FINITE, 0.0
     for s in range(link_wrench.shape[0]):
         if not is_finite_vector(link_wrench[s], 6):
-            return -1, 0.0
+            return NOT_FINITE, 0.0
     take_static_sample(constants, state, measured, external)
+    if check and not _is_plausible(constants, state, measured, external, usable):
+        return DOUBTFUL, 0.0
     has_base, has_torque, link_sensors = usable
     count, no_contact_energy = explain(
         constants, state, has_base, has_torque, link_sensors, 1.0, gate, threshold
     )
     return write_candidates(constants, state, grids, count, rows), no_contact_energy
+
+
+@inlined_kernel
+def _is_plausible(
+    constants: Constants, state: State, measured: Measured, external: bool, usable: Usable
+) -> bool:
+    """Whether a measurement is surely plausible, apart from link sensors with a known range; arguments as for
+    `locate_once`, after `take_static_sample`."""
+    q, torque, base_wrench, link_wrench = measured
+    limits, weight = constants.limits, state.motion.gravity[0]
+    # What remains of a plausible torque after a plausible model's is subtracted.
+    scale = TORQUE_SCALE + 1.0 if external else TORQUE_SCALE
+    if not are_positions_within(limits, q) or (usable[1] and not are_torques_within(limits, torque, scale)):
+        return False
+    for s in range(link_wrench.shape[0]):
+        if not is_contact_wrench(link_wrench[s], weight):
+            return False
+    return not usable[0] or is_base_plausible(limits, base_wrench, weight, external, state.wrench_change)
 
 
 @nogil_kernel

@@ -3,7 +3,7 @@
 import numpy as np
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.kinematics.model import Model, Motion, build_model, empty_motion
 from contactsense.runtime.constants import model_with_tool, wrench_transform
 from contactsense.runtime.link_sensors import mounts
 from contactsense.scene import Scene
@@ -18,6 +18,7 @@ class LinkSensorFrame:
         self._mount = mounts(scene)[field]
         self._sign = 1.0 if self._mount.settings.sign == "arm_on_sensor" else -1.0
         self._bias = np.array(self._mount.settings.bias)
+        load_kinematics(self._model, self._motion)
 
     def wrench(self, q: np.ndarray, reading: np.ndarray) -> np.ndarray:
         """Wrench of everything beyond the sensor on it, base axes and origin, shape (..., 6) [N, Nm].
@@ -48,6 +49,12 @@ class LinkSensorFrame:
         return wrench_transform(R @ self._mount.rotation, o + R @ self._mount.origin)
 
 
+def load_kinematics(model: Model, motion: Motion) -> None:
+    """Load the machine code of the kinematics now: that takes tenths of a second, which no sample of a stream
+    and no request to the service should wait for."""
+    forward_kinematics(model, np.zeros(model.joints), motion)
+
+
 class LoadWeight:
     """Weight of what a link sensor of one scene carries."""
 
@@ -57,6 +64,7 @@ class LoadWeight:
         self._gravity, self._body, self._load = scene.gravity_base, mount.body, mount.load
         self._model, self._motion = model_with_tool(scene), empty_motion(len(scene.robot.joints))
         self._carried = range(mount.first_body, len(scene.robot.links))
+        load_kinematics(self._model, self._motion)
 
     def wrench(self, q: np.ndarray) -> np.ndarray:
         """Wrench of the load at rest on the sensor, base axes, base origin, shape (6,) [N, Nm].

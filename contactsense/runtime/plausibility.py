@@ -6,27 +6,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.runtime.constants import wrench_transform
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame, LoadWeight
-from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
+from contactsense.runtime.reading_limits import (
+    LARGEST_FORCE,
+    LARGEST_MOMENT,
+    ROUNDING,
+    SAME,
+    TORQUE_SCALE,
+    reading_limits,
+)
+from contactsense.runtime.weight import ArmWeight
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
 
-ONE_TURN = 2.0 * np.pi
-"""Positions may be this far beyond the joint's limits [rad]: controllers count turns differently."""
-LARGEST_COUNT = 1e4
-"""Largest position of a joint without limits, which may count turns [rad]."""
-TORQUE_SCALE = 1.5
-"""A measured torque above this multiple of the joint's limit is implausible: limits are those of the drives,
-and motor torques include acceleration and friction of the rotor."""
-LARGEST_FORCE, LARGEST_MOMENT = 5000.0, 5000.0
-"""Largest contact on an arm, where the sensor states no range [N, Nm]: ten times the largest force that
-ISO/TS 15066 (2016, table A.2) permits for a moment on any part of a person."""
-_SAME = 0.2
-"""Wrenches that differ by less than this share of the arm's weight are taken for the same."""
 _WEIGHT_LEVER = 0.5
 """Moments are compared with the arm's weight at this lever [m]."""
-_ROUNDING = 1e-6
-"""A reading at its limit is beyond it in spite of being converted to base axes and back."""
 _NO_FORCE = [0.0, 0.0, 0.0]
 _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -53,27 +48,25 @@ class PlausibleLimits:
 
     def __init__(self, scene: Scene) -> None:
         """Take limits of joints and sensors from `scene`."""
-        joints = scene.robot.joints
-        self._joint_names = [joint.name for joint in joints]
-        # Single samples are compared as numbers: for so few of them, that is faster than as arrays. What is
-        # within the limits of all joints and components needs no comparison with each.
-        self._lowest, self._highest = [], []
-        for low, high in (joint.position_limits for joint in joints):
-            self._lowest.append(low - ONE_TURN if np.isfinite(low) else -LARGEST_COUNT)
-            self._highest.append(high + ONE_TURN if np.isfinite(high) else LARGEST_COUNT)
-        self._torque = [joint.torque_limit for joint in joints]
-        self.weight = ArmWeight(scene)
-        """Weight of arm and tool."""
+        self._joint_names = [joint.name for joint in scene.robot.joints]
         self.sensor = scene.base_wrench or WrenchSensor()
         """The base sensor."""
-        self._range = ((1.0 - _ROUNDING) * self.sensor.limits).tolist()
-        self._bias = np.array(self.sensor.bias)
-        self._to_reading = reading_from_base_wrench(self.sensor, np.eye(6)) - self._bias
+        limits = reading_limits(
+            scene, wrench_transform(self.sensor.rotation, np.array(self.sensor.translation))
+        )
+        # Single samples are compared as numbers: for so few of them, that is faster than as arrays. What is
+        # within the limits of all joints and components needs no comparison with each.
+        self._lowest, self._highest = limits.lowest.tolist(), limits.highest.tolist()
+        self._torque: list[float] = limits.torque.tolist()
+        self.weight = ArmWeight(scene)
+        """Weight of arm and tool."""
+        self._range: list[float] = limits.range.tolist()
+        self._bias, self._to_reading = limits.bias, limits.to_reading.T
         self._links = {
             field: _RangedSensor(
                 LinkSensorFrame(scene, field),
                 LoadWeight(scene, field),
-                ((1.0 - _ROUNDING) * sensor.limits).tolist(),
+                ((1.0 - ROUNDING) * sensor.limits).tolist(),
             )
             for field, sensor in scene.link_sensors.items()
             if sensor.range is not None
@@ -186,7 +179,7 @@ class PlausibleLimits:
         if base_wrench is not None:
             force, weight = base_wrench[:, :3], self.weight.force
             for other in (weight,) if external else (np.zeros(3), -weight):
-                found |= np.linalg.norm(force - other, axis=1) < _SAME * self._weight
+                found |= np.linalg.norm(force - other, axis=1) < SAME * self._weight
             found |= self.sensor.range is not None
         found |= any(field in self._links for field in links)
         return np.flatnonzero(found)
@@ -241,13 +234,13 @@ class PlausibleLimits:
 
     def _is_near(self, force: list[float], other: list[float]) -> bool:
         """Whether two forces differ by little compared with the arm's weight."""
-        return dist(force, other) < _SAME * self._weight
+        return dist(force, other) < SAME * self._weight
 
     def _is_own_weight(self, q: np.ndarray, wrench: np.ndarray) -> bool:
         """Whether a wrench is that of the arm's own weight. Only a push of that size on the vertical through
         the arm's centre of mass looks the same."""
         moment = np.linalg.norm(wrench[3:] - self.weight.wrench(q)[3:])
-        return bool(moment < _SAME * self._weight * _WEIGHT_LEVER)
+        return bool(moment < SAME * self._weight * _WEIGHT_LEVER)
 
 
 def _first(field: str, wrench: np.ndarray, limits: list[float], what: str) -> Implausible | None:

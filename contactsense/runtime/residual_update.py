@@ -6,15 +6,15 @@ from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics
 from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import mass_variance, predict
 from contactsense.residuals.equations_of_motion import (
-    observe_base_in_link_frames,
-    observe_joints,
-    observe_torque_difference,
+    advance_base,
+    advance_torques,
     observe_wrench,
     observe_wrench_difference,
     wrenches_to_base_frame,
 )
 from contactsense.residuals.momentum_observer import group_of
 from contactsense.residuals.noise_scale import follow_noise
+from contactsense.residuals.observers import start_steps
 from contactsense.residuals.timing_error import advance_timing_error
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
@@ -92,32 +92,19 @@ def update_residuals(
     update_link_sensors(constants, state)
     for i in range(6):
         unbiased_wrench[i] = stream.base_wrench[i] - state.bias_filter.bias[i]
+    of_base, of_joints, of_difference = start_steps(state.observers, steps, bandwidth)
     if steps[BASE] >= 0.0:
-        observe_base_in_link_frames(motion, unbiased_wrench, steps[BASE], bandwidth, state.observers.base)
-    if steps[TORQUE] >= 0.0:
-        observe_joints(
-            model,
-            torque_model,
-            motion,
-            qd,
-            torque,
-            steps[TORQUE],
-            bandwidth,
-            state.observers.joints,
-            state.unmodelled_std,
-        )
-    if steps[TORQUE_DIFFERENCE] >= 0.0:
-        observe_torque_difference(
-            model,
-            torque_model,
-            motion,
-            qd,
-            torque,
-            unbiased_wrench,
-            steps[TORQUE_DIFFERENCE],
-            bandwidth,
-            state.observers.torque_difference,
-        )
+        advance_base(motion, unbiased_wrench, of_base, state.observers.base)
+    advance_torques(
+        model,
+        torque_model,
+        motion,
+        (qd, torque, unbiased_wrench),
+        (steps[TORQUE], steps[TORQUE_DIFFERENCE]),
+        (of_joints, of_difference),
+        state.observers,
+        state.unmodelled_std,
+    )
     observe_link_sensors(state, bandwidth)
     predict(
         state.bias_filter,
@@ -130,14 +117,18 @@ def update_residuals(
         bandwidth,
     )
     predict_link_sensors(constants, state)
-    set_external(
-        state,
-        state.observers.base.residual,
-        state.observers.torque_difference.residual,
-        state.observers.joints.residual,
-        state.observers.link_difference.residual,
-        state.observers.links.residual,
-    )
+    set_residuals(state)
+
+
+@inlined_kernel
+def set_residuals(state: State) -> None:
+    """Store the observers' residuals in `state`, as far as the hypothesis that nothing touches needs them."""
+    # The base's own frame is the base frame.
+    for i in range(6):
+        state.base_wrench[i] = state.observers.base.residual[i]
+    copy(state.observers.joints.residual, state.torque)
+    for s in range(state.link_load.shape[0]):
+        copy(state.observers.links.residual[s], state.link_wrench[s])
 
 
 @inlined_kernel
@@ -202,6 +193,20 @@ def set_external(
             state.proximal_link_wrench[s, i] = (
                 state.base_wrench[i] + link_difference[s, i] if has_difference else link_residual[s, i]
             )
+
+
+@inlined_kernel
+def use_residuals(state: State) -> None:
+    """`set_external` for the observers' residuals."""
+    observers = state.observers
+    set_external(
+        state,
+        observers.base.residual,
+        observers.torque_difference.residual,
+        observers.joints.residual,
+        observers.link_difference.residual,
+        observers.links.residual,
+    )
 
 
 @inlined_kernel

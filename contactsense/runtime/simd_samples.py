@@ -10,7 +10,7 @@ import numpy as np
 from contactsense.kinematics.simd_kinematics import kinematics_in_lanes, motion_of_lane
 from contactsense.residuals.bias_filter import predict
 from contactsense.residuals.bias_filter import update_is_due as bias_update_is_due
-from contactsense.residuals.momentum_observer import copy_history, in_step, start_step
+from contactsense.residuals.observers import start_steps
 from contactsense.residuals.sensor_consistency import update_is_due as consistency_is_due
 from contactsense.residuals.simd_equations import (
     advance_base,
@@ -18,14 +18,13 @@ from contactsense.residuals.simd_equations import (
     advance_torque_difference,
     equations_in_lanes,
 )
-from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.residual_update import (
     observe_link_sensors,
     predict_link_sensors,
-    set_external,
+    set_residuals,
     update_link_sensors,
 )
 from contactsense.runtime.state import State
@@ -96,19 +95,8 @@ def detect_in_lane(
         touched
         or consistency_is_due(state.consistency, stream.clock[0].step)
         or bias_update_is_due(state.bias_filter, bandwidth)
-    ):
-        if not copied:
-            _copy_motion(constants, state, lanes, lane)
-        copied = True
-    if copied:
-        set_external(
-            state,
-            state.observers.base.residual,
-            state.observers.torque_difference.residual,
-            state.observers.joints.residual,
-            state.observers.link_difference.residual,
-            state.observers.links.residual,
-        )
+    ) and not copied:
+        _copy_motion(constants, state, lanes, lane)
     concluded: int = conclude(constants, state, flags, decision, bandwidth)
     return concluded
 
@@ -133,31 +121,16 @@ def _has_link_sensor(state: State) -> bool:
 def _update_residuals(
     constants: Constants, state: State, bandwidth: float, lanes: np.ndarray, lane: int
 ) -> None:
-    """As `contactsense.runtime.residual_update.update_residuals`, but external wrenches and torques are those
-    that the energy without contact depends on."""
+    """As `contactsense.runtime.residual_update.update_residuals`."""
     motion, stream, steps = state.motion, state.stream, state.stream.steps
     base, joints, difference = state.observers.base, state.observers.joints, state.observers.torque_difference
-    dt = steps[BASE]
-    # Sensors that came with the same samples need the weights of a step once.
-    joints_alike = steps[TORQUE] == dt and in_step(joints, base)
-    difference_alike = steps[TORQUE_DIFFERENCE] == dt and in_step(difference, base)
-    step = start_step(base, dt, bandwidth) if dt >= 0.0 else (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    if dt >= 0.0:
-        advance_base(lanes, lane, step, base)
+    of_base, of_joints, of_difference = start_steps(state.observers, steps, bandwidth)
+    if steps[BASE] >= 0.0:
+        advance_base(lanes, lane, of_base, base)
     if steps[TORQUE] >= 0.0:
-        own = step
-        if joints_alike:
-            copy_history(base, joints)
-        else:
-            own = start_step(joints, steps[TORQUE], bandwidth)
-        advance_joints(lanes, lane, steps[TORQUE], own, joints, state.unmodelled_std)
+        advance_joints(lanes, lane, steps[TORQUE], of_joints, joints, state.unmodelled_std)
     if steps[TORQUE_DIFFERENCE] >= 0.0:
-        own = step
-        if difference_alike:
-            copy_history(base, difference)
-        else:
-            own = start_step(difference, steps[TORQUE_DIFFERENCE], bandwidth)
-        advance_torque_difference(lanes, lane, own, difference)
+        advance_torque_difference(lanes, lane, of_difference, difference)
     for i in range(6):
         state.unbiased_wrench[i] = stream.base_wrench[i] - state.bias_filter.bias[i]
     observe_link_sensors(state, bandwidth)
@@ -166,9 +139,4 @@ def _update_residuals(
         constants.sensors.torque_variance, constants.bias_rate, stream.clock[0].step, bandwidth,
     )  # fmt: skip
     predict_link_sensors(constants, state)
-    # The base's own frame is the base frame.
-    for i in range(6):
-        state.base_wrench[i] = base.residual[i]
-    copy(joints.residual, state.torque)
-    for s in range(state.link_load.shape[0]):
-        copy(state.observers.links.residual[s], state.link_wrench[s])
+    set_residuals(state)

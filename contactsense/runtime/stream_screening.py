@@ -42,12 +42,20 @@ class StreamScreening:
         """Field -> why it was taken out of the newest sample."""
         self.first: dict[str, str] = {}
         """Field -> why it was taken out of a sample of this stream for the first time."""
+        self.by_kernel = False
+        """Whether the kernel's own test of a sample is enough, see `contactsense.runtime.reading_limits`; at
+        the start of a stream, while the weight is compared, it is not."""
         self.reset()
 
     def reset(self) -> None:
         """A new stream begins."""
         self.refused, self.first = {}, {}
         self._right, self._contradiction = 0, ""
+        self._choose()
+
+    def _choose(self) -> None:
+        """Whether `contactsense.runtime.kernels.detect` may look at the next sample first."""
+        self.by_kernel = not (self._has_link_range or (self._checks_weight and self._right < _SAMPLES))
 
     def screened(self, sample: Sample) -> Sample:
         """The sample, the first number of each implausible value replaced by NaN; `refused` says why.
@@ -176,8 +184,10 @@ class StreamScreening:
             return False
         if off > self._tolerance:
             self._right = 0
+            self._choose()
             return True
         self._right, self._contradiction = self._right + 1, ""
+        self._choose()
         return False
 
     def _weight_contradicts(self, base: np.ndarray, qd: np.ndarray, skipped: np.ndarray) -> np.ndarray:

@@ -9,6 +9,8 @@ from contactsense.sensors.stream_state import INVALID, MISSING, SHIFT, Readings
 from contactsense.sensors.validation import checked_vector
 from contactsense.types import Sample
 
+_FLOAT = np.dtype(np.float64)
+"""Of which NumPy has one object, unless it was unpickled or has another byte order."""
 SENSORS = ("base_wrench", "joint_torque")
 """The first two sensors of every scene; its link sensors follow."""
 
@@ -43,8 +45,9 @@ class SampleFields:
 
         Raises:
             ValueError: the value of a link sensor has the wrong shape.
+            TypeError, AttributeError: a field is no vector of floats.
         """
-        torque, base = sample.joint_torque, sample.base_wrench
+        q, qd, torque, base = sample.q, sample.qd, sample.joint_torque, sample.base_wrench
         sensor_bits = 3
         if base is None or not self._base:
             sensor_bits, base = sensor_bits - 1, self._no_wrench
@@ -59,7 +62,13 @@ class SampleFields:
                         raise ValueError(f"{self._link_sensors[s]}: expected 6 numbers, got {len(value)}")
                     self._link_wrench[s] = value
                     sensor_bits += 4 << s
-        return sample.t, sensor_bits, (sample.q, sample.qd, torque, base, self._link_wrench)
+        # Kernels that are called directly take this for granted.
+        if not (
+            q.dtype is qd.dtype is torque.dtype is base.dtype is _FLOAT
+            and q.ndim == qd.ndim == torque.ndim == base.ndim == 1
+        ):
+            raise TypeError("expected vectors of floats")
+        return sample.t, sensor_bits, (q, qd, torque, base, self._link_wrench)
 
     def compile_sample(self) -> Sample:
         """A sample to compile the kernels with: any float arrays are accepted afterwards."""
@@ -87,6 +96,15 @@ class SampleFields:
             self._no_wrench if base is None else base,
             self._link_wrench,
         )
+
+    @staticmethod
+    def are_vectors(q: np.ndarray, torque: np.ndarray, base: np.ndarray) -> bool:
+        """Whether kernels that are called directly can take these values of `values`.
+
+        Raises:
+            AttributeError: one is no array.
+        """
+        return q.dtype is torque.dtype is base.dtype is _FLOAT and q.ndim == torque.ndim == base.ndim == 1
 
     def checked(
         self, q: np.ndarray, torque: np.ndarray, base: np.ndarray, link_wrench: np.ndarray

@@ -31,13 +31,13 @@ _LONGEST_STEP = 86400.0
 """Longest step that enters the random walk of the biases [s]."""
 
 MISSING, INVALID, INCONSISTENT, SETTLING, TOUCHED, RESTARTED = 1, 8, 64, 128, 256, 512
-REPEATED, UNUSABLE, WRONG_SIZE, BLIND = 1024, 2048, 4096, 8192
+REPEATED, UNUSABLE, WRONG_SIZE, BLIND, SUSPECT = 1024, 2048, 4096, 8192, 16384
 """Flags of a sample, bits of one number; 0: sensors in order and no contact. `MISSING` and `INVALID` (a value
 is not finite or implausible), shifted by a sensor's `SHIFT`, are those of that sensor. `INCONSISTENT`: see
 `contactsense.residuals.sensor_consistency`. `SETTLING`: no sensor can be used yet. `TOUCHED`: a contact is
-detected. `RESTARTED`: time has jumped back, a new stream begins. `REPEATED`, `UNUSABLE` and `WRONG_SIZE` (a
-field has the wrong size): the sample was not used. `BLIND`: no sensor has a value, and at least one should
-have."""
+detected. `RESTARTED`: time has jumped back, a new stream begins. `REPEATED`, `UNUSABLE`, `WRONG_SIZE` (a
+field has the wrong size) and `SUSPECT` (a value may be implausible): the sample was not used. `BLIND`: no
+sensor has a value, and at least one should have."""
 SHIFT = (0, 1, 2, 16, 22, 28, 34, 40, 46, 52, 58)
 """Of the flags of each sensor: base sensor, joint torques, link sensors."""
 ALL_MISSING = sum(MISSING << shift for shift in SHIFT)

@@ -192,12 +192,13 @@ class Service:
             scene = await asyncio.to_thread(self._settings.load_scene)
             source = self._given_source or await asyncio.to_thread(self._settings.open_source, scene)
             rules = await asyncio.to_thread(self._load_rules, scene)
+            plausible = await asyncio.to_thread(PlausibleLimits, scene)
             self.reactions.replace(rules)
         except (SettingsError, RulesError) as error:
             log.error("reload: nothing has changed: %s", error)
             self.reloaded = messages.ReloadHealth(time=at, ok=False, message=str(error))
             return
-        self.scene, self.plausible = scene, PlausibleLimits(scene)
+        self.scene, self.plausible = scene, plausible
         await self.webhooks.replace(self.reactions.webhooks)
         self.runner.restart(scene, source, self._listeners())
         self._locate.restart(scene)
