@@ -18,7 +18,7 @@ from contactsense.benchmarks.accuracy.calibration import NEAR, REGION, Share
 from contactsense.benchmarks.accuracy.credible_regions import distance, level, mixture, samples
 from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
-from contactsense.benchmarks.multi_contact.measure import Scenario, localizer_for, match
+from contactsense.benchmarks.multi_contact.measure import Scenario, localizer_for
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
 
 SCENARIOS = {
@@ -124,7 +124,8 @@ def judge(
 ) -> Iterator[Verdict | None]:
     """Verdicts on trials with so many contacts on different links; None without an answer.
 
-    One by one, only trials in which the earlier contacts were found are judged: they are taken as known.
+    One by one, only trials are judged in which the best explanation of the earlier contacts is the true one:
+    they are taken as known.
 
     Args:
         localizer: See `contactsense.benchmarks.multi_contact.measure.localizer_for`.
@@ -150,18 +151,18 @@ def judge(
                 ]
             now = trial.measure(pushes[:number])
             estimate = _locate(localizer, trial, now, noise, rng, number, known, scenario.drift)
-            if number < contacts:
-                known = estimate.contacts if estimate.explanations else estimate.contacts[:1]
-                truth = [push.point for push in pushes[:number]]
-                if len(known) < number or _missed(known, truth):
-                    break
-            else:
-                links = np.array([push.link for push in pushes])
-                points = np.array([push.point for push in pushes])
-                sets = estimate.explanations or tuple(
-                    Explanation((contact,), contact.probability) for contact in estimate.contacts
-                )
+            links = np.array([push.link for push in pushes[:number]])
+            points = np.array([push.point for push in pushes[:number]])
+            sets = estimate.explanations or tuple(
+                Explanation((contact,), contact.probability) for contact in estimate.contacts
+            )
+            if number == contacts:
                 yield verdict(sets, links, points, bool(known)) if sets else None
+                break
+            contacts_of_sets = [tuple(e.contacts) for e in sets]
+            if not sets or not _is_best(contacts_of_sets, links, points[None])[0]:
+                break
+            known = contacts_of_sets[0]
         tick()
 
 
@@ -186,19 +187,6 @@ def _locate(
         known=known,
         drift=drift,
     )
-
-
-def _missed(known: Sequence[Contact], truth: Sequence[np.ndarray]) -> bool:
-    """Whether a contact is neither within `NEAR` of its truth nor has it in its 99.9 % ellipse."""
-    far = match(known, truth) > NEAR
-    if not far.any():
-        return False
-    stated = mixture(known)
-    inside = [
-        (distance(stated, contact.link_index, np.array(truth))[i] <= _EDGE).any()
-        for i, contact in enumerate(known)
-    ]
-    return not all(inside)
 
 
 class Summary(NamedTuple):
@@ -266,8 +254,8 @@ def calibration_several(
 ) -> None:
     """Compare what is stated about several contacts with what is right.
 
-    The contacts are those of `contactsense bench several`. One by one, only trials in which the earlier
-    contacts were found are judged: the answer takes them as known.
+    The contacts are those of `contactsense bench several`. One by one, only trials are judged in which the best
+    explanation of the earlier contacts is the true one: the answer takes them as known.
 
     \b
     answer  the probability of the best explanation, against whether it is the true one: the right links, each

@@ -23,6 +23,8 @@ from contactsense.multi_contact.sample_likelihood import (
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 
+Samples = tuple[int, int, int]
+"""Indices of the samples of a set; unused ones are 0."""
 SAME_SIDE_COSINE = 0.9
 """Two samples are on the same side of a primitive if the cosine between their normals exceeds this."""
 
@@ -35,44 +37,51 @@ def _are_neighbours(primitives: np.ndarray, point_normal: np.ndarray, a: int, b:
 
 
 @fused_kernel
-def insert_seed(
+def find_slot(
     primitives: np.ndarray,
     point_normal: np.ndarray,
     count: int,
     score: float,
-    a: int,
-    b: int,
-    c: int,
+    samples: Samples,
     scores: np.ndarray,
     seeds: np.ndarray,
-) -> None:
-    """Insert a set of `count` samples into a list sorted by falling score, if its score is high enough.
+) -> int:
+    """Index of the seed that a set of `count` samples replaces in a list sorted by falling score.
 
-    Of sets that differ in one sample only, on the same side of the same primitive, the list keeps the
-    best.
+    Of sets that differ in one sample only, on the same side of the same primitive, the list keeps the best.
+
+    Returns:
+        -1 if the score is not high enough.
     """
-    last = scores.shape[0] - 1
+    last: int = scores.shape[0] - 1
     if not score > scores[last]:
-        return
-    replaced = last
+        return -1
+    a, b, c = samples
     for i in range(last + 1):
         if scores[i] == -math.inf:
-            break
+            return i
         x, y, z = seeds[i, 0], seeds[i, 1], seeds[i, 2]
-        similar = _are_neighbours(primitives, point_normal, x, a)
         differ = 1 if x != a else 0
         if count > 1:
-            similar = similar and _are_neighbours(primitives, point_normal, y, b)
             differ += 1 if y != b else 0
         if count > 2:
-            similar = similar and _are_neighbours(primitives, point_normal, z, c)
             differ += 1 if z != c else 0
-        if similar and differ <= 1:
-            if scores[i] >= score:
-                return
-            replaced = i
-            break
-    position = replaced
+        if differ > 1:
+            continue
+        similar = _are_neighbours(primitives, point_normal, x, a)
+        if count > 1:
+            similar = similar and _are_neighbours(primitives, point_normal, y, b)
+        if count > 2:
+            similar = similar and _are_neighbours(primitives, point_normal, z, c)
+        if similar:
+            return -1 if scores[i] >= score else i
+    return last
+
+
+@fused_kernel
+def put_seed(score: float, samples: Samples, slot: int, scores: np.ndarray, seeds: np.ndarray) -> None:
+    """Put a set of samples in the place of the seed in `slot`, and up to where its score belongs."""
+    position = slot
     while position > 0 and scores[position - 1] < score:
         scores[position] = scores[position - 1]
         seeds[position, 0], seeds[position, 1], seeds[position, 2] = (
@@ -82,7 +91,7 @@ def insert_seed(
         )
         position -= 1
     scores[position] = score
-    seeds[position, 0], seeds[position, 1], seeds[position, 2] = a, b, c
+    seeds[position, 0], seeds[position, 1], seeds[position, 2] = samples
 
 
 @fused_kernel
@@ -143,17 +152,12 @@ def _seed_single(
         )
         for j in range(chosen.count[b]):
             if block[NORMAL_FORCE + j] > 0.0 and base + block[GAIN + j] > scores[-1]:
-                insert_seed(
-                    seed_samples.primitive,
-                    seeding.point_normal,
-                    1,
-                    base + log_gain(block, j),
-                    chosen.sample[b, j],
-                    0,
-                    0,
-                    scores,
-                    seeding.seed,
+                score, samples = base + log_gain(block, j), (chosen.sample[b, j], 0, 0)
+                slot = find_slot(
+                    seed_samples.primitive, seeding.point_normal, 1, score, samples, scores, seeding.seed
                 )
+                if slot >= 0:
+                    put_seed(score, samples, slot, scores, seeding.seed)
 
 
 @fused_kernel
@@ -192,16 +196,17 @@ def _seed_pairs(
                     seeding.link_information[link], seeding.link_vector[link], deviations, block
                 )
                 for e in range(chosen.count[d] if d < b else j):
-                    if not base + block[GAIN + e] > scores[-1]:
+                    # The bound is cheaper than the score.
+                    pushes = count > 2 or block[NORMAL_FORCE + e] > 0.0
+                    if not (pushes and base + block[GAIN + e] > scores[-1]):
                         continue
                     k, score = chosen.sample[d, e], base + log_gain(block, e)
-                    if score > scores[-1] and (
-                        count > 2
-                        or (block[NORMAL_FORCE + e] > 0.0 and _all_push(m, d * LANES + e, (i, k, k), seeding))
-                    ):
-                        insert_seed(
-                            seed_samples.primitive, seeding.point_normal, 2, score, i, k, 0, scores, seeds
-                        )
+                    samples = (i, k, 0)
+                    slot = find_slot(
+                        seed_samples.primitive, seeding.point_normal, 2, score, samples, scores, seeds
+                    )
+                    if slot >= 0 and (count > 2 or _all_push(m, d * LANES + e, (i, k, k), seeding)):
+                        put_seed(score, samples, slot, scores, seeds)
 
 
 @fused_kernel
@@ -235,28 +240,18 @@ def _seed_triples(
             )
             for e in range(chosen.count[d]):
                 j = chosen.sample[d, e]
-                # A comparison with a tuple would be slower.
-                if not base + block[GAIN + e] > scores[-1] or j == i or j == k:  # noqa: SIM109
+                if j == i or j == k:  # noqa: SIM109 (a tuple would be searched slower)
                     continue
-                score = base + log_gain(block, e)
-                if (
-                    score > scores[-1]
-                    and block[NORMAL_FORCE + e] > 0.0
-                    and _all_push(m, d * LANES + e, (i, k, j), seeding)
-                ):
-                    # In a fixed order, so that permutations are one seed.
-                    a, c = max(i, max(k, j)), min(i, min(k, j))
-                    insert_seed(
-                        seed_samples.primitive,
-                        seeding.point_normal,
-                        3,
-                        score,
-                        a,
-                        i + k + j - a - c,
-                        c,
-                        scores,
-                        seeding.seed,
-                    )
+                if not (block[NORMAL_FORCE + e] > 0.0 and base + block[GAIN + e] > scores[-1]):
+                    continue
+                # In a fixed order, so that permutations are one seed.
+                a, c = max(i, max(k, j)), min(i, min(k, j))
+                score, samples = base + log_gain(block, e), (a, i + k + j - a - c, c)
+                slot = find_slot(
+                    seed_samples.primitive, seeding.point_normal, 3, score, samples, scores, seeding.seed
+                )
+                if slot >= 0 and _all_push(m, d * LANES + e, (i, k, j), seeding):
+                    put_seed(score, samples, slot, scores, seeding.seed)
 
 
 @fused_kernel
