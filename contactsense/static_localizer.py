@@ -147,12 +147,11 @@ class StaticLocalizer:
                 count, no_contact_energy = self._locate_once(values, external, usable, threshold, False)
         if no_contact_energy <= threshold:
             return self._estimate_builder.without_contacts(0.0, "none")
-        estimate = self._estimate_builder.contacts(0.0, self._buffers.state, self._rows, count)
         if look_for_sets and self._locator is not None:
             multiple = self._locator.explain(usable, contacts, known, drift)
             if known or len(multiple.contacts) > 1:
                 return multiple
-        return estimate
+        return self._estimate_builder.contacts(0.0, self._buffers.state, self._rows, count)
 
     def _refuse_implausible(
         self,

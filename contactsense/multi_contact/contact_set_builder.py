@@ -1,13 +1,13 @@
 """Builds the `Estimate` of several simultaneous contacts from result rows."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from contactsense.multi_contact.buffers import MAX_CONTACTS
 from contactsense.output.estimate_builder import EstimateBuilder
-from contactsense.runtime.result_rows import PROBABILITY
+from contactsense.runtime.result_rows import LINK, POINT_BASE, PROBABILITY
 from contactsense.scene import Scene
 from contactsense.types import Contact, Estimate, Event, Explanation, Phase, Status
 
@@ -45,7 +45,8 @@ class ContactSetBuilder:
         Args:
             t: Time of the sample [s].
             rows_of_sets: One array per set, with a row per contact as in
-                `contactsense.runtime.result_rows`; the probability in each row is that of the whole set.
+                `contactsense.runtime.result_rows`; the probability in each row is that of the whole set, and
+                is replaced by that of the contact. The contacts keep views of the rows.
             wrench, covariance: Sum of the wrenches of the first set, shape (6,), and its covariance, (6,
                 6).
             rank: Number of independent measurements of the first set's wrenches.
@@ -60,24 +61,21 @@ class ContactSetBuilder:
                 t, "degraded" if reason else "ambiguous", f"{reason}; {why}".strip("; ")
             )
         labels = tracked or [(0, "")] * MAX_CONTACTS
-        explanations = [
-            Explanation(
-                tuple(
-                    self._estimate_builder.contact(row, *label)
-                    for row, label in zip(rows, labels, strict=False)
-                ),
-                float(rows[0, PROBABILITY]),
-            )
-            for rows in rows_of_sets
-        ]
+        probabilities = [float(rows[0, PROBABILITY]) for rows in rows_of_sets]
+        _state_marginal_probabilities(rows_of_sets, probabilities)
         sets = tuple(
-            replace(
-                e,
-                contacts=tuple(
-                    replace(c, probability=_marginal_probability(c, explanations)) for c in e.contacts
-                ),
-            )
-            for e in explanations
+            [
+                Explanation(
+                    tuple(
+                        [
+                            self._estimate_builder.contact(row, *label)
+                            for row, label in zip(rows, labels, strict=False)
+                        ]
+                    ),
+                    probability,
+                )
+                for rows, probability in zip(rows_of_sets, probabilities, strict=True)
+            ]
         )
         best = sets[0]
         status: Status = "multiple"
@@ -122,20 +120,29 @@ class ContactSetBuilder:
                 "unknowns of point and force, the priors determine the rest"
             )
         for contact in contacts:
+            if contact.covariance.trace() <= UNRESOLVED_DEVIATION**2:
+                # No less than the largest eigenvalue.
+                continue
             deviation = float(np.sqrt(max(np.linalg.eigvalsh(contact.covariance)[-1], 0.0)))
             if deviation > UNRESOLVED_DEVIATION:
                 parts.append(f"the point on {contact.link} is uncertain by {1e3 * deviation:.0f} mm")
         return parts
 
 
-def _marginal_probability(contact: Contact, explanations: Sequence[Explanation]) -> float:
-    """Sum of the probabilities of all explanations that contain this contact."""
-    return sum(
-        explanation.probability
-        for explanation in explanations
-        if any(
-            other.link_index == contact.link_index
-            and float(np.linalg.norm(other.point_base - contact.point_base)) < SAME_POINT_DISTANCE
-            for other in explanation.contacts
-        )
-    )
+def _state_marginal_probabilities(
+    rows_of_sets: Sequence[np.ndarray], probabilities: Sequence[float]
+) -> None:
+    """Write into each row the sum of the probabilities of all explanations that contain its contact."""
+    places = [
+        list(zip(rows[:, LINK].tolist(), rows[:, POINT_BASE].tolist(), strict=True))
+        for rows in rows_of_sets
+    ]
+    for rows, contacts in zip(rows_of_sets, places, strict=True):
+        for i, (link, point) in enumerate(contacts):
+            marginal = 0.0
+            for probability, others in zip(probabilities, places, strict=True):
+                for other_link, other_point in others:
+                    if other_link == link and math.dist(other_point, point) < SAME_POINT_DISTANCE:
+                        marginal += probability
+                        break
+            rows[i, PROBABILITY] = marginal

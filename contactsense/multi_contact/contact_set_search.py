@@ -9,11 +9,8 @@ import math
 
 import numpy as np
 
-from contactsense.kinematics.linalg.cholesky import invert_factored
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
 from contactsense.multi_contact.buffers import (
-    UNKNOWNS,
-    Explanations,
     KnownContacts,
     MeasurementRows,
     MultiContactBuffers,
@@ -22,13 +19,14 @@ from contactsense.multi_contact.buffers import (
     SeedingBuffers,
 )
 from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
+from contactsense.multi_contact.ranked_sets import rank_sets, store_explanation
 from contactsense.multi_contact.sample_likelihood import initial_forces, initialize_seeding
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.multi_contact.seeding import find_seeds
+from contactsense.multi_contact.single_contact_modes import refine_seeds
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import STUDENT_DOF, Prior, pushing_force
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 FURTHER_CONTACT_ODDS = 0.02
 """Prior odds of one more contact."""
@@ -88,13 +86,21 @@ def search_contact_sets(
         seeds = 1
         if further > 0:
             seeds = find_seeds(seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding)
+        if further == 1:
+            seeds = refine_seeds(surfaces, prior, frames, seed_samples, seeds, seeding)
         lowest_energy = math.inf
         for s in range(seeds):
             for i in range(known_count):
                 initialize_known_contact(
                     surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
                 )
-            if further > 0:
+            if further == 1:
+                start = seeding.modes
+                _initialize_further_contact(
+                    surfaces, frames, optimizer, start.primitive[s], start.point[s], start.force[s], known_count
+                )
+                optimizer.torsion[known_count] = start.torsion[s]
+            elif further > 1:
                 initial_forces(
                     seed_samples,
                     prior.friction_ratio,
@@ -107,13 +113,13 @@ def search_contact_sets(
                     seeding.initial_force,
                 )
                 for e in range(further):
+                    i = seeding.seed[s, e]
                     _initialize_further_contact(
                         surfaces,
                         frames,
-                        seed_samples,
-                        seeding,
                         optimizer,
-                        seeding.seed[s, e],
+                        seed_samples.primitive[i],
+                        seeding.point_normal[i],
                         seeding.initial_force[e],
                         known_count + e,
                     )
@@ -122,7 +128,7 @@ def search_contact_sets(
                 surfaces, prior, frames, rows, m, known_count, count, lowest_energy + ENERGY_MARGIN, optimizer
             )
             if score > -math.inf:
-                _store_explanation(
+                store_explanation(
                     optimizer,
                     prior.surface_deviation,
                     count,
@@ -134,7 +140,7 @@ def search_contact_sets(
                 stored += 1
                 lowest_energy = min(lowest_energy, energy)
         best = min(best, lowest_energy)
-    ranked: int = _rank_sets(surfaces.link, explanations, stored, 2.0 * prior.surface_deviation)
+    ranked: int = rank_sets(surfaces.link, explanations, stored, 2.0 * prior.surface_deviation)
     return ranked
 
 
@@ -250,17 +256,15 @@ def _point_information(T: np.ndarray, C: np.ndarray, out: np.ndarray) -> None:
 def _initialize_further_contact(
     surfaces: Surfaces,
     frames: PrimitiveFrames,
-    seed_samples: SeedSamples,
-    seeding: SeedingBuffers,
     optimizer: OptimizerState,
-    sample: int,
+    primitive: int,
+    point: np.ndarray,
     force: np.ndarray,
     i: int,
 ) -> None:
-    """Initialize contact i at a sample, with the given force [N], base axes."""
-    c = seeding.point_normal[sample]
-    point = (c[0], c[1], c[2])
-    set_contact(surfaces, frames, optimizer, i, seed_samples.primitive[sample], point, (0.0, 0.0, 0.0))
+    """Initialize contact i near a point [m] on a primitive, with the given force [N], base frame."""
+    c = (point[0], point[1], point[2])
+    set_contact(surfaces, frames, optimizer, i, primitive, c, (0.0, 0.0, 0.0))
     T = optimizer.frame[i]
     optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = pushing_force(
         (force[0], force[1], force[2]), (T[0, 0], T[1, 0], T[2, 0])
@@ -288,133 +292,3 @@ def _log_accessibility(
         x, y, z = c[0] + height * T[0, 0], c[1] + height * T[1, 0], c[2] + height * T[2, 0]
         score += math.log(accessible_share(clearance(surfaces, frames, p, x, y, z, 0.0), prior))
     return score
-
-
-@fused_kernel
-def _store_explanation(
-    optimizer: OptimizerState,
-    surface_deviation: float,
-    count: int,
-    energy: float,
-    score: float,
-    explanations: Explanations,
-    t: int,
-) -> None:
-    """Write the contacts in `optimizer` as explanation t."""
-    explanations.contacts[t] = count
-    explanations.energy[t] = energy
-    explanations.score[t] = score
-    invert_factored(optimizer, count * UNKNOWNS)
-    for k in range(6):
-        explanations.wrench[t, k] = 0.0
-    for i in range(count):
-        explanations.primitive[t, i] = optimizer.primitive[i]
-        explanations.torsion[t, i] = optimizer.torsion[i]
-        for k in range(3):
-            explanations.point[t, i, k] = optimizer.point[i, k]
-            explanations.normal[t, i, k] = optimizer.frame[i, k, 0]
-            explanations.force[t, i, k] = optimizer.force[i, k]
-        for k in range(6):
-            explanations.wrench[t, k] += optimizer.wrench[i, k]
-        _contact_covariance(
-            optimizer,
-            i,
-            surface_deviation,
-            explanations.covariance[t, i],
-            explanations.force_covariance[t, i],
-        )
-    _wrench_covariance(optimizer, count * UNKNOWNS, explanations.wrench_covariance[t])
-
-
-@fused_kernel
-def _contact_covariance(
-    optimizer: OptimizerState,
-    i: int,
-    surface_deviation: float,
-    point_covariance: np.ndarray,
-    force_covariance: np.ndarray,
-) -> None:
-    """Covariance of point [m^2] and force [N^2] of contact i."""
-    at = i * UNKNOWNS
-    V, G, T = optimizer.inverse, optimizer.wrench_jacobian, optimizer.saved_frame[i]
-    for k in range(3):
-        for a in range(3):
-            point_covariance[k, a] = surface_deviation * surface_deviation * T[k, 0] * T[a, 0]
-            for b in range(2):
-                for d in range(2):
-                    point_covariance[k, a] += T[k, 1 + b] * V[at + 4 + b, at + 4 + d] * T[a, 1 + d]
-            force_covariance[k, a] = 0.0
-            for b in range(3):
-                for d in range(3):
-                    force_covariance[k, a] += G[k, at + b] * V[at + b, at + d] * G[a, at + d]
-
-
-@fused_kernel
-def _wrench_covariance(optimizer: OptimizerState, size: int, out: np.ndarray) -> None:
-    """Covariance of the sum of all wrenches."""
-    V, G = optimizer.inverse, optimizer.wrench_jacobian
-    for a in range(6):
-        for b in range(a + 1):
-            x = 0.0
-            for i in range(size):
-                for k in range(size):
-                    x += G[a, i] * V[i, k] * G[b, k]
-            out[a, b] = x
-            out[b, a] = x
-
-
-@fused_kernel
-def _rank_sets(link: np.ndarray, explanations: Explanations, stored: int, min_separation: float) -> int:
-    """Sort the explanations, drop duplicates and improbable ones, normalize; returns how many remain."""
-    order = explanations.order
-    for i in range(stored):
-        order[i] = i
-    count_kept = 0
-    best = 0.0
-    total = 0.0
-    for i in range(stored):
-        for k in range(i + 1, stored):
-            if explanations.score[order[k]] > explanations.score[order[i]]:
-                order[i], order[k] = order[k], order[i]
-        t = order[i]
-        if i == 0:
-            best = explanations.score[t]
-        if not explanations.score[t] >= best - ENERGY_CUTOFF:
-            break
-        if not _is_duplicate_set(link, explanations, t, count_kept, min_separation):
-            order[count_kept] = t
-            explanations.probability[t] = math.exp(explanations.score[t] - best)
-            total += explanations.probability[t]
-            count_kept += 1
-    for i in range(count_kept):
-        explanations.probability[order[i]] /= total
-    return count_kept
-
-
-@fused_kernel
-def _is_duplicate_set(
-    link: np.ndarray, explanations: Explanations, t: int, count_kept: int, min_separation: float
-) -> bool:
-    """Whether one of the first `count_kept` explanations has the same contacts.
-
-    In any order, within `min_separation` [m].
-    """
-    for i in range(count_kept):
-        u = explanations.order[i]
-        if explanations.contacts[u] != explanations.contacts[t]:
-            continue
-        near = 0
-        for a in range(explanations.contacts[t]):
-            for b in range(explanations.contacts[t]):
-                dx = explanations.point[u, b, 0] - explanations.point[t, a, 0]
-                dy = explanations.point[u, b, 1] - explanations.point[t, a, 1]
-                dz = explanations.point[u, b, 2] - explanations.point[t, a, 2]
-                if (
-                    link[explanations.primitive[u, b]] == link[explanations.primitive[t, a]]
-                    and dx * dx + dy * dy + dz * dz < min_separation * min_separation
-                ):
-                    near += 1
-                    break
-        if near == explanations.contacts[t]:
-            return True
-    return False

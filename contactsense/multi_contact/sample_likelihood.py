@@ -11,11 +11,11 @@ import math
 import numpy as np
 
 from contactsense.detection.thresholds import Usable
-from contactsense.kinematics.linalg.cholesky import cholesky
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six
 from contactsense.localization.surface_samples import SurfaceSamples
 from contactsense.multi_contact.buffers import KnownContacts, MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.link_information import log_likelihood
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 
@@ -179,6 +179,12 @@ def _add_contact_covariance(
 
 
 @fused_kernel
+def force_deviations(force_scale: float, friction_ratio: float) -> tuple[float, float]:
+    """Standard deviations of a force along the normal and along the tangents [N]."""
+    return force_scale, RATIO_FACTOR * friction_ratio * force_scale
+
+
+@fused_kernel
 def add_sample_covariance(
     seed_samples: SeedSamples,
     friction_ratio: float,
@@ -194,7 +200,7 @@ def add_sample_covariance(
     c = seeding.point_normal[i]
     point_normal = (c[0], c[1], c[2], c[3], c[4], c[5])
     moment_deviation = seed_samples.spread[i] * coarse_factor * force_scale
-    deviations = (force_scale, RATIO_FACTOR * friction_ratio * force_scale)
+    deviations = force_deviations(force_scale, friction_ratio)
     _add_contact_covariance(
         rows,
         m,
@@ -206,23 +212,6 @@ def add_sample_covariance(
         seeding.normal_jacobian[i],
         out,
     )
-
-
-@fused_kernel
-def log_likelihood(m: int, seeding: SeedingBuffers) -> float:
-    """Log likelihood (up to a constant) of the innovation under the covariance in `seeding.factor`.
-
-    Factors the covariance and does the forward substitution into `weighted_innovation`.
-    """
-    L, y, z = seeding.factor, seeding.innovation, seeding.weighted_innovation
-    total: float = -0.5 * cholesky(L, m)
-    for r in range(m):
-        x = y[r]
-        for s in range(r):
-            x -= L[r, s] * z[s]
-        z[r] = x / L[r, r]
-        total -= 0.5 * z[r] * z[r]
-    return total
 
 
 @fused_kernel

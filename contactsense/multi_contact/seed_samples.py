@@ -1,9 +1,11 @@
 """Selects the surface samples at which the search for several contacts starts."""
 
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.localization.simd_layout import LANES
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.runtime.constants import Constants
 
@@ -11,6 +13,17 @@ MAX_SEED_SAMPLES = 160
 """Number of samples of which pairs are formed; a single further contact is searched among all."""
 NORMAL_WEIGHT = 0.03
 """Distance that corresponds to a turn of the normal by one radian in the selection [m]."""
+
+
+class SampleBlocks(NamedTuple):
+    """Samples in blocks of `LANES`, each block on one link, for SIMD instructions."""
+
+    sample: Annotated[Integers, f"blocks, {LANES}"]
+    """Indices of the samples; the last one of a block fills its unused lanes."""
+    link: Annotated[Integers, "blocks"]
+    """Link of each block."""
+    count: Annotated[Integers, "blocks"]
+    """Number of samples in each block."""
 
 
 class SeedSamples(NamedTuple):
@@ -23,8 +36,14 @@ class SeedSamples(NamedTuple):
     """Its link."""
     spread: Annotated[Floats, "samples"]
     """Standard deviation of its cell along each tangent [m]."""
-    coarse: Annotated[Integers, "coarse"]
-    """Indices of the coarse subset, at most MAX_SEED_SAMPLES."""
+    every: SampleBlocks
+    """All samples."""
+    block: Annotated[Integers, "samples"]
+    """Block of each sample in `every`."""
+    lane: Annotated[Integers, "samples"]
+    """Its lane."""
+    coarse: SampleBlocks
+    """The coarse subset, at most MAX_SEED_SAMPLES."""
     coarse_factor: float
     """Ratio of the cell size of the subset to that of all samples."""
 
@@ -40,10 +59,33 @@ def choose_seed_samples(constants: Constants) -> SeedSamples:
         coarse.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, np.linalg.norm(features - features[coarse[-1]], axis=1))
     coarse_factor = float(np.sqrt(len(features) / len(coarse))) if coarse else 1.0
+    every = in_blocks(range(len(features)), link)
+    # A sample that fills unused lanes is found in its first one.
+    first = np.unique(every.sample, return_index=True)[1]
     return SeedSamples(
         samples.primitive.copy(),
         link.copy(),
         samples.spread.copy(),
-        np.array(coarse, dtype=np.int64),
+        every,
+        first // LANES,
+        first % LANES,
+        in_blocks(coarse, link),
         coarse_factor,
+    )
+
+
+def in_blocks(chosen: Sequence[int], link: np.ndarray) -> SampleBlocks:
+    """Blocks of the chosen samples, in order of their links; `link`: that of every sample."""
+    sample, of_block, count = [], [], []
+    for k in np.unique(link[list(chosen)]):
+        own = [i for i in chosen if link[i] == k]
+        for first in range(0, len(own), LANES):
+            block = own[first : first + LANES]
+            sample.append(block + [block[-1]] * (LANES - len(block)))
+            of_block.append(k)
+            count.append(len(block))
+    return SampleBlocks(
+        np.array(sample, dtype=np.int64).reshape(-1, LANES),
+        np.array(of_block, dtype=np.int64),
+        np.array(count, dtype=np.int64),
     )

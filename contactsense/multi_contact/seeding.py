@@ -4,17 +4,27 @@ import math
 
 import numpy as np
 
-from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
+from contactsense.localization.simd_layout import LANES
+from contactsense.multi_contact.buffers import GAIN, NORMAL_FORCE, MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.link_information import (
+    fill_link_information,
+    fill_sample_blocks,
+    likelihood_near_samples,
+    log_gain,
+    log_likelihood,
+)
 from contactsense.multi_contact.sample_likelihood import (
     add_sample_covariance,
     copy_lower,
+    force_deviations,
     is_pushing,
-    log_likelihood,
     weight_innovation,
 )
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 
+Samples = tuple[int, int, int]
+"""Indices of the samples of a set; unused ones are 0."""
 SAME_SIDE_COSINE = 0.9
 """Two samples are on the same side of a primitive if the cosine between their normals exceeds this."""
 
@@ -27,44 +37,51 @@ def _are_neighbours(primitives: np.ndarray, point_normal: np.ndarray, a: int, b:
 
 
 @fused_kernel
-def insert_seed(
+def find_slot(
     primitives: np.ndarray,
     point_normal: np.ndarray,
     count: int,
     score: float,
-    a: int,
-    b: int,
-    c: int,
+    samples: Samples,
     scores: np.ndarray,
     seeds: np.ndarray,
-) -> None:
-    """Insert a set of `count` samples into a list sorted by falling score, if its score is high enough.
+) -> int:
+    """Index of the seed that a set of `count` samples replaces in a list sorted by falling score.
 
-    Of sets that differ in one sample only, on the same side of the same primitive, the list keeps the
-    best.
+    Of sets that differ in one sample only, on the same side of the same primitive, the list keeps the best.
+
+    Returns:
+        -1 if the score is not high enough.
     """
-    last = scores.shape[0] - 1
+    last: int = scores.shape[0] - 1
     if not score > scores[last]:
-        return
-    replaced = last
+        return -1
+    a, b, c = samples
     for i in range(last + 1):
         if scores[i] == -math.inf:
-            break
+            return i
         x, y, z = seeds[i, 0], seeds[i, 1], seeds[i, 2]
-        similar = _are_neighbours(primitives, point_normal, x, a)
         differ = 1 if x != a else 0
         if count > 1:
-            similar = similar and _are_neighbours(primitives, point_normal, y, b)
             differ += 1 if y != b else 0
         if count > 2:
-            similar = similar and _are_neighbours(primitives, point_normal, z, c)
             differ += 1 if z != c else 0
-        if similar and differ <= 1:
-            if scores[i] >= score:
-                return
-            replaced = i
-            break
-    position = replaced
+        if differ > 1:
+            continue
+        similar = _are_neighbours(primitives, point_normal, x, a)
+        if count > 1:
+            similar = similar and _are_neighbours(primitives, point_normal, y, b)
+        if count > 2:
+            similar = similar and _are_neighbours(primitives, point_normal, z, c)
+        if similar:
+            return -1 if scores[i] >= score else i
+    return last
+
+
+@fused_kernel
+def put_seed(score: float, samples: Samples, slot: int, scores: np.ndarray, seeds: np.ndarray) -> None:
+    """Put a set of samples in the place of the seed in `slot`, and up to where its score belongs."""
+    position = slot
     while position > 0 and scores[position - 1] < score:
         scores[position] = scores[position - 1]
         seeds[position, 0], seeds[position, 1], seeds[position, 2] = (
@@ -74,7 +91,7 @@ def insert_seed(
         )
         position -= 1
     scores[position] = score
-    seeds[position, 0], seeds[position, 1], seeds[position, 2] = a, b, c
+    seeds[position, 0], seeds[position, 1], seeds[position, 2] = samples
 
 
 @fused_kernel
@@ -106,7 +123,7 @@ def find_seeds(
     else:
         _seed_pairs(seed_samples, friction_ratio, count, force_scale, rows, m, seeding)
     if count == 3:
-        _seed_triples(seed_samples, m, seeding)
+        _seed_triples(seed_samples, friction_ratio, force_scale, rows, m, seeding)
     found = 0
     while found < seeding.seed_score.shape[0] and seeding.seed_score[found] > -math.inf:
         found += 1
@@ -123,26 +140,24 @@ def _seed_single(
     seeding: SeedingBuffers,
 ) -> None:
     """Every sample, for one further contact."""
-    for i in range(seed_samples.primitive.shape[0]):
-        copy_lower(m, seeding.prior_covariance, seeding.factor)
-        add_sample_covariance(
-            seed_samples, friction_ratio, i, 1.0, force_scale, rows, m, seeding, seeding.factor
+    chosen, scores = seed_samples.every, seeding.seed_score
+    fill_sample_blocks(seed_samples, chosen, force_scale, seeding)
+    copy_lower(m, seeding.prior_covariance, seeding.factor)
+    base = fill_link_information(rows, m, seeding)
+    deviations = force_deviations(force_scale, friction_ratio)
+    for b in range(chosen.link.shape[0]):
+        block, link = seeding.block[b], chosen.link[b]
+        likelihood_near_samples(
+            seeding.link_information[link], seeding.link_vector[link], deviations, block
         )
-        score = log_likelihood(m, seeding)
-        if score > seeding.seed_score[-1]:
-            weight_innovation(m, seeding)
-            if is_pushing(m, seeding, i):
-                insert_seed(
-                    seed_samples.primitive,
-                    seeding.point_normal,
-                    1,
-                    score,
-                    i,
-                    0,
-                    0,
-                    seeding.seed_score,
-                    seeding.seed,
+        for j in range(chosen.count[b]):
+            if block[NORMAL_FORCE + j] > 0.0 and base + block[GAIN + j] > scores[-1]:
+                score, samples = base + log_gain(block, j), (chosen.sample[b, j], 0, 0)
+                slot = find_slot(
+                    seed_samples.primitive, seeding.point_normal, 1, score, samples, scores, seeding.seed
                 )
+                if slot >= 0:
+                    put_seed(score, samples, slot, scores, seeding.seed)
 
 
 @fused_kernel
@@ -156,82 +171,100 @@ def _seed_pairs(
     seeding: SeedingBuffers,
 ) -> None:
     """Every pair of the coarse samples: seeds of two contacts, or the beam for three."""
-    seeding.beam_score[:] = -math.inf
-    for e in range(seed_samples.coarse.shape[0]):
-        i, S = seed_samples.coarse[e], seeding.contact_covariance[e]
-        for r in range(m):
-            for s in range(r + 1):
-                S[r, s] = 0.0
-        add_sample_covariance(
-            seed_samples, friction_ratio, i, seed_samples.coarse_factor, force_scale, rows, m, seeding, S
-        )
-        _sum(m, seeding.prior_covariance, S, seeding.pair_covariance)
-        for d in range(e):
-            k = seed_samples.coarse[d]
-            _sum(m, seeding.pair_covariance, seeding.contact_covariance[d], seeding.factor)
-            score = log_likelihood(m, seeding)
-            if count > 2:
-                insert_seed(
-                    seed_samples.primitive,
-                    seeding.point_normal,
-                    2,
-                    score,
-                    i,
-                    k,
-                    0,
-                    seeding.beam_score,
-                    seeding.beam,
+    chosen = seed_samples.coarse
+    scores, seeds = seeding.seed_score, seeding.seed
+    if count > 2:
+        scores, seeds = seeding.beam_score, seeding.beam
+        scores[:] = -math.inf
+    fill_sample_blocks(seed_samples, chosen, force_scale * seed_samples.coarse_factor, seeding)
+    deviations = force_deviations(force_scale, friction_ratio)
+    for b in range(chosen.link.shape[0]):
+        for j in range(chosen.count[b]):
+            i, S = chosen.sample[b, j], seeding.contact_covariance[b * LANES + j]
+            for r in range(m):
+                for s in range(r + 1):
+                    S[r, s] = 0.0
+            add_sample_covariance(
+                seed_samples, friction_ratio, i, seed_samples.coarse_factor, force_scale, rows, m, seeding, S
+            )
+            _sum(m, seeding.prior_covariance, S, seeding.given_covariance)
+            copy_lower(m, seeding.given_covariance, seeding.factor)
+            base = fill_link_information(rows, m, seeding)
+            for d in range(b + 1):
+                block, link = seeding.block[d], chosen.link[d]
+                likelihood_near_samples(
+                    seeding.link_information[link], seeding.link_vector[link], deviations, block
                 )
-            elif score > seeding.seed_score[-1]:
-                weight_innovation(m, seeding)
-                if is_pushing(m, seeding, i) and is_pushing(m, seeding, k):
-                    insert_seed(
-                        seed_samples.primitive,
-                        seeding.point_normal,
-                        2,
-                        score,
-                        i,
-                        k,
-                        0,
-                        seeding.seed_score,
-                        seeding.seed,
+                for e in range(chosen.count[d] if d < b else j):
+                    # The bound is cheaper than the score.
+                    pushes = count > 2 or block[NORMAL_FORCE + e] > 0.0
+                    if not (pushes and base + block[GAIN + e] > scores[-1]):
+                        continue
+                    k, score = chosen.sample[d, e], base + log_gain(block, e)
+                    samples = (i, k, 0)
+                    slot = find_slot(
+                        seed_samples.primitive, seeding.point_normal, 2, score, samples, scores, seeds
                     )
+                    if slot >= 0 and (count > 2 or _all_push(m, d * LANES + e, (i, k, k), seeding)):
+                        put_seed(score, samples, slot, scores, seeds)
 
 
 @fused_kernel
-def _seed_triples(seed_samples: SeedSamples, m: int, seeding: SeedingBuffers) -> None:
-    """The pairs of the beam, each extended by every coarse sample."""
+def _seed_triples(
+    seed_samples: SeedSamples,
+    friction_ratio: float,
+    force_scale: float,
+    rows: MeasurementRows,
+    m: int,
+    seeding: SeedingBuffers,
+) -> None:
+    """The pairs of the beam, each extended by every coarse sample, after `_seed_pairs`."""
+    chosen, scores = seed_samples.coarse, seeding.seed_score
+    deviations = force_deviations(force_scale, friction_ratio)
     for t in range(seeding.beam_score.shape[0]):
         if seeding.beam_score[t] == -math.inf:
             break
         i, k = seeding.beam[t, 0], seeding.beam[t, 1]
-        copy_lower(m, seeding.prior_covariance, seeding.pair_covariance)
-        for e in range(seed_samples.coarse.shape[0]):
-            if seed_samples.coarse[e] == i or seed_samples.coarse[e] == k:
-                _sum(m, seeding.pair_covariance, seeding.contact_covariance[e], seeding.pair_covariance)
-        for e in range(seed_samples.coarse.shape[0]):
-            j = seed_samples.coarse[e]
-            if j == i or j == k:  # noqa: SIM109 (a tuple would be searched slower)
-                continue
-            _sum(m, seeding.pair_covariance, seeding.contact_covariance[e], seeding.factor)
-            score = log_likelihood(m, seeding)
-            if score > seeding.seed_score[-1]:
-                weight_innovation(m, seeding)
-                if is_pushing(m, seeding, i) and is_pushing(m, seeding, k) and is_pushing(m, seeding, j):
-                    # In a fixed order, so that permutations are one seed.
-                    a, c = max(i, max(k, j)), min(i, min(k, j))
-                    b = i + k + j - a - c
-                    insert_seed(
-                        seed_samples.primitive,
-                        seeding.point_normal,
-                        3,
-                        score,
-                        a,
-                        b,
-                        c,
-                        seeding.seed_score,
-                        seeding.seed,
-                    )
+        copy_lower(m, seeding.prior_covariance, seeding.given_covariance)
+        for s in (i, k):
+            add_sample_covariance(
+                seed_samples, friction_ratio, s, seed_samples.coarse_factor, force_scale, rows, m, seeding,
+                seeding.given_covariance,
+            )  # fmt: skip
+        copy_lower(m, seeding.given_covariance, seeding.factor)
+        base = fill_link_information(rows, m, seeding)
+        for d in range(chosen.link.shape[0]):
+            block, link = seeding.block[d], chosen.link[d]
+            likelihood_near_samples(
+                seeding.link_information[link], seeding.link_vector[link], deviations, block
+            )
+            for e in range(chosen.count[d]):
+                j = chosen.sample[d, e]
+                if j == i or j == k:  # noqa: SIM109 (a tuple would be searched slower)
+                    continue
+                if not (block[NORMAL_FORCE + e] > 0.0 and base + block[GAIN + e] > scores[-1]):
+                    continue
+                # In a fixed order, so that permutations are one seed.
+                a, c = max(i, max(k, j)), min(i, min(k, j))
+                score, samples = base + log_gain(block, e), (a, i + k + j - a - c, c)
+                slot = find_slot(
+                    seed_samples.primitive, seeding.point_normal, 3, score, samples, scores, seeding.seed
+                )
+                if slot >= 0 and _all_push(m, d * LANES + e, (i, k, j), seeding):
+                    put_seed(score, samples, slot, scores, seeding.seed)
+
+
+@fused_kernel
+def _all_push(m: int, last: int, samples: tuple[int, int, int], seeding: SeedingBuffers) -> bool:
+    """Whether the most likely forces at all these samples push, given the covariance of all but the last.
+
+    `last`: index of the last one in `seeding.contact_covariance`.
+    """
+    _sum(m, seeding.given_covariance, seeding.contact_covariance[last], seeding.factor)
+    log_likelihood(m, seeding)
+    weight_innovation(m, seeding)
+    i, j, k = samples
+    return bool(is_pushing(m, seeding, i) and is_pushing(m, seeding, j) and is_pushing(m, seeding, k))
 
 
 @fused_kernel

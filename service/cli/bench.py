@@ -9,6 +9,7 @@ BENCHES = {
     "hold": "contactsense.benchmarks.hold.command:hold",
     "calibration": "contactsense.benchmarks.accuracy.calibration:calibration",
     "several": "contactsense.benchmarks.multi_contact.command:several",
+    "calibration-several": "contactsense.benchmarks.multi_contact.calibration:calibration_several",
     "speed": "contactsense.benchmarks.live.speed:speed",
     "stream": "contactsense.benchmarks.live.stream:stream",
     "analyze": "contactsense.benchmarks.live.analysis:analyze",

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactsense.multi_contact.seeding import insert_seed
+from contactsense.multi_contact.seeding import find_slot, put_seed
 
 PRIMITIVES = np.array([0, 0, 0, 1], dtype=np.int64)
 POINT_NORMAL = np.array(
@@ -21,7 +21,10 @@ def _inserted(*candidates: tuple[float, tuple[int, ...]], length: int = 4) -> li
     count = len(candidates[0][1])
     scores, seeds = np.full(length, -np.inf), np.zeros((length, 3), dtype=np.int64)
     for score, samples in candidates:
-        insert_seed(PRIMITIVES, POINT_NORMAL, count, score, *(*samples, 0, 0)[:3], scores, seeds)
+        chosen = (*samples, 0, 0)[:3]
+        slot = find_slot(PRIMITIVES, POINT_NORMAL, count, score, chosen, scores, seeds)
+        if slot >= 0:
+            put_seed(score, chosen, slot, scores, seeds)
     assert (np.diff(scores[np.isfinite(scores)]) <= 0.0).all()
     return [tuple(int(sample) for sample in seed[:count]) for seed in seeds[np.isfinite(scores)]]
 

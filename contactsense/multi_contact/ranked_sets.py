@@ -1,0 +1,140 @@
+"""Stores explanations, sets of simultaneous contacts, and ranks them by their evidence."""
+
+import math
+
+import numpy as np
+
+from contactsense.kinematics.linalg.cholesky import invert_factored
+from contactsense.multi_contact.buffers import UNKNOWNS, Explanations, OptimizerState
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+
+
+@fused_kernel
+def store_explanation(
+    optimizer: OptimizerState,
+    surface_deviation: float,
+    count: int,
+    energy: float,
+    score: float,
+    explanations: Explanations,
+    t: int,
+) -> None:
+    """Write the contacts in `optimizer` as explanation t."""
+    explanations.contacts[t] = count
+    explanations.energy[t] = energy
+    explanations.score[t] = score
+    invert_factored(optimizer, count * UNKNOWNS)
+    for k in range(6):
+        explanations.wrench[t, k] = 0.0
+    for i in range(count):
+        explanations.primitive[t, i] = optimizer.primitive[i]
+        explanations.torsion[t, i] = optimizer.torsion[i]
+        for k in range(3):
+            explanations.point[t, i, k] = optimizer.point[i, k]
+            explanations.normal[t, i, k] = optimizer.frame[i, k, 0]
+            explanations.force[t, i, k] = optimizer.force[i, k]
+        for k in range(6):
+            explanations.wrench[t, k] += optimizer.wrench[i, k]
+        _contact_covariance(
+            optimizer,
+            i,
+            surface_deviation,
+            explanations.covariance[t, i],
+            explanations.force_covariance[t, i],
+        )
+    _wrench_covariance(optimizer, count * UNKNOWNS, explanations.wrench_covariance[t])
+
+
+@fused_kernel
+def _contact_covariance(
+    optimizer: OptimizerState,
+    i: int,
+    surface_deviation: float,
+    point_covariance: np.ndarray,
+    force_covariance: np.ndarray,
+) -> None:
+    """Covariance of point [m^2] and force [N^2] of contact i."""
+    at = i * UNKNOWNS
+    V, G, T = optimizer.inverse, optimizer.wrench_jacobian, optimizer.saved_frame[i]
+    for k in range(3):
+        for a in range(3):
+            point_covariance[k, a] = surface_deviation * surface_deviation * T[k, 0] * T[a, 0]
+            for b in range(2):
+                for d in range(2):
+                    point_covariance[k, a] += T[k, 1 + b] * V[at + 4 + b, at + 4 + d] * T[a, 1 + d]
+            force_covariance[k, a] = 0.0
+            for b in range(3):
+                for d in range(3):
+                    force_covariance[k, a] += G[k, at + b] * V[at + b, at + d] * G[a, at + d]
+
+
+@fused_kernel
+def _wrench_covariance(optimizer: OptimizerState, size: int, out: np.ndarray) -> None:
+    """Covariance of the sum of all wrenches."""
+    V, G = optimizer.inverse, optimizer.wrench_jacobian
+    for a in range(6):
+        for b in range(a + 1):
+            x = 0.0
+            for i in range(size):
+                for k in range(size):
+                    x += G[a, i] * V[i, k] * G[b, k]
+            out[a, b] = x
+            out[b, a] = x
+
+
+@fused_kernel
+def rank_sets(link: np.ndarray, explanations: Explanations, stored: int, min_separation: float) -> int:
+    """Sort the explanations, drop duplicates and improbable ones, normalize; returns how many remain."""
+    order = explanations.order
+    for i in range(stored):
+        order[i] = i
+    count_kept = 0
+    best = 0.0
+    total = 0.0
+    for i in range(stored):
+        for k in range(i + 1, stored):
+            if explanations.score[order[k]] > explanations.score[order[i]]:
+                order[i], order[k] = order[k], order[i]
+        t = order[i]
+        if i == 0:
+            best = explanations.score[t]
+        if not explanations.score[t] >= best - ENERGY_CUTOFF:
+            break
+        if not _is_duplicate_set(link, explanations, t, count_kept, min_separation):
+            order[count_kept] = t
+            explanations.probability[t] = math.exp(explanations.score[t] - best)
+            total += explanations.probability[t]
+            count_kept += 1
+    for i in range(count_kept):
+        explanations.probability[order[i]] /= total
+    return count_kept
+
+
+@fused_kernel
+def _is_duplicate_set(
+    link: np.ndarray, explanations: Explanations, t: int, count_kept: int, min_separation: float
+) -> bool:
+    """Whether one of the first `count_kept` explanations has the same contacts.
+
+    In any order, within `min_separation` [m].
+    """
+    for i in range(count_kept):
+        u = explanations.order[i]
+        if explanations.contacts[u] != explanations.contacts[t]:
+            continue
+        near = 0
+        for a in range(explanations.contacts[t]):
+            for b in range(explanations.contacts[t]):
+                dx = explanations.point[u, b, 0] - explanations.point[t, a, 0]
+                dy = explanations.point[u, b, 1] - explanations.point[t, a, 1]
+                dz = explanations.point[u, b, 2] - explanations.point[t, a, 2]
+                if (
+                    link[explanations.primitive[u, b]] == link[explanations.primitive[t, a]]
+                    and dx * dx + dy * dy + dz * dz < min_separation * min_separation
+                ):
+                    near += 1
+                    break
+        if near == explanations.contacts[t]:
+            return True
+    return False
