@@ -19,6 +19,7 @@ from contactsense.benchmarks.accuracy.credible_regions import (
     distance,
     level,
     mixture,
+    sample_distance,
     samples,
     within,
 )
@@ -31,6 +32,8 @@ NEAR = 0.02
 """Distance within which a position counts as found [m]."""
 REGION = 0.9
 """Probability of the credible region."""
+_REGION_EDGE = float(np.sqrt(chi2.ppf(REGION, 2)))
+"""Number of standard deviations to the edge of a candidate's own region."""
 _EDGE = float(np.sqrt(chi2.isf(1e-3, 2)))
 """Number of standard deviations within which a place belongs to an explanation."""
 STATEMENTS = ("answer", "place", "link")
@@ -147,32 +150,35 @@ def verdict(
         return None
     best = contacts[0]
     stated = mixture(contacts)
+    own, drawn = distance(stated, link, point[None]), sample_distance(stated)
     near = best.link_index == link and bool(np.linalg.norm(best.point_base - point) <= NEAR)
-    is_true = bool(_is_best(stated, link, point[None])[0])
-    drawn = [
-        _is_best(stated, int(k), points).mean()
-        for k, points in zip(stated.link, samples(stated), strict=True)
-    ]
+    is_true = bool(_is_best(stated, np.array([link]), point[None], own[0])[0])
+    points = samples(stated)
+    as_stated = _is_best(stated, np.repeat(stated.link, points.shape[1]), points.reshape(-1, 3), drawn[0])
     found = within(stated, best.link_index, best.point_base, NEAR)
     likeliest = int(np.argmax(link_probability))
     probable = float(link_probability[likeliest])
-    inside = bool(distance(stated, link, point[None])[0, 0] ** 2 <= chi2.ppf(REGION, 2))
     return Verdict(
-        answer=(best.probability, is_true, float(stated.weight @ np.array(drawn))),
+        answer=(
+            best.probability,
+            is_true,
+            float(stated.weight @ as_stated.reshape(points.shape[:2]).mean(axis=1)),
+        ),
         place=(found, near, found),
         link=(probable, likeliest == link, probable),
-        in_region=level(stated, link, point) < REGION,
-        in_ellipse=inside if is_true else None,
+        in_region=level(stated, link, point, drawn) < REGION,
+        in_ellipse=bool(own[0, 0] <= _REGION_EDGE) if is_true else None,
         listed=float(stated.weight.sum()),
     )
 
 
-def _is_best(stated: Mixture, link: int, points: np.ndarray) -> np.ndarray:
-    """Whether the first candidate is the true one for contacts at `points` (M, 3) on that link, shape (M,):
-    it is the nearest on the link, and not farther than `NEAR` or inside its 99.9 % ellipse."""
+def _is_best(stated: Mixture, link: np.ndarray, points: np.ndarray, far: np.ndarray) -> np.ndarray:
+    """Whether the first candidate is the true one for contacts at `points` (M, 3) on those links (M,), at the
+    distance `far` (M,) from it: it is the nearest on the link, and not farther than `NEAR` or inside its
+    99.9 % ellipse."""
     meters = np.linalg.norm(stated.mean[:, None] - points, axis=2)
-    meters[stated.link != link] = np.inf
-    reached = (meters[0] <= NEAR) | (distance(stated, link, points)[0] <= _EDGE)
+    meters[stated.link[:, None] != link] = np.inf
+    reached = (meters[0] <= NEAR) | (far <= _EDGE)
     return np.asarray((stated.link[0] == link) & (np.argmin(meters, axis=0) == 0) & reached)
 
 

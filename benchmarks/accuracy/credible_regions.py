@@ -61,12 +61,12 @@ def mixture(contacts: Sequence[Contact]) -> Mixture:
     )
 
 
-def distance(of: Mixture, link: int, points: np.ndarray) -> np.ndarray:
-    """Distance of points on a link from each candidate, in its standard deviations along the surface.
+def distance(of: Mixture, link: int | np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Distance of points on links from each candidate, in its standard deviations along the surface.
 
     Args:
         of: K candidates.
-        link: Index of the link of the points.
+        link: Index of the link of the points: one for all, or shape (M,).
         points: Shape (M, 3), base frame [m].
 
     Returns:
@@ -74,41 +74,48 @@ def distance(of: Mixture, link: int, points: np.ndarray) -> np.ndarray:
     """
     offset = points[None] - of.mean[:, None]
     variance = (of.root**2).sum(axis=1)
-    scaled = (offset @ of.root) / variance[:, None, :]
-    height = np.abs((offset * of.normal[:, None, :]).sum(axis=2))
-    radius = np.sqrt(np.maximum((offset**2).sum(axis=2) - height**2, 0.0))
+    # Along the normal, along the main tangent directions in their standard deviations.
+    height = np.abs((offset @ of.normal[:, :, None])[:, :, 0])
+    scaled = offset @ (of.root / variance[:, None, :])
+    along = scaled**2 @ variance[:, :, None]
+    radius = np.sqrt(along[:, :, 0])
     same_side = (of.link[:, None] == link) & (
         height <= np.maximum(np.maximum(MAX_NORMAL_DISTANCE, MAX_NORMAL_STD * of.depth)[:, None], radius)
     )
-    return np.asarray(np.where(same_side, np.sqrt((scaled**2).sum(axis=2)), np.inf))
+    return np.asarray(np.where(same_side, np.sqrt(scaled[:, :, 0] ** 2 + scaled[:, :, 1] ** 2), np.inf))
 
 
-def density(of: Mixture, link: int, points: np.ndarray) -> np.ndarray:
-    """Probability per area at points on a link, shape (M,) [1/m^2]; arguments as of `distance`."""
+def density(of: Mixture, far: np.ndarray) -> np.ndarray:
+    """Probability per area at points with the `distance` `far` from the candidates, shape (K, M); shape (M,)
+    [1/m^2]."""
     area = 2.0 * np.pi * np.sqrt((of.root**2).sum(axis=1).prod(axis=1))
-    peak = of.weight / area
-    return np.asarray((peak[:, None] * np.exp(-0.5 * distance(of, link, points) ** 2)).sum(axis=0))
+    return np.asarray((of.weight / area) @ np.exp(-0.5 * far**2))
 
 
 def samples(of: Mixture) -> np.ndarray:
     """Equally probable points of each candidate's distribution, shape (K, 256, 3) [m]."""
-    return np.asarray(of.mean[:, None] + np.einsum("kij,sj->ksi", of.root, _NORMAL))
+    return np.asarray(of.mean[:, None] + _NORMAL @ of.root.transpose(0, 2, 1))
 
 
-def level(of: Mixture, link: int, point: np.ndarray) -> float:
+def sample_distance(of: Mixture) -> np.ndarray:
+    """`distance` of all `samples`, those of the first candidate first, shape (K, K * 256)."""
+    return distance(of, np.repeat(of.link, _POINTS), samples(of).reshape(-1, 3))
+
+
+def level(of: Mixture, link: int, point: np.ndarray, drawn: np.ndarray | None = None) -> float:
     """Probability of all points with a higher density than the given one.
 
     The smallest region with probability p contains the point if and only if its level is below p. Where no
     candidate reaches the point the level is 1, whatever probability is not listed.
+
+    `drawn`: the `sample_distance`, if known.
     """
-    own = density(of, link, point[None])[0]
+    own = density(of, distance(of, link, point[None]))[0]
     if not own > 0.0:
         return 1.0
-    std = samples(of)
-    higher = [
-        (density(of, int(number), points) > own).mean() for number, points in zip(of.link, std, strict=True)
-    ]
-    return float(of.weight @ np.array(higher))
+    drawn = sample_distance(of) if drawn is None else drawn
+    higher = (density(of, drawn) > own).reshape(len(of.weight), _POINTS)
+    return float(of.weight @ higher.mean(axis=1))
 
 
 def within(of: Mixture, link: int, center: np.ndarray, radius: float) -> float:
