@@ -94,6 +94,40 @@ def detect(
 
 
 @kernel
+def explain_sample(
+    buffers: Buffers,
+    skin: Skin,
+    usable: Usable,
+    variance_ratio: float,
+    gate: bool,
+    threshold: float,
+    most: int,
+    rows: np.ndarray,
+) -> tuple[int, float]:
+    """`explain` the residuals and write at most `most` candidates to `rows`.
+
+    It has the machine code that all ways to an estimate share, so takes buffers: it is compiled once.
+
+    Args:
+        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
+        skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
+        usable: Which sensors have measured.
+        variance_ratio, gate, threshold: As for `explain`.
+        most: Largest number of candidates that are written.
+        rows: Filled with the candidates.
+
+    Returns:
+        Number of candidates in `rows`, and the energy of the no-contact hypothesis.
+    """
+    constants, state = buffer_views(buffers)
+    has_base, has_torque, link_sensors = usable
+    count, no_contact_energy = explain(
+        constants, state, has_base, has_torque, link_sensors, variance_ratio, gate, threshold
+    )
+    return write_candidates(constants, state, Grids(*skin), min(count, most), rows), no_contact_energy
+
+
+@kernel
 def localize(
     buffers: Buffers,
     skin: Skin,
@@ -114,7 +148,6 @@ def localize(
         Number of candidates in `rows`.
     """
     constants, state = buffer_views(buffers)
-    grids = Grids(*skin)
     track, stream = state.track, state.stream
     dt = stream.clock[0].step
     state.bias_filter.status[0].time_since_contact = 0.0
@@ -134,10 +167,10 @@ def localize(
         _use_window_mean(state, window)
     else:
         use_residuals(state)
-    count, _ = explain(
-        constants, state, has_base, has_torque, link_sensors, track.variance_ratio[window], gate, -1.0
+    usable = (has_base, has_torque, link_sensors)
+    listed, _ = explain_sample(
+        buffers, skin, usable, track.variance_ratio[window], gate, -1.0, rows.shape[0], rows
     )
-    listed: int = write_candidates(constants, state, grids, count, rows)
     if listed > 0:
         if has_base:
             extrapolate_sliding(track, state.motion, constants.sensors.depth[int(rows[0, 0])], rows[0])
@@ -243,7 +276,6 @@ def locate_once(
         implausible.
     """
     constants, state = buffer_views(buffers)
-    grids = Grids(*skin)
     q, torque, base_wrench, link_wrench = measured
     n = state.torque.shape[0]
     if not (is_finite_vector(q, n) and is_finite_vector(torque, n) and is_finite_vector(base_wrench, 6)):
@@ -254,11 +286,10 @@ def locate_once(
     take_static_sample(constants, state, measured, external)
     if check and not _is_plausible(constants, state, measured, external, usable):
         return DOUBTFUL, 0.0
-    has_base, has_torque, link_sensors = usable
-    count, no_contact_energy = explain(
-        constants, state, has_base, has_torque, link_sensors, 1.0, gate, threshold
+    found: tuple[int, float] = explain_sample(
+        buffers, skin, usable, 1.0, gate, threshold, rows.shape[0], rows
     )
-    return write_candidates(constants, state, grids, count, rows), no_contact_energy
+    return found
 
 
 @inlined_kernel
@@ -295,16 +326,12 @@ def batch(
     """`locate_once` for N samples, whose arrays have a leading axis. The best candidate of each is written to
     a row of `best`, whose first number is -1 if there is none."""
     constants, state = buffer_views(buffers)
-    grids = Grids(*skin)
     q, torque, base_wrench, link_wrench = measured
-    has_base, has_torque, link_sensors = usable
     for i in range(q.shape[0]):
         take_static_sample(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), external)
-        count, no_contact_energy[i] = explain(
-            constants, state, has_base, has_torque, link_sensors, 1.0, gate, -1.0
-        )
+        count, no_contact_energy[i] = explain_sample(buffers, skin, usable, 1.0, gate, -1.0, 1, rows)
         copy(state.link_probability, link_probability[i])
-        if write_candidates(constants, state, grids, min(count, 1), rows) > 0:
+        if count > 0:
             copy(rows[0], best[i])
         else:
             best[i] = 0.0
