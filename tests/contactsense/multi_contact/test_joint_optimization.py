@@ -20,10 +20,10 @@ from contactsense.multi_contact.buffers import (
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.constants import Constants, build_constants
-from contactsense.runtime.explanation import take_static_sample
-from contactsense.runtime.state import State, empty_state
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.state import State
 from contactsense.solvers.posterior import STUDENT_DOF
+from contactsense.static_localizer import StaticLocalizer
 from tests.plain_arm import plain_ur5e
 
 SHAPES: tuple[Primitive, ...] = (
@@ -53,6 +53,7 @@ SCENE = Scene(robot=_smooth())
 
 
 class Case(NamedTuple):
+    localizer: StaticLocalizer
     constants: Constants
     state: State
     buffers: MultiContactBuffers
@@ -65,10 +66,9 @@ class Case(NamedTuple):
 
 @pytest.fixture(scope="module")
 def case() -> Case:
-    constants = build_constants(SCENE)
-    return Case(
-        constants, empty_state(constants), empty_multi_contact_buffers(constants), Trials(SCENE, seed=4)
-    )
+    localizer = StaticLocalizer(SCENE)
+    constants, state = localizer._buffers.constants, localizer._buffers.state
+    return Case(localizer, constants, state, empty_multi_contact_buffers(constants), Trials(SCENE, seed=4))
 
 
 def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
@@ -77,12 +77,8 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
     rng = np.random.default_rng(seed)
     base, torque = trial.measure(trial.pushes)
     base = base + rng.standard_normal(6) * np.repeat((0.25, 0.05), 3)
-    take_static_sample(
-        case.constants,
-        case.state,
-        (trial.q, torque + rng.standard_normal(6), base, np.zeros((0, 6))),
-        True,
-    )
+    torque = torque + rng.standard_normal(6)
+    case.localizer.locate(trial.q, base_wrench=base, joint_torque=torque, detect=False)
     surfaces, frames, optimizer = case.constants.surfaces, case.frames, case.buffers.optimizer
     place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, case.state.candidates)
     optimizer.prior_point_information[:] = 0.0

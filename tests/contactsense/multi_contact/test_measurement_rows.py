@@ -11,10 +11,9 @@ from contactsense.multi_contact.buffers import MultiContactBuffers, empty_multi_
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.robots.primitives import Capsule
 from contactsense.robots.tool import Tool
-from contactsense.runtime.constants import Constants, build_constants
-from contactsense.runtime.explanation import take_static_sample
-from contactsense.runtime.no_contact_hypothesis import update_covariances
-from contactsense.runtime.state import State, empty_state
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.state import State
+from contactsense.static_localizer import StaticLocalizer
 from tests.plain_arm import plain_ur5e
 
 Q = np.array([0.3, -1.1, 1.4, -0.7, 0.9, 0.2])
@@ -22,6 +21,7 @@ TOOL = Tool(name="tool", mass=0.5, primitives=(Capsule(a=(0, 0, 0.05), b=(0, 0, 
 
 
 class Case(NamedTuple):
+    localizer: StaticLocalizer
     constants: Constants
     state: State
     buffers: MultiContactBuffers
@@ -35,15 +35,15 @@ def case() -> Case:
         base_wrench=WrenchSensor(translation=(0.05, -0.1, -0.2)),
         wrist_wrench=WrenchSensor(force_noise=0.5, moment_noise=0.02),
     )
-    constants = build_constants(scene)
-    return Case(constants, empty_state(constants), empty_multi_contact_buffers(constants))
+    localizer = StaticLocalizer(scene)
+    constants, state = localizer._buffers.constants, localizer._buffers.state
+    return Case(localizer, constants, state, empty_multi_contact_buffers(constants))
 
 
 def _fill(case: Case, *sensors: bool, lag: float = 0.0) -> int:
     constants, state = case.constants, case.state
     external = (state.base_wrench, state.torque, state.link_wrench)
     base, torque, link = sensors
-    update_covariances(constants, state, 1.0)
     return int(
         fill_measurement_rows(
             constants.sensors, state.motion, external,
@@ -57,15 +57,17 @@ def _fill(case: Case, *sensors: bool, lag: float = 0.0) -> int:
 
 
 def _take(case: Case, wrenches: dict[int, np.ndarray]) -> None:
-    """Exact measurement of wrenches on links."""
+    """Exact measurement of wrenches on links, as the localizer takes it."""
     zero = np.zeros(6)
-    take_static_sample(case.constants, case.state, (Q, zero, zero, zero[None]), True)
-    total = sum(wrenches.values(), np.zeros(6))
+
+    def take(base: np.ndarray, torque: np.ndarray, wrist: np.ndarray) -> None:
+        case.localizer.locate(Q, base_wrench=base, joint_torque=torque, wrist_wrench=wrist, detect=False)
+
+    take(zero, zero, zero)
     torque = np.zeros(6)
     for link, wrench in wrenches.items():
         torque[:link] -= case.state.motion.screw[:link] @ wrench
-    beyond = wrenches.get(7, np.zeros(6))
-    take_static_sample(case.constants, case.state, (Q, torque, total, beyond[None]), True)
+    take(sum(wrenches.values(), zero), torque, wrenches.get(7, zero))
 
 
 @pytest.mark.parametrize("sensors", [(True, True, True), (True, False, False), (False, True, True)])

@@ -4,27 +4,53 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.np.numpy_support import from_dtype
 
 from contactsense import LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.robots.jit.declaration import WORD
-from contactsense.robots.jit.kernel import allocating_kernel
+from contactsense.robots.jit.kernel import generated_kernel, kernel
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
-from contactsense.runtime.buffers import Buffers, KernelBuffers, buffer_views
+from contactsense.runtime.buffers import KernelBuffers, buffer_views
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
 from tests.plain_arm import plain_ur5e
 
-
-@allocating_kernel
-def _unfold(buffers: Buffers) -> tuple[Constants, State]:
-    """Other kernels cannot hand arrays to Python."""
-    views: tuple[Constants, State] = buffer_views(buffers)
-    return views
+MOST_AXES = 3
 
 
 def _arrays(value: Any) -> list[Any]:
-    return [part for item in value for part in _arrays(item)] if isinstance(value, tuple) else [value]
+    """All arrays and numbers of nested named tuples; of the types of these, all types."""
+    inner = value if isinstance(value, tuple) else getattr(value, "types", None)
+    return [value] if inner is None else [part for item in inner for part in _arrays(item)]
+
+
+def _names(value: Any, name: str) -> list[str]:
+    """How a kernel calls each of them."""
+    if not isinstance(value, tuple):
+        return [name]
+    return [x for field in value._fields for x in _names(getattr(value, field), f"{name}.{field}")]
+
+
+@kernel
+def _put(array: np.ndarray, place: np.ndarray) -> None:
+    place[0] = array.ctypes.data
+    for axis in range(array.ndim):
+        place[1 + axis] = array.shape[axis]
+
+
+def _places(constants: Constants, state: State) -> Any:
+    """A kernel that writes address and shape of each array, and each number: to hand the arrays themselves to
+    Python would take longer to compile than all that is in them."""
+    lines = ["def places(buffers, where, numbers):", "    constants, state = buffer_views(buffers)"]
+    names = _names(constants, "constants") + _names(state, "state")
+    for i, (name, value) in enumerate(zip(names, _arrays((constants, state)), strict=True)):
+        if isinstance(value, float):
+            lines.append(f"    numbers[{i}] = {name}")
+            continue
+        lines.append(f"    put({name}, where[{i}])")
+    names_used = {"buffer_views": buffer_views, "put": _put}
+    return generated_kernel("places", "\n".join(lines), names_used, __name__)
 
 
 @pytest.mark.parametrize("links", [(), ("upper_arm", "forearm")])
@@ -39,15 +65,18 @@ def test_every_array_is_the_same_memory_on_both_sides(links: tuple[str, ...]) ->
     work = KernelBuffers(constants, state)
     original = _arrays((constants, state))
     python = _arrays((work.constants, work.state))
-    kernel = _arrays(_unfold(work.arguments))
-    assert len(original) == len(python) == len(kernel)
-    for before, mine, theirs in zip(original, python, kernel, strict=True):
+    where, numbers = np.zeros((len(original), 1 + MOST_AXES), dtype=np.int64), np.zeros(len(original))
+    _places(constants, state)(work.arguments, where, numbers)
+    (compiled,) = buffer_views.called_by_kernels.overloads.values()
+    types = _arrays(compiled.signature.return_type)
+    assert len(original) == len(python) == len(types)
+    for before, mine, kind, place, number in zip(original, python, types, where, numbers, strict=True):
         if isinstance(before, float):
-            assert before == mine == theirs
+            assert before == mine == number
             continue
-        assert before.shape == mine.shape == theirs.shape
+        assert before.shape == mine.shape == tuple(place[1 : 1 + kind.ndim])
         np.testing.assert_array_equal(before, mine)
-        assert mine.size == 0 or mine.ctypes.data == theirs.ctypes.data
-        assert mine.dtype == theirs.dtype
+        assert mine.size == 0 or mine.ctypes.data == place[0]
+        assert from_dtype(mine.dtype) == kind.dtype
     covered = sum(1 if isinstance(part, float) else part.nbytes // WORD for part in python)
     assert covered == work.floats.size + work.integers.size
