@@ -10,6 +10,7 @@ from contactsense.residuals.equations_of_motion import wrench_difference
 from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
+from contactsense.runtime.best_answer import store_best
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
@@ -144,6 +145,7 @@ def localize(
             if window > 0:
                 _update_to_newest(constants, state, window, rows[:listed])
         _store_last_contact(constants, state, rows[0])
+    store_best(listed, rows, state.hypotheses, state.answer)
     return listed
 
 
@@ -258,7 +260,9 @@ def locate_once(
     count, no_contact_energy = explain(
         constants, state, has_base, has_torque, link_sensors, 1.0, gate, threshold
     )
-    return write_candidates(constants, state, grids, count, rows), no_contact_energy
+    listed: int = write_candidates(constants, state, grids, count, rows)
+    store_best(listed, rows, state.hypotheses, state.answer)
+    return listed, no_contact_energy
 
 
 @inlined_kernel
