@@ -5,7 +5,8 @@ compiled loop. The fastest of many repetitions counts; the reference is Pinocchi
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import click
 import numpy as np
@@ -149,7 +150,7 @@ def measure() -> list[tuple[str, float]]:
     return found
 
 
-def _each(call: Callable[..., object], items: list[object] | list[Sample]) -> float:
+def _each(call: Callable[..., object], items: Sequence[Any]) -> float:
     """Median time of one call, without that of the clock [s]."""
     clock = time.perf_counter
     times, idle = [], []

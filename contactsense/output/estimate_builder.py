@@ -72,7 +72,8 @@ class EstimateBuilder:
         if count == 0:
             return self._filled(t, (), link_probability, wrench, 1.0, reason, number, kinds)
         best = self._contact(state.answer.numbers.tolist(), state.answer.vectors.copy(), number, phase)
-        candidates, other = (best,), 1.0 - best.probability
+        candidates: tuple[Contact, ...] = (best,)
+        other = 1.0 - best.probability
         if count > 1:
             others = [self.contact(rows[k].copy(), number, phase) for k in range(1, count)]
             candidates = (best, *others)
