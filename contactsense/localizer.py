@@ -85,7 +85,8 @@ class Localizer(StaticLocalizer):
         super().__init__(scene, method, progress)
         self._screening = StreamScreening(scene, self._plausible)
         self._start = StreamStart(scene.bandwidth)
-        self._relevant_flags = self._sample_fields.relevant_flags
+        self._arguments = self._buffers.arguments
+        self._fields, self._relevant_flags = self._sample_fields.fields, self._sample_fields.relevant_flags
         self._no_contact = self._estimate_builder.no_contact
         self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
         status = self._buffers.state.track.status
@@ -105,6 +106,7 @@ class Localizer(StaticLocalizer):
         """Discard all samples and contacts; the next sample starts a new stream."""
         constants, state = self._buffers.constants, self._buffers.state
         restart_stream(state.stream)
+        state.stream.usable[:] = 0
         restart_consistency(state.consistency, self.scene.force, self.scene.contacts == 1)
         end_contact(state.track)
         state.track.status[0].number = 0
@@ -162,15 +164,14 @@ class Localizer(StaticLocalizer):
             if screening.refused:
                 screening.refused = {}
             try:
-                t, sensor_bits, readings = self._sample_fields.fields(sample)
-                flags = self._detect(
-                    self._buffers.arguments, self._bandwidth, t, sensor_bits, readings, False
-                )
+                t, sensor_bits, readings = self._fields(sample)
+                flags = self._detect(self._arguments, self._bandwidth, t, sensor_bits, readings, False)
             except _NO_VECTORS:
                 flags = WRONG_SIZE
-        if flags & (SUSPECT | WRONG_SIZE):
-            sample, flags = self._detect_screened(sample)
-        flags &= self._relevant_flags
+        if flags:
+            if flags & (SUSPECT | WRONG_SIZE):
+                sample, flags = self._detect_screened(sample)
+            flags &= self._relevant_flags
         if flags == 0 and self._phase == NONE:
             if self._start.watches:
                 self._start.update(sample.t, 0)
@@ -191,8 +192,8 @@ class Localizer(StaticLocalizer):
         Raises:
             ValueError: a field has the wrong shape; the message names it.
         """
-        screen, fields = self._screening.screened, self._sample_fields.fields
-        flags, arguments = WRONG_SIZE, (self._buffers.arguments, self._bandwidth)
+        screen, fields = self._screening.screened, self._fields
+        flags, arguments = WRONG_SIZE, (self._arguments, self._bandwidth)
         with contextlib.suppress(*_NO_VECTORS):
             flags = self._detect(*arguments, *fields(screen(sample)), True)
         if flags == WRONG_SIZE:
@@ -340,8 +341,8 @@ class Localizer(StaticLocalizer):
             for size, in_scene in zip((6, self._joints), self._scene_sensors, strict=True)
         )
         links = dict.fromkeys(self._link_sensors, np.zeros(6))
-        compile_sample = self._sample_fields.fields(self._sample_fields.compile_sample())
-        self._detect = direct_call(detect, self._buffers.arguments, self._bandwidth, *compile_sample, True)
+        compile_sample = self._fields(self._sample_fields.compile_sample())
+        self._detect = direct_call(detect, self._arguments, self._bandwidth, *compile_sample, True)
         self._localize = direct_call(localize, *self._kernel_args, self._bandwidth, self._gate, self._rows)
         self._compile_locate()
         self.locate(

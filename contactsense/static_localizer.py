@@ -179,23 +179,13 @@ class StaticLocalizer:
         """
         if self._intrinsic:
             return self._locate_once_intrinsic(values, external, usable)
-        try:
-            fit = self._sample_fields.are_vectors(*values[:3])
-        except AttributeError:
-            fit = False
-        if fit:
-            found = self._explain_once(values, external, usable, threshold, check)
+        parts, gate, rows = self._kernel_args, self._gate, self._rows
+        if self._sample_fields.are_vectors(values):
+            found = self._locate_directly(*parts, values, external, usable, gate, threshold, check, rows)
             if found[0] != NOT_FINITE:
                 return found
-        return self._explain_once(self._sample_fields.checked(*values), external, usable, threshold, check)
-
-    def _explain_once(
-        self, values: Measured, external: bool, usable: Usable, threshold: float, check: bool
-    ) -> tuple[int, float]:
-        buffers, skin = self._kernel_args
-        return self._locate_directly(
-            buffers, skin, values, external, usable, self._gate, threshold, check, self._rows
-        )
+        values = self._sample_fields.checked(*values)
+        return self._locate_directly(*parts, values, external, usable, gate, threshold, check, rows)
 
     def _compile_locate(self) -> None:
         """Compile or load the kernel for single measurements."""

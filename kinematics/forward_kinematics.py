@@ -58,8 +58,18 @@ def forward_kinematics(model: Model, q: np.ndarray, motion: Motion) -> None:
         z = dot(a, axis), dot(b, axis), dot(c, axis)
         m, s = cross(o, z), motion.screw[j]
         s[0], s[1], s[2], s[3], s[4], s[5] = m[0], m[1], m[2], z[0], z[1], z[2]
-        turn = _rotation_about(axis, q[j])
-        a, b, c = _row_times(a, turn), _row_times(b, turn), _row_times(c, turn)
+        if axis == (0.0, 0.0, 1.0):
+            # The same digits with a third of the products.
+            sine, versine = sine_and_versine(q[j])
+            cosine = 1.0 - versine
+            a, b, c = (
+                (a[0] * cosine + a[1] * sine, a[1] * cosine - a[0] * sine, a[2]),
+                (b[0] * cosine + b[1] * sine, b[1] * cosine - b[0] * sine, b[2]),
+                (c[0] * cosine + c[1] * sine, c[1] * cosine - c[0] * sine, c[2]),
+            )
+        else:
+            turn = _rotation_about(axis, q[j])
+            a, b, c = _row_times(a, turn), _row_times(b, turn), _row_times(c, turn)
         _store_pose(motion, j + 1, (a, b, c), o)
 
 

@@ -30,7 +30,7 @@ def speed(as_json: bool) -> None:
     The reference is Pinocchio's RNEA of a 6-joint arm, called from Python in alternation with the measured
     function: machines differ and are noisy, but ratios are comparable. Needs Pinocchio (PyPI: pin).
     """
-    yardstick = _yardstick()
+    call = yardstick()
     script = Script.demo()
     motion = simulate(script)
     scene = Scene(
@@ -45,7 +45,7 @@ def speed(as_json: bool) -> None:
     times: dict[str, list[float]] = {"rnea": [], "step": [], "step in contact": [], "locate": [], "batch": []}
     large, speedup = np.resize(np.flatnonzero(touched), LARGE_BATCH), []
     for _ in track(range(ROUNDS), description="timing", console=Console(stderr=True), transient=True):
-        times["rnea"] += _each(yardstick, 20_000)
+        times["rnea"] += _each(call, 20_000)
         steps = _steps(localizer, motion)
         times["step"] += steps
         times["step in contact"] += [s for s, hit in zip(steps, touched, strict=True) if hit]
@@ -81,7 +81,7 @@ def speed(as_json: bool) -> None:
     )
 
 
-def _yardstick() -> Callable[[], object]:
+def yardstick() -> Callable[[], object]:
     try:
         import pinocchio as pin
     except ImportError:

@@ -42,7 +42,6 @@ class EstimateBuilder:
         self.no_contact = _without_contact(*self._zeros)
         """Creates an estimate without contact from time and detectable force, see `Estimate`. These estimates
         share their arrays, which are read-only."""
-        self._rows: np.ndarray | None = None
         self.detectable = math.inf
         """`Estimate.detectable` of the estimates that follow [N]."""
 
@@ -64,28 +63,37 @@ class EstimateBuilder:
         kinds: tuple[EventKind, ...] = (),
     ) -> Estimate:
         """Estimate from the candidates in the first `count` of `rows`, see
-        `contactsense.runtime.result_rows`.
+        `contactsense.runtime.result_rows`, and from `State.answer`.
 
         With a `reason` the estimate is `degraded`. `number`, `phase` and the `kinds` of its events are those
         of the stream's contact.
         """
-        if rows is not self._rows:
-            # Views of the rows that the kernels fill with each sample.
-            self._rows, self._numbers = rows, rows[:, NUMBERS]
-            self._vectors = rows[:, VECTORS].reshape(-1, 7, 3)
-        candidates = tuple(
-            [
-                self._contact(self._numbers[k].tolist(), self._vectors[k].copy(), number, phase)
-                for k in range(count)
-            ]
-        )
-        other = 1.0
-        for contact in candidates:
-            other -= contact.probability
-        if candidates:
-            best, link, name = candidates[0].probability, candidates[0].link_index, candidates[0].link
-        else:
-            best, link, name = 0.0, int(np.argmin(state.hypotheses.energy)), ""
+        link_probability, wrench = state.link_probability.copy(), state.answer.wrench.copy()
+        if count == 0:
+            return self._filled(t, (), link_probability, wrench, 1.0, reason, number, kinds)
+        best = self._contact(state.answer.numbers.tolist(), state.answer.vectors.copy(), number, phase)
+        candidates: tuple[Contact, ...] = (best,)
+        other = 1.0 - best.probability
+        if count > 1:
+            others = [self.contact(rows[k].copy(), number, phase) for k in range(1, count)]
+            candidates = (best, *others)
+            for contact in others:
+                other -= contact.probability
+        return self._filled(t, candidates, link_probability, wrench, other, reason, number, kinds)
+
+    def _filled(
+        self,
+        t: float,
+        candidates: tuple[Contact, ...],
+        link_probability: np.ndarray,
+        wrench: np.ndarray,
+        other: float,
+        reason: str,
+        number: int,
+        kinds: tuple[EventKind, ...],
+    ) -> Estimate:
+        """The estimate; arguments as for `contacts`, `other` as in `Estimate`, `wrench` as `State.answer`."""
+        best, name = (candidates[0].probability, candidates[0].link) if candidates else (0.0, "")
         status: Status = "contact" if best >= self._clear else "ambiguous"
         if reason:
             status = "degraded"
@@ -95,13 +103,14 @@ class EstimateBuilder:
             t,
             status,
             candidates,
-            state.link_probability.copy(),
-            state.hypotheses.wrench[link].copy(),
-            state.hypotheses.covariance[link].copy(),
-            max(other, 0.0),
+            link_probability,
+            wrench[0],
+            wrench[1:],
+            other if other > 0.0 else 0.0,
             reason,
             tuple([Event(kind, number, t, name) for kind in kinds]) if kinds else (),
-            detectable=self.detectable,
+            (),
+            self.detectable,
         )
         estimate.__class__ = Estimate
         return estimate

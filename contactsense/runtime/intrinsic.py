@@ -8,6 +8,7 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.robots.vectors import add, rotate, vector
+from contactsense.runtime.best_answer import store_best
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import (
@@ -88,6 +89,7 @@ def localize_intrinsic(
     """
     constants, state = buffer_views(buffers)
     count: int = write_intrinsic_contact(constants, state, Grids(*skin), rows[0])
+    store_best(count, rows, state.hypotheses, state.answer)
     return count
 
 
@@ -111,7 +113,9 @@ def batch_intrinsic(
     for i in range(q.shape[0]):
         take_static_sample(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), external)
         no_contact_energy[i] = isolate_links(constants, state, True, has_torque, link_sensors, 1.0)
-        if write_intrinsic_contact(constants, state, grids, best[i]) == 0:
+        count = write_intrinsic_contact(constants, state, grids, best[i])
+        if count == 0:
             best[i] = 0.0
             best[i, 0] = -1.0
+        store_best(count, best[i : i + 1], state.hypotheses, state.answer)
         copy(state.link_probability, link_probability[i])

@@ -10,6 +10,7 @@ from contactsense.residuals.equations_of_motion import wrench_difference
 from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
+from contactsense.runtime.best_answer import store_best
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
@@ -177,6 +178,7 @@ def localize(
             if window > 0:
                 _update_to_newest(constants, state, window, rows[:listed])
         _store_last_contact(constants, state, rows[0])
+    store_best(listed, rows, state.hypotheses, state.answer)
     return listed
 
 
@@ -286,10 +288,11 @@ def locate_once(
     take_static_sample(constants, state, measured, external)
     if check and not _is_plausible(constants, state, measured, external, usable):
         return DOUBTFUL, 0.0
-    found: tuple[int, float] = explain_sample(
+    listed, no_contact_energy = explain_sample(
         buffers, skin, usable, 1.0, gate, threshold, rows.shape[0], rows
     )
-    return found
+    store_best(listed, rows, state.hypotheses, state.answer)
+    return listed, no_contact_energy
 
 
 @inlined_kernel

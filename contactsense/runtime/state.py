@@ -16,6 +16,7 @@ from contactsense.residuals.sensor_consistency import SensorConsistency
 from contactsense.residuals.timing_error import TimingError
 from contactsense.robots.jit.declaration import Floats, Integers, Sized
 from contactsense.robots.jit.flat_buffers import zeros
+from contactsense.runtime.best_answer import BestAnswer
 from contactsense.runtime.constants import Constants, sizes_of
 from contactsense.sensors.stream_state import StreamState
 from contactsense.solvers.posterior import SearchBuffers
@@ -40,6 +41,8 @@ class State(NamedTuple):
     surface_cells: Annotated[SurfaceCells, Sized(cells="samples + subsamples")]
     link_probability: Annotated[Floats, "links"]
     """Probability of each link."""
+    answer: BestAnswer
+    """The newest answer of a kernel that Python calls for one sample."""
     observers: Observers
     track: ContactTrack
     """The current contact."""

@@ -52,11 +52,8 @@ class StreamStart:
         self._decided = self._was_touched = False
         self.doubtful = False
         """Whether the readings have not fitted a free arm so far."""
-
-    @property
-    def watches(self) -> bool:
+        self.watches = True
         """Whether samples without any flag matter."""
-        return not self._decided or self._seen != ALL_MISSING
 
     def update(self, t: float, flags: int) -> bool:
         """Take in one sample; returns whether it belongs to what has been there since the start.
@@ -68,6 +65,11 @@ class StreamStart:
         """
         if flags & (UNUSABLE | REPEATED):
             return False
+        found = self._update(t, flags)
+        self.watches = not self._decided or self._seen != ALL_MISSING
+        return found
+
+    def _update(self, t: float, flags: int) -> bool:
         if flags & RESTARTED:
             self.reset()
         present = ALL_MISSING & ~(flags | flags // INVALID)

@@ -87,9 +87,10 @@ class SampleFields:
         Raises:
             ValueError: the value of a link sensor has the wrong shape or is not finite; the message names it.
         """
-        for s, name in enumerate(self._link_sensors):
-            value = (links or {}).get(name)
-            self._link_wrench[s] = 0.0 if value is None else checked_vector(name, value, 6, "N, Nm")
+        if self._link_sensors:
+            for s, name in enumerate(self._link_sensors):
+                value = (links or {}).get(name)
+                self._link_wrench[s] = 0.0 if value is None else checked_vector(name, value, 6, "N, Nm")
         return (
             q,
             self._no_torque if torque is None else torque,
@@ -98,13 +99,13 @@ class SampleFields:
         )
 
     @staticmethod
-    def are_vectors(q: np.ndarray, torque: np.ndarray, base: np.ndarray) -> bool:
-        """Whether kernels that are called directly can take these values of `values`.
-
-        Raises:
-            AttributeError: one is no array.
-        """
-        return q.dtype is torque.dtype is base.dtype is _FLOAT and q.ndim == torque.ndim == base.ndim == 1
+    def are_vectors(values: tuple[np.ndarray, ...]) -> bool:
+        """Whether kernels that are called directly take positions, torques and base wrench of `values`."""
+        q, torque, base, _ = values
+        try:
+            return q.dtype is torque.dtype is base.dtype is _FLOAT and q.ndim == torque.ndim == base.ndim == 1
+        except AttributeError:
+            return False
 
     def checked(
         self, q: np.ndarray, torque: np.ndarray, base: np.ndarray, link_wrench: np.ndarray

@@ -1,5 +1,6 @@
 """The whole sample path on constructed truth: static, batch, live stream, bad input."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -377,6 +378,61 @@ def test_samples_may_be_lists_read_only_or_views(precise: Localizer) -> None:
     expected = [estimate.status for estimate in precise.run(plain)]
     assert [estimate.status for estimate in precise.run(others)] == expected
     assert expected[-1] == "none"
+
+
+@pytest.mark.parametrize("kind", ["<f4", ">f8", "i8", "O", "pickled", "subclass"])
+def test_values_of_any_type_are_converted(ordinary: Localizer, kind: str) -> None:
+    """Machine code that takes eight bytes for a float would read other numbers."""
+    q = np.array([0.0, -1.0, 2.0, -2.0, -1.0, 0.0])
+    torque, wrench = _weight(q, ordinary.scene)
+    torque, wrench = np.round(torque), np.round(wrench + np.array([0.0, 25.0, 0.0, 4.0, 0.0, 0.0]))
+
+    def other(values: np.ndarray) -> np.ndarray:
+        if kind == "pickled":
+            found: np.ndarray = pickle.loads(pickle.dumps(values))
+            return found
+        return values.view(np.recarray) if kind == "subclass" else values.astype(kind)
+
+    expected = ordinary.locate(q, base_wrench=wrench, joint_torque=torque, external=False, detect=False)
+    found = ordinary.locate(
+        other(q), base_wrench=other(wrench), joint_torque=other(torque), external=False, detect=False
+    )
+    assert found.contacts
+    np.testing.assert_array_equal(found.contacts[0].point_base, expected.contacts[0].point_base)
+    samples = [Sample(0.002 * i, q, 0.0 * q, torque, wrench) for i in range(80)]
+    others = [Sample(s.t, other(q), other(0.0 * q), other(torque), other(wrench)) for s in samples]
+    one, two = list(ordinary.run(samples))[-1], list(ordinary.run(others))[-1]
+    assert one.contacts
+    np.testing.assert_array_equal(one.contacts[0].point_base, two.contacts[0].point_base)
+
+
+@pytest.mark.parametrize("shape", [(6, 1), (1, 6), (), (2, 3), (1,) * 9 + (6,), (6, 6)])
+@pytest.mark.parametrize("field", ["q", "qd", "joint_torque", "base_wrench"])
+def test_fields_that_are_no_vectors_are_named(
+    ordinary: Localizer, field: str, shape: tuple[int, ...]
+) -> None:
+    """Also after the start of a stream, where its readings go to the machine code first."""
+    torque, wrench = _weight(TestStream.q, ordinary.scene)
+    fields = {"q": TestStream.q, "qd": np.zeros(6), "joint_torque": torque, "base_wrench": wrench}
+    for _ in ordinary.run([Sample(0.002 * i, **fields) for i in range(60)]):
+        pass
+    fields[field] = np.zeros(shape)
+    with pytest.raises(ValueError, match=rf"{field}: expected shape \(6,\), got shape"):
+        ordinary.step(Sample(1.0, **fields))
+    del fields["qd"]
+    if field != "qd":
+        with pytest.raises(ValueError, match=rf"{field}: expected shape \(6,\)"):
+            ordinary.locate(**fields, external=False)  # type: ignore[arg-type]
+
+
+def test_an_unusable_first_sample_rules_nothing_out(precise: Localizer) -> None:
+    """Whatever could be used before it, in another stream or when the kernels were loaded."""
+    torque, wrench = _weight(TestStream.q, PRECISE)
+    list(precise.run([Sample(0.002 * i, TestStream.q, np.zeros(6), torque, wrench) for i in range(60)]))
+    precise.reset()
+    first = precise.step(Sample(0.0, np.full(6, np.nan), np.zeros(6), torque, wrench))
+    assert first.status == "degraded"
+    assert first.detectable == np.inf
 
 
 def test_estimates_without_contact_are_read_only(precise: Localizer) -> None:
