@@ -4,12 +4,13 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.isolation.link_hypotheses import Hypotheses
+from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
 from contactsense.localization.simd_layout import LANES
 from contactsense.multi_contact.seed_samples import SeedSamples, choose_seed_samples
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.runtime.constants import Constants
-from contactsense.solvers.posterior import SearchBuffers
 
 MAX_CONTACTS = 3
 """Maximum number of simultaneous contacts."""
@@ -21,14 +22,14 @@ BEAM_WIDTH = 48
 """Maximum number of pairs of samples that are extended by a third (beam search)."""
 MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1
 """Maximum number of explanations before ranking."""
-X, Y, Z, NX, NY, NZ, SPREAD, GAIN, DET, NORMAL_FORCE, FX, FY, FZ = range(0, 13 * LANES, LANES)
+X, Y, Z, NX, NY, NZ, SPREAD, GAIN, DET, NORMAL_FORCE = range(0, 10 * LANES, LANES)
 """Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
 
 `X` to `NZ`: point [m] and outward unit normal, base frame. `SPREAD`: standard deviation of each component of an
-additional moment [Nm]. `GAIN` to `FZ`: see
+additional moment [Nm]. `GAIN`, `DET`, `NORMAL_FORCE`: see
 `contactsense.multi_contact.link_information.likelihood_near_samples`.
 """
-BLOCK_LENGTH = 13 * LANES
+BLOCK_LENGTH = 10 * LANES
 """Length of a block."""
 
 
@@ -120,25 +121,6 @@ class OptimizerState(NamedTuple):
     """Gradient, then step."""
 
 
-class SingleContactModes(NamedTuple):
-    """Most probable places of a single further contact, base frame, by rising energy."""
-
-    energy: Annotated[Floats, f"{MAX_SEEDS}"]
-    """Energy, up to a constant."""
-    primitive: Annotated[Integers, f"{MAX_SEEDS}"]
-    point: Annotated[Floats, f"{MAX_SEEDS}, 3"]
-    """[m]"""
-    force: Annotated[Floats, f"{MAX_SEEDS}, 3"]
-    """[N]"""
-    torsion: Annotated[Floats, f"{MAX_SEEDS}"]
-    """[Nm]"""
-    wrench: Annotated[Floats, "6"]
-    """Scratch: most likely wrench, and below its information matrix, body frame."""
-    information: Annotated[Floats, "6, 6"]
-    search: SearchBuffers
-    """Scratch."""
-
-
 class SeedingBuffers(NamedTuple):
     """Scratch of seeding."""
 
@@ -164,15 +146,14 @@ class SeedingBuffers(NamedTuple):
     """Information matrix of the wrench of a further contact on each link."""
     link_vector: Annotated[Floats, "links, 6"]
     """That matrix times the most likely wrench."""
-    link_wrench: Annotated[Floats, "links, 6"]
-    """Most likely wrench of a further contact on each link [N, Nm]."""
-    link_energy: Annotated[Floats, "links"]
-    """Energy at it, relative to that without a further contact."""
+    hypotheses: Hypotheses
+    """The wrench of a single further contact on each link."""
+    link_probability: Annotated[Floats, "links"]
+    """Probability of each link for it."""
     block: Annotated[Floats, f"blocks, {BLOCK_LENGTH}"]
     """Blocks of samples."""
     force_jacobian: Annotated[Floats, "rows, 3"]
     """Derivative of the rows by a force at one point."""
-    modes: SingleContactModes
     known_normal: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
     """Outward normals of the known contacts, base axes."""
     initial_force: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
@@ -226,6 +207,8 @@ class MultiContactBuffers(NamedTuple):
     known: KnownContacts
     optimizer: OptimizerState
     seeding: SeedingBuffers
+    candidates: Candidates
+    """Of a single further contact; with the body frames of all primitives."""
     explanations: Explanations
 
 
@@ -238,7 +221,9 @@ def empty_multi_contact_buffers(constants: Constants) -> MultiContactBuffers:
         rows=6 + constants.model.joints + 6 * len(constants.link_sensors.body),
         samples=len(seed_samples.primitive),
         coarse=seed_samples.coarse.sample.size,
-        blocks=len(seed_samples.every.link),
+        blocks=len(seed_samples.coarse.link),
+        primitives=len(constants.surfaces.kind),
+        candidates=max(len(constants.surfaces.kind), MAX_CANDIDATES),
     )
     buffers.known.drift[:] = np.inf
     return buffers._replace(seed_samples=seed_samples)

@@ -9,21 +9,22 @@ import math
 
 import numpy as np
 
+from contactsense.kinematics.model import Motion
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.multi_contact.buffers import (
+    MAX_SEEDS,
     KnownContacts,
     MeasurementRows,
     MultiContactBuffers,
     OptimizerState,
     PrimitiveFrames,
-    SeedingBuffers,
 )
+from contactsense.multi_contact.further_contact import is_any_broad, locate_further_contact
 from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
-from contactsense.multi_contact.ranked_sets import rank_sets, store_explanation
+from contactsense.multi_contact.ranked_sets import adopt_candidate, rank_sets, share_evidence, store_explanation
 from contactsense.multi_contact.sample_likelihood import initial_forces, initialize_seeding
-from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.multi_contact.seeding import find_seeds
-from contactsense.multi_contact.single_contact_modes import refine_seeds
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import STUDENT_DOF, Prior, pushing_force
@@ -43,9 +44,11 @@ MIN_POINT_DEVIATION = 1e-4
 
 @fused_kernel
 def search_contact_sets(
-    surfaces: Surfaces,
+    scene: SearchedSurface,
+    motion: Motion,
+    wrench_measured: bool,
     prior: Prior,
-    frames: PrimitiveFrames,
+    arrays: SearchArrays,
     buffers: MultiContactBuffers,
     m: int,
     force_scale: float,
@@ -55,9 +58,9 @@ def search_contact_sets(
     """Explain a measurement by the known contacts and further ones.
 
     Args:
-        surfaces: Primitives.
-        prior: Prior of contacts.
-        frames: Body frames of the primitives.
+        scene, motion, wrench_measured, prior, arrays: As for
+            `contactsense.localization.ranking.locate_contacts`, with `buffers.candidates`, in which the body
+            frames of the primitives are filled.
         buffers: With the measurement in `rows`, all samples in the base frame in `seeding.point_normal`,
             and `known` filled. On return `explanations` is filled; in each set the known contacts come
             first.
@@ -69,7 +72,8 @@ def search_contact_sets(
     Returns:
         Number of ranked explanations.
     """
-    seed_samples, rows, known_contacts, optimizer, seeding, explanations = buffers
+    seed_samples, rows, known_contacts, optimizer, seeding, candidates, explanations = buffers
+    surfaces, frames = scene.surfaces, PrimitiveFrames(candidates.rotation, candidates.origin)
     for i in range(known_count):
         initialize_known_contact(
             surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
@@ -84,45 +88,38 @@ def search_contact_sets(
         if best < MIN_ENERGY:
             break
         seeds = 1
-        if further > 0:
-            seeds = find_seeds(seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding)
+        is_broad = False
         if further == 1:
-            seeds = refine_seeds(surfaces, prior, frames, seed_samples, seeds, seeding)
+            seeds = min(
+                locate_further_contact(scene, motion, wrench_measured, prior, arrays, rows, m, seeding),
+                MAX_SEEDS,
+            )
+            is_broad = seeds > 0 and is_any_broad(candidates, seeds)
+        elif further > 1:
+            seeds = find_seeds(seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding)
         lowest_energy = math.inf
+        first = stored
         for s in range(seeds):
             for i in range(known_count):
                 initialize_known_contact(
                     surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
                 )
+            row = candidates.order[s]
             if further == 1:
-                start = seeding.modes
                 _initialize_further_contact(
-                    surfaces, frames, optimizer, start.primitive[s], start.point[s], start.force[s], known_count
+                    surfaces,
+                    frames,
+                    optimizer,
+                    candidates.primitive[row],
+                    candidates.point[row],
+                    candidates.force[row],
+                    known_count,
                 )
-                optimizer.torsion[known_count] = start.torsion[s]
+                optimizer.torsion[known_count] = candidates.torsion[row]
             elif further > 1:
-                initial_forces(
-                    seed_samples,
-                    prior.friction_ratio,
-                    s,
-                    further,
-                    force_scale,
-                    rows,
-                    m,
-                    seeding,
-                    seeding.initial_force,
+                _initialize_from_seed(
+                    surfaces, prior, frames, buffers, m, force_scale, known_count, further, s
                 )
-                for e in range(further):
-                    i = seeding.seed[s, e]
-                    _initialize_further_contact(
-                        surfaces,
-                        frames,
-                        optimizer,
-                        seed_samples.primitive[i],
-                        seeding.point_normal[i],
-                        seeding.initial_force[e],
-                        known_count + e,
-                    )
             count = known_count + further
             energy, score = set_evidence(
                 surfaces, prior, frames, rows, m, known_count, count, lowest_energy + ENERGY_MARGIN, optimizer
@@ -137,8 +134,12 @@ def search_contact_sets(
                     explanations,
                     stored,
                 )
+                if is_broad:
+                    adopt_candidate(candidates, row, known_count, explanations, stored)
                 stored += 1
                 lowest_energy = min(lowest_energy, energy)
+        if is_broad:
+            share_evidence(explanations, first, stored)
         best = min(best, lowest_energy)
     ranked: int = rank_sets(surfaces.link, explanations, stored, 2.0 * prior.surface_deviation)
     return ranked
@@ -271,6 +272,44 @@ def _initialize_further_contact(
     )
     optimizer.prior_point_information[i] = 0.0
     optimizer.prior_force_information[i] = 0.0
+
+
+@fused_kernel
+def _initialize_from_seed(
+    surfaces: Surfaces,
+    prior: Prior,
+    frames: PrimitiveFrames,
+    buffers: MultiContactBuffers,
+    m: int,
+    force_scale: float,
+    known_count: int,
+    further: int,
+    s: int,
+) -> None:
+    """Initialize the further contacts at the samples of seed s, with their most likely forces."""
+    seed_samples, seeding = buffers.seed_samples, buffers.seeding
+    initial_forces(
+        seed_samples,
+        prior.friction_ratio,
+        s,
+        further,
+        force_scale,
+        buffers.rows,
+        m,
+        seeding,
+        seeding.initial_force,
+    )
+    for e in range(further):
+        i = seeding.seed[s, e]
+        _initialize_further_contact(
+            surfaces,
+            frames,
+            buffers.optimizer,
+            seed_samples.primitive[i],
+            seeding.point_normal[i],
+            seeding.initial_force[e],
+            known_count + e,
+        )
 
 
 @fused_kernel

@@ -6,7 +6,8 @@ import numpy as np
 
 from contactsense.detection.thresholds import Usable
 from contactsense.localization.ranking import place_primitives
-from contactsense.multi_contact.buffers import MAX_CONTACTS, MultiContactBuffers, PrimitiveFrames
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.multi_contact.buffers import MAX_CONTACTS, MultiContactBuffers
 from contactsense.multi_contact.contact_set_search import search_contact_sets
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.multi_contact.sample_likelihood import estimate_force_scale, transform_samples
@@ -61,7 +62,7 @@ def explain_contact_sets(
         scale = residual_variance_ratio(state, present)
     update_covariances(constants, state, scale)
     depth, seed_samples, explanations = constants.sensors.depth, buffers.seed_samples, buffers.explanations
-    place_primitives(constants.surfaces, depth, state.motion, state.candidates)
+    place_primitives(constants.surfaces, depth, state.motion, buffers.candidates)
     transform_samples(constants.samples, depth, state.motion, seed_samples, buffers.seeding)
     variances = Variances(
         state.base_information, scale, state.torque_variance, state.link_variance, state.link_origin
@@ -69,11 +70,15 @@ def explain_contact_sets(
     m = fill_measurement_rows(
         constants.sensors, state.motion, external, variances, present, lag, buffers.rows
     )
-    frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
+    scene = SearchedSurface(
+        constants.surfaces, constants.samples, constants.subsamples, constants.touchable, constants.left_out, depth
+    )
+    arrays = SearchArrays(state.search_buffers, state.surface_cells, buffers.candidates)
     force_scale = estimate_force_scale(external, present)
     count = search_contact_sets(
-        constants.surfaces, constants.prior, frames, buffers, m, force_scale, known_count, max_contacts
-    )
+        scene, state.motion, present[0], constants.prior, arrays, buffers, m, force_scale, known_count,
+        max_contacts,
+    )  # fmt: skip
     listed = 0
     for k in range(count):
         t = explanations.order[k]

@@ -20,9 +20,6 @@ from contactsense.kinematics.wrench_information import blocks, shift_information
 from contactsense.localization.simd_layout import LANES
 from contactsense.multi_contact.buffers import (
     DET,
-    FX,
-    FY,
-    FZ,
     GAIN,
     NORMAL_FORCE,
     NX,
@@ -35,7 +32,7 @@ from contactsense.multi_contact.buffers import (
     MeasurementRows,
     SeedingBuffers,
 )
-from contactsense.multi_contact.seed_samples import SampleBlocks, SeedSamples
+from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 
 
@@ -101,16 +98,16 @@ def fill_link_information(rows: MeasurementRows, m: int, seeding: SeedingBuffers
 
 @fused_kernel
 def fill_sample_blocks(
-    seed_samples: SeedSamples, chosen: SampleBlocks, moment_scale: float, seeding: SeedingBuffers
+    seed_samples: SeedSamples, moment_scale: float, seeding: SeedingBuffers
 ) -> None:
-    """Fill `seeding.block` with the places of the chosen samples.
+    """Fill `seeding.block` with the places of the coarse samples.
 
     Args:
         seed_samples: The samples.
-        chosen: Those of the blocks.
         moment_scale: Standard deviation of the additional moment, relative to the spread of a sample [N].
         seeding: With the samples in the base frame in `point_normal`.
     """
+    chosen = seed_samples.coarse
     for b in range(chosen.link.shape[0]):
         block = seeding.block[b]
         for j in range(LANES):
@@ -127,8 +124,8 @@ def likelihood_near_samples(
 ) -> None:
     """Likelihood of a contact near each sample of a block.
 
-    Fills `GAIN` to `FZ`. The log likelihood exceeds that without this contact by GAIN - 1/2 log(DET), where DET
-    is at least one; `FX`, `FY`, `FZ` are the most likely force, base axes, and `NORMAL_FORCE` is its push [N].
+    Fills `GAIN`, `DET` and `NORMAL_FORCE`. The log likelihood exceeds that without this contact by
+    GAIN - 1/2 log(DET), where DET is at least one; the most likely force pushes with `NORMAL_FORCE` [N].
 
     Args:
         L, h: Of the block's link, see `fill_link_information`.
@@ -178,7 +175,6 @@ def likelihood_near_samples(
         )
         block[GAIN + j] = gain
         block[DET + j] = det * force_volume * moment_variance * moment_variance * moment_variance
-        block[FX + j], block[FY + j], block[FZ + j] = f0, f1, f2
         block[NORMAL_FORCE + j] = -(f0 * n0 + f1 * n1 + f2 * n2)
 
 

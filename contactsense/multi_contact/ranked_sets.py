@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from contactsense.kinematics.linalg.cholesky import invert_factored
+from contactsense.localization.candidate_buffers import Candidates
 from contactsense.multi_contact.buffers import UNKNOWNS, Explanations, OptimizerState
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
@@ -81,6 +82,35 @@ def _wrench_covariance(optimizer: OptimizerState, size: int, out: np.ndarray) ->
                     x += G[a, i] * V[i, k] * G[b, k]
             out[a, b] = x
             out[b, a] = x
+
+
+@fused_kernel
+def adopt_candidate(
+    candidates: Candidates, row: int, i: int, explanations: Explanations, t: int
+) -> None:
+    """Give contact i of explanation t the covariance of the candidate at which its optimization started, and the
+    explanation its probability."""
+    explanations.probability[t] = candidates.probability[row]
+    for k in range(3):
+        for a in range(3):
+            explanations.covariance[t, i, k, a] = candidates.covariance[row, k, a]
+
+
+@fused_kernel
+def share_evidence(explanations: Explanations, first: int, last: int) -> None:
+    """Share the evidence of the explanations `first` to `last` - 1 in proportion to their probabilities.
+
+    These are integrals over the surface; the evidence of each optimum is that of a normal distribution.
+    """
+    best, probability = -math.inf, 0.0
+    for t in range(first, last):
+        best = max(best, explanations.score[t])
+        probability += explanations.probability[t]
+    total = 0.0
+    for t in range(first, last):
+        total += math.exp(explanations.score[t] - best)
+    for t in range(first, last):
+        explanations.score[t] = best + math.log(total * explanations.probability[t] / probability)
 
 
 @fused_kernel

@@ -255,14 +255,13 @@ def initial_forces(
     out: np.ndarray,
 ) -> None:
     """Most likely forces at the samples of a seed, base axes, shape (>= count, 3) [N]."""
-    coarse_factor = 1.0 if count == 1 else seed_samples.coarse_factor
     copy_lower(m, seeding.prior_covariance, seeding.factor)
     for e in range(count):
         add_sample_covariance(
             seed_samples,
             friction_ratio,
             seeding.seed[s, e],
-            coarse_factor,
+            seed_samples.coarse_factor,
             force_scale,
             rows,
             m,

@@ -10,7 +10,7 @@ from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.runtime.constants import Constants
 
 MAX_SEED_SAMPLES = 160
-"""Number of samples of which pairs are formed; a single further contact is searched among all."""
+"""Number of samples of which pairs are formed."""
 NORMAL_WEIGHT = 0.03
 """Distance that corresponds to a turn of the normal by one radian in the selection [m]."""
 
@@ -36,12 +36,6 @@ class SeedSamples(NamedTuple):
     """Its link."""
     spread: Annotated[Floats, "samples"]
     """Standard deviation of its cell along each tangent [m]."""
-    every: SampleBlocks
-    """All samples."""
-    block: Annotated[Integers, "samples"]
-    """Block of each sample in `every`."""
-    lane: Annotated[Integers, "samples"]
-    """Its lane."""
     coarse: SampleBlocks
     """The coarse subset, at most MAX_SEED_SAMPLES."""
     coarse_factor: float
@@ -59,16 +53,10 @@ def choose_seed_samples(constants: Constants) -> SeedSamples:
         coarse.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, np.linalg.norm(features - features[coarse[-1]], axis=1))
     coarse_factor = float(np.sqrt(len(features) / len(coarse))) if coarse else 1.0
-    every = in_blocks(range(len(features)), link)
-    # A sample that fills unused lanes is found in its first one.
-    first = np.unique(every.sample, return_index=True)[1]
     return SeedSamples(
         samples.primitive.copy(),
         link.copy(),
         samples.spread.copy(),
-        every,
-        first // LANES,
-        first % LANES,
         in_blocks(coarse, link),
         coarse_factor,
     )

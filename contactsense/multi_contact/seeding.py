@@ -104,7 +104,7 @@ def find_seeds(
     m: int,
     seeding: SeedingBuffers,
 ) -> int:
-    """Fill `seeding.seed` with the sets of `count` (1 to 3) samples that explain the innovation best.
+    """Fill `seeding.seed` with the sets of `count` (2 or 3) samples that explain the innovation best.
 
     Args:
         seed_samples: The samples.
@@ -118,46 +118,13 @@ def find_seeds(
         Number of seeds.
     """
     seeding.seed_score[:] = -math.inf
-    if count == 1:
-        _seed_single(seed_samples, friction_ratio, force_scale, rows, m, seeding)
-    else:
-        _seed_pairs(seed_samples, friction_ratio, count, force_scale, rows, m, seeding)
+    _seed_pairs(seed_samples, friction_ratio, count, force_scale, rows, m, seeding)
     if count == 3:
         _seed_triples(seed_samples, friction_ratio, force_scale, rows, m, seeding)
     found = 0
     while found < seeding.seed_score.shape[0] and seeding.seed_score[found] > -math.inf:
         found += 1
     return found
-
-
-@fused_kernel
-def _seed_single(
-    seed_samples: SeedSamples,
-    friction_ratio: float,
-    force_scale: float,
-    rows: MeasurementRows,
-    m: int,
-    seeding: SeedingBuffers,
-) -> None:
-    """Every sample, for one further contact."""
-    chosen, scores = seed_samples.every, seeding.seed_score
-    fill_sample_blocks(seed_samples, chosen, force_scale, seeding)
-    copy_lower(m, seeding.prior_covariance, seeding.factor)
-    base = fill_link_information(rows, m, seeding)
-    deviations = force_deviations(force_scale, friction_ratio)
-    for b in range(chosen.link.shape[0]):
-        block, link = seeding.block[b], chosen.link[b]
-        likelihood_near_samples(
-            seeding.link_information[link], seeding.link_vector[link], deviations, block
-        )
-        for j in range(chosen.count[b]):
-            if block[NORMAL_FORCE + j] > 0.0 and base + block[GAIN + j] > scores[-1]:
-                score, samples = base + log_gain(block, j), (chosen.sample[b, j], 0, 0)
-                slot = find_slot(
-                    seed_samples.primitive, seeding.point_normal, 1, score, samples, scores, seeding.seed
-                )
-                if slot >= 0:
-                    put_seed(score, samples, slot, scores, seeding.seed)
 
 
 @fused_kernel
@@ -176,7 +143,7 @@ def _seed_pairs(
     if count > 2:
         scores, seeds = seeding.beam_score, seeding.beam
         scores[:] = -math.inf
-    fill_sample_blocks(seed_samples, chosen, force_scale * seed_samples.coarse_factor, seeding)
+    fill_sample_blocks(seed_samples, force_scale * seed_samples.coarse_factor, seeding)
     deviations = force_deviations(force_scale, friction_ratio)
     for b in range(chosen.link.shape[0]):
         for j in range(chosen.count[b]):

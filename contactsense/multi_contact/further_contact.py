@@ -1,0 +1,89 @@
+"""Candidates for a single further contact beside known ones.
+
+With the noise and the known contacts in one normal distribution, the measurement gives the wrench of a further
+contact on each link, and its covariance. That is the problem of a single contact: the search for one contact
+finds the candidates, and what it integrates over the surface gives their probabilities and covariances.
+"""
+
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import PRIOR_STD
+from contactsense.kinematics.linalg.ldl import invert_spd
+from contactsense.kinematics.model import Motion
+from contactsense.localization.candidate_buffers import Candidates
+from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION, locate_contacts
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.link_information import fill_link_information
+from contactsense.multi_contact.sample_likelihood import copy_lower
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.posterior import Prior
+
+MIN_CANDIDATE_PROBABILITY = 1e-3
+"""Candidates less probable than this are dropped."""
+
+
+@fused_kernel
+def locate_further_contact(
+    scene: SearchedSurface,
+    motion: Motion,
+    wrench_measured: bool,
+    prior: Prior,
+    arrays: SearchArrays,
+    rows: MeasurementRows,
+    m: int,
+    seeding: SeedingBuffers,
+) -> int:
+    """Fill `arrays.candidates`, whose `order` lists the candidates by falling probability.
+
+    Args:
+        scene, motion, wrench_measured, prior, arrays: As for
+            `contactsense.localization.ranking.locate_contacts`.
+        rows, m: The measurement and the number of its rows.
+        seeding: After `initialize_seeding`.
+
+    Returns:
+        Number of candidates.
+    """
+    copy_lower(m, seeding.prior_covariance, seeding.factor)
+    fill_link_information(rows, m, seeding)
+    energy = 0.0
+    for r in range(m):
+        energy += 0.5 * seeding.weighted_innovation[r] * seeding.weighted_innovation[r]
+    hypotheses = seeding.hypotheses
+    for link in range(scene.touchable.shape[0]):
+        L, P, w = hypotheses.information[link], hypotheses.covariance[link], hypotheses.wrench[link]
+        h = seeding.link_vector[link]
+        for a in range(6):
+            for b in range(6):
+                L[a, b] = seeding.link_information[link, a, b]
+            # Regular also where the rows do not determine all of the wrench.
+            L[a, a] += 1.0 / PRIOR_STD**2
+        invert_spd(L, P)
+        gain = 0.0
+        for a in range(6):
+            w[a] = 0.0
+            for b in range(6):
+                w[a] += P[a, b] * h[b]
+            gain += 0.5 * h[a] * w[a]
+        hypotheses.energy[link] = energy - gain
+        hypotheses.log_evidence[link] = gain - energy
+    candidates = arrays.candidates
+    found: int = locate_contacts(
+        scene, scene.touchable, motion, hypotheses, wrench_measured, prior, arrays, seeding.link_probability
+    )
+    count = 0
+    while count < found and candidates.probability[candidates.order[count]] >= MIN_CANDIDATE_PROBABILITY:
+        count += 1
+    return count
+
+
+@fused_kernel
+def is_any_broad(candidates: Candidates, count: int) -> bool:
+    """Whether the place of one of the first `count` candidates is so uncertain that a normal distribution about
+    the most probable one does not represent it."""
+    for k in range(count):
+        C = candidates.covariance[candidates.order[k]]
+        if C[0, 0] + C[1, 1] + C[2, 2] > LINE_OF_ACTION_DEVIATION * LINE_OF_ACTION_DEVIATION:
+            return True
+    return False
