@@ -54,6 +54,10 @@ class Candidates(NamedTuple):
     """Rotation from the body frame of each primitive to the base frame."""
     origin: Annotated[Floats, "primitives, 3"]
     """Origin of the body frame of each primitive, base frame [m]."""
+    near: Annotated[Integers, "primitives"]
+    """Scratch: primitives that may cover the neighbourhood of one candidate."""
+    near_distance: Annotated[Floats, "primitives"]
+    """Scratch: their distances from the point above the candidate [m]."""
 
 
 @fused_kernel

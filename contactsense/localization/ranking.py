@@ -202,7 +202,7 @@ def _apply_accessibility(surfaces: Surfaces, candidates: Candidates, count: int,
     best = -math.inf
     for i in range(count):
         best = max(best, candidates.score[candidates.order[i]])
-    # Best fully accessible candidate so far: candidates that are much worse are rejected early.
+    # Best candidate so far, as far as it is accessible: those that are much worse are rejected early.
     accessible_score = -math.inf
     for i in range(count):
         p = candidates.order[i]
@@ -212,7 +212,8 @@ def _apply_accessibility(surfaces: Surfaces, candidates: Candidates, count: int,
             surfaces.link[p], candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation
         ):
             candidates.score[p] = -math.inf
-        elif apply_accessibility(surfaces, candidates, p, prior, accessible_score - ENERGY_CUTOFF):
+        else:
+            apply_accessibility(surfaces, candidates, p, prior, accessible_score - ENERGY_CUTOFF)
             accessible_score = max(accessible_score, candidates.score[p])
 
 
