@@ -15,8 +15,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from contactsense.kinematics.linalg.outer_product import add_outer_product, add_scaled_vector, symmetrize
-from contactsense.kinematics.spatial import dot6
+from contactsense.kinematics.spatial import Six, dot6
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
@@ -83,9 +82,11 @@ class Hypotheses(NamedTuple):
 
 @fused_kernel
 def _kalman_step(
-    a: np.ndarray, value: float, variance: float, w: np.ndarray, P: np.ndarray, L: np.ndarray
+    a: np.ndarray, value: float, variance: float, out: Hypotheses, before: int, link: int
 ) -> tuple[float, float]:
-    """Kalman step for value = a . w + noise, in place; energy and variance of the innovation."""
+    """Kalman step for value = a . w + noise, from the hypothesis of link `before` to that of `link`, maybe
+    the same; energy and variance of the innovation."""
+    P, L, Q, M = out.covariance[before], out.information[before], out.covariance[link], out.information[link]
     row = (a[0], a[1], a[2], a[3], a[4], a[5])
     cross_covariance = (
         dot6(P[0], row),
@@ -96,14 +97,25 @@ def _kalman_step(
         dot6(P[5], row),
     )
     innovation_variance = variance + dot6(row, cross_covariance)
-    innovation = value - dot6(row, w)
+    innovation = value - dot6(row, out.wrench[before])
     precision = 1.0 / innovation_variance
-    add_scaled_vector(w, precision * innovation, cross_covariance)
-    add_outer_product(P, -precision, cross_covariance)
-    symmetrize(P)
-    add_outer_product(L, 1.0 / variance, row)
-    symmetrize(L)
+    gain = precision * innovation
+    for i in range(6):
+        out.wrench[link, i] = out.wrench[before, i] + gain * cross_covariance[i]
+    _add_outer_product(P, -precision, cross_covariance, Q)
+    _add_outer_product(L, 1.0 / variance, row, M)
     return 0.5 * innovation * innovation * precision, innovation_variance
+
+
+@fused_kernel
+def _add_outer_product(A: np.ndarray, weight: float, x: Six, out: np.ndarray) -> None:
+    """out = A + weight x x^T for a symmetric A, which may be `out`."""
+    for i in range(6):
+        scaled = weight * x[i]
+        for k in range(i, 6):
+            value = A[i, k] + scaled * x[k]
+            out[i, k] = value
+            out[k, i] = value
 
 
 @fused_kernel
@@ -147,11 +159,7 @@ def isolate(
         volume *= rows.variance[i]
         log_volume, volume = _within_range(log_volume, volume)
     for link in range(w.shape[0]):
-        if link > 0:
-            copy(w[link - 1], w[link])
-            for i in range(6):
-                copy(P[link - 1, i], P[link, i])
-                copy(L[link - 1, i], L[link, i])
+        before = max(link - 1, 0)
         for i in range(count):
             if rows.first_link[i] != link:
                 continue
@@ -159,11 +167,18 @@ def isolate(
             # noise alone.
             variance = rows.variance[i]
             energy_step, innovation_variance = _kalman_step(
-                rows.screw[i], rows.proximal_value[i], variance, w[link], P[link], L[link]
+                rows.screw[i], rows.proximal_value[i], variance, out, before, link
             )
+            before = link
             energy += energy_step - 0.5 * rows.value[i] * rows.value[i] / variance
             volume *= innovation_variance / variance
             log_volume, volume = _within_range(log_volume, volume)
+        if before != link:
+            # No sensor of its own.
+            copy(w[before], w[link])
+            for i in range(6):
+                copy(P[before, i], P[link, i])
+                copy(L[before, i], L[link, i])
         out.energy[link] = energy
         out.log_evidence[link] = -energy - 0.5 * (log_volume + math.log(volume) + count * _LOG_2PI)
 

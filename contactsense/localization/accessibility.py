@@ -102,12 +102,16 @@ def accessible_share(margin: float, prior: Prior) -> float:
 @fused_kernel
 def clearance_above(
     surfaces: Surfaces, candidates: Candidates, row: int, prior: Prior
-) -> tuple[float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, int]:
     """Clearance at the height `prior.clearance` above a candidate's point.
+
+    The other primitives that are nearer than the neighbourhood is wide are written to `near`, with their
+    distances: no others can cover any of it.
 
     Returns:
         Clearance [m], at most `CLEARANCE_SIGMAS` times the largest standard deviation of the point; that
-        standard deviation [m]; and the point's covariance along `tangents` (v11, v12, v22) [m^2].
+        standard deviation [m]; the point's covariance along `tangents` (v11, v12, v22) [m^2]; and the number
+        of primitives in `near`.
     """
     c, n = candidates.point[row], candidates.normal[row]
     C = candidates.covariance[row]
@@ -125,10 +129,56 @@ def clearance_above(
     max_deviation = math.sqrt(max(0.5 * (v11 + v22) + math.sqrt(0.25 * (v11 - v22) ** 2 + v12 * v12), 0.0))
     height = prior.clearance
     x, y, z = c[0] + height * n[0], c[1] + height * n[1], c[2] + height * n[2]
-    distance = clearance(
-        surfaces, candidates, candidates.primitive[row], x, y, z, CLEARANCE_SIGMAS * max_deviation
-    )
-    return distance, max_deviation, v11, v12, v22
+    reach = CLEARANCE_SIGMAS * max_deviation
+    distance, near = reach, 0
+    link = surfaces.link[candidates.primitive[row]]
+    first = surfaces.start[max(link - 1, 0)]
+    last = surfaces.start[min(link + 2, surfaces.start.shape[0] - 1)]
+    covers = surfaces.start[surfaces.start.shape[0] - 1]
+    for k in range(last - first + surfaces.kind.shape[0] - covers):
+        p = first + k if k < last - first else covers + k - (last - first)
+        o = candidates.origin[p]
+        dx, dy, dz = x - o[0], y - o[1], z - o[2]
+        radius = surfaces.radius[p] + reach
+        if p == candidates.primitive[row] or dx * dx + dy * dy + dz * dz > radius * radius:
+            continue
+        R = candidates.rotation[p]
+        kind, size = surfaces.kind[p], surfaces.size[p]
+        ax = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
+        ay = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
+        az = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
+        if out_of_reach(kind, size, ax, ay, az, reach):
+            continue
+        own = project(kind, size, ax, ay, az)[0]
+        if own < reach:
+            candidates.near[near], candidates.near_distance[near] = p, own
+            distance = min(distance, own)
+            near += 1
+    return distance, max_deviation, v11, v12, v22, near
+
+
+@inlined_fused_kernel
+def _deepest_cover(
+    surfaces: Surfaces, candidates: Candidates, near: int, reach: float, x: float, y: float, z: float
+) -> float:
+    """Distance of a point (base frame) from the nearest primitive in `near`, if it is inside one, else 0 [m].
+
+    Primitives whose `near_distance` exceeds `reach` [m] are passed over.
+    """
+    distance = 0.0
+    for k in range(near):
+        if candidates.near_distance[k] > reach:
+            continue
+        p = candidates.near[k]
+        R, o = candidates.rotation[p], candidates.origin[p]
+        dx, dy, dz = x - o[0], y - o[1], z - o[2]
+        kind, size = surfaces.kind[p], surfaces.size[p]
+        ax = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
+        ay = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
+        az = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
+        if not out_of_reach(kind, size, ax, ay, az, distance):
+            distance = min(distance, project(kind, size, ax, ay, az)[0])
+    return distance
 
 
 @fused_kernel
@@ -144,7 +194,7 @@ def apply_accessibility(
     Returns:
         Whether the whole neighbourhood is accessible, which leaves the candidate unchanged.
     """
-    distance, max_deviation, v11, v12, v22 = clearance_above(surfaces, candidates, row, prior)
+    distance, max_deviation, v11, v12, v22, near = clearance_above(surfaces, candidates, row, prior)
     if distance >= CLEARANCE_SIGMAS * max_deviation:
         return True
     if (
@@ -191,14 +241,14 @@ def apply_accessibility(
                 R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
             )
             hx, hy, hz = lx + height * kx, ly + height * ky, lz + height * kz
-            free = clearance(
+            free = _deepest_cover(
                 surfaces,
                 candidates,
-                p,
+                near,
+                CURVATURE_MARGIN * radius * max_deviation,
                 o[0] + R[0, 0] * hx + R[0, 1] * hy + R[0, 2] * hz,
                 o[1] + R[1, 0] * hx + R[1, 1] * hy + R[1, 2] * hz,
                 o[2] + R[2, 0] * hx + R[2, 1] * hy + R[2, 2] * hz,
-                0.0,
             )
             share_weight = weight * accessible_share(free, prior)
             ex = o[0] + R[0, 0] * lx + R[0, 1] * ly + R[0, 2] * lz - c[0]

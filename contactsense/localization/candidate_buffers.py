@@ -54,6 +54,12 @@ class Candidates(NamedTuple):
     """Rotation from the body frame of each primitive to the base frame."""
     origin: Annotated[Floats, "primitives, 3"]
     """Origin of the body frame of each primitive, base frame [m]."""
+    cover_energy: Annotated[Floats, "primitives"]
+    """Scratch: least loss of log evidence of a contact on each primitive because others cover it."""
+    near: Annotated[Integers, "primitives"]
+    """Scratch: primitives that may cover the neighbourhood of one candidate."""
+    near_distance: Annotated[Floats, "primitives"]
+    """Scratch: their distances from the point above the candidate [m]."""
 
 
 @fused_kernel

@@ -1,16 +1,20 @@
-"""Lower bound of a cell's energy: excludes the cells that no contact force can explain."""
+"""Lower bound of a cell's energy: excludes the cells that no contact force can explain, and tells which of
+the others to try first."""
 
 import math
 
 import numpy as np
 
-from contactsense.localization.simd_layout import EXCLUDED, LANES, NX, NY, NZ, SPREAD, X, Y, Z
+from contactsense.localization.simd_layout import BOUND, EXCLUDED, LANES, NX, NY, NZ, SPREAD, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.posterior import STUDENT_DOF
 
 FORCE_SIGMAS = 3.0
 """The force may exceed the measured one by this many standard deviations."""
 PULL_SHARE = 0.5
 """Cells are excluded as pulled if the outward part of the force exceeds this share of its magnitude."""
+MIN_PUSH_SHARE = 1e-6
+"""Lower bound of the largest possible normal force, relative to the measured force."""
 
 
 @fused_kernel
@@ -24,11 +28,14 @@ def exclude_cells(
     torsion_lever: float,
     limit: float,
     block: np.ndarray,
+    friction_ratio: float = math.inf,
 ) -> None:
     """Exclude cells that cannot have caused the measured wrench.
 
-    A cell is excluded if the moment about its centre exceeds what noise, torsion and the cell's width
-    explain (chi-square of the moment above the limit), or if the force points out of the surface.
+    The bound of a cell's energy has two terms. The moment about its centre is more than noise, torsion and
+    the cell's width explain (half the chi-square of the moment); and the force within its uncertainty leans
+    from the normal by more than friction explains. A cell is excluded if the bound is above the limit, or if
+    the force points out of the surface.
 
     Args:
         w, P: Fused wrench and its covariance, base axes, about the base origin, shapes (6,) and (6, 6).
@@ -36,11 +43,15 @@ def exclude_cells(
         squared_force, force_variance: Squared force and the trace of its covariance [N^2].
         torsion_lever: Standard deviation of torsion over normal force [m].
         limit: Energy above which a cell is excluded.
-        block: Block with the cells' centres, normals and spreads; `EXCLUDED` is filled.
+        block: Block with the cells' centres, normals and spreads; `EXCLUDED` and `BOUND` are filled.
+        friction_ratio: Standard deviation of tangential over normal force along each tangent.
     """
     # Upper bound of the squared force; times a squared lever it bounds the variance of the moment.
-    max_squared_force = (math.sqrt(squared_force) + FORCE_SIGMAS * math.sqrt(force_variance)) ** 2
-    max_outward = PULL_SHARE * math.sqrt(squared_force)
+    force, margin = math.sqrt(squared_force), FORCE_SIGMAS * math.sqrt(force_variance)
+    max_squared_force = (force + margin) ** 2
+    max_outward = PULL_SHARE * force
+    min_push = MIN_PUSH_SHARE * force
+    ratio_scale = 1.0 / (friction_ratio * friction_ratio * STUDENT_DOF)
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
         R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2],
     )  # fmt: skip
@@ -83,6 +94,11 @@ def exclude_cells(
         mahalanobis = (
             a * a * c00 + b * b * c11 + c * c * c22 + 2.0 * (a * b * c01 + a * c * c02 + b * c * c12)
         )
-        block[EXCLUDED + j] = (
-            1.0 if (0.5 * mahalanobis > limit * det) | (outward_force > max_outward) else 0.0
-        )
+        # The friction's term 1/2 (nu + 2) log(1 + x), with log(1 + x) >= 4 (s - 1) / (s + 1), s^2 = 1 + x, as
+        # a logarithm would prevent vectorization.
+        push = max(margin - outward_force, min_push)
+        tangential = max(math.sqrt(max(squared_force - outward_force * outward_force, 0.0)) - margin, 0.0)
+        s = math.sqrt(1.0 + ratio_scale * (tangential / push) ** 2)
+        bound = 0.5 * mahalanobis / det + 2.0 * (STUDENT_DOF + 2.0) * (s - 1.0) / (s + 1.0)
+        block[BOUND + j] = bound
+        block[EXCLUDED + j] = 1.0 if (bound > limit) | (outward_force > max_outward) else 0.0

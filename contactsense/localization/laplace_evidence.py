@@ -24,6 +24,7 @@ import math
 import numpy as np
 
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
@@ -32,13 +33,15 @@ from contactsense.localization.simd_layout import (  # isort: skip
 )  # fmt: skip
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
 from contactsense.kinematics.wrench_information import blocks, matvec, rotate_block, shift_information
-from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.vectors import tangents
 
 MAX_ITERATIONS = 6
 """Maximum number of Gauss-Newton steps per cell."""
 ENERGY_TOLERANCE = 0.1
-"""Converged if the predicted decrease of the energy is less than this."""
+"""Converged if the predicted decrease of the energy is less than this ..."""
+RELATIVE_TOLERANCE = 0.1
+"""... plus this per unit of energy by which the cell is worse than the best so far."""
 MIN_INITIAL_FORCE_SHARE = 0.3
 """Lower bound of the initial normal force, relative to the measured force."""
 MIN_INITIAL_FORCE = 1e-3
@@ -75,12 +78,10 @@ def find_modes(
         block[LOG_FORCE + j] = math.log(block[FORCE + j] / prior.force)
     for step in range(MAX_ITERATIONS + 1):
         _gauss_newton_step(ratio_information, torsion_information, limit, step < MAX_ITERATIONS, block)
-        active = 0
-        for j in range(count):
-            if block[ACTIVE + j] > 0.0:
-                block[FORCE + j] = prior.force * math.exp(block[LOG_FORCE + j])
-                active += 1
-        if active == 0:
+        active = 0.0
+        for j in range(LANES):
+            active += block[ACTIVE + j]
+        if active == 0.0:
             break
 
 
@@ -118,7 +119,7 @@ def laplace_evidence(
     if not (block[DET + j] > 0.0 and energy <= limit):
         return math.inf, -math.inf, x, y, z, fx, fy, fz
     prior_scale = prior.friction_ratio**2 * prior.torsion_lever * block[SPREAD + j] ** 2
-    log_z = -energy - 0.5 * math.log(block[DET + j]) - math.log(prior_scale)
+    log_z = -energy - 0.5 * math.log(block[DET + j] * prior_scale * prior_scale)
     return energy, log_z, x, y, z, fx, fy, fz
 
 
@@ -177,6 +178,7 @@ def _gauss_newton_step(
         may_step: False in the last iteration.
         block: The block.
     """
+    lowest = limit - ENERGY_CUTOFF
     for j in range(LANES):
         w0, w1, w2 = block[W0 + j], block[W1 + j], block[W2 + j]
         w3, w4, w5 = block[W3 + j], block[W4 + j], block[W5 + j]
@@ -254,10 +256,10 @@ def _gauss_newton_step(
             -F * (alpha * y3 + y4) + v2 * cell_information,
         )
         active = block[ACTIVE + j] > 0.0
+        # The worse a cell is, the less its accuracy matters.
+        tolerance = ENERGY_TOLERANCE + RELATIVE_TOLERANCE * max(energy - predicted_decrease - lowest, 0.0)
         # The energy after the last step is predicted, not evaluated.
-        block[ENERGY + j] = (
-            energy - min(predicted_decrease, ENERGY_TOLERANCE) if active else block[ENERGY + j]
-        )
+        block[ENERGY + j] = energy - min(predicted_decrease, tolerance) if active else block[ENERGY + j]
         block[SQUARED_RATIO + j] = squared_ratio if active else block[SQUARED_RATIO + j]
         block[VARIANCE + j] = 0.5 * (v11 + v22) if active else block[VARIANCE + j]
         block[DET + j] = (det if positive else 0.0) if active else block[DET + j]
@@ -266,14 +268,28 @@ def _gauss_newton_step(
         continues = (
             active
             & positive
-            & (predicted_decrease >= ENERGY_TOLERANCE)
+            & (predicted_decrease >= tolerance)
             & (energy - 2.0 * predicted_decrease <= limit)
             & may_step
         )
         block[ACTIVE + j] = 1.0 if continues else 0.0
         block[LOG_FORCE + j] = phi - scale * s0
+        block[FORCE + j] = F * _exponential(-scale * s0)
         block[ALPHA + j] = alpha - scale * s1
         block[BETA + j] = beta - scale * s2
         block[CHI + j] = chi - scale * s3
         block[V1 + j] = v1 - scale * s4
         block[V2 + j] = v2 - scale * s5
+
+
+@inlined_fused_kernel
+def _exponential(x: float) -> float:
+    """exp(x) for |x| up to `MAX_LOG_FORCE_STEP`, to 1e-8; a call would prevent vectorization."""
+    x = 0.125 * x
+    y = 1.0 + x * (
+        1.0
+        + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0 * (1.0 + x / 6.0 * (1.0 + x / 7.0)))))
+    )
+    y *= y
+    y *= y
+    return y * y

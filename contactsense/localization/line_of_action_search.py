@@ -7,10 +7,17 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.wrench_information import to_body_frame
+from contactsense.localization.accessibility import (
+    CLEARANCE_SIGMAS,
+    accessible_share,
+    apply_accessibility,
+    clearance,
+    is_mounting_face,
+)
 from contactsense.localization.candidate_buffers import Candidates, store_candidate
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.robots.vectors import vector
+from contactsense.robots.vectors import dot, vector
 from contactsense.solvers.line_of_action import enter_surface
 from contactsense.solvers.posterior import (
     Contact,
@@ -33,7 +40,8 @@ def search_along_line_of_action(
     buffers: SearchBuffers,
     candidates: Candidates,
 ) -> int:
-    """Find the most probable contact on each primitive near the line of action; row p is for primitive p.
+    """Find the most probable contact on each primitive near the line of action, conditioned on being
+    accessible; row p is for primitive p.
 
     Args:
         surfaces, touchable, hypotheses, prior, buffers, candidates: As in
@@ -44,7 +52,13 @@ def search_along_line_of_action(
         Number of rows in `order`. The `score` of rejected rows is -infinity.
     """
     count: int = _initial_guesses(surfaces, touchable, hypotheses, prior, candidates, buffers)
-    lowest_energy = math.inf
+    if count > 1:
+        for i in range(count):
+            p = candidates.order[i]
+            candidates.cover_energy[p] = _cover_energy(surfaces, hypotheses, prior, candidates, p)
+            candidates.score[p] += candidates.cover_energy[p]
+    # Of the candidates so far, as far as they are accessible.
+    lowest_energy, best_score = math.inf, -math.inf
     for i in range(count):
         # Lowest energy first, so that the others are rejected early.
         for k in range(i + 1, count):
@@ -52,21 +66,57 @@ def search_along_line_of_action(
                 candidates.order[i], candidates.order[k] = candidates.order[k], candidates.order[i]
         p = candidates.order[i]
         link_energy = hypotheses.energy[surfaces.link[p]]
-        if link_energy > lowest_energy + ENERGY_CUTOFF:
-            candidates.score[p] = -math.inf
+        limit = (
+            lowest_energy + ENERGY_CUTOFF - link_energy - (candidates.cover_energy[p] if count > 1 else 0.0)
+        )
+        candidates.score[p] = -math.inf
+        if limit < 0.0:
             continue
         w, c, n = candidates.wrench[p], candidates.point[p], candidates.normal[p]
         normal = vector(n)
         start = Contact(vector(c), normal, pushing_force(vector(w), normal), 0.0)
-        limit = lowest_energy + ENERGY_CUTOFF - link_energy
         mode = find_posterior_mode(
             surfaces.kind[p], surfaces.size[p], w, candidates.information[p], prior, limit, start, buffers
         )
-        candidates.score[p] = mode.log_evidence - link_energy
-        if mode.log_evidence > -math.inf:
-            store_candidate(candidates, p, p, mode, buffers, prior.surface_deviation)
-            lowest_energy = min(lowest_energy, link_energy + mode.energy)
+        score = mode.log_evidence - link_energy
+        if mode.log_evidence == -math.inf or score < best_score - ENERGY_CUTOFF:
+            continue
+        store_candidate(candidates, p, p, mode, buffers, prior.surface_deviation)
+        if is_mounting_face(
+            surfaces.link[p], candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation
+        ):
+            continue
+        candidates.score[p] = score
+        apply_accessibility(surfaces, candidates, p, prior, best_score - ENERGY_CUTOFF)
+        best_score = max(best_score, candidates.score[p])
+        lowest_energy = min(lowest_energy, link_energy + mode.energy + score - candidates.score[p])
     return count
+
+
+@fused_kernel
+def _cover_energy(
+    surfaces: Surfaces, hypotheses: Hypotheses, prior: Prior, candidates: Candidates, p: int
+) -> float:
+    """Least loss of log evidence of a contact on primitive p because other primitives cover it: that of the
+    most accessible place within the uncertainty of the initial guess."""
+    R, o = candidates.rotation[p], candidates.origin[p]
+    c, n, height = candidates.point[p], candidates.normal[p], prior.clearance
+    x, y, z = c[0] + height * n[0], c[1] + height * n[1], c[2] + height * n[2]
+    margin = clearance(
+        surfaces,
+        candidates,
+        p,
+        o[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+        o[1] + R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+        o[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+        0.0,
+    )
+    if margin >= 0.0:
+        return 0.0
+    push = -dot(pushing_force(vector(candidates.wrench[p]), vector(n)), vector(n))
+    variance = moment_variance(hypotheses.covariance[surfaces.link[p]], o[0], o[1], o[2])
+    margin += CLEARANCE_SIGMAS * (math.sqrt(variance) / push + prior.surface_deviation)
+    return -math.log(accessible_share(margin, prior))
 
 
 @fused_kernel

@@ -14,7 +14,7 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
-from contactsense.localization.accessibility import Frames, apply_accessibility, is_mounting_face
+from contactsense.localization.accessibility import Frames
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_of_action_search import moment_variance, search_along_line_of_action
 from contactsense.localization.none_of_these import none_of_these_evidence
@@ -95,7 +95,6 @@ def locate_contacts(
         )
         if line_of_action_known:
             count = search_along_line_of_action(surfaces, searched, with_prior, assumed, buffers, candidates)
-            _apply_accessibility(surfaces, candidates, count, assumed)
             cells.unassigned_evidence[:] = -math.inf
         else:
             count = search_surface(scene, searched, motion, with_prior, wrench_measured, assumed, arrays)
@@ -194,26 +193,6 @@ def place_primitives(surfaces: Surfaces, depth: np.ndarray, motion: Motion, cand
             candidates.origin[p, i] = o[i] + R[i, 0] * s[0] + R[i, 1] * s[1] + R[i, 2] * s[2]
             for k in range(3):
                 candidates.rotation[p, i, k] = R[i, 0] * S[0, k] + R[i, 1] * S[1, k] + R[i, 2] * S[2, k]
-
-
-@fused_kernel
-def _apply_accessibility(surfaces: Surfaces, candidates: Candidates, count: int, prior: Prior) -> None:
-    """Lower the score of candidates that are not, or only partly, accessible."""
-    best = -math.inf
-    for i in range(count):
-        best = max(best, candidates.score[candidates.order[i]])
-    # Best fully accessible candidate so far: candidates that are much worse are rejected early.
-    accessible_score = -math.inf
-    for i in range(count):
-        p = candidates.order[i]
-        if candidates.score[p] < best - ENERGY_CUTOFF:
-            continue
-        if is_mounting_face(
-            surfaces.link[p], candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation
-        ):
-            candidates.score[p] = -math.inf
-        elif apply_accessibility(surfaces, candidates, p, prior, accessible_score - ENERGY_CUTOFF):
-            accessible_score = max(accessible_score, candidates.score[p])
 
 
 @fused_kernel

@@ -21,6 +21,8 @@ class SurfaceCells(NamedTuple):
     """Variance of the point within the cell, mean over both tangents [m^2]."""
     spread: Annotated[Floats, "cells"]
     """Standard deviation of the cell along each tangent [m]."""
+    torsion: Annotated[Floats, "cells"]
+    """Most probable torsion there [Nm]."""
     wrench: Annotated[Floats, "6"]
     """Fused wrench in the frame of one link [N, Nm]."""
     information: Annotated[Floats, "6, 6"]
@@ -33,6 +35,10 @@ class SurfaceCells(NamedTuple):
     """Block of cells for `contactsense.localization.energy_bound`."""
     mode_block: Annotated[Floats, f"{LENGTH}"]
     """Block of cells for `contactsense.localization.laplace_evidence`."""
+    bound: Annotated[Floats, "cells"]
+    """Lower bound of the energy of each cell in `queue`."""
+    queue: Annotated[Integers, "cells"]
+    """Samples of one link that the bound does not exclude."""
     bound_sample: Annotated[Integers, f"{LANES}"]
     """Sample of each cell in `bound_block`."""
     mode_sample: Annotated[Integers, f"{LANES}"]

@@ -1,8 +1,8 @@
 """Evidence of all surface cells: of all samples first, then of the subsamples of the best cells.
 
 Cells are processed in blocks of `LANES`, all of a block on one link. The bound of
-`contactsense.localization.energy_bound` excludes most cells; those that remain are collected in a second
-block for `contactsense.localization.laplace_evidence`.
+`contactsense.localization.energy_bound` excludes most cells; those that remain are queued and, lowest bound
+first, collected in a second block for `contactsense.localization.laplace_evidence`.
 """
 
 import math
@@ -17,7 +17,22 @@ from contactsense.localization.energy_bound import exclude_cells
 from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
 from contactsense.localization.line_of_action_search import moment_variance
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
-from contactsense.localization.simd_layout import EXCLUDED, LANES, NX, NY, NZ, SPREAD, VARIANCE, X, Y, Z
+from contactsense.localization.simd_layout import (
+    BOUND,
+    CHI,
+    DET,
+    ENERGY,
+    EXCLUDED,
+    LANES,
+    NX,
+    NY,
+    NZ,
+    SPREAD,
+    VARIANCE,
+    X,
+    Y,
+    Z,
+)
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.jit.kernel import fused_kernel
@@ -29,6 +44,12 @@ SUBDIVIDE_WITHIN = 3.0
 """Cells whose log evidence is within this of the best are replaced by their subsamples ..."""
 MAX_SUBDIVIDED = 32
 """... unless there are more of them than this: a wide posterior does not depend on the cell size."""
+BOUND_STEP = 2.0
+"""Cells whose bounds differ by less than this are evaluated in any order."""
+BOUND_GROWTH = 1.5
+"""Least ratio of the limits of successive such groups, so that there are few of them."""
+LARGEST_BOUND = 1e4
+"""Larger bounds count as this: such cells come last."""
 
 
 @fused_kernel
@@ -40,7 +61,7 @@ def evaluate_cells(
     wrench_measured: bool,
     prior: Prior,
     arrays: SearchArrays,
-) -> tuple[int, float]:
+) -> tuple[int, float, bool]:
     """Fill a row of `arrays.cells` for each sample or subsample that is not rejected.
 
     Args:
@@ -48,7 +69,8 @@ def evaluate_cells(
             `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled in.
 
     Returns:
-        Number of rows, and the best log evidence (-infinity if there are none).
+        Number of rows; the best log evidence (-infinity if there are none); and whether the best cells were
+        divided into subsamples.
     """
     surfaces, depth = scene.surfaces, scene.depth
     _, cells, candidates = arrays
@@ -65,12 +87,13 @@ def evaluate_cells(
         candidates,
     )
     best = _best_score(cells, rows)
-    if best > -math.inf and _count_above(cells, rows, best - SUBDIVIDE_WITHIN) <= MAX_SUBDIVIDED:
+    divided = best > -math.inf and _count_above(cells, rows, best - SUBDIVIDE_WITHIN) <= MAX_SUBDIVIDED
+    if divided:
         rows = _evaluate_subsamples(
             surfaces, scene.subsamples, depth, motion, hypotheses, prior, cells, rows, best, lowest_energy
         )
         best = _best_score(cells, rows)
-    return rows, best
+    return rows, best, divided
 
 
 @fused_kernel
@@ -102,92 +125,100 @@ def _evaluate_samples(
         w, P = hypotheses.wrench[link], hypotheses.covariance[link]
         squared_force, force_variance = _wrench_in_link(w, P, hypotheses.information[link], R, o, cells)
         force_measured = force_variance < squared_force
-        bound_count, mode_count = 0, 0
+        limit = lowest_energy + ENERGY_CUTOFF - link_energy
+        queued, bound_count = 0, 0
         for p in range(surfaces.start[link], surfaces.start[link + 1]):
             if wrench_measured and _is_far_from_line_of_action(
                 w, P, candidates.origin, surfaces.radius, p, prior, squared_force
             ):
                 continue
             for s in range(samples.start[p], samples.start[p + 1]):
+                if not force_measured:
+                    # Without a measured force there is no bound.
+                    cells.queue[queued], cells.bound[queued] = s, 0.0
+                    queued += 1
+                    continue
                 _load_lane(samples, s, cells.bound_block, cells.bound_sample, bound_count)
                 bound_count += 1
                 if bound_count == LANES:
-                    if force_measured:
-                        exclude_cells(
-                            w,
-                            P,
-                            R,
-                            o,
-                            squared_force,
-                            force_variance,
-                            prior.torsion_lever,
-                            lowest_energy + ENERGY_CUTOFF - link_energy,
-                            cells.bound_block,
-                        )
-                    rows, mode_count, lowest_energy = _collect_block(
-                        samples,
-                        bound_count,
-                        mode_count,
-                        force_measured,
-                        prior,
-                        link_energy,
-                        rows,
-                        lowest_energy,
-                        cells,
+                    queued = _queue_block(
+                        w, P, R, o, (squared_force, force_variance), prior, limit, bound_count, queued, cells
                     )
                     bound_count = 0
-        if force_measured:
-            exclude_cells(
-                w,
-                P,
-                R,
-                o,
-                squared_force,
-                force_variance,
-                prior.torsion_lever,
-                lowest_energy + ENERGY_CUTOFF - link_energy,
-                cells.bound_block,
+        if bound_count > 0:
+            queued = _queue_block(
+                w, P, R, o, (squared_force, force_variance), prior, limit, bound_count, queued, cells
             )
-        rows, mode_count, lowest_energy = _collect_block(
-            samples, bound_count, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+        rows, lowest_energy = _evaluate_queue(
+            samples, queued, force_measured, prior, link_energy, rows, lowest_energy, cells
         )
-        if mode_count > 0:
-            rows, lowest_energy = _evaluate_block(
-                samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
-            )
     return rows, lowest_energy
 
 
 @fused_kernel
-def _collect_block(
+def _queue_block(
+    w: np.ndarray,
+    P: np.ndarray,
+    R: np.ndarray,
+    o: np.ndarray,
+    squares: tuple[float, float],
+    prior: Prior,
+    limit: float,
+    count: int,
+    queued: int,
+    cells: SurfaceCells,
+) -> int:
+    """Append the cells of the first block that the bound does not exclude to the queue; returns its length.
+
+    `squares`: squared force and the trace of its covariance [N^2]. `count`: number of cells in the block.
+    Other arguments as for `exclude_cells`.
+    """
+    block = cells.bound_block
+    exclude_cells(w, P, R, o, squares[0], squares[1], prior.torsion_lever, limit, block, prior.friction_ratio)
+    for j in range(count):
+        bound = block[BOUND + j]
+        cells.queue[queued] = cells.bound_sample[j]
+        cells.bound[queued] = bound if bound < LARGEST_BOUND else LARGEST_BOUND
+        queued += 1 if block[EXCLUDED + j] == 0.0 else 0
+    return queued
+
+
+@fused_kernel
+def _evaluate_queue(
     samples: SurfaceSamples,
-    bound_count: int,
-    mode_count: int,
+    queued: int,
     force_measured: bool,
     prior: Prior,
     link_energy: float,
     rows: int,
     lowest_energy: float,
     cells: SurfaceCells,
-) -> tuple[int, int, float]:
-    """Move the cells that the bound does not exclude to the second block, and evaluate it when it is
-    full.
-
-    Returns:
-        Number of rows, number of cells in the second block, and the lowest energy.
-    """
-    for j in range(bound_count):
-        # Without a measured force the bound excludes nothing.
-        if force_measured and cells.bound_block[EXCLUDED + j] > 0.0:
-            continue
-        _load_lane(samples, cells.bound_sample[j], cells.mode_block, cells.mode_sample, mode_count)
-        mode_count += 1
-        if mode_count == LANES:
-            rows, lowest_energy = _evaluate_block(
-                samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
-            )
-            mode_count = 0
-    return rows, mode_count, lowest_energy
+) -> tuple[int, float]:
+    """Evaluate the queued cells of one link, in the order of their bounds, until the best energy found
+    excludes the others; returns number of rows and lowest energy."""
+    lower, upper, highest = math.inf, -math.inf, -math.inf
+    for i in range(queued):
+        lower, highest = min(lower, cells.bound[i]), max(highest, cells.bound[i])
+    upper = lower + BOUND_STEP
+    mode_count = 0
+    while lower <= highest and lower <= lowest_energy + ENERGY_CUTOFF - link_energy:
+        for i in range(queued):
+            bound = cells.bound[i]
+            if not (lower <= bound < upper and bound <= lowest_energy + ENERGY_CUTOFF - link_energy):
+                continue
+            _load_lane(samples, cells.queue[i], cells.mode_block, cells.mode_sample, mode_count)
+            mode_count += 1
+            if mode_count == LANES:
+                rows, lowest_energy = _evaluate_block(
+                    samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                )
+                mode_count = 0
+        lower, upper = upper, max(upper + BOUND_STEP, BOUND_GROWTH * upper)
+    if mode_count > 0:
+        rows, lowest_energy = _evaluate_block(
+            samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+        )
+    return rows, lowest_energy
 
 
 @fused_kernel
@@ -279,6 +310,9 @@ def _evaluate_block(
     block, limit = cells.mode_block, lowest_energy + ENERGY_CUTOFF - link_energy
     find_modes(count, cells.wrench, cells.information, prior, force_measured, limit, block)
     for j in range(count):
+        # Before the logarithms: the energy without its term of friction, which is not negative.
+        if not (block[DET + j] > 0.0 and block[ENERGY + j] <= limit):
+            continue
         energy, log_z, px, py, pz, fx, fy, fz = laplace_evidence(j, prior, limit, block)
         if log_z == -math.inf:
             continue
@@ -289,6 +323,7 @@ def _evaluate_block(
         for i in range(3):
             cells.normal[rows, i] = samples.normal[s, i]
         cells.force[rows, 0], cells.force[rows, 1], cells.force[rows, 2] = fx, fy, fz
+        cells.torsion[rows] = -block[CHI + j] * (fx * block[NX + j] + fy * block[NY + j] + fz * block[NZ + j])
         cells.variance[rows] = block[VARIANCE + j]
         cells.spread[rows] = samples.spread[s]
         lowest_energy = min(lowest_energy, link_energy + energy)

@@ -26,7 +26,12 @@ from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.surface.union import nearest
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.posterior import Contact, Prior, pushing_force
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, find_posterior_mode
+from contactsense.solvers.posterior_mode import (
+    ENERGY_CUTOFF,
+    ENERGY_TOLERANCE,
+    RELATIVE_TOLERANCE,
+    find_posterior_mode,
+)
 
 MERGE_DISTANCE = 0.04
 """Cells within this distance of a candidate's point belong to the candidate [m]."""
@@ -41,6 +46,9 @@ NARROW_POSTERIOR_CELLS = 2.0
 
 The mean over so few cells depends on where they happen to lie.
 """
+WIDE_POSTERIOR_TOLERANCE = 0.05
+"""Tolerance of the energy of the modes of a wide posterior, one whose cells are not divided: the place of a
+candidate is the mean over its cells then."""
 MIN_RELATIVE_WEIGHT = 1e-3
 """Cells below this share of the best candidate's weight do not start a candidate of their own."""
 
@@ -70,7 +78,7 @@ def search_surface(
     surfaces, depth = scene.surfaces, scene.depth
     _, cells, candidates = arrays
     cells.unassigned_evidence[:] = -math.inf
-    rows, best = evaluate_cells(scene, searched, motion, hypotheses, wrench_measured, prior, arrays)
+    rows, best, divided = evaluate_cells(scene, searched, motion, hypotheses, wrench_measured, prior, arrays)
     if best == -math.inf:
         return 0
     _apply_accessibility(surfaces, depth, motion, prior, cells, candidates, rows, best)
@@ -80,7 +88,10 @@ def search_surface(
         s = _best_cell(cells, rows)
         if s < 0 or cells.score[s] < max(best - ENERGY_CUTOFF, top + math.log(MIN_RELATIVE_WEIGHT)):
             break
-        _build_candidate(scene, motion, hypotheses, prior, arrays, rows, s, count)
+        # The worse a candidate is, the less its accuracy matters.
+        tolerance = ENERGY_TOLERANCE if divided else WIDE_POSTERIOR_TOLERANCE
+        tolerance += RELATIVE_TOLERANCE * max(top - cells.score[s], 0.0)
+        _build_candidate(scene, motion, hypotheses, prior, arrays, rows, s, count, tolerance)
         candidates.order[count] = count
         top = max(top, candidates.score[count])
         count += 1
@@ -152,9 +163,10 @@ def _build_candidate(
     rows: int,
     s: int,
     row: int,
+    tolerance: float,
 ) -> None:
-    """Build the candidate in row `row` from cell s: its posterior mode, merged with the cells that belong
-    to it."""
+    """Build the candidate in row `row` from cell s: its posterior mode, of that tolerance of the energy,
+    merged with the cells that belong to it."""
     surfaces, depth = scene.surfaces, scene.depth
     buffers, cells, candidates = arrays
     p = cells.primitive[s]
@@ -182,8 +194,10 @@ def _build_candidate(
     fy = S[0, 1] * f[0] + S[1, 1] * f[1] + S[2, 1] * f[2]
     fz = S[0, 2] * f[0] + S[1, 2] * f[1] + S[2, 2] * f[2]
     normal = (nx, ny, nz)
-    start = Contact((cx, cy, cz), normal, pushing_force((fx, fy, fz), normal), 0.0)
-    mode = find_posterior_mode(surfaces.kind[p], surfaces.size[p], w, L, prior, math.inf, start, buffers)
+    start = Contact((cx, cy, cz), normal, pushing_force((fx, fy, fz), normal), cells.torsion[s])
+    mode = find_posterior_mode(
+        surfaces.kind[p], surfaces.size[p], w, L, prior, math.inf, start, buffers, tolerance
+    )
     store_candidate(candidates, row, p, mode, buffers, prior.surface_deviation)
     max_variance = max(mode.variances[0], mode.variances[2])
     R, o = motion.rotation[depth[link]], motion.origin[depth[link]]

@@ -59,6 +59,7 @@ def find_posterior_mode(
     limit: float,
     start: Contact,
     buffers: SearchBuffers,
+    energy_tolerance: float = ENERGY_TOLERANCE,
 ) -> Mode:
     """Most probable contact on one primitive, from an initial guess on its surface. Body frame.
 
@@ -69,6 +70,7 @@ def find_posterior_mode(
         limit: Energy above which the contact is rejected; the search ends as soon as it cannot get below.
         start: Initial guess: a `Contact` on the surface with a force that pushes.
         buffers: Scratch; on return `frame` holds normal and tangents at the result.
+        energy_tolerance: Converged if a step lowers the energy by less than this.
 
     Returns:
         The `Mode`.
@@ -91,7 +93,7 @@ def find_posterior_mode(
         if log_det == math.inf or iteration == MAX_ITERATIONS:
             break
         # The worse a candidate is, the less its accuracy matters.
-        tolerance = ENERGY_TOLERANCE + RELATIVE_TOLERANCE * max(
+        tolerance = energy_tolerance + RELATIVE_TOLERANCE * max(
             energy - predicted_decrease - (limit - ENERGY_CUTOFF), 0.0
         )
         if predicted_decrease < tolerance or energy - REJECTION_FACTOR * predicted_decrease > limit:
