@@ -21,6 +21,8 @@ class SurfaceCells(NamedTuple):
     """Variance of the point within the cell, mean over both tangents [m^2]."""
     spread: Annotated[Floats, "cells"]
     """Standard deviation of the cell along each tangent [m]."""
+    weight: Annotated[Floats, "cells"]
+    """Weight in the candidate that is being built, relative to its first cell; 0 for the cells of others."""
     wrench: Annotated[Floats, "6"]
     """Fused wrench in the frame of one link [N, Nm]."""
     information: Annotated[Floats, "6, 6"]
