@@ -139,8 +139,8 @@ class Scene(BaseModel):
     """Free space above a point that an object needs to touch it, at least a fingertip [m]: faces in the gap
     of a joint cannot be touched."""
     surface_error: PositiveFloat | None = None
-    """Standard deviation of the primitives' distance from the real surface [m]. None: that of the library's
-    arms at this level of detail: 0.0005, with `coarse` 0.004."""
+    """Standard deviation of the primitives' distance from the real surface [m], the same everywhere. None:
+    that of each place in the arm's surface file; where it has none, 0.0005, with `coarse` 0.004."""
     bandwidth: PositiveFloat = 10.0
     """Cut-off frequency of the momentum observer [Hz]: lower is less noisy, higher is faster."""
     bias_time: PositiveFloat | None = 10.0

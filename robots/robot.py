@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -75,6 +76,19 @@ class Joint:
         object.__setattr__(self, "axis", axis)
 
 
+class LocalDeviation(NamedTuple):
+    """How far the real surface is from a link's primitives about one place of them."""
+
+    primitive: int
+    """Number of the primitive, of the link's own."""
+    point: tuple[float, float, float]
+    """The place, link frame [m]."""
+    offset: float
+    """Standard deviation of the distance from the primitive [m]."""
+    tilt: float
+    """Standard deviation of the angle between the normals, along each tangent [rad]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Link:
     """A rigid body of the arm and the convex primitives of its surface, in its own frame."""
@@ -85,6 +99,10 @@ class Link:
     """The surface as a union of convex primitives."""
     coarse: tuple[Primitive, ...] = ()
     """The same with only one or two primitives, for scenes where speed matters more."""
+    deviation: tuple[LocalDeviation, ...] = ()
+    """How far the real surface is from `primitives`; empty if it was not measured."""
+    coarse_deviation: tuple[LocalDeviation, ...] = ()
+    """The same for `coarse`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
 from contactsense.robots.primitives import Primitive, Vector
-from contactsense.robots.robot import Inertia, Joint, Link, Robot
+from contactsense.robots.robot import Inertia, Joint, Link, LocalDeviation, Robot
 from contactsense.robots.rotations import rotation_from_rpy, symmetric
 
 Tensor = tuple[float, float, float, float, float, float]
@@ -124,6 +124,19 @@ class LinkSurface(_Entry):
 
     fine: tuple[Primitive, ...] = Field(min_length=1)
     coarse: tuple[Primitive, ...] = Field(min_length=1)
+    fine_deviation: str = ""
+    """How far the real surface is from the primitives: a line for each place, with the number of the
+    primitive, the place [mm], and the standard deviations of distance [mm] and normal [degrees]."""
+    coarse_deviation: str = ""
+
+    @model_validator(mode="after")
+    def _deviations_are_of_primitives(self) -> "LinkSurface":
+        for level in ("fine", "coarse"):
+            try:
+                table(getattr(self, f"{level}_deviation"), len(getattr(self, level)))
+            except ValueError as error:
+                raise ValueError(f"{level}_deviation: {error}") from None
+        return self
 
 
 class SurfaceEntry(_Entry):
@@ -135,6 +148,28 @@ class SurfaceEntry(_Entry):
     fit_seconds: float = 0.0
     """Duration of the fit on the machine that ran it [s]."""
     links: dict[str, LinkSurface]
+
+
+def table(text: str, primitives: int) -> tuple[LocalDeviation, ...]:
+    """The lines of `LinkSurface.fine_deviation`, or of `coarse_deviation`.
+
+    Raises:
+        ValueError: a line has not six numbers, names a primitive that is not there, or a deviation is not
+            positive.
+    """
+    found = []
+    for line in text.splitlines():
+        number, *rest = line.split()
+        if len(rest) != 5 or not 0 <= int(number) < primitives:
+            raise ValueError(
+                f"expected a primitive below {primitives}, x, y, z and two deviations, got {line!r}"
+            )
+        x, y, z, offset, tilt = (float(value) for value in rest)
+        if not (offset > 0.0 and 0.0 <= tilt <= 90.0):
+            raise ValueError(f"expected a positive distance and an angle from 0 to 90, got {line!r}")
+        point = (1e-3 * x, 1e-3 * y, 1e-3 * z)
+        found.append(LocalDeviation(int(number), point, 1e-3 * offset, radians(tilt)))
+    return tuple(found)
 
 
 def read_yaml(path: Path) -> Any:
@@ -197,12 +232,19 @@ def with_surface(bare: Robot, path: Path) -> Robot:
         if name not in bare.link_names:
             raise RobotError(f"{path}: links.{name}: {bare.name} has no such link")
     links = (
-        replace(link, primitives=surface[link.name].fine, coarse=surface[link.name].coarse)
-        if link.name in surface
-        else link
-        for link in bare.links
+        _with_primitives(link, surface[link.name]) if link.name in surface else link for link in bare.links
     )
     return replace(bare, links=tuple(links))
+
+
+def _with_primitives(link: Link, surface: LinkSurface) -> Link:
+    return replace(
+        link,
+        primitives=surface.fine,
+        coarse=surface.coarse,
+        deviation=table(surface.fine_deviation, len(surface.fine)),
+        coarse_deviation=table(surface.coarse_deviation, len(surface.coarse)),
+    )
 
 
 def read_surface(path: Path) -> SurfaceEntry:

@@ -103,9 +103,9 @@ def calibration(
         )
     ]
     if as_json:
-        click.echo(json.dumps({"detail": detail, "half": half, "results": [_plain(r) for r in results]}))
+        click.echo(json.dumps({"detail": detail, "half": half, "results": [plain(r) for r in results]}))
         return
-    _print_summary(results, f"detail {detail}, contacts: {half}")
+    print_summary(results, f"static contacts, detail {detail}, contacts: {half}")
     if not brief:
         for statement in STATEMENTS:
             _print_reliability(statement, results)
@@ -208,6 +208,7 @@ class Summary(NamedTuple):
 
     robot: str
     sensors: str
+    """Set of sensors, or what else distinguishes the cases."""
     noise: Noise
     samples: int
     no_answer: float
@@ -241,29 +242,31 @@ def summarize(robot: str, sensors: str, noise: Noise, verdicts: Sequence[Verdict
     )
 
 
-def _plain(summary: Summary) -> dict[str, Any]:
-    plain = summary._asdict()
-    plain["noise"] = summary.noise._asdict()
-    plain["statements"] = {name: value.as_json() for name, value in summary.statements.items()}
+def plain(summary: Summary) -> dict[str, Any]:
+    """Numbers for JSON."""
+    numbers = summary._asdict()
+    numbers["noise"] = summary.noise._asdict()
+    numbers["statements"] = {name: value.as_json() for name, value in summary.statements.items()}
     for name in ("region", "ellipse"):
-        plain |= {
-            f"{name}{part}": value for part, value in zip(("", "_low", "_high"), plain[name], strict=True)
+        numbers |= {
+            f"{name}{part}": value for part, value in zip(("", "_low", "_high"), numbers[name], strict=True)
         }
     return {
-        key: None if isinstance(value, float) and np.isnan(value) else value for key, value in plain.items()
+        key: None if isinstance(value, float) and np.isnan(value) else value for key, value in numbers.items()
     }
 
 
-def _print_summary(results: Sequence[Summary], what: str) -> None:
+def print_summary(results: Sequence[Summary], what: str, second: str = "sensors") -> None:
+    """Print one row for each case; `second`: heading of the column of `Summary.sensors`."""
     table = Table(
-        title=f"calibration, static contacts, {what}",
+        title=f"calibration, {what}",
         caption=(
             "calibration error of the stated probabilities, in brackets what it is if the truths are "
             "distributed as stated, on average and at most in 19 of 20 cases; region, ellipse: share of the "
             "truths in those of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
         ),
     )
-    for name in ("arm", "sensors", "noise N / Nm / Nm"):
+    for name in ("arm", second, "noise N / Nm / Nm"):
         table.add_column(name, no_wrap=True)
     for name in (*STATEMENTS, "region", "ellipse", "listed", "no answer"):
         table.add_column(name, justify="right", no_wrap=True)

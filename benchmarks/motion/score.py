@@ -65,9 +65,9 @@ class Score:
     def add(self, stream: Stream, estimates: Iterable[Estimate]) -> None:
         """Add the estimates of all samples of a stream."""
         answered = np.zeros(len(stream.t), dtype=bool)
-        strong = (stream.link >= 0) & (np.linalg.norm(stream.wrench[:, :3], axis=1) >= FORCE)
+        strong = is_touched_by_force(stream)
         self.touched += int(strong.sum())
-        ages = _ages(stream, strong)
+        ages = samples_at_ages(stream)
         for i, estimate in enumerate(estimates):
             if i in ages:
                 self.answers.append(_answer(ages[i], estimate, int(stream.link[i]), stream.point_base[i]))
@@ -106,8 +106,14 @@ class Score:
         self.false_alarms += int(len(alarms) > 0) + int((np.diff(alarms) > PAUSE).sum())
 
 
-def _ages(stream: Stream, strong: np.ndarray) -> dict[int, float]:
-    """Samples at which a contact has one of the `AGES`."""
+def is_touched_by_force(stream: Stream) -> np.ndarray:
+    """Which samples are touched at one place by at least `FORCE`, shape (N,)."""
+    return np.asarray((stream.link >= 0) & (np.linalg.norm(stream.wrench[:, :3], axis=1) >= FORCE))
+
+
+def samples_at_ages(stream: Stream) -> dict[int, float]:
+    """Samples at which a contact, touched so, has one of the `AGES`."""
+    strong = is_touched_by_force(stream)
     dt = float(np.median(np.diff(stream.t)))
     samples = {
         event.start + round(age / dt): (age, event)

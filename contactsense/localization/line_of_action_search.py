@@ -15,6 +15,7 @@ from contactsense.localization.accessibility import (
     is_mounting_face,
 )
 from contactsense.localization.candidate_buffers import Candidates, store_candidate
+from contactsense.localization.local_prior import DeviationCells, local_prior
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import dot, vector
@@ -34,6 +35,7 @@ from contactsense.solvers.wrench import Wrench
 @fused_kernel
 def search_along_line_of_action(
     surfaces: Surfaces,
+    deviations: DeviationCells,
     touchable: np.ndarray,
     hypotheses: Hypotheses,
     prior: Prior,
@@ -47,11 +49,12 @@ def search_along_line_of_action(
         surfaces, touchable, hypotheses, prior, buffers, candidates: As in
             `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled
             in.
+        deviations: How far the surface is from the primitives, place by place.
 
     Returns:
         Number of rows in `order`. The `score` of rejected rows is -infinity.
     """
-    count: int = _initial_guesses(surfaces, touchable, hypotheses, prior, candidates, buffers)
+    count: int = _initial_guesses(surfaces, deviations, touchable, hypotheses, prior, candidates, buffers)
     if count > 1:
         for i in range(count):
             p = candidates.order[i]
@@ -75,13 +78,14 @@ def search_along_line_of_action(
         w, c, n = candidates.wrench[p], candidates.point[p], candidates.normal[p]
         normal = vector(n)
         start = Contact(vector(c), normal, pushing_force(vector(w), normal), 0.0)
+        local = local_prior(prior, deviations, p, c[0], c[1], c[2])
         mode = find_posterior_mode(
-            surfaces.kind[p], surfaces.size[p], w, candidates.information[p], prior, limit, start, buffers
+            surfaces.kind[p], surfaces.size[p], w, candidates.information[p], local, limit, start, buffers
         )
         score = mode.log_evidence - link_energy
         if mode.log_evidence == -math.inf or score < best_score - ENERGY_CUTOFF:
             continue
-        store_candidate(candidates, p, p, mode, buffers, prior.surface_deviation)
+        store_candidate(candidates, p, p, mode, buffers, local.surface_deviation)
         if is_mounting_face(
             surfaces.link[p], candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation
         ):
@@ -122,6 +126,7 @@ def _cover_energy(
 @fused_kernel
 def _initial_guesses(
     surfaces: Surfaces,
+    deviations: DeviationCells,
     touchable: np.ndarray,
     hypotheses: Hypotheses,
     prior: Prior,
@@ -162,21 +167,23 @@ def _initial_guesses(
             ax, ay, az = fy * mz - fz * my, fz * mx - fx * mz, fx * my - fy * mx
             kind, size, radius = surfaces.kind[p], surfaces.size[p], surfaces.radius[p]
             limit = ceiling + ENERGY_CUTOFF - link_energy
+            offset = prior.surface_deviation * deviations.largest[p]
             sphere_distance = math.sqrt(ax * ax + ay * ay + az * az) / squared_force - radius
             if (
                 sphere_distance > 0.0
-                and _shift_energy(sphere_distance, P, ox, oy, oz, squared_force, prior) > limit
+                and _shift_energy(sphere_distance, P, ox, oy, oz, squared_force, offset) > limit
             ):
                 continue
             v, B = candidates.wrench[p], candidates.information[p]
             to_body_frame(w, L, candidates.rotation[p], candidates.origin[p], v, B)
             wrench = Wrench((v[0], v[1], v[2]), (v[3], v[4], v[5]))
             distance, point, normal = enter_surface(kind, size, radius, wrench)
-            if distance > 0.0 and _shift_energy(distance, P, ox, oy, oz, squared_force, prior) > limit:
+            if distance > 0.0 and _shift_energy(distance, P, ox, oy, oz, squared_force, offset) > limit:
                 continue
             contact = Contact(point, normal, pushing_force(wrench.force, normal), 0.0)
-            inflation = inflate_by_surface_deviation(B, prior, contact)
-            energy = link_energy + energy_at(v, B, prior, inflation, contact)
+            local = local_prior(prior, deviations, p, point[0], point[1], point[2])
+            inflation = inflate_by_surface_deviation(B, local, contact)
+            energy = link_energy + energy_at(v, B, local, inflation, contact)
             ceiling = min(ceiling, energy)
             candidates.point[p, 0], candidates.point[p, 1], candidates.point[p, 2] = point
             candidates.normal[p, 0], candidates.normal[p, 1], candidates.normal[p, 2] = normal
@@ -188,19 +195,19 @@ def _initial_guesses(
 
 @fused_kernel
 def _shift_energy(
-    distance: float, P: np.ndarray, ox: float, oy: float, oz: float, squared_force: float, prior: Prior
+    distance: float, P: np.ndarray, ox: float, oy: float, oz: float, squared_force: float, offset: float
 ) -> float:
     """Approximate energy of moving the line of action by `distance` [m] towards the point o.
 
     The moment about o must change by |f| times the distance. P is the covariance of the wrench,
-    `squared_force` the square of its force [N^2].
+    `squared_force` the square of its force [N^2], `offset` the standard deviation of the surface [m].
     """
     return float(
         0.5
         * squared_force
         * distance
         * distance
-        / (moment_variance(P, ox, oy, oz) + prior.surface_deviation * prior.surface_deviation * squared_force)
+        / (moment_variance(P, ox, oy, oz) + offset * offset * squared_force)
     )
 
 

@@ -94,7 +94,9 @@ def locate_contacts(
             prior.log_link_density,
         )
         if line_of_action_known:
-            count = search_along_line_of_action(surfaces, searched, with_prior, assumed, buffers, candidates)
+            count = search_along_line_of_action(
+                surfaces, scene.deviations, searched, with_prior, assumed, buffers, candidates
+            )
             cells.unassigned_evidence[:] = -math.inf
         else:
             count = search_surface(scene, searched, motion, with_prior, wrench_measured, assumed, arrays)

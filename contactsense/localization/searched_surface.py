@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.localization.candidate_buffers import Candidates
+from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
@@ -21,6 +22,8 @@ class SearchedSurface(NamedTuple):
     """Samples of their surface."""
     subsamples: SurfaceSubsamples
     """Subsamples of each sample's surface cell."""
+    deviations: DeviationCells
+    """How far the real surface is from the primitives, place by place."""
     touchable: np.ndarray
     """1 for links that can be touched in the scene, else 0, shape (links,), int64. A touch on another link is
     "none of these"."""

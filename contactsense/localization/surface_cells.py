@@ -23,6 +23,8 @@ class SurfaceCells(NamedTuple):
     """Standard deviation of the cell along each tangent [m]."""
     torsion: Annotated[Floats, "cells"]
     """Most probable torsion there [Nm]."""
+    weight: Annotated[Floats, "cells"]
+    """Weight in the candidate that is being built, relative to its first cell; 0 for the cells of others."""
     wrench: Annotated[Floats, "6"]
     """Fused wrench in the frame of one link [N, Nm]."""
     information: Annotated[Floats, "6, 6"]

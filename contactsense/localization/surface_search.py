@@ -18,13 +18,15 @@ from contactsense.localization.candidate_buffers import (
     rotate_into,
     store_candidate,
 )
+from contactsense.localization.ellipse_scale import ellipse_scale
+from contactsense.localization.local_prior import local_prior
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.surface.union import nearest
-from contactsense.robots.vectors import Vector
+from contactsense.robots.vectors import Vector, rotate_back, vector
 from contactsense.solvers.posterior import Contact, Prior, pushing_force
 from contactsense.solvers.posterior_mode import (
     ENERGY_CUTOFF,
@@ -195,10 +197,11 @@ def _build_candidate(
     fz = S[0, 2] * f[0] + S[1, 2] * f[1] + S[2, 2] * f[2]
     normal = (nx, ny, nz)
     start = Contact((cx, cy, cz), normal, pushing_force((fx, fy, fz), normal), cells.torsion[s])
+    local = local_prior(prior, scene.deviations, p, cx, cy, cz)
     mode = find_posterior_mode(
-        surfaces.kind[p], surfaces.size[p], w, L, prior, math.inf, start, buffers, tolerance
+        surfaces.kind[p], surfaces.size[p], w, L, local, math.inf, start, buffers, tolerance
     )
-    store_candidate(candidates, row, p, mode, buffers, prior.surface_deviation)
+    store_candidate(candidates, row, p, mode, buffers, local.surface_deviation)
     max_variance = max(mode.variances[0], mode.variances[2])
     R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
     x, y, z = (
@@ -242,7 +245,10 @@ def _build_candidate(
         C[4] - mean[1] * dz - mean[2] * dy + dy * dz,
         C[5] - 2.0 * mean[2] * dz + dz * dz,
     )
-    _set_covariance(candidates, row, R, C, prior.surface_deviation)
+    if blend > 0.0:
+        f = ellipse_scale(cells, rows, point, rotate_back(R, vector(candidates.normal[row])), C)
+        C = (f * C[0], f * C[1], f * C[2], f * C[3], f * C[4], f * C[5])
+    _set_covariance(candidates, row, R, C, local.surface_deviation)
 
 
 @fused_kernel
@@ -289,13 +295,14 @@ def _merge_cells(
     mx, my, mz = 0.0, 0.0, 0.0
     total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(rows):
+        cells.weight[i] = 0.0
         if cells.score[i] == -math.inf or surfaces.link[cells.primitive[i]] != link:
             continue
         dx, dy, dz = cells.point[i, 0] - x, cells.point[i, 1] - y, cells.point[i, 2] - z
         if i != s and dx * dx + dy * dy + dz * dz > radius * radius:
             continue
         weight = math.exp(cells.score[i] - top)
-        cells.score[i] = -math.inf
+        cells.score[i], cells.weight[i] = -math.inf, weight
         n, v = cells.normal[i], cells.variance[i]
         total += weight
         mx += weight * dx

@@ -22,7 +22,12 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.further_contact import is_any_broad, locate_further_contact
 from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
-from contactsense.multi_contact.ranked_sets import adopt_candidate, rank_sets, share_evidence, store_explanation
+from contactsense.multi_contact.ranked_sets import (
+    adopt_candidate,
+    rank_sets,
+    share_evidence,
+    store_explanation,
+)
 from contactsense.multi_contact.sample_likelihood import initial_forces, initialize_seeding
 from contactsense.multi_contact.seeding import find_seeds
 from contactsense.robots.jit.kernel import fused_kernel

@@ -5,7 +5,6 @@ contact on each link, and its covariance. That is the problem of a single contac
 finds the candidates, and what it integrates over the surface gives their probabilities and covariances.
 """
 
-import numpy as np
 
 from contactsense.isolation.link_hypotheses import PRIOR_STD
 from contactsense.kinematics.linalg.ldl import invert_spd

@@ -26,11 +26,11 @@ from contactsense.multi_contact.buffers import (
     NY,
     NZ,
     SPREAD,
+    MeasurementRows,
+    SeedingBuffers,
     X,
     Y,
     Z,
-    MeasurementRows,
-    SeedingBuffers,
 )
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel

@@ -8,6 +8,7 @@ import numpy as np
 from contactsense.detection.thresholds import LONGEST_STEP_MS, stream_thresholds
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Model, build_model
+from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
@@ -16,6 +17,7 @@ from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia
+from contactsense.runtime.deviation_cells import deviation_cells
 from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
 from contactsense.runtime.link_prior import area_share, log_link_density
 from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts, tool_in_last_link
@@ -38,6 +40,8 @@ class Constants(NamedTuple):
     """Samples of that surface, in the same frames."""
     subsamples: SurfaceSubsamples
     """Subsamples of each sample's surface cell."""
+    deviations: DeviationCells
+    """How far the real surface is from the primitives, place by place."""
     sensors: SensorModel
     """Which sensor measures a contact on which link, and the noise."""
     prior: Prior
@@ -69,6 +73,7 @@ def sizes_of(constants: Constants) -> dict[str, int]:
         "samples": len(constants.samples.spread),
         "subsamples": len(constants.subsamples.spread),
         "link_sensors": len(constants.link_sensors.body),
+        "deviations": len(constants.deviations.ratio),
     }
 
 
@@ -83,6 +88,7 @@ def build_constants(scene: Scene) -> Constants:
         surfaces=surfaces,
         samples=samples,
         subsamples=subsamples,
+        deviations=deviation_cells(scene, surfaces),
         sensors=_sensors(scene),
         prior=Prior(
             friction_ratio=scene.friction / 2.0,

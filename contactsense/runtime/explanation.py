@@ -154,6 +154,7 @@ def explain(
         constants.surfaces,
         constants.samples,
         constants.subsamples,
+        constants.deviations,
         constants.touchable,
         constants.left_out,
         constants.sensors.depth,

@@ -15,10 +15,11 @@ import trimesh
 from contactsense.robots.decomposition.distance_samples import Shape, make_target
 from contactsense.robots.decomposition.initial_guess import additions, splits
 from contactsense.robots.decomposition.least_squares_fit import Bodies, Target, cost, fit
+from contactsense.robots.decomposition.local_deviation import local_deviation
 from contactsense.robots.decomposition.outer_skin import Skin, Surroundings, outer_skin
 from contactsense.robots.decomposition.surface_error import Errors, errors, packed
 from contactsense.robots.meshes import neighbour_poses
-from contactsense.robots.robot import Robot
+from contactsense.robots.robot import LocalDeviation, Robot
 from contactsense.robots.surface.union import distances
 
 LEAST = 0.001
@@ -50,6 +51,8 @@ class Fit:
 
     bodies: Bodies
     errors: Errors
+    deviation: tuple[LocalDeviation, ...]
+    """How far the skin is from them, place by place."""
     cost: float
     """Cost minimised by the fit, dimensionless: increases with the area of skin whose error exceeds the
     tolerance."""
@@ -159,7 +162,9 @@ class _Search:
         if bodies is not None:
             grown = self._shifted(grown)
         reached = self._refit(grown, self._fine, 60)
-        return Fit(grown, errors(grown, self._skin, self._shape, self._around, self._options.seed), reached)
+        seed = self._options.seed
+        found = errors(grown, self._skin, self._shape, self._around, seed)
+        return Fit(grown, found, local_deviation(grown, self._skin, seed), reached)
 
     def _refit(self, bodies: Bodies, target: Target, steps: int) -> float:
         return float(fit(bodies, target, self._scale, self._reach, LEAST, steps))

@@ -5,6 +5,7 @@ from contactsense.service.cli.lazy import LazyGroup
 BENCHES = {
     "truth": "contactsense.benchmarks.accuracy.truth:truth",
     "motion": "contactsense.benchmarks.motion.command:motion",
+    "motion-calibration": "contactsense.benchmarks.motion.calibration:motion_calibration",
     "smoothing": "contactsense.benchmarks.motion.smoothing:smoothing",
     "hold": "contactsense.benchmarks.hold.command:hold",
     "calibration": "contactsense.benchmarks.accuracy.calibration:calibration",

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from contactsense.robots import Robot, RobotError
+from contactsense.service.cli.measured_surface import measured_again
 
 if TYPE_CHECKING:
     import trimesh
@@ -64,6 +65,11 @@ _COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
     show_default=True,
     help="Links that are fitted at the same time.",
 )
+@click.option(
+    "--measure",
+    type=click.Path(path_type=Path),
+    help="Keep the primitives of this surface file; measure how far they are from the meshes, place by place.",
+)
 @click.option("--out", type=click.Path(path_type=Path), help="Write the primitives to this YAML file.")
 @click.option(
     "--picture", type=click.Path(path_type=Path), help="Draw skin, primitives and error to this PNG."
@@ -82,6 +88,7 @@ def decompose(
     no_boxes: bool,
     seed: int,
     jobs: int,
+    measure: Path | None,
     out: Path | None,
     picture: Path | None,
 ) -> None:
@@ -106,6 +113,8 @@ def decompose(
         raise click.UsageError(f"{rigid}: expected no --meshes and no --tip: ARM is a single body")
     if not rigid and scale != 1.0:
         raise click.UsageError("--scale: expected --as-tool or --as-body: the meshes of an arm are in metres")
+    if measure is not None and (rigid or picture is not None):
+        raise click.UsageError(f"--measure: expected no {rigid or '--picture'}")
     options = Options(tolerance=_length(tolerance), most=link_max, seed=seed, boxes=not no_boxes)
     try:
         robot, surfaces = read_tool(Path(arm), scale) if rigid else read_arm(arm, meshes, tip)
@@ -113,6 +122,9 @@ def decompose(
         raise click.ClickException(str(error)) from error
     if robot.held:
         click.echo(f"{arm}: held at zero: {', '.join(robot.held)}", err=True)
+    if measure is not None:
+        _write(measured_again(robot, surfaces, measure), out)
+        return
     start = time.perf_counter()
     fits = _fit_all(robot, surfaces, options, jobs)
     seconds = time.perf_counter() - start
@@ -127,13 +139,20 @@ def decompose(
         text = _body_yaml(robot, best["tool"], command, source or Path(arm).name)
     else:
         text = _yaml(robot, fits, chosen, command, seconds, source)
+    _write(text, out)
+    if picture is not None:
+        try:
+            _draw(robot, surfaces, best, picture)
+        except OSError as error:
+            raise click.ClickException(str(error)) from error
+
+
+def _write(text: str, out: Path | None) -> None:
     try:
         if out is None:
             click.echo(text, nl=False)
         else:
             out.write_text(text, encoding="utf-8")
-        if picture is not None:
-            _draw(robot, surfaces, best, picture)
     except OSError as error:
         raise click.ClickException(str(error)) from error
 
@@ -237,12 +256,21 @@ def _yaml(
         }
         for name in fits
     }
+    from contactsense.robots.decomposition.local_deviation import lines
+
+    deviations = {
+        name: {
+            "coarse": lines(fits[name][_coarse(fits[name], chosen[name])].deviation),
+            "fine": lines(fits[name][chosen[name]].deviation),
+        }
+        for name in fits
+    }
     comments = (
         f"Surface of the {robot.name}: convex primitives in the link frames, in metres.",
         f"Made by: {command}",
         f"Meshes: {source or 'visual shapes of the URDF'}",
     )
-    return text(robot.name, links, comments, seconds, robot.tip)
+    return text(robot.name, links, comments, seconds, robot.tip, deviations)
 
 
 def _coarse(fits: "tuple[Fit, ...]", chosen: int) -> int:

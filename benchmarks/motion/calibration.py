@@ -1,0 +1,114 @@
+"""`contactsense bench motion-calibration FOLDER`: probabilities and regions of contacts in a stream."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import track
+
+from contactsense import Localizer
+from contactsense.benchmarks import options
+from contactsense.benchmarks.accuracy.calibration import (
+    Summary,
+    Verdict,
+    plain,
+    print_summary,
+    summarize,
+    verdict,
+)
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
+from contactsense.benchmarks.motion.command import MODELS, samples, scene_for
+from contactsense.benchmarks.motion.score import AGES, samples_at_ages
+from contactsense.benchmarks.motion.streams import SUITES, Stream, read, redrawn
+
+
+@click.command("motion-calibration")
+@options.truth_folder
+@options.robots
+@click.option(
+    "--suite",
+    "suites",
+    multiple=True,
+    type=click.Choice(SUITES),
+    default=("motion",),
+    show_default=True,
+    help="Suite; may be repeated.",
+)
+@click.option(
+    "--level",
+    "levels",
+    multiple=True,
+    type=click.IntRange(0, len(COLUMNS) - 1),
+    default=range(len(COLUMNS)),
+    help="Noise column, 0 (none) to 3; may be repeated.",
+)
+@click.option(
+    "--model",
+    type=click.Choice(list(MODELS)),
+    default="exact",
+    show_default=True,
+    help="Masses and friction exact, or 2 % and 5 % wrong.",
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Repetitions of each run, each with other noise.",
+)
+@options.as_json
+def motion_calibration(
+    folder: Path,
+    robots: tuple[str, ...],
+    suites: tuple[str, ...],
+    levels: tuple[int, ...],
+    model: str,
+    draws: int,
+    as_json: bool,
+) -> None:
+    """Compare stated probabilities with what is right, for the contacts of arms that move and rest in FOLDER
+    (motion_ROBOT.npz): one answer of each contact 0.02, 0.1, 0.3 and 1 s after its onset, at rest and in
+    motion, holds, slides and impacts alike. Columns as in `contactsense bench calibration`; region: of the
+    contacts with an answer.
+    """
+    rounds = [
+        (name, suite, COLUMNS[level], wrong)
+        for wrong in MODELS[model]
+        for name in robots
+        for suite in suites
+        for level in levels
+    ]
+    streams = {(name, suite): read(folder, name, suite) for name in robots for suite in suites}
+    results: list[Summary] = []
+    for name, suite, noise, wrong in track(
+        rounds, description="stepping", console=Console(stderr=True), transient=True
+    ):
+        results += summaries(streams[name, suite], noise, wrong, draws)
+    if as_json:
+        click.echo(json.dumps({"model": model, "results": [plain(result) for result in results]}))
+        return
+    print_summary(results, "contacts over time", "after")
+
+
+def summaries(streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int = 1) -> list[Summary]:
+    """Process all streams of one arm; one summary of the answers at each age."""
+    localizer = Localizer(scene_for(streams[0], noise, wrong))
+    verdicts: dict[float, list[Verdict | None]] = {age: [] for age in AGES}
+    for stream in streams:
+        for draw in range(draws if any(noise) else 1):
+            drawn = redrawn(stream, draw)
+            ages = samples_at_ages(drawn)
+            for i, estimate in enumerate(localizer.run(samples(drawn, noise, wrong))):
+                if i in ages:
+                    link, point = int(drawn.link[i]), drawn.point_base[i]
+                    judged = verdict(estimate.contacts, estimate.link_probability, link, point)
+                    verdicts[ages[i]].append(judged)
+    found = []
+    for age, judged_at in verdicts.items():
+        answered = [one for one in judged_at if one is not None]
+        if answered:
+            kept = summarize(streams[0].robot, f"{age:g} s", noise, answered)
+            found.append(kept._replace(no_answer=1.0 - len(answered) / len(judged_at)))
+    return found

@@ -1,0 +1,63 @@
+"""Prior of a contact at one place: how far the real surface is from the primitives there.
+
+On a plain face it is a tenth of a millimetre, at ribs, edges and recesses some millimetres, and there the
+real normal is tilted: the force seems inclined by more than friction permits. Cells of the primitives'
+surface hold both, as measured on the meshes (`contactsense.robots.decomposition.local_deviation`).
+"""
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from contactsense.robots.jit.declaration import Floats, Integers
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.posterior import Prior
+
+
+class DeviationCells(NamedTuple):
+    """D cells of the surface of the primitives, sorted by primitive; body frames of the primitives."""
+
+    point: Annotated[Floats, "deviations, 3"]
+    """Centre [m]; a place belongs to the nearest one on its primitive."""
+    ratio: Annotated[Floats, "deviations"]
+    """Standard deviation of the surface's offset over `Prior.surface_deviation`."""
+    tilt: Annotated[Floats, "deviations"]
+    """Standard deviation of the angle between the normals along each tangent [rad]."""
+    start: Annotated[Integers, "primitives + 1"]
+    """First cell of each primitive, then the total number. A primitive without cells has ratio 1, tilt 0."""
+    largest: Annotated[Floats, "primitives"]
+    """Largest ratio on each primitive."""
+
+
+@fused_kernel
+def local_prior(prior: Prior, cells: DeviationCells, p: int, x: float, y: float, z: float) -> Prior:
+    """The prior about the point (x, y, z) of primitive p, body frame [m].
+
+    The friction ratio is that of the force to the primitive's normal: the variance of the tilt adds to it.
+    """
+    nearest, least = -1, math.inf
+    for i in range(cells.start[p], cells.start[p + 1]):
+        dx, dy, dz = cells.point[i, 0] - x, cells.point[i, 1] - y, cells.point[i, 2] - z
+        squared = dx * dx + dy * dy + dz * dz
+        if squared < least:
+            nearest, least = i, squared
+    if nearest < 0:
+        return prior
+    tilt = cells.tilt[nearest]
+    return Prior(
+        math.sqrt(prior.friction_ratio * prior.friction_ratio + tilt * tilt),
+        prior.torsion_lever,
+        prior.surface_deviation * cells.ratio[nearest],
+        prior.force,
+        prior.clearance,
+        prior.area,
+        prior.log_link_density,
+    )
+
+
+def no_cells(primitives: int) -> DeviationCells:
+    """Cells of a surface that is equally well known everywhere."""
+    return DeviationCells(
+        np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(primitives + 1, np.int64), np.ones(primitives)
+    )

@@ -1,0 +1,54 @@
+"""`contactsense decompose ARM --measure FILE`: how far the primitives of a surface file are from the meshes, for
+a file that does not have it or has other meshes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from contactsense.robots import Robot, RobotError
+from contactsense.robots.yaml_schema import read_surface
+
+if TYPE_CHECKING:
+    import trimesh
+
+_SAMPLES = 10000
+"""Number of samples on each mesh: about twenty in a cell."""
+
+
+def measured_again(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", path: Path) -> str:
+    """The surface file at `path` with the deviations that are measured now.
+
+    Raises:
+        click.ClickException: there is no such file.
+    """
+    from contactsense.robots.decomposition.local_deviation import lines, local_deviation
+    from contactsense.robots.decomposition.outer_skin import outer_skin
+    from contactsense.robots.decomposition.surface_error import bodies_of
+    from contactsense.robots.decomposition.yaml_export import text
+    from contactsense.robots.meshes import neighbour_poses
+
+    try:
+        surface = read_surface(path)
+    except RobotError as error:
+        raise click.ClickException(str(error)) from error
+    comments = [
+        line.removeprefix("# ")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if line.startswith("#") and not line.startswith("# Deviations")
+    ]
+    deviations = {}
+    for number, name in enumerate(robot.link_names):
+        if name not in surface.links:
+            continue
+        click.echo(name, err=True)
+        skin = outer_skin(meshes[name], neighbour_poses(robot, meshes, number), _SAMPLES)
+        levels = {"coarse": surface.links[name].coarse, "fine": surface.links[name].fine}
+        deviations[name] = {
+            level: lines(local_deviation(bodies_of(shapes), skin)) for level, shapes in levels.items()
+        }
+    links = {name: {"coarse": link.coarse, "fine": link.fine} for name, link in surface.links.items()}
+    comments.append(
+        "Deviations: contactsense decompose --measure; primitive, x y z [mm], distance [mm], normal [deg]"
+    )
+    return text(surface.robot, links, comments, surface.fit_seconds, surface.tip, deviations)

@@ -1,0 +1,57 @@
+"""The ellipse of 90 % of a flat density: against drawn places."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactsense.localization.ellipse_scale import ellipse_scale
+from contactsense.localization.surface_cells import SurfaceCells
+
+CHI_90 = 4.60517
+N = 3000
+
+
+def scaled(points: np.ndarray, variance: float = 0.0) -> tuple[float, float]:
+    """Scale for places in the plane z = 0, and the share of them that the scaled ellipse of 90 % holds."""
+    fields: dict[str, Any] = dict.fromkeys(SurfaceCells._fields, np.zeros(0))
+    fields |= {
+        "point": np.column_stack((points, np.zeros(len(points)))),
+        "weight": np.ones(len(points)),
+        "variance": np.full(len(points), variance),
+    }
+    C = points.T @ points / len(points) + variance * np.eye(2)
+    scale = ellipse_scale(
+        SurfaceCells(**fields),
+        len(points),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 1.0),
+        (C[0, 0], C[0, 1], 0.0, C[1, 1], 0.0, 0.0),
+    )
+    drawn = points + np.sqrt(variance) * np.random.default_rng(2).standard_normal(points.shape)
+    squared = np.einsum("ij,ij->i", drawn @ np.linalg.inv(scale * C), drawn)
+    return scale, float((squared < CHI_90).mean())
+
+
+def disc(rng: np.random.Generator) -> np.ndarray:
+    radius, angle = np.sqrt(rng.random(N)), rng.uniform(0.0, 2.0 * np.pi, N)
+    return np.column_stack((0.1 * radius * np.cos(angle), 0.03 * radius * np.sin(angle)))
+
+
+def test_a_gaussian_is_left_as_it_is() -> None:
+    rng = np.random.default_rng(1)
+    scale, inside = scaled(rng.standard_normal((N, 2)) * [0.1, 0.02])
+    assert scale == pytest.approx(1.0, abs=0.04)
+    assert inside == pytest.approx(0.9, abs=0.015)
+    # So is one cell with a Gaussian in it.
+    assert scaled(np.zeros((1, 2)), 0.01)[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("variance", [0.0, 1e-5, 1e-4])
+def test_ellipses_of_flat_densities_hold_their_share(variance: float) -> None:
+    rng = np.random.default_rng(1)
+    rectangle = rng.uniform(-1.0, 1.0, (N, 2)) * [0.15, 0.04]
+    around = np.column_stack((rng.uniform(-0.2, 0.2, N), 0.05 * np.sin(rng.uniform(0.0, 2.0 * np.pi, N))))
+    for points in (disc(rng), rectangle, around):
+        _, inside = scaled(points, variance)
+        assert inside == pytest.approx(0.9, abs=0.03)

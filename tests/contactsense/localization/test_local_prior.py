@@ -1,0 +1,80 @@
+"""The prior at one place: the cell that it is in, found by brute force."""
+
+import numpy as np
+import pytest
+
+from contactsense import Scene, robots
+from contactsense.benchmarks.accuracy.static_cases import Detail
+from contactsense.localization.local_prior import local_prior
+from contactsense.robots.surface.convex_primitives import project
+from contactsense.runtime.constants import build_constants
+from contactsense.runtime.deviation_cells import LEAST_OFFSET, deviation_cells
+from contactsense.runtime.scene_surfaces import scene_surfaces
+
+
+@pytest.mark.parametrize("detail", ["fine", "coarse"])
+def test_a_place_has_the_deviations_of_the_nearest_cell_of_its_primitive(detail: Detail) -> None:
+    scene = Scene(robot="ur5e", detail=detail)
+    constants = build_constants(scene)
+    prior, cells = constants.prior, constants.deviations
+    rng = np.random.default_rng(1)
+    links = robots.load("ur5e").links
+    level = {
+        k: (link.coarse, link.coarse_deviation) if detail == "coarse" else (link.primitives, link.deviation)
+        for k, link in enumerate(links)
+    }
+    for p in range(len(constants.surfaces.kind)):
+        link = int(constants.surfaces.link[p])
+        own = [c for c in level[link][1] if c.primitive == p - constants.surfaces.start[link]]
+        assert len(own) == cells.start[p + 1] - cells.start[p]
+        place = rng.uniform(-0.1, 0.1, 3)
+        found = local_prior(prior, cells, p, *place)
+        if not own:
+            assert found == prior
+            continue
+        in_link = constants.surfaces.rotation[p] @ place + constants.surfaces.origin[p]
+        nearest = min(own, key=lambda c: float(np.linalg.norm(np.array(c.point) - in_link)))
+        assert found.surface_deviation == pytest.approx(max(nearest.offset, LEAST_OFFSET))
+        assert found.friction_ratio == pytest.approx(np.hypot(prior.friction_ratio, nearest.tilt))
+        assert found.torsion_lever == prior.torsion_lever
+        ratios = [max(c.offset, LEAST_OFFSET) / prior.surface_deviation for c in own]
+        assert cells.largest[p] == pytest.approx(max(ratios))
+
+
+@pytest.mark.parametrize("name", robots.names())
+def test_cells_of_the_librarys_arms_lie_on_their_primitives(name: str) -> None:
+    for detail in ("fine", "coarse"):
+        scene = Scene(robot=name, detail=detail)
+        surfaces = scene_surfaces(scene)
+        cells = deviation_cells(scene, surfaces)
+        assert len(cells.ratio) > 100
+        for p in range(len(surfaces.kind)):
+            for i in range(cells.start[p], cells.start[p + 1]):
+                distance = project(surfaces.kind[p], surfaces.size[p], *cells.point[i])[0]
+                # A cell's centre is inside a round surface, by its sagitta.
+                assert -0.03 < distance < 0.002
+
+
+def test_an_error_that_the_scene_states_is_that_of_all_places() -> None:
+    scene = Scene(robot="ur5e", surface_error=0.001)
+    cells = deviation_cells(scene, scene_surfaces(scene))
+    assert len(cells.ratio) == 0
+    assert set(cells.largest) == {1.0}
+
+
+def test_links_that_cannot_be_touched_and_bodies_of_the_cell_have_no_cells() -> None:
+    scene = Scene(
+        robot="ur5e",
+        touchable=["forearm"],
+        bodies=[
+            {
+                "name": "cap",
+                "role": "cover",
+                "primitives": [{"kind": "sphere", "center": [0, 0, 1], "radius": 0.1}],
+            }
+        ],
+    )
+    surfaces = scene_surfaces(scene)
+    cells = deviation_cells(scene, surfaces)
+    count = np.diff(cells.start)
+    assert count[surfaces.start[3] : surfaces.start[4]].sum() == len(cells.ratio) > 50

@@ -1,0 +1,66 @@
+"""How far a skin is from its primitives, place by place, on a plate whose error is known."""
+
+import numpy as np
+import pytest
+
+from contactsense.robots.decomposition.local_deviation import CELL, lines, local_deviation
+from contactsense.robots.decomposition.outer_skin import Skin
+from contactsense.robots.decomposition.surface_error import bodies_of
+from contactsense.robots.primitives import Box
+from contactsense.robots.yaml_schema import table
+
+HALF = 0.2
+STEP = 0.003
+"""The right half of the real plate is this much higher or lower than the primitive [m] ..."""
+TILT = 0.3
+"""... and its normals are tilted by this angle [rad]."""
+
+
+def plate() -> Skin:
+    """The upper face of a plate, true on the left, rough on the right."""
+    rng = np.random.default_rng(1)
+    points = np.column_stack((rng.uniform(-HALF, HALF, (8000, 2)), np.zeros(8000)))
+    normals = np.tile([0.0, 0.0, 1.0], (8000, 1))
+    rough = points[:, 0] > 0.0
+    points[rough, 2] += STEP * rng.choice([-1.0, 1.0], rough.sum())
+    normals[rough] = [np.sin(TILT), 0.0, np.cos(TILT)]
+    return Skin(points, normals, np.ones(8000), (2 * HALF) ** 2)
+
+
+BOX = Box(center=(0.0, 0.0, -0.05), rpy=(0.0, 0.0, 0.0), half=(0.25, 0.25, 0.05), rounding=0.01)
+
+
+def test_each_cell_has_the_deviations_of_its_part_of_the_skin() -> None:
+    cells = local_deviation(bodies_of([BOX]), plate())
+    assert len(cells) == round((2 * HALF / CELL) ** 2)
+    x = np.array([cell.point[0] for cell in cells])
+    offset, tilt = (np.array([getattr(cell, name) for cell in cells]) for name in ("offset", "tilt"))
+    rough, true = x > CELL, x < -CELL
+    np.testing.assert_allclose(offset[rough], STEP, rtol=0.05)
+    # An angle is that of two tangents.
+    np.testing.assert_allclose(tilt[rough], TILT / np.sqrt(2.0), rtol=0.05)
+    assert offset[true].max() < STEP / 3.0
+    np.testing.assert_allclose([cell.point[2] for cell in cells], 0.0, atol=1e-9)
+
+
+def test_samples_that_can_seldom_be_touched_count_little() -> None:
+    skin = plate()
+    rough = skin.points[:, 0] > 0.0
+    hidden = skin._replace(exposure=np.where(rough, 0.0, 1.0))
+    assert max(cell.offset for cell in local_deviation(bodies_of([BOX]), hidden)) < 1e-4
+
+
+def test_lines_of_a_surface_file_are_read_as_they_were_written() -> None:
+    cells = local_deviation(bodies_of([BOX]), plate())
+    again = table("\n".join(lines(cells)), 1)
+    for name, tolerance in (("point", 6e-4), ("offset", 6e-6), ("tilt", 0.01)):
+        written, read = ([getattr(cell, name) for cell in some] for some in (cells, again))
+        np.testing.assert_allclose(read, written, atol=tolerance)
+
+
+@pytest.mark.parametrize(
+    "line", ["1 0 0 0 0.5 3", "0 0 0 0 0.5", "0 0 0 0 0 3", "0 0 0 0 0.5 95", "0 a 0 0 1 1"]
+)
+def test_a_line_that_cannot_be_is_refused(line: str) -> None:
+    with pytest.raises(ValueError, match=r"expected|could not convert"):
+        table(line, 1)
