@@ -14,6 +14,7 @@ from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.explanation import Measured, explain, take_static_sample
+from contactsense.runtime.filtered_places import follow_places
 from contactsense.runtime.residual_update import set_external, update_residuals
 from contactsense.runtime.result_rows import write_candidates
 from contactsense.runtime.state import State
@@ -116,6 +117,10 @@ def localize(
     count, _ = explain(
         constants, state, has_base, has_torque, link_sensors, track.variance_ratio[window], gate, -1.0
     )
+    if has_torque and not has_base and link_sensors == 0 and not gate:
+        count = follow_places(constants, state, count, bandwidth)
+    else:
+        state.places.status[0].contact = 0
     listed: int = write_candidates(constants, state, grids, count, rows)
     if listed > 0:
         if has_base:

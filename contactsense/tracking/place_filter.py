@@ -4,10 +4,10 @@ One sample of n torques leaves the place open. But on a moving arm the same touc
 screws, so that samples at different times together exclude places, and links, that each of them allows. A
 window's mean cannot use that: without a base sensor it mixes postures.
 
-The cells of the surface (`contactsense.localization.surface_samples`) are hypotheses. The unknowns of each are
-those of `contactsense.localization.laplace_evidence`, fixed to the link on which the cell lies: logarithm phi
-of the normal force relative to the median F0 of its prior, friction ratios alpha and beta, torsion ratio chi, a
-shift (v1, v2) in the tangent plane. With the cell's centre c0, its normal n and its tangents t1, t2
+The cells of the surface (`contactsense.localization.surface_samples`) are hypotheses. The unknowns of each
+are those of `contactsense.localization.laplace_evidence`, fixed to the link on which the cell lies: logarithm
+phi of the normal force relative to the median F0 of its prior, friction ratios alpha and beta, torsion ratio
+chi, a shift (v1, v2) in the tangent plane. With the cell's centre c0, its normal n and its tangents t1, t2
 
     F = F0 exp(phi),   d = -n + alpha t1 + beta t2,   f = F d,   m = (c0 + v1 t1 + v2 t2) x f + F chi n,
     r_j = a_jk(t) . (f, m) + noise for the joints j up to link k,   r_j = noise for those beyond,
@@ -25,8 +25,8 @@ the logarithm of the probability of the new torques, given all torques before, u
 friction ratio or torsion that a place would need at any instant counts against it by the prior of x, once and
 not once per sample.
 
-The observer's residuals are correlated over its time constant. Their increments undo its low-pass,
-r_i + (r_i - r_{i-1}) e / (1 - e) with e = exp(-K dt), and are white; blocks of them are averaged. The error of
+The observer's residuals are correlated over its time constant 1 / K. With e = exp(-K dt), the numbers
+r_{i-1} + (r_i - r_{i-1}) / (1 - e) undo its low-pass and are white; blocks of them are averaged. The error of
 the model of a torque is not white: it counts as constant over `ERROR_TIME`.
 """
 
@@ -51,8 +51,8 @@ BLOCK_TIME = 0.02
 ERROR_TIME = 1.0
 """Time over which the error of the model of a torque counts as constant [s]."""
 FORCE_DRIFT, DIRECTION_DRIFT, TORSION_DRIFT, PLACE_DRIFT = 5.0, 1e-2, 1e-6, 1e-4
-"""Variances per second of the random walks of the log force, of the friction ratios, of the torsion ratio [m^2]
-and of the place [m^2]: a hand is unsteady, and a contact may slide."""
+"""Variances per second of the random walks of the log force, of the friction ratios, of the torsion ratio
+[m^2] and of the place [m^2]: a hand is unsteady, and a contact may slide."""
 FIRST_ITERATIONS, ITERATIONS = 8, 2
 """Largest number of Gauss-Newton steps for the first torques, and for later ones."""
 CONVERGED = 0.05
@@ -74,7 +74,7 @@ class PlaceFilterStatus:
     """How far the filter is."""
 
     contact: int
-    """Number of the contact; 0: none."""
+    """Number of the contact; 0: the filter must start again."""
     samples: int
     """Samples in the present block."""
     blocks: int
@@ -86,7 +86,7 @@ class PlaceFilterStatus:
 class PlaceFilter(NamedTuple):
     """State of the filter."""
 
-    state: Annotated[Floats, "samples, 6"]
+    unknowns: Annotated[Floats, "samples, 6"]
     """Most probable x of each cell."""
     information: Annotated[Floats, "samples, 6, 6"]
     """Its information matrix, upper triangle."""
@@ -96,12 +96,20 @@ class PlaceFilter(NamedTuple):
     """Log evidence of each cell; minus infinity for cells that are dropped."""
     variance: Annotated[Floats, "samples, 3"]
     """Covariance of the shift (v1, v2): entries 11, 12 and 22 [m^2]."""
+    score: Annotated[Floats, "samples"]
+    """Log weights at the last block for the posture then, see `contactsense.tracking.place_candidates`."""
+    remaining: Annotated[Floats, "samples"]
+    """Scratch: probability of cells that are not part of a candidate."""
     residual: Annotated[Floats, "joints"]
     """Residual of the last sample [Nm]."""
     torque: Annotated[Floats, "joints"]
     """Sum, then mean, of the torques of a block [Nm]."""
     torque_variance: Annotated[Floats, "joints"]
     """Variance of that mean [Nm^2]."""
+    noise: Annotated[Floats, "joints"]
+    """Scratch: variance of the white noise of one sample of each torque [Nm^2]."""
+    model_error: Annotated[Floats, "joints"]
+    """Scratch: variance of the error of its model [Nm^2]."""
     screw: Annotated[Floats, "links, joints, 6"]
     """Sum, then mean, of the screws in the frame of each link."""
     status: Annotated[Records[PlaceFilterStatus], "1"]
@@ -109,8 +117,10 @@ class PlaceFilter(NamedTuple):
 
 @kernel
 def _add_screws(places: PlaceFilter, depth: np.ndarray, motion: Motion) -> None:
-    """Add the screws at this instant, in the frame of each link, to the sums: s . w = (R^T (s_f + s_m x o), R^T
-    s_m) . w', with w' the wrench about the link's origin o, link axes."""
+    """Add the screws at this instant, in the frame of each link, to the sums.
+
+    With w' the wrench w about the link's origin o, link axes: s . w = (R^T (s_f + s_m x o), R^T s_m) . w'.
+    """
     for link in range(depth.shape[0]):
         R, o = motion.rotation[depth[link]], vector(motion.origin[depth[link]])
         for j in range(depth[link]):
@@ -163,7 +173,7 @@ def start_filter(
     ratio, torsion = prior.friction_ratio**-2.0, prior.torsion_lever**-2.0
     for s in range(samples.point.shape[0]):
         spread = samples.spread[s] ** -2.0
-        places.state[s] = 0.0
+        places.unknowns[s] = 0.0
         places.information[s] = 0.0
         log_determinant = 0.0
         for i in range(6):
@@ -171,9 +181,7 @@ def start_filter(
             places.information[s, i, i] = diagonal
             log_determinant += math.log(diagonal)
         places.log_determinant[s] = log_determinant
-        places.log_weight[s] = (
-            samples.log_share[s] + prior.log_link_density[link_of[samples.primitive[s]]]
-        )
+        places.log_weight[s] = samples.log_share[s] + prior.log_link_density[link_of[samples.primitive[s]]]
     _update_cells(places, samples, link_of, depth, prior, FIRST_ITERATIONS, buffers)
     _clear_block(places)
 
@@ -239,7 +247,7 @@ def end_block(
     status.blocks += 1
     _clear_block(places)
     n = noise.shape[0]
-    return misfit <= 0.5 * (n + MISFIT * math.sqrt(2.0 * n))
+    return bool(misfit <= 0.5 * (n + MISFIT * math.sqrt(2.0 * n)))
 
 
 @fused_kernel
@@ -310,7 +318,7 @@ def _block_energy(
     link = link_of[samples.primitive[s]]
     return _linearize(
         places, link, depth[link], (vector(samples.point[s]), vector(samples.normal[s])),
-        _six(places.state[s]), force, buffers,
+        _six(places.unknowns[s]), force, buffers,
     )  # fmt: skip
 
 
@@ -335,7 +343,7 @@ def _update_cell(
     new log weight, minus infinity if that is below `limit`."""
     L, H, g = places.information[s], buffers.normal_equations, buffers.gradient
     place = (vector(samples.point[s]), vector(samples.normal[s]))
-    x0 = _six(places.state[s])
+    x0 = _six(places.unknowns[s])
     x = x0
     for k in range(iterations):
         dx = (x[0] - x0[0], x[1] - x0[1], x[2] - x0[2], x[3] - x0[3], x[4] - x0[4], x[5] - x0[5])
@@ -358,7 +366,7 @@ def _update_cell(
         )  # fmt: skip
         if decrease < CONVERGED or k == iterations - 1:
             for i in range(6):
-                places.state[s, i] = x[i]
+                places.unknowns[s, i] = x[i]
                 for j in range(i, 6):
                     L[i, j] = H[i, j]
             places.log_determinant[s] = log_determinant
