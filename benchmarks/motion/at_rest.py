@@ -12,6 +12,7 @@ def static_error(
     localizer: Localizer,
     rows: list[tuple[Stream, int]],
     noise: tuple[float, float, float],
+    sensors: tuple[bool, bool] = (True, True),
 ) -> tuple[np.ndarray, np.ndarray]:
     """Locate the contact of each sample from its posture and its true wrench, with added noise.
 
@@ -19,6 +20,7 @@ def static_error(
         localizer: For a scene with the true noise of the sensors.
         rows: Samples as (stream, number).
         noise: Standard deviations of base force, base moment and joint torque [N, Nm, Nm].
+        sensors: Whether there are base sensor and joint torques.
 
     Returns:
         Distance of each answer from the truth, shape (N,) [m], infinite if there is none; whether the link is
@@ -34,7 +36,11 @@ def static_error(
         torque[row] = np.where(np.arange(6) < link[row], -motion.screw @ wrench[row], 0.0)
     reading = wrench + np.array([stream.noise_wrench[i] for stream, i in rows]) * np.repeat(noise[:2], 3)
     torque += np.array([stream.noise_torque[i] for stream, i in rows]) * noise[2]
-    batch = localizer.locate_batch(q, base_wrench=reading, joint_torque=torque)
+    batch = localizer.locate_batch(
+        q,
+        base_wrench=reading if sensors[0] else None,
+        joint_torque=torque if sensors[1] else None,
+    )
     error = np.linalg.norm(batch.point_base - np.array([s.point_base[i] for s, i in rows]), axis=1)
     error[batch.link < 0] = np.inf
     return error, batch.link == link

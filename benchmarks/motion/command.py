@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor, robots
-from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, Noise
+from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor, robots
+from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, SENSORS, Noise
 from contactsense.benchmarks.motion.at_rest import static_error
 from contactsense.benchmarks.motion.model_error import MASS_ERROR, assumed_friction, friction, heavier
 from contactsense.benchmarks.motion.score import AGES, Answer, Score
@@ -57,6 +57,9 @@ MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
     show_default=True,
     help="Repetitions of each run, each with other noise; all samples are evaluated together.",
 )
+@click.option(
+    "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="Sensors in use."
+)
 @click.option("--bandwidth", type=float, help="Cut-off of the observer [Hz]; default: the scene's.")
 @click.option(
     "--over-time", is_flag=True, help="Print how link, error and ambiguity change while a contact lasts."
@@ -69,6 +72,7 @@ def motion(
     levels: tuple[int, ...],
     model: str,
     draws: int,
+    sensors: str,
     bandwidth: float | None,
     over_time: bool,
     as_json: bool,
@@ -91,68 +95,83 @@ def motion(
     for name, suite, noise, wrong in track(
         rounds, description="stepping", console=Console(stderr=True), transient=True
     ):
-        results += measure(streams[name, suite], noise, wrong, bandwidth, draws)
+        results += measure(streams[name, suite], noise, wrong, bandwidth, draws, sensors)
     if as_json:
-        click.echo(json.dumps({"bandwidth": bandwidth, "draws": draws, "results": results}, indent=1))
+        click.echo(
+            json.dumps(
+                {"sensors": sensors, "bandwidth": bandwidth, "draws": draws, "results": results}, indent=1
+            )
+        )
         return
     for wrong in MODELS[model]:
         rows = [r for r in results if r["wrong_model"] == wrong]
         if over_time:
-            _print_over_time(rows, wrong)
+            _print_over_time(rows, _model(wrong, sensors))
         else:
-            _print_table(rows, wrong)
+            _print_table(rows, _model(wrong, sensors))
 
 
-def scene_for(stream: Stream, noise: Noise, wrong: bool, bandwidth: float | None = None) -> Scene:
+def scene_for(
+    stream: Stream, noise: Noise, wrong: bool, bandwidth: float | None = None, sensors: str = "all"
+) -> Scene:
     """The estimator's scene for a stream: the noise is known; masses and friction may be wrong, within their
-    stated standard deviations."""
+    stated standard deviations. `sensors`: a key of `SENSORS`."""
+    has_base, has_torque = SENSORS[sensors]
     stated = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
     robot = robots.load(stream.robot)
     return Scene(
         robot=heavier(robot, MASS_ERROR) if wrong else robot,
         gravity=stream.gravity,
-        base_wrench=WrenchSensor(force_noise=stated.force, moment_noise=stated.moment),
+        base_wrench=WrenchSensor(force_noise=stated.force, moment_noise=stated.moment) if has_base else None,
         joint_torque=JointTorqueSensor(
             noise=stated.torque, friction=assumed_friction() if wrong else Friction()
-        ),
+        )
+        if has_torque
+        else None,
         inertia_error=MASS_ERROR if wrong else 0.0,
         **({} if bandwidth is None else {"bandwidth": bandwidth}),
     )
 
 
-def samples(stream: Stream, noise: Noise, wrong: bool) -> Iterator[Sample]:
+def samples(stream: Stream, noise: Noise, wrong: bool, sensors: str = "all") -> Iterator[Sample]:
     """Readings of the sensors with that noise; `wrong`: with joint friction."""
+    has_base, has_torque = SENSORS[sensors]
     torque = stream.torque + noise.torque * stream.noise_torque
     if wrong:
         torque = torque + friction(stream.qd)
     wrench = stream.base_wrench + np.repeat(noise[:2], 3) * stream.noise_wrench
-    for row in zip(stream.t.tolist(), stream.q, stream.qd, torque, wrench, strict=True):
-        yield Sample(*row)
+    for t, q, qd, tau, w in zip(stream.t.tolist(), stream.q, stream.qd, torque, wrench, strict=True):
+        yield Sample(t, q, qd, tau if has_torque else None, w if has_base else None)
 
 
 def measure(
-    streams: Sequence[Stream], noise: Noise, wrong: bool, bandwidth: float | None = None, draws: int = 1
+    streams: Sequence[Stream],
+    noise: Noise,
+    wrong: bool,
+    bandwidth: float | None = None,
+    draws: int = 1,
+    sensors: str = "all",
 ) -> list[dict[str, Any]]:
     """Process the streams of one arm and suite, `draws` times with different noise (once without).
 
     Returns:
         One row per kind of motion, plain numbers for a table or JSON; errors in mm, None if there are none.
     """
-    scene = scene_for(streams[0], noise, wrong, bandwidth)
+    scene = scene_for(streams[0], noise, wrong, bandwidth, sensors)
     localizer = Localizer(scene)
     variance_ratio = noise_variance_ratio(scene.bandwidth, float(np.median(np.diff(streams[0].t))))
     still = tuple(np.sqrt(variance_ratio) * level for level in noise)
-    stated = scene_for(streams[0], noise, wrong=False, bandwidth=bandwidth)
-    assert stated.base_wrench is not None
-    assert stated.joint_torque is not None
+    stated = scene_for(streams[0], noise, wrong=False, bandwidth=bandwidth, sensors=sensors)
+    base, torque = stated.base_wrench, stated.joint_torque
     resting = Localizer(
         stated.model_copy(
             update={
-                "base_wrench": WrenchSensor(
-                    force_noise=np.sqrt(variance_ratio) * stated.base_wrench.force_noise,
-                    moment_noise=np.sqrt(variance_ratio) * stated.base_wrench.moment_noise,
+                "base_wrench": base
+                and WrenchSensor(
+                    force_noise=np.sqrt(variance_ratio) * base.force_noise,
+                    moment_noise=np.sqrt(variance_ratio) * base.moment_noise,
                 ),
-                "joint_torque": JointTorqueSensor(noise=np.sqrt(variance_ratio) * stated.joint_torque.noise),
+                "joint_torque": torque and JointTorqueSensor(noise=np.sqrt(variance_ratio) * torque.noise),
             }
         )
     )
@@ -163,7 +182,7 @@ def measure(
             for draw in range(draws if any(noise) else 1):
                 if stream.kind == kind:
                     drawn = redrawn(stream, draw)
-                    score.add(drawn, _estimates(localizer, drawn, noise, wrong))
+                    score.add(drawn, localizer.run(samples(drawn, noise, wrong, sensors)))
         if score.events:
             results.append(
                 {
@@ -172,21 +191,19 @@ def measure(
                     "kind": kind,
                     "noise": noise._asdict(),
                     "wrong_model": wrong,
-                    **_summary(score, resting, (still[0], still[1], still[2])),
+                    **_summary(score, resting, (still[0], still[1], still[2]), SENSORS[sensors]),
                 }
             )
     return results
 
 
-def _estimates(localizer: Localizer, stream: Stream, noise: Noise, wrong: bool) -> Iterator[Estimate]:
-    return localizer.run(samples(stream, noise, wrong))
-
-
-def _summary(score: Score, resting: Localizer, noise: tuple[float, float, float]) -> dict[str, Any]:
+def _summary(
+    score: Score, resting: Localizer, noise: tuple[float, float, float], sensors: tuple[bool, bool]
+) -> dict[str, Any]:
     error = 1e3 * np.array(score.error)
     static, static_right = np.empty(0), np.empty(0)
     if len(error):
-        static, static_right = static_error(resting, score.rows, noise)
+        static, static_right = static_error(resting, score.rows, noise, sensors)
         static *= 1e3
     live, rest = _quantiles(error), _quantiles(static)
     delay = _quantiles(1e3 * np.array(score.delay))
@@ -213,17 +230,26 @@ def _over_time(answers: Sequence[Answer]) -> list[dict[str, Any]]:
     rows = []
     for age in AGES:
         chosen = [answer for answer in answers if answer.age == age]
+        answered = [answer for answer in chosen if np.isfinite(answer.error)]
         if chosen:
             rows.append(
                 {
                     "age": age,
                     "contacts": len(chosen),
                     "link_right": float(np.mean([answer.link_right for answer in chosen])),
+                    "answered": len(answered) / len(chosen),
+                    "link_right_answered": _mean([answer.link_right for answer in answered]),
+                    "link_stated": _mean([answer.stated for answer in answered]),
+                    "apart": _mean([answer.apart for answer in answered]),
                     "ambiguous": float(np.mean([answer.ambiguous for answer in chosen])),
                     "error_mm": _quantiles(1e3 * np.array([answer.error for answer in chosen])),
                 }
             )
     return rows
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
 
 
 def _ratio(live: float | None, rest: float | None) -> float | None:
@@ -239,33 +265,41 @@ def _quantiles(values: np.ndarray) -> dict[str, float | None]:
     }
 
 
-def _print_over_time(results: Sequence[dict[str, Any]], wrong: bool) -> None:
+def _print_over_time(results: Sequence[dict[str, Any]], model: str) -> None:
     table = Table(
-        title=f"contacts over time, {_model(wrong)}; errors in mm, missing answers included",
-        caption="contacts: those that last so long after their onset, in runs without overlapping contacts",
+        title=f"contacts over time, {model}; errors in mm, missing answers included",
+        caption=(
+            "contacts: those that last so long after their onset, in runs without overlapping contacts; "
+            "of them: link right of those answered; stated: mean probability stated for that link; apart: of "
+            "those answered, more than 5 % of the probability is more than 20 mm from the answer"
+        ),
     )
     for name in ("arm", "suite", "noise N", "motion"):
         table.add_column(name, no_wrap=True)
-    for name in ("after s", "contacts", "link right", "ambiguous", "median", "p95"):
+    for name in ("after s", "contacts", "link right", "answered", "of them", "stated", "ambiguous", "apart",
+                 "median", "p95"):  # fmt: skip
         table.add_column(name, justify="right", no_wrap=True)
     for r in results:
         for row in r["over_time"]:
             table.add_row(
                 r["robot"], r["suite"], f"{r['noise']['force']:g}", r["kind"],
                 f"{row['age']:g}", str(row["contacts"]),
-                _percent(row["link_right"]), _percent(row["ambiguous"]),
+                _percent(row["link_right"]), _percent(row["answered"]),
+                _percent(row["link_right_answered"]), _percent(row["link_stated"]),
+                _percent(row["ambiguous"]), _percent(row["apart"]),
                 _number(row["error_mm"]["median"]), _number(row["error_mm"]["p95"]),
             )  # fmt: skip
-    Console(width=128).print(table)
+    Console(width=160).print(table)
 
 
-def _model(wrong: bool) -> str:
-    return "masses 2 % and friction 5 % wrong" if wrong else "masses exact, no friction"
+def _model(wrong: bool, sensors: str) -> str:
+    model = "masses 2 % and friction 5 % wrong" if wrong else "masses exact, no friction"
+    return model if sensors == "all" else f"{model}, sensors {sensors}"
 
 
-def _print_table(results: Sequence[dict[str, Any]], wrong: bool) -> None:
+def _print_table(results: Sequence[dict[str, Any]], model: str) -> None:
     table = Table(
-        title=f"contacts in motion, {_model(wrong)}; errors in mm",
+        title=f"contacts in motion, {model}; errors in mm",
         caption=(
             "x rest: ratio to the same contacts at rest; answered: share of the touched samples with an "
             "answer; masked: contacts that began during a false alarm; alarms: false ones, and the minutes "

@@ -16,6 +16,10 @@ AFTERGLOW = 0.2
 PAUSE = 0.1
 """Alarms separated by less than this are one alarm [s]."""
 
+APART = 0.02
+"""Candidates nearer to the best one than this are the same place for most purposes [m]."""
+CLEAR = 0.95
+"""The default of `Scene.clear`."""
 AGES = (0.02, 0.1, 0.3, 1.0)
 """Times after the onset of a contact at which its answer is taken [s]."""
 
@@ -31,6 +35,10 @@ class Answer(NamedTuple):
     """Whether the link of the best one is correct; False without an answer."""
     error: float
     """Its distance from the truth, infinite without an answer [m]."""
+    apart: bool = False
+    """Whether less than `CLEAR` of the probability is within `APART` of the best one, on its link."""
+    stated: float = 0.0
+    """Stated probability of the most probable link."""
 
 
 @dataclass
@@ -129,4 +137,17 @@ def _answer(age: float, estimate: Estimate, link: int, point: np.ndarray) -> Ans
         return Answer(age, False, False, float("inf"))
     best = estimate.contacts[0]
     error = float(np.linalg.norm(best.point_base - point))
-    return Answer(age, estimate.status == "ambiguous", best.link_index == link, error)
+    near = sum(
+        candidate.probability
+        for candidate in estimate.contacts
+        if candidate.link_index == best.link_index
+        and np.linalg.norm(candidate.point_base - best.point_base) < APART
+    )
+    return Answer(
+        age,
+        estimate.status == "ambiguous",
+        best.link_index == link,
+        error,
+        near < CLEAR,
+        float(estimate.link_probability[best.link_index]),
+    )
