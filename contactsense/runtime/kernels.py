@@ -110,7 +110,10 @@ def explain_sample(
         Number of candidates, and the energy of the no-contact hypothesis.
     """
     constants, state = buffer_views(buffers)
-    found: tuple[int, float] = explain(constants, state, *usable, variance_ratio, gate, threshold)
+    has_base, has_torque, link_sensors = usable
+    found: tuple[int, float] = explain(
+        constants, state, has_base, has_torque, link_sensors, variance_ratio, gate, threshold
+    )
     return found
 
 
