@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from contactsense import Scene, robots
+from contactsense import Localizer, Scene, robots
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
 from contactsense.kinematics.linalg.cholesky import invert_factored, solve_in_place
 from contactsense.localization.ranking import place_primitives
@@ -23,7 +23,6 @@ from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
 from contactsense.solvers.posterior import STUDENT_DOF
-from contactsense.static_localizer import StaticLocalizer
 from tests.plain_arm import plain_ur5e
 
 SHAPES: tuple[Primitive, ...] = (
@@ -53,7 +52,7 @@ SCENE = Scene(robot=_smooth())
 
 
 class Case(NamedTuple):
-    localizer: StaticLocalizer
+    localizer: Localizer
     constants: Constants
     state: State
     buffers: MultiContactBuffers
@@ -66,7 +65,7 @@ class Case(NamedTuple):
 
 @pytest.fixture(scope="module")
 def case() -> Case:
-    localizer = StaticLocalizer(SCENE)
+    localizer = Localizer(SCENE)
     constants, state = localizer._buffers.constants, localizer._buffers.state
     return Case(localizer, constants, state, empty_multi_contact_buffers(constants), Trials(SCENE, seed=4))
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from contactsense import Scene, WrenchSensor
+from contactsense import Localizer, Scene, WrenchSensor
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.multi_contact.buffers import MultiContactBuffers, empty_multi_contact_buffers
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
@@ -13,7 +13,6 @@ from contactsense.robots.primitives import Capsule
 from contactsense.robots.tool import Tool
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
-from contactsense.static_localizer import StaticLocalizer
 from tests.plain_arm import plain_ur5e
 
 Q = np.array([0.3, -1.1, 1.4, -0.7, 0.9, 0.2])
@@ -21,7 +20,7 @@ TOOL = Tool(name="tool", mass=0.5, primitives=(Capsule(a=(0, 0, 0.05), b=(0, 0, 
 
 
 class Case(NamedTuple):
-    localizer: StaticLocalizer
+    localizer: Localizer
     constants: Constants
     state: State
     buffers: MultiContactBuffers
@@ -35,7 +34,7 @@ def case() -> Case:
         base_wrench=WrenchSensor(translation=(0.05, -0.1, -0.2)),
         wrist_wrench=WrenchSensor(force_noise=0.5, moment_noise=0.02),
     )
-    localizer = StaticLocalizer(scene)
+    localizer = Localizer(scene)
     constants, state = localizer._buffers.constants, localizer._buffers.state
     return Case(localizer, constants, state, empty_multi_contact_buffers(constants))
 
