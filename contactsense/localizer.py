@@ -175,7 +175,11 @@ class Localizer(StaticLocalizer):
         if flags == 0 and self._phase == NONE:
             if self._start.watches:
                 self._start.update(sample.t, 0)
-            return self._no_contact(sample.t, self._detectable.in_stream())
+            detectable = self._detectable
+            if detectable.left > 0:
+                detectable.left -= 1
+                return self._no_contact(sample.t, detectable.value)
+            return self._no_contact(sample.t, detectable.in_stream())
         since_start = self._start.update(sample.t, flags)
         estimate = self._estimate(sample.t, flags)
         if since_start:

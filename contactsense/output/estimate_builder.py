@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -156,15 +156,16 @@ def _without_contact(
     class Filled:
         __slots__ = Estimate.__slots__
 
-        def __init__(self, t: float, detectable: float) -> None:
-            self.t, self.status, self.contacts = t, "none", ()
-            self.link_probability, self.wrench, self.covariance = link_probability, wrench, covariance
-            self.other, self.reason, self.events, self.explanations = 0.0, "", (), ()
-            self.detectable = detectable
+    new = object.__new__
 
     def create(t: float, detectable: float) -> Estimate:
-        estimate: Any = Filled(t, detectable)
+        estimate: Any = new(Filled)
+        estimate.t, estimate.status, estimate.contacts = t, "none", ()
+        estimate.link_probability, estimate.wrench = link_probability, wrench
+        estimate.covariance, estimate.other, estimate.reason = covariance, 0.0, ""
+        estimate.events, estimate.explanations, estimate.detectable = (), (), detectable
         estimate.__class__ = Estimate
-        return cast(Estimate, estimate)
+        found: Estimate = estimate
+        return found
 
     return create

@@ -45,22 +45,23 @@ class DetectableForce:
 
     def reset(self) -> None:
         """A new stream begins."""
-        self._value, self._left = math.inf, 0
+        self.value, self.left = math.inf, 0
+        """The value [N], and for how many samples more it is kept."""
         self._usable: Usable = (False, False, 0)
 
     def in_stream(self) -> float:
         """Of the newest sample of the stream [N]; infinite where no force is sure to be detected. The value
         is up to 64 samples old."""
-        if self._left > 0:
-            self._left -= 1
-            return self._value
-        self._left = _INTERVAL
+        if self.left > 0:
+            self.left -= 1
+            return self.value
+        self.left = _INTERVAL
         return self._update()
 
     def after_change(self, usable: Usable) -> float:
         """The same where a sensor may have failed since: never older than the set of `usable` sensors."""
         if usable != self._usable:
-            self._left = _INTERVAL
+            self.left = _INTERVAL
             return self._update()
         return self.in_stream()
 
@@ -84,8 +85,8 @@ class DetectableForce:
         ratio = float(self._variance_ratio[0])
         noise = ratio * self._noise_scale[BASE] * sensors.base_covariance[:3, :3]
         biases = self._state.bias_filter.base_covariance[:3, :3]
-        self._value = self._force(self._usable, self._lengths[key], noise + biases, ratio)
-        return self._value
+        self.value = self._force(self._usable, self._lengths[key], noise + biases, ratio)
+        return self.value
 
     def _force(self, usable: Usable, length: float, base_covariance: np.ndarray, ratio: float) -> float:
         if usable[0]:

@@ -10,7 +10,7 @@ from contactsense.sensors.validation import checked_vector
 from contactsense.types import Sample
 
 _FLOAT = np.dtype(np.float64)
-"""Of which NumPy has one object, unless it was unpickled or has another byte order."""
+"""For which NumPy mostly uses this object, but not in an array that was unpickled."""
 SENSORS = ("base_wrench", "joint_torque")
 """The first two sensors of every scene; its link sensors follow."""
 
@@ -66,7 +66,7 @@ class SampleFields:
         if not (
             q.dtype is qd.dtype is torque.dtype is base.dtype is _FLOAT
             and q.ndim == qd.ndim == torque.ndim == base.ndim == 1
-        ):
+        ) and not _are_vectors(q, qd, torque, base):
             raise TypeError("expected vectors of floats")
         return sample.t, sensor_bits, (q, qd, torque, base, self._link_wrench)
 
@@ -103,7 +103,9 @@ class SampleFields:
         """Whether kernels that are called directly take positions, torques and base wrench of `values`."""
         q, torque, base, _ = values
         try:
-            return q.dtype is torque.dtype is base.dtype is _FLOAT and q.ndim == torque.ndim == base.ndim == 1
+            return (
+                q.dtype is torque.dtype is base.dtype is _FLOAT and q.ndim == torque.ndim == base.ndim == 1
+            ) or _are_vectors(q, torque, base)
         except AttributeError:
             return False
 
@@ -139,6 +141,10 @@ class SampleFields:
         values = by_field(sample.wrist_wrench, sample.link_wrenches)
         links = {name: _shaped(name, value, 6) for name, value in values.items()}
         return with_values(shaped, links)
+
+
+def _are_vectors(*values: np.ndarray) -> bool:
+    return all(value.dtype == _FLOAT and value.ndim == 1 for value in values)
 
 
 def _placeholder(size: int) -> np.ndarray:

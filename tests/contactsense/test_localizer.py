@@ -397,13 +397,13 @@ def test_values_of_any_type_are_converted(ordinary: Localizer, kind: str) -> Non
     found = ordinary.locate(
         other(q), base_wrench=other(wrench), joint_torque=other(torque), external=False, detect=False
     )
-    assert found.contacts
-    np.testing.assert_array_equal(found.contacts[0].point_base, expected.contacts[0].point_base)
+    assert np.linalg.norm(found.wrench) > 20.0
+    np.testing.assert_array_equal(found.wrench, expected.wrench)
     samples = [Sample(0.002 * i, q, 0.0 * q, torque, wrench) for i in range(80)]
     others = [Sample(s.t, other(q), other(0.0 * q), other(torque), other(wrench)) for s in samples]
     one, two = list(ordinary.run(samples))[-1], list(ordinary.run(others))[-1]
-    assert one.contacts
-    np.testing.assert_array_equal(one.contacts[0].point_base, two.contacts[0].point_base)
+    assert np.linalg.norm(one.wrench) > 20.0
+    np.testing.assert_array_equal(one.wrench, two.wrench)
 
 
 @pytest.mark.parametrize("shape", [(6, 1), (1, 6), (), (2, 3), (1,) * 9 + (6,), (6, 6)])
