@@ -22,7 +22,13 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.further_contact import is_any_broad, locate_further_contact
 from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
-from contactsense.multi_contact.ranked_sets import adopt_candidate, rank_sets, share_evidence, store_explanation
+from contactsense.multi_contact.ranked_sets import (
+    adopt_candidate,
+    rank_sets,
+    share_evidence,
+    share_pair_evidence,
+    store_explanation,
+)
 from contactsense.multi_contact.sample_likelihood import initial_forces, initialize_seeding
 from contactsense.multi_contact.seeding import find_seeds
 from contactsense.robots.jit.kernel import fused_kernel
@@ -84,6 +90,7 @@ def search_contact_sets(
     prior_log_evidence = known_evidence(surfaces, prior, frames, rows, known_count, optimizer)
     stored = 0
     best = math.inf
+    unlisted = -math.inf
     for further in range(0 if known_count > 0 else 1, max_contacts - known_count + 1):
         if best < MIN_ENERGY:
             break
@@ -140,8 +147,12 @@ def search_contact_sets(
                 lowest_energy = min(lowest_energy, energy)
         if is_broad:
             share_evidence(explanations, first, stored)
+        if further == 2:
+            unlisted = share_pair_evidence(
+                surfaces.link, explanations, first, stored, known_count, seeding.pair_evidence
+            )
         best = min(best, lowest_energy)
-    ranked: int = rank_sets(surfaces.link, explanations, stored, 2.0 * prior.surface_deviation)
+    ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
 
 

@@ -26,11 +26,11 @@ from contactsense.multi_contact.buffers import (
     NY,
     NZ,
     SPREAD,
+    MeasurementRows,
+    SeedingBuffers,
     X,
     Y,
     Z,
-    MeasurementRows,
-    SeedingBuffers,
 )
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
@@ -97,9 +97,7 @@ def fill_link_information(rows: MeasurementRows, m: int, seeding: SeedingBuffers
 
 
 @fused_kernel
-def fill_sample_blocks(
-    seed_samples: SeedSamples, moment_scale: float, seeding: SeedingBuffers
-) -> None:
+def fill_sample_blocks(seed_samples: SeedSamples, moment_scale: float, seeding: SeedingBuffers) -> None:
     """Fill `seeding.block` with the places of the coarse samples.
 
     Args:

@@ -48,7 +48,7 @@ def test_the_likelihood_is_that_of_dense_linear_algebra() -> None:
         likelihood_near_samples(
             seeding.link_information[link], seeding.link_vector[link], (NORMAL, TANGENTIAL), seeding.block[b]
         )
-        for j in range(chosen.count[b]):
+        for j in range(chosen.filled[b]):
             i = chosen.sample[b, j]
             c, n = seeding.point_normal[i, :3], seeding.point_normal[i, 3:]
             A, moment = rows.matrix[link], MOMENT_SCALE * seed_samples.spread[i]
@@ -66,7 +66,7 @@ def test_the_likelihood_is_that_of_dense_linear_algebra() -> None:
 def test_blocks_hold_each_sample_once_and_one_link_each() -> None:
     link = np.array([2, 0, 0, 2, 1, 0, 0, 0, 0, 0, 0, 0])
     found = in_blocks(range(len(link)), link)
-    held = [(b, i) for b, count in enumerate(found.count) for i in found.sample[b, :count]]
+    held = [(b, i) for b, count in enumerate(found.filled) for i in found.sample[b, :count]]
     assert sorted(i for _, i in held) == list(range(len(link)))
     assert all(link[i] == found.link[b] for b, i in held)
     assert (link[found.sample] == found.link[:, None]).all()
