@@ -304,9 +304,9 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
     table = Table(
         title=f"calibration, several contacts, {what}",
         caption=(
-            "counted: answers with the right number of contacts; of these, answer: calibration error of the stated "
-            "probabilities, in brackets what it is if the truths are "
-            "distributed as stated, on average and at most in 19 of 20 cases; earlier, last: share of the "
+            "counted: answers with the right number of contacts; of these, answer: calibration error of the "
+            "stated probabilities, in brackets what it is if the truths are distributed as stated, on "
+            "average and at most in 19 of 20 cases; earlier, last: share of the "
             "truths in the regions of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
         ),
     )
