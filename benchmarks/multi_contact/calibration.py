@@ -37,10 +37,11 @@ class Verdict(NamedTuple):
     """What one estimate stated, and what was correct."""
 
     answer: tuple[float, bool, float]
-    """Probability of the best explanation, whether it is the true one, and how probable that is for truths drawn
-    from the explanations: where two overlap, the truth of one may be nearer to the other."""
+    """Probability of the best explanation, whether it is the true one, and how probable that is for truths
+    drawn from the explanations: where two overlap, the truth of one may be nearer to the other."""
     in_region: tuple[bool, ...]
-    """Whether the region of highest density with the probability `REGION` contains the truth, of each contact."""
+    """Whether the region of highest density with the probability `REGION` contains the truth, of each
+    contact."""
     listed: float
     """Sum of the probabilities of all explanations."""
 
@@ -122,7 +123,10 @@ def judge(
     seed: int = 1,
     tick: Callable[[], object] = lambda: None,
 ) -> Iterator[Verdict | None]:
-    """Verdicts on trials with so many contacts on different links; None without an answer.
+    """Verdicts on trials with so many contacts on different links; None without an answer with so many.
+
+    An answer with fewer is not judged: how often there are several contacts is the scene's to say, and here
+    there always are.
 
     One by one, only trials are judged in which the best explanation of the earlier contacts is the true one:
     they are taken as known.
@@ -157,7 +161,8 @@ def judge(
                 Explanation((contact,), contact.probability) for contact in estimate.contacts
             )
             if number == contacts:
-                yield verdict(sets, links, points, bool(known)) if sets else None
+                counted = len(sets) > 0 and len(sets[0].contacts) == number
+                yield verdict(sets, links, points, bool(known)) if counted else None
                 break
             contacts_of_sets = [tuple(e.contacts) for e in sets]
             if not sets or not _is_best(contacts_of_sets, links, points[None])[0]:
@@ -197,7 +202,9 @@ class Summary(NamedTuple):
     contacts: int
     arriving: str
     samples: int
-    """Judged estimates."""
+    """Estimates."""
+    counted: float
+    """Fraction of them with that number of contacts. Only these are judged."""
     answer: Reliability
     earlier: Share
     """Fraction of the contacts before the last whose region contains the truth."""
@@ -214,7 +221,6 @@ def summarize(
     judged = [v for v in verdicts if v is not None]
     stated, right, expected = np.array([v.answer for v in judged]).reshape(-1, 3).T
     regions = np.array([v.in_region for v in judged]).reshape(-1, contacts)
-    missing = len(verdicts) - len(judged)
     last = regions if arriving == "at once" else regions[:, -1:]
     earlier = regions[:, : contacts - last.shape[1]]
     return Summary(
@@ -223,9 +229,10 @@ def summarize(
         contacts=contacts,
         arriving=arriving,
         samples=len(verdicts),
+        counted=len(judged) / len(verdicts) if verdicts else float("nan"),
         answer=reliability(stated, right > 0.0, expected),
         earlier=Share.of(int(earlier.sum()), earlier.size),
-        last=Share.of(int(last.sum()), last.size + missing * last.shape[1]),
+        last=Share.of(int(last.sum()), last.size),
         listed=float(np.mean([v.listed for v in judged])) if judged else float("nan"),
     )
 
@@ -254,8 +261,9 @@ def calibration_several(
 ) -> None:
     """Compare what is stated about several contacts with what is right.
 
-    The contacts are those of `contactsense bench several`. One by one, only trials are judged in which the best
-    explanation of the earlier contacts is the true one: the answer takes them as known.
+    The contacts are those of `contactsense bench several`. Answers with the right number of contacts are
+    judged. One by one, only trials are judged in which the
+    best explanation of the earlier contacts is the true one: the answer takes them as known.
 
     \b
     answer  the probability of the best explanation, against whether it is the true one: the right links, each
@@ -296,14 +304,15 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
     table = Table(
         title=f"calibration, several contacts, {what}",
         caption=(
-            "answer: calibration error of the stated probabilities, in brackets what it is if the truths are "
-            "distributed as stated, on average and at most in 19 of 20 cases; earlier, last: share of the "
+            "counted: answers with the right number of contacts; of these, answer: calibration error of the "
+            "stated probabilities, in brackets what it is if the truths are distributed as stated, on "
+            "average and at most in 19 of 20 cases; earlier, last: share of the "
             "truths in the regions of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
         ),
     )
     for name in ("arm", "noise N / Nm / Nm", "contacts", "arriving"):
         table.add_column(name, no_wrap=name != "contacts")
-    for name in ("judged", "answer", "earlier", "last", "listed"):
+    for name in ("trials", "counted", "answer", "earlier", "last", "listed"):
         table.add_column(name, justify="right", no_wrap=True)
     for r in results:
         table.add_row(
@@ -312,7 +321,8 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
             str(r.contacts),
             r.arriving,
             str(r.samples),
-            f"{100 * r.answer.error:.1f} ({100 * r.answer.by_chance:.1f}, {100 * r.answer.by_chance_95:.1f}) %",
+            f"{100 * r.counted:.1f} %",
+            "{:.1f} ({:.1f}, {:.1f}) %".format(*(100.0 * x for x in r.answer[:3])),
             "" if np.isnan(r.earlier.found) else str(r.earlier),
             str(r.last),
             f"{100 * r.listed:.1f} %",
@@ -332,6 +342,10 @@ def _print_reliability(results: Sequence[Summary]) -> None:
             for entry in r.answer.bins
         }
         table.add_row(
-            r.robot, f"{r.noise.force:g} N", str(r.contacts), r.arriving, *(cells.get(k, "") for k in range(10))
+            r.robot,
+            f"{r.noise.force:g} N",
+            str(r.contacts),
+            r.arriving,
+            *(cells.get(k, "") for k in range(10)),
         )
     Console(width=168).print(table)

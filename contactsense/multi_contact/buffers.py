@@ -25,8 +25,8 @@ MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1
 X, Y, Z, NX, NY, NZ, SPREAD, GAIN, DET, NORMAL_FORCE = range(0, 10 * LANES, LANES)
 """Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
 
-`X` to `NZ`: point [m] and outward unit normal, base frame. `SPREAD`: standard deviation of each component of an
-additional moment [Nm]. `GAIN`, `DET`, `NORMAL_FORCE`: see
+`X` to `NZ`: point [m] and outward unit normal, base frame. `SPREAD`: standard deviation of each component of
+an additional moment [Nm]. `GAIN`, `DET`, `NORMAL_FORCE`: see
 `contactsense.multi_contact.link_information.likelihood_near_samples`.
 """
 BLOCK_LENGTH = 10 * LANES
@@ -158,6 +158,8 @@ class SeedingBuffers(NamedTuple):
     """Outward normals of the known contacts, base axes."""
     initial_force: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
     """Initial forces of a seed, base axes [N]."""
+    pair_evidence: Annotated[Floats, "links, links"]
+    """Log evidence of two contacts on each pair of links, k >= l in row k, up to a constant."""
     seed_score: Annotated[Floats, f"{MAX_SEEDS}"]
     """Log likelihood of each seed, in falling order."""
     seed: Annotated[Integers, f"{MAX_SEEDS}, {MAX_CONTACTS}"]

@@ -129,13 +129,10 @@ class ContactSetBuilder:
         return parts
 
 
-def _state_marginal_probabilities(
-    rows_of_sets: Sequence[np.ndarray], probabilities: Sequence[float]
-) -> None:
+def _state_marginal_probabilities(rows_of_sets: Sequence[np.ndarray], probabilities: Sequence[float]) -> None:
     """Write into each row the sum of the probabilities of all explanations that contain its contact."""
     places = [
-        list(zip(rows[:, LINK].tolist(), rows[:, POINT_BASE].tolist(), strict=True))
-        for rows in rows_of_sets
+        list(zip(rows[:, LINK].tolist(), rows[:, POINT_BASE].tolist(), strict=True)) for rows in rows_of_sets
     ]
     for rows, contacts in zip(rows_of_sets, places, strict=True):
         for i, (link, point) in enumerate(contacts):

@@ -26,6 +26,7 @@ from contactsense.multi_contact.ranked_sets import (
     adopt_candidate,
     rank_sets,
     share_evidence,
+    share_pair_evidence,
     store_explanation,
 )
 from contactsense.multi_contact.sample_likelihood import initial_forces, initialize_seeding
@@ -79,16 +80,20 @@ def search_contact_sets(
     """
     seed_samples, rows, known_contacts, optimizer, seeding, candidates, explanations = buffers
     surfaces, frames = scene.surfaces, PrimitiveFrames(candidates.rotation, candidates.origin)
+    forces_known = True
     for i in range(known_count):
         initialize_known_contact(
             surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
         )
+        # Without a prior of a force, the sum over the surface knows less of it than the joint optimization.
+        forces_known = forces_known and optimizer.prior_force_information[i] > 0.0
     initialize_seeding(
         surfaces.link, prior.friction_ratio, known_contacts, known_count, force_scale, rows, m, seeding
     )
     prior_log_evidence = known_evidence(surfaces, prior, frames, rows, known_count, optimizer)
     stored = 0
     best = math.inf
+    unlisted = -math.inf
     for further in range(0 if known_count > 0 else 1, max_contacts - known_count + 1):
         if best < MIN_ENERGY:
             break
@@ -143,10 +148,14 @@ def search_contact_sets(
                     adopt_candidate(candidates, row, known_count, explanations, stored)
                 stored += 1
                 lowest_energy = min(lowest_energy, energy)
-        if is_broad:
+        if is_broad and forces_known:
             share_evidence(explanations, first, stored)
+        if further == 2:
+            unlisted = share_pair_evidence(
+                surfaces.link, explanations, first, stored, known_count, seeding.pair_evidence
+            )
         best = min(best, lowest_energy)
-    ranked: int = rank_sets(surfaces.link, explanations, stored, 2.0 * prior.surface_deviation)
+    ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
 
 

@@ -1,10 +1,10 @@
 """Candidates for a single further contact beside known ones.
 
-With the noise and the known contacts in one normal distribution, the measurement gives the wrench of a further
-contact on each link, and its covariance. That is the problem of a single contact: the search for one contact
-finds the candidates, and what it integrates over the surface gives their probabilities and covariances.
+With the noise and the known contacts in one normal distribution, the measurement gives the wrench of a
+further contact on each link, and its covariance. That is the problem of a single contact: the search for one
+contact finds the candidates, and what it integrates over the surface gives their probabilities and
+covariances.
 """
-
 
 from contactsense.isolation.link_hypotheses import PRIOR_STD
 from contactsense.kinematics.linalg.ldl import invert_spd
@@ -14,7 +14,6 @@ from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION, locate_c
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information
-from contactsense.multi_contact.sample_likelihood import copy_lower
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.solvers.posterior import Prior
 
@@ -44,13 +43,38 @@ def locate_further_contact(
     Returns:
         Number of candidates.
     """
-    copy_lower(m, seeding.prior_covariance, seeding.factor)
+    scale = 1.0
+    found = 0
+    for _ in range(2):
+        energy = _link_hypotheses(rows, m, scale, seeding)
+        found = locate_contacts(
+            scene, scene.touchable, motion, seeding.hypotheses, wrench_measured, prior, arrays,
+            seeding.link_probability,
+        )  # fmt: skip
+        if found > 0:
+            break
+        # The known contacts have changed by more than their priors allow.
+        scale = max(2.0 * energy, 1.0)
+    candidates = arrays.candidates
+    count = 0
+    while count < found and candidates.probability[candidates.order[count]] >= MIN_CANDIDATE_PROBABILITY:
+        count += 1
+    return count
+
+
+@fused_kernel
+def _link_hypotheses(rows: MeasurementRows, m: int, scale: float, seeding: SeedingBuffers) -> float:
+    """Fill `seeding.hypotheses`, with the covariance of the rows multiplied by `scale`; the lowest energy of
+    a link."""
+    for r in range(m):
+        for s in range(r + 1):
+            seeding.factor[r, s] = scale * seeding.prior_covariance[r, s]
     fill_link_information(rows, m, seeding)
     energy = 0.0
     for r in range(m):
         energy += 0.5 * seeding.weighted_innovation[r] * seeding.weighted_innovation[r]
-    hypotheses = seeding.hypotheses
-    for link in range(scene.touchable.shape[0]):
+    hypotheses, lowest = seeding.hypotheses, energy
+    for link in range(rows.seen.shape[0]):
         L, P, w = hypotheses.information[link], hypotheses.covariance[link], hypotheses.wrench[link]
         h = seeding.link_vector[link]
         for a in range(6):
@@ -65,22 +89,16 @@ def locate_further_contact(
             for b in range(6):
                 w[a] += P[a, b] * h[b]
             gain += 0.5 * h[a] * w[a]
-        hypotheses.energy[link] = energy - gain
-        hypotheses.log_evidence[link] = gain - energy
-    candidates = arrays.candidates
-    found: int = locate_contacts(
-        scene, scene.touchable, motion, hypotheses, wrench_measured, prior, arrays, seeding.link_probability
-    )
-    count = 0
-    while count < found and candidates.probability[candidates.order[count]] >= MIN_CANDIDATE_PROBABILITY:
-        count += 1
-    return count
+        hypotheses.energy[link] = max(energy - gain, 0.0)
+        hypotheses.log_evidence[link] = -hypotheses.energy[link]
+        lowest = min(lowest, hypotheses.energy[link])
+    return lowest
 
 
 @fused_kernel
 def is_any_broad(candidates: Candidates, count: int) -> bool:
-    """Whether the place of one of the first `count` candidates is so uncertain that a normal distribution about
-    the most probable one does not represent it."""
+    """Whether the place of one of the first `count` candidates is so uncertain that a normal distribution
+    about the most probable one does not represent it."""
     for k in range(count):
         C = candidates.covariance[candidates.order[k]]
         if C[0, 0] + C[1, 1] + C[2, 2] > LINE_OF_ACTION_DEVIATION * LINE_OF_ACTION_DEVIATION:

@@ -71,7 +71,12 @@ def explain_contact_sets(
         constants.sensors, state.motion, external, variances, present, lag, buffers.rows
     )
     scene = SearchedSurface(
-        constants.surfaces, constants.samples, constants.subsamples, constants.touchable, constants.left_out, depth
+        constants.surfaces,
+        constants.samples,
+        constants.subsamples,
+        constants.touchable,
+        constants.left_out,
+        depth,
     )
     arrays = SearchArrays(state.search_buffers, state.surface_cells, buffers.candidates)
     force_scale = estimate_force_scale(external, present)

@@ -97,9 +97,7 @@ def fill_link_information(rows: MeasurementRows, m: int, seeding: SeedingBuffers
 
 
 @fused_kernel
-def fill_sample_blocks(
-    seed_samples: SeedSamples, moment_scale: float, seeding: SeedingBuffers
-) -> None:
+def fill_sample_blocks(seed_samples: SeedSamples, moment_scale: float, seeding: SeedingBuffers) -> None:
     """Fill `seeding.block` with the places of the coarse samples.
 
     Args:

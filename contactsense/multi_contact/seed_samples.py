@@ -22,7 +22,7 @@ class SampleBlocks(NamedTuple):
     """Indices of the samples; the last one of a block fills its unused lanes."""
     link: Annotated[Integers, "blocks"]
     """Link of each block."""
-    count: Annotated[Integers, "blocks"]
+    filled: Annotated[Integers, "blocks"]
     """Number of samples in each block."""
 
 
@@ -64,16 +64,16 @@ def choose_seed_samples(constants: Constants) -> SeedSamples:
 
 def in_blocks(chosen: Sequence[int], link: np.ndarray) -> SampleBlocks:
     """Blocks of the chosen samples, in order of their links; `link`: that of every sample."""
-    sample, of_block, count = [], [], []
+    sample, of_block, filled = [], [], []
     for k in np.unique(link[list(chosen)]):
         own = [i for i in chosen if link[i] == k]
         for first in range(0, len(own), LANES):
             block = own[first : first + LANES]
             sample.append(block + [block[-1]] * (LANES - len(block)))
             of_block.append(k)
-            count.append(len(block))
+            filled.append(len(block))
     return SampleBlocks(
         np.array(sample, dtype=np.int64).reshape(-1, LANES),
         np.array(of_block, dtype=np.int64),
-        np.array(count, dtype=np.int64),
+        np.array(filled, dtype=np.int64),
     )

@@ -5,7 +5,14 @@ import math
 import numpy as np
 
 from contactsense.localization.simd_layout import LANES
-from contactsense.multi_contact.buffers import GAIN, NORMAL_FORCE, MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.buffers import (
+    DET,
+    GAIN,
+    NORMAL_FORCE,
+    SPREAD,
+    MeasurementRows,
+    SeedingBuffers,
+)
 from contactsense.multi_contact.link_information import (
     fill_link_information,
     fill_sample_blocks,
@@ -25,6 +32,8 @@ from contactsense.robots.jit.kernel import fused_kernel
 
 Samples = tuple[int, int, int]
 """Indices of the samples of a set; unused ones are 0."""
+NEGLIGIBLE = 20.0
+"""Log evidence that is lower than another one by this does not count."""
 SAME_SIDE_COSINE = 0.9
 """Two samples are on the same side of a primitive if the cosine between their normals exceeds this."""
 
@@ -145,8 +154,10 @@ def _seed_pairs(
         scores[:] = -math.inf
     fill_sample_blocks(seed_samples, force_scale * seed_samples.coarse_factor, seeding)
     deviations = force_deviations(force_scale, friction_ratio)
+    seeding.pair_evidence[:] = -math.inf
     for b in range(chosen.link.shape[0]):
-        for j in range(chosen.count[b]):
+        own = chosen.link[b]
+        for j in range(chosen.filled[b]):
             i, S = chosen.sample[b, j], seeding.contact_covariance[b * LANES + j]
             for r in range(m):
                 for s in range(r + 1):
@@ -162,7 +173,15 @@ def _seed_pairs(
                 likelihood_near_samples(
                     seeding.link_information[link], seeding.link_vector[link], deviations, block
                 )
-                for e in range(chosen.count[d] if d < b else j):
+                lanes = chosen.filled[d] if d < b else j
+                _add_pair_evidence(
+                    base + 2.0 * math.log(seed_samples.spread[i]),
+                    block,
+                    lanes,
+                    seeding.pair_evidence[own],
+                    link,
+                )
+                for e in range(lanes):
                     # The bound is cheaper than the score.
                     pushes = count > 2 or block[NORMAL_FORCE + e] > 0.0
                     if not (pushes and base + block[GAIN + e] > scores[-1]):
@@ -174,6 +193,28 @@ def _seed_pairs(
                     )
                     if slot >= 0 and (count > 2 or _all_push(m, d * LANES + e, (i, k, k), seeding)):
                         put_seed(score, samples, slot, scores, seeds)
+
+
+@fused_kernel
+def _add_pair_evidence(base: float, block: np.ndarray, lanes: int, evidence: np.ndarray, link: int) -> None:
+    """Add the evidence of pairs of one sample and the first `lanes` samples of a block to `evidence[link]`.
+
+    A sample counts in proportion to the area of its cell, the square of its spread. `base`: log evidence of
+    the one sample.
+    """
+    largest = -math.inf
+    for e in range(lanes):
+        largest = max(largest, block[GAIN + e])
+    # A gain is an upper bound of a log likelihood: nothing is added by what is far below.
+    if not base + largest > evidence[link] - NEGLIGIBLE:
+        return
+    total = 0.0
+    for e in range(lanes):
+        area = block[SPREAD + e] * block[SPREAD + e]
+        total += area * math.exp(block[GAIN + e] - largest) / math.sqrt(block[DET + e])
+    added = base + largest + math.log(total)
+    high, low = max(added, evidence[link]), min(added, evidence[link])
+    evidence[link] = high + math.log1p(math.exp(low - high))
 
 
 @fused_kernel
@@ -205,7 +246,7 @@ def _seed_triples(
             likelihood_near_samples(
                 seeding.link_information[link], seeding.link_vector[link], deviations, block
             )
-            for e in range(chosen.count[d]):
+            for e in range(chosen.filled[d]):
                 j = chosen.sample[d, e]
                 if j == i or j == k:  # noqa: SIM109 (a tuple would be searched slower)
                     continue

@@ -4,14 +4,16 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 from contactsense import Scene
-from contactsense.multi_contact.buffers import NORMAL_FORCE, empty_multi_contact_buffers
+from contactsense.multi_contact.buffers import NORMAL_FORCE, MultiContactBuffers, empty_multi_contact_buffers
 from contactsense.multi_contact.link_information import (
     fill_link_information,
     fill_sample_blocks,
     likelihood_near_samples,
     log_gain,
 )
+from contactsense.multi_contact.sample_likelihood import RATIO_FACTOR
 from contactsense.multi_contact.seed_samples import in_blocks
+from contactsense.multi_contact.seeding import find_seeds
 from contactsense.runtime.constants import build_constants
 from tests.plain_arm import plain_ur5e
 
@@ -24,49 +26,97 @@ def _cross(c: np.ndarray) -> np.ndarray:
     return np.array([[0.0, -c[2], c[1]], [c[2], 0.0, -c[0]], [-c[1], c[0], 0.0]])
 
 
-def test_the_likelihood_is_that_of_dense_linear_algebra() -> None:
-    constants = build_constants(Scene(robot=plain_ur5e()))
-    buffers = empty_multi_contact_buffers(constants)
-    seed_samples, rows, seeding = buffers.seed_samples, buffers.rows, buffers.seeding
+def _measurement() -> tuple[MultiContactBuffers, np.ndarray, np.ndarray]:
+    """Random rows, places and normals of the samples; the covariance of the rows, and their values."""
+    buffers = empty_multi_contact_buffers(build_constants(Scene(robot=plain_ur5e())))
+    rows, seeding = buffers.rows, buffers.seeding
     rng = np.random.default_rng(3)
     for link in range(len(rows.seen)):
-        seen = np.arange(ROWS) < 6 + link
-        rows.matrix[link] = rng.standard_normal((ROWS, 6)) * seen[:, None]
+        rows.seen[link] = np.arange(ROWS) < 6 + link
+        rows.matrix[link] = rng.standard_normal((ROWS, 6)) * rows.seen[link][:, None]
     root = rng.standard_normal((ROWS, ROWS))
     covariance = np.eye(ROWS) + root @ root.T
     y = 10.0 * rng.standard_normal(ROWS)
-    seeding.innovation[:], seeding.factor[:] = y, covariance
-    seeding.point_normal[:, :3] = rng.standard_normal((len(seed_samples.link), 3))
-    normal = rng.standard_normal((len(seed_samples.link), 3))
+    seeding.innovation[:] = y
+    seeding.prior_covariance[:], seeding.factor[:] = covariance, covariance
+    count = len(buffers.seed_samples.link)
+    seeding.point_normal[:, :3] = rng.standard_normal((count, 3))
+    normal = rng.standard_normal((count, 3))
     seeding.point_normal[:, 3:] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    return buffers, covariance, y
+
+
+def _by_force(buffers: MultiContactBuffers, i: int) -> np.ndarray:
+    """Derivative of the rows by a force at sample i."""
+    A, c = buffers.rows.matrix[buffers.seed_samples.link[i]], buffers.seeding.point_normal[i, :3]
+    return np.asarray(A[:, :3] + A[:, 3:] @ _cross(c))
+
+
+def _added_covariance(
+    buffers: MultiContactBuffers, i: int, normal: float, tangential: float, moment_scale: float
+) -> np.ndarray:
+    """Covariance of the rows due to a contact near sample i; arguments as the constants above."""
+    n, J = buffers.seeding.point_normal[i, 3:], _by_force(buffers, i)
+    M = buffers.rows.matrix[buffers.seed_samples.link[i]][:, 3:]
+    Q = tangential**2 * np.eye(3) + (normal**2 - tangential**2) * np.outer(n, n)
+    return np.asarray(J @ Q @ J.T + (moment_scale * buffers.seed_samples.spread[i]) ** 2 * M @ M.T)
+
+
+def test_the_likelihood_is_that_of_dense_linear_algebra() -> None:
+    buffers, covariance, y = _measurement()
+    seed_samples, seeding = buffers.seed_samples, buffers.seeding
     chosen = seed_samples.coarse
     fill_sample_blocks(seed_samples, MOMENT_SCALE, seeding)
-    base = fill_link_information(rows, ROWS, seeding)
+    base = fill_link_information(buffers.rows, ROWS, seeding)
     alone = multivariate_normal(np.zeros(ROWS), covariance).logpdf(y)
     for b in range(0, len(chosen.link), 5):
         link = chosen.link[b]
         likelihood_near_samples(
             seeding.link_information[link], seeding.link_vector[link], (NORMAL, TANGENTIAL), seeding.block[b]
         )
-        for j in range(chosen.count[b]):
+        for j in range(chosen.filled[b]):
             i = chosen.sample[b, j]
-            c, n = seeding.point_normal[i, :3], seeding.point_normal[i, 3:]
-            A, moment = rows.matrix[link], MOMENT_SCALE * seed_samples.spread[i]
-            by_force = A[:, :3] + A[:, 3:] @ _cross(c)
-            Q = TANGENTIAL**2 * np.eye(3) + (NORMAL**2 - TANGENTIAL**2) * np.outer(n, n)
-            S = covariance + by_force @ Q @ by_force.T + moment**2 * A[:, 3:] @ A[:, 3:].T
+            n = seeding.point_normal[i, 3:]
+            S = covariance + _added_covariance(buffers, i, NORMAL, TANGENTIAL, MOMENT_SCALE)
             expected = multivariate_normal(np.zeros(ROWS), S).logpdf(y) - alone
             np.testing.assert_allclose(log_gain(seeding.block[b], j), expected, rtol=1e-8, atol=1e-8)
-            force = Q @ by_force.T @ np.linalg.solve(S, y)
-            np.testing.assert_allclose(seeding.block[b, NORMAL_FORCE + j], -force @ n, rtol=1e-7, atol=1e-7)
+            push = -(NORMAL**2) * n @ _by_force(buffers, i).T @ np.linalg.solve(S, y)
+            np.testing.assert_allclose(seeding.block[b, NORMAL_FORCE + j], push, rtol=1e-7, atol=1e-7)
     log_volume = -0.5 * ROWS * np.log(2.0 * np.pi)
     np.testing.assert_allclose(base + log_volume, alone)
+
+
+def test_the_evidence_of_a_pair_of_links_is_the_sum_over_pairs_of_samples() -> None:
+    buffers, covariance, y = _measurement()
+    seed_samples, friction_ratio, force_scale = buffers.seed_samples, 0.25, 15.0
+    find_seeds(seed_samples, friction_ratio, 2, force_scale, buffers.rows, ROWS, buffers.seeding)
+    chosen = [
+        int(i)
+        for samples, filled in zip(seed_samples.coarse.sample, seed_samples.coarse.filled, strict=True)
+        for i in samples[:filled]
+    ]
+    scale = force_scale * seed_samples.coarse_factor
+    parts = [
+        _added_covariance(buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale, scale)
+        for i in chosen
+    ]
+    link, log_area = seed_samples.link[chosen], 2.0 * np.log(seed_samples.spread[chosen])
+    one, other = np.tril_indices(len(chosen), -1)
+    L = np.linalg.cholesky(covariance + np.array(parts)[one] + np.array(parts)[other])
+    z = np.linalg.solve(L, np.broadcast_to(y, (len(one), ROWS))[..., None])[..., 0]
+    log_pair = -0.5 * (z**2).sum(axis=1) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
+    log_pair += log_area[one] + log_area[other] + 2.0 * np.log(scale)
+    for k in range(len(buffers.rows.seen)):
+        for j in range(k + 1):
+            on = (link[one] == k) & (link[other] == j)
+            expected = np.logaddexp.reduce(log_pair[on]) if on.any() else -np.inf
+            np.testing.assert_allclose(buffers.seeding.pair_evidence[k, j], expected, atol=1e-6)
 
 
 def test_blocks_hold_each_sample_once_and_one_link_each() -> None:
     link = np.array([2, 0, 0, 2, 1, 0, 0, 0, 0, 0, 0, 0])
     found = in_blocks(range(len(link)), link)
-    held = [(b, i) for b, count in enumerate(found.count) for i in found.sample[b, :count]]
+    held = [(b, i) for b, count in enumerate(found.filled) for i in found.sample[b, :count]]
     assert sorted(i for _, i in held) == list(range(len(link)))
     assert all(link[i] == found.link[b] for b, i in held)
     assert (link[found.sample] == found.link[:, None]).all()
