@@ -51,7 +51,7 @@ class Point(NamedTuple):
 
     varied: str
     """What is counted: primitives, links or contacts."""
-    count: int
+    number: int
     microseconds: float
     """Time of one answer."""
 
@@ -178,7 +178,7 @@ def measure(samples: int) -> Iterator[Point]:
 def slope(points: Sequence[Point]) -> tuple[float, float]:
     """Exponent and factor of the power of the count that fits the times best, in logarithms."""
     exponent, offset = np.polyfit(
-        np.log([p.count for p in points]), np.log([p.microseconds for p in points]), 1
+        np.log([p.number for p in points]), np.log([p.microseconds for p in points]), 1
     )
     return float(exponent), float(np.exp(offset))
 
@@ -191,7 +191,7 @@ def table(series: dict[str, list[Point]]) -> Table:
     for varied, points in series.items():
         for p in points:
             growth = f"number^{slope(points)[0]:.2f}" if p is points[-1] else ""
-            drawn.add_row(varied, str(p.count), f"{p.microseconds:.1f}", growth)
+            drawn.add_row(varied, str(p.number), f"{p.microseconds:.1f}", growth)
     return drawn
 
 
@@ -209,7 +209,7 @@ def draw(series: dict[str, list[Point]], path: Path = PICTURE) -> None:
 
 def _panel(axes: Axes, varied: str, points: Sequence[Point]) -> None:
     exponent, factor = slope(points)
-    count = np.array([p.count for p in points], dtype=np.float64)
+    count = np.array([p.number for p in points], dtype=np.float64)
     axes.plot(count, factor * count**exponent, color="C1", label=f"number$^{{{exponent:.2f}}}$")
     axes.plot(count, [p.microseconds for p in points], "o", color="C0")
     axes.set_xscale("log")

@@ -38,9 +38,9 @@ from contactsense.robots.vectors import tangents
 
 MAX_ITERATIONS = 6
 """Maximum number of Gauss-Newton steps per cell."""
-ENERGY_TOLERANCE = 0.2
+ENERGY_TOLERANCE = 0.1
 """Converged if the predicted decrease of the energy is less than this ..."""
-RELATIVE_TOLERANCE = 0.2
+RELATIVE_TOLERANCE = 0.1
 """... plus this per unit of energy by which the cell is worse than the best so far."""
 MIN_INITIAL_FORCE_SHARE = 0.3
 """Lower bound of the initial normal force, relative to the measured force."""
