@@ -11,14 +11,13 @@ row, going outward, gives all hypotheses in turn. For a subset of the sensors th
 """
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
 from contactsense.kinematics.spatial import Six, dot6
-from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.declaration import Floats, Integers
-from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 
 PRIOR_STD = 1e3
 """Standard deviation of the wrench before any measurement, without a base sensor [N and Nm]."""
@@ -26,6 +25,12 @@ PRIOR_STD = 1e3
 _LOG_2PI = math.log(2.0 * math.pi)
 _LARGEST, _LARGEST_INVERSE = 1e200, 1e-200
 """Products beyond these are replaced by their logarithm."""
+
+Symmetric: TypeAlias = tuple[
+    float, float, float, float, float, float, float, float, float, float, float, float, float, float, float,
+    float, float, float, float, float, float,
+]  # fmt: skip
+"""Upper triangle of a symmetric 6x6 matrix, row by row."""
 
 
 class SensorModel(NamedTuple):
@@ -80,42 +85,79 @@ class Hypotheses(NamedTuple):
     """Log likelihood of all measurements under a contact on this link with any wrench."""
 
 
-@fused_kernel
-def _kalman_step(
-    a: np.ndarray, value: float, variance: float, out: Hypotheses, before: int, link: int
-) -> tuple[float, float]:
-    """Kalman step for value = a . w + noise, from the hypothesis of link `before` to that of `link`, maybe
-    the same; energy and variance of the innovation."""
-    P, L, Q, M = out.covariance[before], out.information[before], out.covariance[link], out.information[link]
-    row = (a[0], a[1], a[2], a[3], a[4], a[5])
-    cross_covariance = (
-        dot6(P[0], row),
-        dot6(P[1], row),
-        dot6(P[2], row),
-        dot6(P[3], row),
-        dot6(P[4], row),
-        dot6(P[5], row),
+@inlined_fused_kernel
+def _times(A: Symmetric, x: Six) -> Six:
+    """A x."""
+    return (
+        A[0] * x[0] + A[1] * x[1] + A[2] * x[2] + A[3] * x[3] + A[4] * x[4] + A[5] * x[5],
+        A[1] * x[0] + A[6] * x[1] + A[7] * x[2] + A[8] * x[3] + A[9] * x[4] + A[10] * x[5],
+        A[2] * x[0] + A[7] * x[1] + A[11] * x[2] + A[12] * x[3] + A[13] * x[4] + A[14] * x[5],
+        A[3] * x[0] + A[8] * x[1] + A[12] * x[2] + A[15] * x[3] + A[16] * x[4] + A[17] * x[5],
+        A[4] * x[0] + A[9] * x[1] + A[13] * x[2] + A[16] * x[3] + A[18] * x[4] + A[19] * x[5],
+        A[5] * x[0] + A[10] * x[1] + A[14] * x[2] + A[17] * x[3] + A[19] * x[4] + A[20] * x[5],
     )
-    innovation_variance = variance + dot6(row, cross_covariance)
-    innovation = value - dot6(row, out.wrench[before])
-    precision = 1.0 / innovation_variance
-    gain = precision * innovation
-    for i in range(6):
-        out.wrench[link, i] = out.wrench[before, i] + gain * cross_covariance[i]
-    _add_outer_product(P, -precision, cross_covariance, Q)
-    _add_outer_product(L, 1.0 / variance, row, M)
-    return 0.5 * innovation * innovation * precision, innovation_variance
 
 
-@fused_kernel
-def _add_outer_product(A: np.ndarray, weight: float, x: Six, out: np.ndarray) -> None:
-    """out = A + weight x x^T for a symmetric A, which may be `out`."""
-    for i in range(6):
-        scaled = weight * x[i]
-        for k in range(i, 6):
-            value = A[i, k] + scaled * x[k]
-            out[i, k] = value
-            out[k, i] = value
+@inlined_fused_kernel
+def _plus_outer_product(A: Symmetric, weight: float, x: Six) -> Symmetric:
+    """A + weight x x^T."""
+    y0, y1, y2, y3, y4, y5 = (
+        weight * x[0], weight * x[1], weight * x[2], weight * x[3], weight * x[4], weight * x[5],
+    )  # fmt: skip
+    return (
+        A[0] + y0 * x[0],
+        A[1] + y0 * x[1],
+        A[2] + y0 * x[2],
+        A[3] + y0 * x[3],
+        A[4] + y0 * x[4],
+        A[5] + y0 * x[5],
+        A[6] + y1 * x[1],
+        A[7] + y1 * x[2],
+        A[8] + y1 * x[3],
+        A[9] + y1 * x[4],
+        A[10] + y1 * x[5],
+        A[11] + y2 * x[2],
+        A[12] + y2 * x[3],
+        A[13] + y2 * x[4],
+        A[14] + y2 * x[5],
+        A[15] + y3 * x[3],
+        A[16] + y3 * x[4],
+        A[17] + y3 * x[5],
+        A[18] + y4 * x[4],
+        A[19] + y4 * x[5],
+        A[20] + y5 * x[5],
+    )
+
+
+@inlined_fused_kernel
+def _upper_triangle(A: np.ndarray, factor: float) -> Symmetric:
+    """The upper triangle of `factor` times a symmetric matrix, row by row."""
+    return (
+        factor * A[0, 0], factor * A[0, 1], factor * A[0, 2], factor * A[0, 3], factor * A[0, 4],
+        factor * A[0, 5], factor * A[1, 1], factor * A[1, 2], factor * A[1, 3], factor * A[1, 4],
+        factor * A[1, 5], factor * A[2, 2], factor * A[2, 3], factor * A[2, 4], factor * A[2, 5],
+        factor * A[3, 3], factor * A[3, 4], factor * A[3, 5], factor * A[4, 4], factor * A[4, 5],
+        factor * A[5, 5],
+    )  # fmt: skip
+
+
+@inlined_fused_kernel
+def _multiple_of_identity(value: float) -> Symmetric:
+    return (
+        value, 0.0, 0.0, 0.0, 0.0, 0.0, value, 0.0, 0.0, 0.0, 0.0, value, 0.0, 0.0, 0.0, value, 0.0, 0.0,
+        value, 0.0, value,
+    )  # fmt: skip
+
+
+@inlined_fused_kernel
+def _store(A: Symmetric, out: np.ndarray) -> None:
+    """Write both triangles of a symmetric matrix."""
+    out[0, 0], out[0, 1], out[0, 2], out[0, 3], out[0, 4], out[0, 5] = A[0], A[1], A[2], A[3], A[4], A[5]
+    out[1, 0], out[1, 1], out[1, 2], out[1, 3], out[1, 4], out[1, 5] = A[1], A[6], A[7], A[8], A[9], A[10]
+    out[2, 0], out[2, 1], out[2, 2], out[2, 3], out[2, 4], out[2, 5] = A[2], A[7], A[11], A[12], A[13], A[14]
+    out[3, 0], out[3, 1], out[3, 2], out[3, 3], out[3, 4], out[3, 5] = A[3], A[8], A[12], A[15], A[16], A[17]
+    out[4, 0], out[4, 1], out[4, 2], out[4, 3], out[4, 4], out[4, 5] = A[4], A[9], A[13], A[16], A[18], A[19]
+    out[5, 0], out[5, 1], out[5, 2], out[5, 3], out[5, 4], out[5, 5] = A[5], A[10], A[14], A[17], A[19], A[20]
 
 
 @fused_kernel
@@ -141,16 +183,15 @@ def isolate(
         variance_ratio: Factor on the covariance of the base wrench: below one for filtered measurements.
         out: Filled link by link.
     """
-    w, P, L = out.wrench, out.covariance, out.information
-    for i in range(6):
-        w[0, i] = base_wrench[i] if has_base else 0.0
-        for k in range(6):
-            if has_base:
-                P[0, i, k] = base_covariance[i, k] * variance_ratio
-                L[0, i, k] = base_information[i, k] / variance_ratio
-            else:
-                P[0, i, k] = PRIOR_STD * PRIOR_STD if i == k else 0.0
-                L[0, i, k] = 1.0 / (PRIOR_STD * PRIOR_STD) if i == k else 0.0
+    # Tuples, which the compiler keeps in registers: a step would wait for what the last one has stored.
+    w = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    P, L = _multiple_of_identity(PRIOR_STD * PRIOR_STD), _multiple_of_identity(PRIOR_STD**-2.0)
+    if has_base:
+        w = (
+            base_wrench[0], base_wrench[1], base_wrench[2], base_wrench[3], base_wrench[4], base_wrench[5],
+        )  # fmt: skip
+        P = _upper_triangle(base_covariance, variance_ratio)
+        L = _upper_triangle(base_information, 1.0 / variance_ratio)
     energy = 0.0
     # Product of the variances of all rows, as exp(log_volume) * volume: one logarithm for many factors.
     log_volume, volume = 0.0, 1.0
@@ -158,27 +199,37 @@ def isolate(
         energy += 0.5 * rows.value[i] * rows.value[i] / rows.variance[i]
         volume *= rows.variance[i]
         log_volume, volume = _within_range(log_volume, volume)
-    for link in range(w.shape[0]):
-        before = max(link - 1, 0)
+    for link in range(out.energy.shape[0]):
         for i in range(count):
             if rows.first_link[i] != link:
                 continue
             # Under this hypothesis the sensor carries the contact: its innovation replaces the energy of
             # noise alone.
             variance = rows.variance[i]
-            energy_step, innovation_variance = _kalman_step(
-                rows.screw[i], rows.proximal_value[i], variance, out, before, link
+            a = rows.screw[i]
+            row = (a[0], a[1], a[2], a[3], a[4], a[5])
+            # One Kalman step.
+            covariance = _times(P, row)
+            innovation_variance = variance + dot6(row, covariance)
+            innovation, precision = rows.proximal_value[i] - dot6(row, w), 1.0 / innovation_variance
+            gain = precision * innovation
+            w = (
+                w[0] + gain * covariance[0],
+                w[1] + gain * covariance[1],
+                w[2] + gain * covariance[2],
+                w[3] + gain * covariance[3],
+                w[4] + gain * covariance[4],
+                w[5] + gain * covariance[5],
             )
-            before = link
-            energy += energy_step - 0.5 * rows.value[i] * rows.value[i] / variance
+            P = _plus_outer_product(P, -precision, covariance)
+            L = _plus_outer_product(L, 1.0 / variance, row)
+            energy += 0.5 * innovation * gain - 0.5 * rows.value[i] * rows.value[i] / variance
             volume *= innovation_variance / variance
             log_volume, volume = _within_range(log_volume, volume)
-        if before != link:
-            # No sensor of its own.
-            copy(w[before], w[link])
-            for i in range(6):
-                copy(P[before, i], P[link, i])
-                copy(L[before, i], L[link, i])
+        for i in range(6):
+            out.wrench[link, i] = w[i]
+        _store(P, out.covariance[link])
+        _store(L, out.information[link])
         out.energy[link] = energy
         out.log_evidence[link] = -energy - 0.5 * (log_volume + math.log(volume) + count * _LOG_2PI)
 

@@ -1,11 +1,14 @@
-"""A cell is excluded if no force explains the moment about it, or if it would have to be pulled."""
+"""A cell is excluded if no force explains the moment about it or leans so far from its normal, or if it would
+have to be pulled."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from contactsense.localization.energy_bound import FORCE_SIGMAS, PULL_SHARE, exclude_cells
-from contactsense.localization.simd_layout import EXCLUDED, LANES, LENGTH, NX, SPREAD, X
+from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
+from contactsense.localization.simd_layout import BOUND, EXCLUDED, LANES, LENGTH, NX, SPREAD, X
+from contactsense.solvers.posterior import Prior
 
 LEVER = 0.003
 
@@ -53,3 +56,24 @@ def test_a_pulled_cell_is_excluded() -> None:
     block = _block(np.zeros((LANES, 3)), normal, np.full(LANES, 0.01))
     exclude_cells(w, 1e-4 * np.eye(6), np.eye(3), np.zeros(3), 4.0, 3e-4, LEVER, np.inf, block)
     np.testing.assert_array_equal(_excluded(block), np.cos(angle) > PULL_SHARE)
+
+
+def test_the_bound_is_below_the_energy_of_the_best_contact_in_a_cell() -> None:
+    rng = np.random.default_rng(3)
+    prior = Prior(0.25, LEVER, 0.001, 20.0, 0.005, 1.0, np.zeros(1))
+    P, force = np.diag([0.04] * 3 + [0.0025] * 3), np.array([0.0, 0.0, -20.0])
+    ratios = []
+    for _ in range(50):
+        point, angle = rng.normal(size=(LANES, 3)) * 0.02, rng.uniform(0.0, 1.3, LANES)
+        normal = np.column_stack((np.sin(angle), np.zeros(LANES), np.cos(angle)))
+        block = _block(point, normal, np.full(LANES, 0.01))
+        w = np.hstack((force, rng.normal(size=3) * 0.1))
+        exclude_cells(w, P, np.eye(3), np.zeros(3), 400.0, 0.12, LEVER, np.inf, block, prior.friction_ratio)
+        bound = block[BOUND : BOUND + LANES].copy()
+        find_modes(LANES, w, np.linalg.inv(P), prior, True, np.inf, block)
+        energy = np.array([laplace_evidence(j, prior, np.inf, block)[0] for j in range(LANES)])
+        # The energy itself is accurate to the tolerance of the iteration.
+        assert np.all(bound < energy + 0.1)
+        ratios.append(bound / energy)
+    # It is not far below: friction alone explains most of the energy here.
+    assert np.median(ratios) > 0.6

@@ -1,0 +1,89 @@
+"""The search along the line of action against one that leaves nothing out: a mode on each primitive, as far
+as it is accessible."""
+
+import math
+
+import numpy as np
+import pytest
+
+from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense.kinematics.wrench_information import to_body_frame
+from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
+from contactsense.localization.candidate_buffers import store_candidate
+from contactsense.localization.line_of_action_search import search_along_line_of_action
+from contactsense.robots.jit.flat_buffers import zeros
+from contactsense.robots.vectors import vector
+from contactsense.solvers.line_of_action import enter_surface
+from contactsense.solvers.posterior import Contact, SearchBuffers, pushing_force
+from contactsense.solvers.posterior_mode import find_posterior_mode
+from contactsense.solvers.wrench import Wrench
+from tests.plain_arm import contacts, plain_ur5e
+
+ARM = plain_ur5e()
+TRUTH = contacts(ARM, 40, seed=4)
+
+
+@pytest.fixture(scope="module")
+def localizer() -> Localizer:
+    return Localizer(
+        Scene(
+            robot=ARM,
+            base_wrench=WrenchSensor(force_noise=0.1, moment_noise=0.02),
+            joint_torque=JointTorqueSensor(noise=0.3),
+        )
+    )
+
+
+def _scores_of_all(localizer: Localizer) -> np.ndarray:
+    """Score of the candidate on each primitive, minus infinity where it cannot be touched."""
+    constants, state = localizer._buffers.constants, localizer._buffers.state
+    surfaces, hypotheses, candidates = constants.surfaces, state.hypotheses, state.candidates
+    buffers, prior = zeros(SearchBuffers), constants.prior
+    scores = np.full(len(surfaces.kind), -np.inf)
+    for p, (kind, size) in enumerate(zip(surfaces.kind, surfaces.size, strict=True)):
+        link, w, L = surfaces.link[p], candidates.wrench[p], candidates.information[p]
+        to_body_frame(
+            hypotheses.wrench[link],
+            hypotheses.information[link],
+            candidates.rotation[p],
+            candidates.origin[p],
+            w,
+            L,
+        )
+        _, point, normal = enter_surface(
+            kind, size, surfaces.radius[p], Wrench((w[0], w[1], w[2]), (w[3], w[4], w[5]))
+        )
+        start = Contact(point, normal, pushing_force(vector(w), normal), 0.0)
+        mode = find_posterior_mode(kind, size, w, L, prior, math.inf, start, buffers)
+        if mode.log_evidence == -math.inf:
+            continue
+        store_candidate(candidates, p, p, mode, buffers, prior.surface_deviation)
+        if is_mounting_face(link, candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation):
+            continue
+        candidates.score[p] = mode.log_evidence - hypotheses.energy[link]
+        apply_accessibility(surfaces, candidates, p, prior, -math.inf)
+        scores[p] = candidates.score[p]
+    return scores
+
+
+def test_no_candidate_that_counts_is_left_out(localizer: Localizer) -> None:
+    constants, state = localizer._buffers.constants, localizer._buffers.state
+    for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
+        localizer.locate(q, base_wrench=wrench, joint_torque=torque)
+        count = search_along_line_of_action(
+            constants.surfaces,
+            constants.touchable,
+            state.hypotheses,
+            constants.prior,
+            state.search_buffers,
+            state.candidates,
+        )
+        found = np.full(len(constants.surfaces.kind), -np.inf)
+        order = state.candidates.order[:count]
+        found[order] = state.candidates.score[order]
+        expected = _scores_of_all(localizer)
+        best = expected.max()
+        assert found.max() == pytest.approx(best, abs=0.05)
+        # Of those that weigh a hundredth of the best one.
+        counts = expected > best - math.log(100.0)
+        np.testing.assert_allclose(found[counts], expected[counts], atol=0.3)
