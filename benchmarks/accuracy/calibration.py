@@ -24,7 +24,14 @@ from contactsense.benchmarks.accuracy.credible_regions import (
     within,
 )
 from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise, measured, scene_of, stated_noise
+from contactsense.benchmarks.accuracy.static_cases import (
+    COLUMNS,
+    Detail,
+    Noise,
+    measured,
+    scene_of,
+    stated_noise,
+)
 from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
 from contactsense.scene import LinkPrior
 
