@@ -44,7 +44,7 @@ class Answers:
         for i, _ in enumerate(recording):
             far = 0.05 if i > 300 else 0.0
             contact = Contact(
-                "forearm", 3, 0, 1.0, np.zeros(3), TRUTH + [far, 0.0, 0.0], np.array([0.0, 0.0, 1.0]),
+                "forearm", 3, 0, 1.0, np.zeros(3), TRUTH + np.array([far, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]),
                 np.array([0.0, 0.0, -10.0]), 0.0, 1e-6 * np.eye(3),
             )  # fmt: skip
             yield Estimate(
