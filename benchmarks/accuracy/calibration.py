@@ -24,7 +24,14 @@ from contactsense.benchmarks.accuracy.credible_regions import (
     within,
 )
 from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise, measured, scene_of
+from contactsense.benchmarks.accuracy.static_cases import (
+    COLUMNS,
+    Detail,
+    Noise,
+    measured,
+    scene_of,
+    stated_noise,
+)
 from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
 from contactsense.scene import LinkPrior
 
@@ -119,9 +126,13 @@ def judge(
     meshes: Path | None = None,
     link_prior: LinkPrior = "area",
 ) -> list[Verdict | None]:
-    """Locate all points with that noise and judge every estimate; None if there is no answer."""
+    """Locate all points with that noise and judge every estimate; None if there is no answer.
+
+    The noise is that which the scene states, in rows without noise too: regions that allow for more than
+    there is would hold too much.
+    """
     localizer = Localizer(scene_of(points, noise, sensors, detail, meshes, link_prior))
-    wrench, torque = measured(points, noise, sensors)
+    wrench, torque = measured(points, stated_noise(noise), sensors)
     verdicts = []
     for i, (q, link, point) in enumerate(zip(points.q, points.link, points.point_base, strict=True)):
         estimate = localizer.locate(

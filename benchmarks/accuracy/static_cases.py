@@ -42,6 +42,11 @@ EXACT = Noise(0.002, 0.0004, 0.002)
 0.02 mm, a tenth of the surface error, so that rows without noise show the surface error."""
 
 
+def stated_noise(noise: Noise) -> Noise:
+    """What the scene of a row states: at least `EXACT`."""
+    return Noise(*(max(level, floor) for level, floor in zip(noise, EXACT, strict=True)))
+
+
 def scene_of(
     points: StaticPoints,
     noise: Noise,
@@ -60,7 +65,7 @@ def scene_of(
         meshes: For `detail` skin: folder with ROBOT/LINK.ply.
         link_prior: See `Scene`.
     """
-    stated = Noise(*(max(level, floor) for level, floor in zip(noise, EXACT, strict=True)))
+    stated = stated_noise(noise)
     has_base, has_torque = SENSORS[sensors]
     return Scene(
         robot=points.robot,

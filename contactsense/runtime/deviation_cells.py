@@ -6,6 +6,10 @@ from contactsense.localization.local_prior import DeviationCells, no_cells
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.scene import Scene
 
+LONG_TAILS = 1.1
+"""Factor on the root mean square of a cell. Distances have longer tails than a Gaussian; with this one, regions
+of 90 % hold their share of the contacts that it was tuned on (`contactsense bench calibration`: UR5e of own
+truth, first half of the given UR10e)."""
 LEAST_OFFSET = 1e-4
 """Smallest standard deviation of the offset [m]: the real arm differs from its mesh."""
 
@@ -24,7 +28,7 @@ def deviation_cells(scene: Scene, surfaces: Surfaces) -> DeviationCells:
         for cell in link.coarse_deviation if scene.detail == "coarse" else link.deviation:
             p = first + cell.primitive
             points.append((np.array(cell.point) - surfaces.origin[p]) @ surfaces.rotation[p])
-            ratios.append(max(cell.offset, LEAST_OFFSET) / scene.surface_deviation)
+            ratios.append(max(LONG_TAILS * cell.offset, LEAST_OFFSET) / scene.surface_deviation)
             tilts.append(cell.tilt)
             owners.append(p)
     if not points:

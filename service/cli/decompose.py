@@ -68,7 +68,7 @@ _COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
 @click.option(
     "--measure",
     type=click.Path(path_type=Path),
-    help="Keep the primitives of this surface file; measure how far they are from the meshes, place by place.",
+    help="Keep the primitives of this surface file; measure how far they are from the meshes.",
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Write the primitives to this YAML file.")
 @click.option(

@@ -1,5 +1,7 @@
-"""`contactsense decompose ARM --measure FILE`: how far the primitives of a surface file are from the meshes, for
-a file that does not have it or has other meshes."""
+"""`contactsense decompose ARM --measure FILE`: how far the primitives of a surface file are from the meshes.
+
+For a file that does not say it, or for other meshes.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

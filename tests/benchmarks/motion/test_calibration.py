@@ -1,38 +1,88 @@
 """Probabilities and regions of contacts in a stream: which answers are judged, and how."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
+from contactsense import Contact, Estimate, Sample, Scene
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
-from contactsense.benchmarks.motion.calibration import motion_calibration, summaries
-from contactsense.benchmarks.motion.score import AGES, FORCE, samples_at_ages
-from contactsense.benchmarks.motion.streams import read
-from tests.shared import shared
+from contactsense.benchmarks.motion import calibration
+from contactsense.benchmarks.motion.score import samples_at_ages
+from contactsense.benchmarks.motion.streams import Event, Stream
+
+N = 1000
+TRUTH = np.array([0.1, 0.2, 0.3])
 
 
+def stream() -> Stream:
+    """Two seconds at 500 Hz: a hold of 0.4 s on link 3 from 0.4 s, an impact of 50 ms from 1.4 s."""
+    touched = np.zeros(N, dtype=bool)
+    touched[200:400] = touched[700:725] = True
+    zero = np.zeros((N, 6))
+    wrench = np.where(touched[:, None], [0.0, 0.0, -10.0, 0.0, 0.0, 0.0], 0.0)
+    return Stream(
+        robot="ur5e", gravity=9.81, suite="motion", run=0, kind="slow", multi=False,
+        t=np.arange(N) * 0.002, q=zero, qd=zero, torque=zero, base_wrench=zero, noise_torque=zero,
+        noise_wrench=zero, touched=touched, link=np.where(touched, 3, -1), point_base=np.tile(TRUTH, (N, 1)),
+        normal_base=np.tile([0.0, 0.0, 1.0], (N, 1)), wrench=wrench,
+        events=(Event(200, 400, "hold"), Event(700, 725, "impact")),
+    )  # fmt: skip
+
+
+class Answers:
+    """Stands for a `Localizer`: from 0.1 s after the hold's onset on the truth is known, then it is 50 mm off
+    and sure of it."""
+
+    def __init__(self, scene: Scene) -> None:
+        pass
+
+    def run(self, recording: Iterator[Sample]) -> Iterator[Estimate]:
+        for i, _ in enumerate(recording):
+            far = 0.05 if i > 300 else 0.0
+            contact = Contact(
+                "forearm", 3, 0, 1.0, np.zeros(3), TRUTH + np.array([far, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]),
+                np.array([0.0, 0.0, -10.0]), 0.0, 1e-6 * np.eye(3),
+            )  # fmt: skip
+            yield Estimate(
+                0.002 * i, "contact", (contact,) if 250 <= i < 400 else (), np.eye(7)[3],
+                np.zeros(6), np.zeros((6, 6)),
+            )  # fmt: skip
+
+
+@pytest.fixture
+def answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calibration, "Localizer", Answers)
+
+
+@pytest.mark.usefixtures("answered")
 def test_each_contact_is_judged_once_at_each_age_that_it_reaches() -> None:
-    streams = read(shared("truth"), "ur5e", "motion")[:3]
-    found = summaries(streams, COLUMNS[1], wrong=False)
-    ages = [age for stream in streams for age in samples_at_ages(stream).values()]
-    for summary in found:
-        total = ages.count(float(summary.sensors.removesuffix(" s")))
-        assert round(summary.samples / (1.0 - summary.no_answer)) == total
-    assert [summary.sensors for summary in found] == [f"{age:g} s" for age in AGES]
-    # Samples of pairs and of weak contacts are not judged.
-    for stream in streams:
-        force = np.linalg.norm(stream.wrench[:, :3], axis=1)
-        assert all(force[i] >= FORCE and stream.link[i] >= 0 for i in samples_at_ages(stream))
+    assert samples_at_ages(stream()) == {210: 0.02, 250: 0.1, 350: 0.3, 710: 0.02}
+    early, late = calibration.summaries([stream()], COLUMNS[0], wrong=False)
+    # 20 ms after both onsets there is no answer.
+    assert (early.sensors, early.samples, early.no_answer, early.region.found) == ("0.1 s", 1, 0.0, 1.0)
+    assert (late.sensors, late.samples, late.region.found) == ("0.3 s", 1, 0.0)
+    assert late.statements["place"].error == pytest.approx(1.0)
+    assert late.statements["link"].error == 0.0
 
 
-def test_the_command_prints_json() -> None:
-    folder: Path = shared("truth")
-    command = [str(folder), "--robot", "ur5e", "--level", "1", "--json"]
-    done = CliRunner().invoke(motion_calibration, command, catch_exceptions=False)
+@pytest.mark.usefixtures("answered")
+def test_noise_is_drawn_anew_and_answers_are_judged_together() -> None:
+    early, _ = calibration.summaries([stream()], COLUMNS[1], wrong=False, draws=3)
+    assert early.samples == 3
+
+
+@pytest.mark.usefixtures("answered")
+def test_the_command_prints_a_table_and_json(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(calibration, "read", lambda *_: [stream()])
+    command = [str(tmp_path), "--robot", "ur5e", "--level", "1"]
+    table = CliRunner().invoke(calibration.motion_calibration, command, catch_exceptions=False)
+    assert "calibration, contacts over time" in table.stdout
+    assert "0.3 s" in table.stdout
+    done = CliRunner().invoke(calibration.motion_calibration, [*command, "--json"], catch_exceptions=False)
     results = json.loads(done.stdout)["results"]
+    assert [(r["sensors"], r["region"]) for r in results] == [("0.1 s", 1.0), ("0.3 s", 0.0)]
     assert {r["noise"]["torque"] for r in results} == {COLUMNS[1].torque}
-    # Contacts of 0.3 s and longer: known well, so that regions hold most and probabilities are high.
-    late = next(r for r in results if r["sensors"] == "1 s")
-    assert late["region"] > 0.6

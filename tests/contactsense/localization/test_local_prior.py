@@ -8,7 +8,7 @@ from contactsense.benchmarks.accuracy.static_cases import Detail
 from contactsense.localization.local_prior import local_prior
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import build_constants
-from contactsense.runtime.deviation_cells import LEAST_OFFSET, deviation_cells
+from contactsense.runtime.deviation_cells import LEAST_OFFSET, LONG_TAILS, deviation_cells
 from contactsense.runtime.scene_surfaces import scene_surfaces
 
 
@@ -34,10 +34,10 @@ def test_a_place_has_the_deviations_of_the_nearest_cell_of_its_primitive(detail:
             continue
         in_link = constants.surfaces.rotation[p] @ place + constants.surfaces.origin[p]
         nearest = min(own, key=lambda c: float(np.linalg.norm(np.array(c.point) - in_link)))
-        assert found.surface_deviation == pytest.approx(max(nearest.offset, LEAST_OFFSET))
+        assert found.surface_deviation == pytest.approx(max(LONG_TAILS * nearest.offset, LEAST_OFFSET))
         assert found.friction_ratio == pytest.approx(np.hypot(prior.friction_ratio, nearest.tilt))
         assert found.torsion_lever == prior.torsion_lever
-        ratios = [max(c.offset, LEAST_OFFSET) / prior.surface_deviation for c in own]
+        ratios = [max(LONG_TAILS * c.offset, LEAST_OFFSET) / prior.surface_deviation for c in own]
         assert cells.largest[p] == pytest.approx(max(ratios))
 
 
