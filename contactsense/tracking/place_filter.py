@@ -50,7 +50,7 @@ BLOCK_TIME = 0.02
 """Time over which increments of the residuals are averaged [s]."""
 ERROR_TIME = 1.0
 """Time over which the error of the model of a torque counts as constant [s]."""
-FORCE_DRIFT, DIRECTION_DRIFT, TORSION_DRIFT, PLACE_DRIFT = 5.0, 1e-2, 1e-6, 1e-4
+FORCE_DRIFT, DIRECTION_DRIFT, TORSION_DRIFT, PLACE_DRIFT = 20.0, 0.1, 1e-5, 1e-4
 """Variances per second of the random walks of the log force, of the friction ratios, of the torsion ratio
 [m^2] and of the place [m^2]: a hand is unsteady, and a contact may slide."""
 FIRST_ITERATIONS, ITERATIONS = 8, 2
