@@ -1,6 +1,7 @@
 """The filter of the place of a contact: its evidence is that of all samples at once; when it gives up."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from contactsense.tracking import place_filter
 from contactsense.tracking.place_filter import PlaceFilter, add_sample, end_block, start_filter
 
 DT, BANDWIDTH = 0.004, 10.0
-PER_BLOCK = 5
+PER_BLOCK, BLOCKS = 5, 4
 DRIFT = np.array(
     [
         place_filter.FORCE_DRIFT,
@@ -72,7 +73,7 @@ def case() -> _Case:
     links = constants.surfaces.link[constants.samples.primitive]
     touched = int(np.flatnonzero(links == 3)[20])
     start, speed = np.array([0.3, -1.2, 1.4, -1.0, -1.2, 0.2]), np.array([0.8, -0.6, 0.9, 0.5, -0.7, 1.0])
-    count = 1 + 4 * PER_BLOCK
+    count = 1 + BLOCKS * PER_BLOCK
     motions = []
     for i in range(count):
         motion = empty_motion(6)
@@ -107,14 +108,11 @@ def _run(case: _Case, torque: np.ndarray, noise: float) -> tuple[PlaceFilter, li
     return places, explained
 
 
-def _batch_log_evidence(case: _Case, s: int, noise: float) -> float:
-    """Log evidence of cell s for all samples at once, by Laplace's method: unknowns of all blocks together,
-    Jacobian by differences."""
+def _batch_log_evidence(case: _Case, s: int, noise: float, blocks: int) -> float:
+    """Log evidence of cell s for the first sample and that many blocks at once, by Laplace's method: unknowns
+    of all blocks together, Jacobian by differences."""
     constants, prior = case.constants, case.constants.prior
-    groups = [[0]] + [
-        list(range(1 + PER_BLOCK * b, 1 + PER_BLOCK * (b + 1)))
-        for b in range((len(case.motion) - 1) // PER_BLOCK)
-    ]
+    groups = [[0]] + [list(range(1 + PER_BLOCK * b, 1 + PER_BLOCK * (b + 1))) for b in range(blocks)]
     spread = constants.samples.spread[s]
     first = np.array([1.0, prior.friction_ratio, prior.friction_ratio, prior.torsion_lever, spread, spread])
     step = np.sqrt(DRIFT * PER_BLOCK * DT)
@@ -145,13 +143,23 @@ def _batch_log_evidence(case: _Case, s: int, noise: float) -> float:
     return float(constants.samples.log_share[s] - 0.5 * r @ r - 0.5 * log_det - log_prior_scale)
 
 
+def _with_forgetting(case: _Case, s: int, noise: float) -> float:
+    """The same, with what earlier blocks tell shrunk before each block."""
+    kept = np.exp(-PER_BLOCK * DT / place_filter.FORGETTING_TIME)
+    batch = [_batch_log_evidence(case, s, noise, blocks) for blocks in range(1 + BLOCKS)]
+    total = batch[0]
+    for before, after in pairwise(batch):
+        total = kept * total + after - before
+    return total
+
+
 def test_evidence_is_that_of_all_samples_at_once(case: _Case) -> None:
     """An extended Kalman filter linearizes once per block; so the two differ by some tenths."""
     places, explained = _run(case, case.torque, 0.3)
     assert all(explained)
     probable = np.argsort(-places.log_weight)[:6]
     assert places.log_weight[probable[-1]] > places.log_weight[probable[0]] - 6.0
-    batch = np.array([_batch_log_evidence(case, int(s), 0.3) for s in probable])
+    batch = np.array([_with_forgetting(case, int(s), 0.3) for s in probable])
     difference = places.log_weight[probable] - batch
     weight = np.exp(places.log_weight[probable] - places.log_weight.max())
     difference -= np.average(difference, weights=weight)
