@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 import numpy as np
@@ -95,7 +95,7 @@ def motion(
     for name, suite, noise, wrong in track(
         rounds, description="stepping", console=Console(stderr=True), transient=True
     ):
-        results += measure(streams[name, suite], noise, wrong, bandwidth, draws, sensors)
+        results += measure(streams[name, suite], noise, wrong, bandwidth, draws, sensors, not over_time)
     if as_json:
         click.echo(
             json.dumps(
@@ -151,8 +151,10 @@ def measure(
     bandwidth: float | None = None,
     draws: int = 1,
     sensors: str = "all",
+    at_rest: bool = True,
 ) -> list[dict[str, Any]]:
-    """Process the streams of one arm and suite, `draws` times with different noise (once without).
+    """Process the streams of one arm and suite, `draws` times with different noise (once without); `at_rest`:
+    compare with the same contacts at rest.
 
     Returns:
         One row per kind of motion, plain numbers for a table or JSON; errors in mm, None if there are none.
@@ -163,7 +165,7 @@ def measure(
     still = tuple(np.sqrt(variance_ratio) * level for level in noise)
     stated = scene_for(streams[0], noise, wrong=False, bandwidth=bandwidth, sensors=sensors)
     base, torque = stated.base_wrench, stated.joint_torque
-    resting = Localizer(
+    resting = at_rest and Localizer(
         stated.model_copy(
             update={
                 "base_wrench": base
@@ -198,11 +200,14 @@ def measure(
 
 
 def _summary(
-    score: Score, resting: Localizer, noise: tuple[float, float, float], sensors: tuple[bool, bool]
+    score: Score,
+    resting: Localizer | Literal[False],
+    noise: tuple[float, float, float],
+    sensors: tuple[bool, bool],
 ) -> dict[str, Any]:
     error = 1e3 * np.array(score.error)
     static, static_right = np.empty(0), np.empty(0)
-    if len(error):
+    if len(error) and resting:
         static, static_right = static_error(resting, score.rows, noise, sensors)
         static *= 1e3
     live, rest = _quantiles(error), _quantiles(static)
@@ -211,7 +216,7 @@ def _summary(
         "touched_samples": score.touched,
         "answered": len(error) / score.touched if score.touched else None,
         "link_right": float(np.mean(score.link_right)) if len(error) else None,
-        "link_right_static": float(np.mean(static_right)) if len(error) else None,
+        "link_right_static": float(np.mean(static_right)) if len(static_right) else None,
         "clear": float(np.mean(score.clear)) if len(error) else None,
         "error_mm": live,
         "error_mm_static": rest,

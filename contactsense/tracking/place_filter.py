@@ -23,7 +23,7 @@ block, Q the covariance of the drift, H = dr/dx and S the noise,
 
 the logarithm of the probability of the new torques, given all torques before, under the hypothesis. A large
 friction ratio or torsion that a place would need at any instant counts against it by the prior of x, once and
-not once per sample.
+not once per sample. Before each block the differences between log weights shrink, see `FORGETTING_TIME`.
 
 The observer's residuals are correlated over its time constant 1 / K. With e = exp(-K dt), the numbers
 r_{i-1} + (r_i - r_{i-1}) / (1 - e) undo its low-pass and are white; blocks of them are averaged. The error of
@@ -50,9 +50,12 @@ BLOCK_TIME = 0.02
 """Time over which increments of the residuals are averaged [s]."""
 ERROR_TIME = 1.0
 """Time over which the error of the model of a torque counts as constant [s]."""
-FORCE_DRIFT, DIRECTION_DRIFT, TORSION_DRIFT, PLACE_DRIFT = 5.0, 1e-2, 1e-6, 1e-4
+FORCE_DRIFT, DIRECTION_DRIFT, TORSION_DRIFT, PLACE_DRIFT = 20.0, 0.1, 1e-5, 1e-4
 """Variances per second of the random walks of the log force, of the friction ratios, of the torsion ratio
 [m^2] and of the place [m^2]: a hand is unsteady, and a contact may slide."""
+FORGETTING_TIME = 0.8
+"""Differences between log weights decay with this time constant [s]: the errors of successive blocks, due to
+the surface and to the assumed drifts, are not independent, so their sum would be too certain."""
 FIRST_ITERATIONS, ITERATIONS = 8, 2
 """Largest number of Gauss-Newton steps for the first torques, and for later ones."""
 CONVERGED = 0.05
@@ -243,11 +246,23 @@ def end_block(
     for s in range(samples.point.shape[0]):
         if places.log_weight[s] > -math.inf:
             _drift(places, s, status.time)
+    _forget(places, math.exp(-status.time / FORGETTING_TIME))
     misfit = _update_cells(places, samples, link_of, depth, prior, ITERATIONS, buffers)
     status.blocks += 1
     _clear_block(places)
     n = noise.shape[0]
     return bool(misfit <= 0.5 * (n + MISFIT * math.sqrt(2.0 * n)))
+
+
+@fused_kernel
+def _forget(places: PlaceFilter, kept: float) -> None:
+    """Multiply the differences between log weights by `kept`."""
+    weight, best = places.log_weight, -math.inf
+    for s in range(weight.shape[0]):
+        best = max(best, weight[s])
+    for s in range(weight.shape[0]):
+        if weight[s] > -math.inf:
+            weight[s] = best + kept * (weight[s] - best)
 
 
 @fused_kernel
