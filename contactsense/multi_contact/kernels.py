@@ -74,6 +74,7 @@ def explain_contact_sets(
         constants.surfaces,
         constants.samples,
         constants.subsamples,
+        constants.deviations,
         constants.touchable,
         constants.left_out,
         depth,
