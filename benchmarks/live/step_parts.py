@@ -31,9 +31,10 @@ from contactsense.sensors.stream_state import (
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
 
-SAMPLES = 400
-"""Samples of the demonstration before the first touch."""
-LOOP, TURNS = 500, 40
+FIRST, LAST = 4500, 4700
+"""Samples of the demonstration between two touches, when the start of the stream is no longer watched."""
+LOOP, TURNS = 500, 20
+"""Repetitions in a compiled loop, and of each measurement."""
 REGISTER, KINEMATICS, STEPS, BASE_EQUATIONS, TORQUE_EQUATIONS, NOISE, ENERGY, DECISION = range(8)
 COMPILED = (
     "store the readings, times and gaps of the sensors",
@@ -100,17 +101,17 @@ def measure() -> list[tuple[str, float]]:
     )
     samples = [
         Sample(float(motion.t[i]), motion.q[i], motion.qd[i], motion.joint_torque[i], motion.base_wrench[i])
-        for i in range(SAMPLES)
+        for i in range(LAST)
     ]
-    quiet = samples[SAMPLES // 2 :]
+    quiet = samples[FIRST:]
 
     def stream() -> None:
         localizer.reset()
-        for sample in samples[: SAMPLES // 2]:
+        for sample in samples[:FIRST]:
             localizer.step(sample)
 
     call = yardstick()
-    rnea = min(_each(lambda _: call(), quiet) for _ in range(TURNS))
+    rnea = min(_each(lambda _: call(), quiet) for _ in range(10 * TURNS))
     steps = []
     for _ in range(TURNS):
         stream()
@@ -126,11 +127,11 @@ def measure() -> list[tuple[str, float]]:
         ("Python: sample to arguments", min(_each(fields, quiet) for _ in range(TURNS))),
         (
             "Python: the estimate",
-            min(_each(lambda s: localizer._no_contact(s.t, 1.0), quiet) for _ in range(TURNS)),
+            min(_each(lambda s: localizer._no_contact(s.t, 1.0), quiet) for _ in range(10 * TURNS)),
         ),
         (
             "call: conversion of the arguments, views of the arrays",
-            min(_each(lambda x: detect(*rest, *x, False), refused) for _ in range(TURNS)),
+            min(_each(lambda x: detect(*rest, *x, False), refused) for _ in range(10 * TURNS)),
         ),
     ]
     t, _, readings = converted[-1]
