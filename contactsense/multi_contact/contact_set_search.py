@@ -80,13 +80,10 @@ def search_contact_sets(
     """
     seed_samples, rows, known_contacts, optimizer, seeding, candidates, explanations = buffers
     surfaces, frames = scene.surfaces, PrimitiveFrames(candidates.rotation, candidates.origin)
-    forces_known = True
     for i in range(known_count):
         initialize_known_contact(
             surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
         )
-        # Without a prior of a force, the sum over the surface knows less of it than the joint optimization.
-        forces_known = forces_known and optimizer.prior_force_information[i] > 0.0
     initialize_seeding(
         surfaces.link, prior.friction_ratio, known_contacts, known_count, force_scale, rows, m, seeding
     )
@@ -148,7 +145,7 @@ def search_contact_sets(
                     adopt_candidate(candidates, row, known_count, explanations, stored)
                 stored += 1
                 lowest_energy = min(lowest_energy, energy)
-        if is_broad and forces_known:
+        if is_broad:
             share_evidence(explanations, first, stored)
         if further == 2:
             unlisted = share_pair_evidence(
