@@ -43,7 +43,7 @@ FORCE = 20.0
 """Of each contact [N]."""
 CONTACTS = (1, 2, 3)
 FITTED = ("primitives", "links")
-"""Quantities to which a power is fitted. One contact has a search of its own, so that no power fits contacts."""
+"""Where a power is fitted. One contact has a search of its own, so that no power fits the contacts."""
 REPETITIONS = 5
 """The fastest of these counts: the others were interrupted more often."""
 
