@@ -42,6 +42,8 @@ JOINTS = 6
 FORCE = 20.0
 """Of each contact [N]."""
 CONTACTS = (1, 2, 3)
+FITTED = ("primitives", "links")
+"""Where a power is fitted. One contact has a search of its own, so that no power fits the contacts."""
 REPETITIONS = 5
 """The fastest of these counts: the others were interrupted more often."""
 
@@ -190,7 +192,8 @@ def table(series: dict[str, list[Point]]) -> Table:
         drawn.add_column(name, justify="left" if name == "varied" else "right")
     for varied, points in series.items():
         for p in points:
-            growth = f"number^{slope(points)[0]:.2f}" if p is points[-1] else ""
+            fitted = varied in FITTED and p is points[-1]
+            growth = f"number^{slope(points)[0]:.2f}" if fitted else ""
             drawn.add_row(varied, str(p.number), f"{p.microseconds:.1f}", growth)
     return drawn
 
@@ -208,9 +211,11 @@ def draw(series: dict[str, list[Point]], path: Path = PICTURE) -> None:
 
 
 def _panel(axes: Axes, varied: str, points: Sequence[Point]) -> None:
-    exponent, factor = slope(points)
     count = np.array([p.number for p in points], dtype=np.float64)
-    axes.plot(count, factor * count**exponent, color="C1", label=f"number$^{{{exponent:.2f}}}$")
+    if varied in FITTED:
+        exponent, factor = slope(points)
+        axes.plot(count, factor * count**exponent, color="C1", label=f"number$^{{{exponent:.2f}}}$")
+        axes.legend()
     axes.plot(count, [p.microseconds for p in points], "o", color="C0")
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -220,7 +225,6 @@ def _panel(axes: Axes, varied: str, points: Sequence[Point]) -> None:
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.legend()
 
 
 @click.command()
