@@ -7,9 +7,9 @@ from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.scene import Scene
 
 LONG_TAILS = 1.1
-"""Factor on the root mean square of a cell. Distances have longer tails than a Gaussian; with this one, regions
-of 90 % hold their share of the contacts that it was tuned on (`contactsense bench calibration`: UR5e of own
-truth, first half of the given UR10e)."""
+"""Factor on the root mean square of a cell. Distances have longer tails than a Gaussian; with this one,
+regions of 90 % hold their share of the contacts that it was tuned on (`contactsense bench calibration`: UR5e
+of own truth, first half of the given UR10e)."""
 LEAST_OFFSET = 1e-4
 """Smallest standard deviation of the offset [m]: the real arm differs from its mesh."""
 
