@@ -1,8 +1,8 @@
-"""`python -m benchmarks.live.speed_against CHECKOUT`: time per sample, as a ratio to that of another checkout of
-this repository in the same run.
+"""`python -m benchmarks.live.speed_against CHECKOUT`: time per sample, as a ratio to that of another checkout
+of this repository in the same run.
 
-Both get the same samples, those of the demo's motion, in processes of their own that take turns: machines differ
-and are noisy, and a ratio of what ran side by side says most.
+Both get the same samples, those of the demo's motion, in processes of their own that take turns: machines
+differ and are noisy, and a ratio of what ran side by side says most.
 """
 
 import json
@@ -71,7 +71,9 @@ HERE = Path(__file__).resolve().parents[2]
 
 @click.command()
 @click.argument("checkout", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--turns", type=click.IntRange(min=1), default=5, show_default=True, help="Runs of each checkout.")
+@click.option(
+    "--turns", type=click.IntRange(min=1), default=5, show_default=True, help="Runs of each checkout."
+)
 def main(checkout: Path, turns: int) -> None:
     """Compare the time per sample with that of another CHECKOUT."""
     folders = (checkout.resolve(), HERE)
@@ -85,7 +87,9 @@ def main(checkout: Path, turns: int) -> None:
                 found = _run(folder, samples, Path(scratch))
                 if turn > 0:  # The first turn compiles.
                     rows.append(found)
-    click.echo(f"| median time of a sample [us] | {checkout} | this checkout | ratio | smallest, largest ratio |")
+    click.echo(
+        f"| median time of a sample [us] | {checkout} | this checkout | ratio | smallest, largest ratio |"
+    )
     click.echo("|---" * 5 + "|")
     for k, what in enumerate(WHAT):
         theirs, ours = ([row[k] for row in rows] for rows in times)

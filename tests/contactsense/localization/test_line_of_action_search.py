@@ -72,6 +72,7 @@ def test_no_candidate_that_counts_is_left_out(localizer: Localizer) -> None:
         localizer.locate(q, base_wrench=wrench, joint_torque=torque)
         count = search_along_line_of_action(
             constants.surfaces,
+            constants.deviations,
             constants.touchable,
             state.hypotheses,
             constants.prior,
