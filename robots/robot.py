@@ -101,8 +101,6 @@ class Link:
     """The same with only one or two primitives, for scenes where speed matters more."""
     deviation: tuple[LocalDeviation, ...] = ()
     """How far the real surface is from `primitives`; empty if it was not measured."""
-    coarse_deviation: tuple[LocalDeviation, ...] = ()
-    """The same for `coarse`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -125,17 +125,15 @@ class LinkSurface(_Entry):
     fine: tuple[Primitive, ...] = Field(min_length=1)
     coarse: tuple[Primitive, ...] = Field(min_length=1)
     fine_deviation: str = ""
-    """How far the real surface is from the primitives: a line for each place, with the number of the
+    """How far the real surface is from the fine primitives: a line for each place, with the number of the
     primitive, the place [mm], and the standard deviations of distance [mm] and normal [degrees]."""
-    coarse_deviation: str = ""
 
     @model_validator(mode="after")
     def _deviations_are_of_primitives(self) -> "LinkSurface":
-        for level in ("fine", "coarse"):
-            try:
-                table(getattr(self, f"{level}_deviation"), len(getattr(self, level)))
-            except ValueError as error:
-                raise ValueError(f"{level}_deviation: {error}") from None
+        try:
+            table(self.fine_deviation, len(self.fine))
+        except ValueError as error:
+            raise ValueError(f"fine_deviation: {error}") from None
         return self
 
 
@@ -151,7 +149,7 @@ class SurfaceEntry(_Entry):
 
 
 def table(text: str, primitives: int) -> tuple[LocalDeviation, ...]:
-    """The lines of `LinkSurface.fine_deviation`, or of `coarse_deviation`.
+    """The lines of `LinkSurface.fine_deviation`.
 
     Raises:
         ValueError: a line has not six numbers, names a primitive that is not there, or a deviation is not
@@ -243,7 +241,6 @@ def _with_primitives(link: Link, surface: LinkSurface) -> Link:
         primitives=surface.fine,
         coarse=surface.coarse,
         deviation=table(surface.fine_deviation, len(surface.fine)),
-        coarse_deviation=table(surface.coarse_deviation, len(surface.coarse)),
     )
 
 

@@ -79,7 +79,7 @@ def text(
     comments: Iterable[str],
     seconds: float,
     tip: str | None = None,
-    deviations: Mapping[str, Mapping[str, Iterable[str]]] | None = None,
+    deviations: Mapping[str, Iterable[str]] | None = None,
 ) -> str:
     """Content of the YAML file: comments, then one primitive per line under link and level.
 
@@ -89,7 +89,7 @@ def text(
         comments: Lines at the start of the file.
         seconds: Duration of the fit [s].
         tip: Last link of the arm in its URDF, if it was named.
-        deviations: Link name -> level -> `contactsense.robots.decomposition.local_deviation.lines`.
+        deviations: Link name -> `contactsense.robots.decomposition.local_deviation.lines` of the fine level.
     """
     lines = [f"# {comment}".rstrip() for comment in comments]
     lines += [f"robot: {robot}", *([f"tip: {tip}"] if tip else []), f"fit_seconds: {seconds:.0f}", "links:"]
@@ -99,9 +99,8 @@ def text(
             lines.append(f"    {level}:")
             for shape in shapes:
                 lines.append(f"      - {_fields(shape)}")
-        for level, cells in (deviations or {}).get(link, {}).items():
-            lines.append(f"    {level}_deviation: |")
-            lines += [f"      {cell}" for cell in cells]
+        if deviations is not None and link in deviations:
+            lines += ["    fine_deviation: |", *(f"      {cell}" for cell in deviations[link])]
     return "\n".join(lines) + "\n"
 
 

@@ -258,13 +258,7 @@ def _yaml(
     }
     from contactsense.robots.decomposition.local_deviation import lines
 
-    deviations = {
-        name: {
-            "coarse": lines(fits[name][_coarse(fits[name], chosen[name])].deviation),
-            "fine": lines(fits[name][chosen[name]].deviation),
-        }
-        for name in fits
-    }
+    deviations = {name: lines(fits[name][chosen[name]].deviation) for name in fits}
     comments = (
         f"Surface of the {robot.name}: convex primitives in the link frames, in metres.",
         f"Made by: {command}",

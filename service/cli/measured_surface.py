@@ -45,10 +45,7 @@ def measured_again(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", path: Pat
             continue
         click.echo(name, err=True)
         skin = outer_skin(meshes[name], neighbour_poses(robot, meshes, number), _SAMPLES)
-        levels = {"coarse": surface.links[name].coarse, "fine": surface.links[name].fine}
-        deviations[name] = {
-            level: lines(local_deviation(bodies_of(shapes), skin)) for level, shapes in levels.items()
-        }
+        deviations[name] = lines(local_deviation(bodies_of(surface.links[name].fine), skin))
     links = {name: {"coarse": link.coarse, "fine": link.fine} for name, link in surface.links.items()}
     comments.append(
         "Deviations: contactsense decompose --measure; primitive, x y z [mm], distance [mm], normal [deg]"

@@ -4,55 +4,60 @@ import numpy as np
 import pytest
 
 from contactsense import Scene, robots
-from contactsense.benchmarks.accuracy.static_cases import Detail
-from contactsense.localization.local_prior import local_prior
+from contactsense.localization.local_prior import DeviationCells, local_prior
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.deviation_cells import LEAST_OFFSET, LONG_TAILS, deviation_cells
 from contactsense.runtime.scene_surfaces import scene_surfaces
+from contactsense.solvers.posterior import Prior
 
 
-@pytest.mark.parametrize("detail", ["fine", "coarse"])
-def test_a_place_has_the_deviations_of_the_nearest_cell_of_its_primitive(detail: Detail) -> None:
-    scene = Scene(robot="ur5e", detail=detail)
+@kernel
+def _numbers(
+    prior: Prior, cells: DeviationCells, p: int, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    local = local_prior(prior, cells, p, x, y, z)
+    return local.surface_deviation, local.friction_ratio, local.torsion_lever
+
+
+def test_a_place_has_the_deviations_of_the_nearest_cell_of_its_primitive() -> None:
+    scene = Scene(robot="ur5e")
     constants = build_constants(scene)
     prior, cells = constants.prior, constants.deviations
     rng = np.random.default_rng(1)
     links = robots.load("ur5e").links
-    level = {
-        k: (link.coarse, link.coarse_deviation) if detail == "coarse" else (link.primitives, link.deviation)
-        for k, link in enumerate(links)
-    }
     for p in range(len(constants.surfaces.kind)):
         link = int(constants.surfaces.link[p])
-        own = [c for c in level[link][1] if c.primitive == p - constants.surfaces.start[link]]
+        own = [c for c in links[link].deviation if c.primitive == p - constants.surfaces.start[link]]
         assert len(own) == cells.start[p + 1] - cells.start[p]
         place = rng.uniform(-0.1, 0.1, 3)
-        found = local_prior(prior, cells, p, *place)
+        deviation, friction_ratio, torsion_lever = _numbers(prior, cells, p, *place)
+        assert torsion_lever == prior.torsion_lever
         if not own:
-            assert found == prior
+            assert (deviation, friction_ratio) == (prior.surface_deviation, prior.friction_ratio)
             continue
         in_link = constants.surfaces.rotation[p] @ place + constants.surfaces.origin[p]
         nearest = min(own, key=lambda c: float(np.linalg.norm(np.array(c.point) - in_link)))
-        assert found.surface_deviation == pytest.approx(max(LONG_TAILS * nearest.offset, LEAST_OFFSET))
-        assert found.friction_ratio == pytest.approx(np.hypot(prior.friction_ratio, nearest.tilt))
-        assert found.torsion_lever == prior.torsion_lever
+        assert deviation == pytest.approx(max(LONG_TAILS * nearest.offset, LEAST_OFFSET))
+        assert friction_ratio == pytest.approx(np.hypot(prior.friction_ratio, nearest.tilt))
         ratios = [max(LONG_TAILS * c.offset, LEAST_OFFSET) / prior.surface_deviation for c in own]
         assert cells.largest[p] == pytest.approx(max(ratios))
 
 
 @pytest.mark.parametrize("name", robots.names())
 def test_cells_of_the_librarys_arms_lie_on_their_primitives(name: str) -> None:
-    for detail in ("fine", "coarse"):
-        scene = Scene(robot=name, detail=detail)
-        surfaces = scene_surfaces(scene)
-        cells = deviation_cells(scene, surfaces)
-        assert len(cells.ratio) > 100
-        for p in range(len(surfaces.kind)):
-            for i in range(cells.start[p], cells.start[p + 1]):
-                distance = project(surfaces.kind[p], surfaces.size[p], *cells.point[i])[0]
-                # A cell's centre is inside a round surface, by its sagitta.
-                assert -0.03 < distance < 0.002
+    scene = Scene(robot=name)
+    surfaces = scene_surfaces(scene)
+    cells = deviation_cells(scene, surfaces)
+    assert len(cells.ratio) > 100
+    for p in range(len(surfaces.kind)):
+        for i in range(cells.start[p], cells.start[p + 1]):
+            distance = project(surfaces.kind[p], surfaces.size[p], *cells.point[i])[0]
+            # A cell's centre is inside a round surface, by its sagitta.
+            assert -0.03 < distance < 0.002
+    coarse = Scene(robot=name, detail="coarse")
+    assert len(deviation_cells(coarse, scene_surfaces(coarse)).ratio) == 0
 
 
 def test_an_error_that_the_scene_states_is_that_of_all_places() -> None:
