@@ -15,7 +15,6 @@ from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.explanation import Measured, explain, take_static_sample
-from contactsense.runtime.filtered_places import follow_places
 from contactsense.runtime.reading_limits import (
     TORQUE_SCALE,
     are_positions_within,
@@ -97,36 +96,35 @@ def detect(
 
 @kernel
 def explain_sample(
-    buffers: Buffers, usable: Usable, variance_ratio: float, gate: bool, threshold: float
+    buffers: Buffers,
+    skin: Skin,
+    usable: Usable,
+    variance_ratio: float,
+    gate: bool,
+    threshold: float,
+    rows: np.ndarray,
 ) -> tuple[int, float]:
-    """`explain` the residuals. All ways to an estimate share this machine code, which is compiled once.
+    """`explain` the residuals and list the candidates.
+
+    All ways to an estimate share this machine code, which is compiled once: so it takes the buffers.
 
     Args:
         buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
+        skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
         usable: Which sensors have measured.
         variance_ratio, gate, threshold: As for `explain`.
+        rows: Filled with the candidates, as many as there are rows at most.
 
     Returns:
-        Number of candidates, and the energy of the no-contact hypothesis.
+        Number of candidates in `rows`, and the energy of the no-contact hypothesis.
     """
     constants, state = buffer_views(buffers)
     has_base, has_torque, link_sensors = usable
-    found: tuple[int, float] = explain(
+    count, no_contact_energy = explain(
         constants, state, has_base, has_torque, link_sensors, variance_ratio, gate, threshold
     )
-    return found
-
-
-@kernel
-def list_candidates(buffers: Buffers, skin: Skin, count: int, rows: np.ndarray) -> int:
-    """`write_candidates` as shared machine code; arguments as for `localize`.
-
-    Returns:
-        Number of candidates in `rows`, `count` at most.
-    """
-    constants, state = buffer_views(buffers)
-    listed: int = write_candidates(constants, state, Grids(*skin), count, rows)
-    return listed
+    listed: int = write_candidates(constants, state, Grids(*skin), min(count, rows.shape[0]), rows)
+    return listed, no_contact_energy
 
 
 @kernel
@@ -170,12 +168,7 @@ def localize(
     else:
         use_residuals(state)
     usable = (has_base, has_torque, link_sensors)
-    count, _ = explain_sample(buffers, usable, track.variance_ratio[window], gate, -1.0)
-    if has_torque and not has_base and link_sensors == 0 and not gate:
-        count = follow_places(constants, state, count, bandwidth)
-    else:
-        state.places.status[0].contact = 0
-    listed: int = list_candidates(buffers, skin, count, rows)
+    listed, _ = explain_sample(buffers, skin, usable, track.variance_ratio[window], gate, -1.0, rows)
     if listed > 0:
         if has_base:
             extrapolate_sliding(track, state.motion, constants.sensors.depth[int(rows[0, 0])], rows[0])
@@ -292,8 +285,7 @@ def locate_once(
     take_static_sample(constants, state, measured, external)
     if check and not _is_plausible(constants, state, measured, external, usable):
         return DOUBTFUL, 0.0
-    count, no_contact_energy = explain_sample(buffers, usable, 1.0, gate, threshold)
-    listed: int = list_candidates(buffers, skin, count, rows)
+    listed, no_contact_energy = explain_sample(buffers, skin, usable, 1.0, gate, threshold, rows)
     store_best(listed, rows, state.hypotheses, state.answer)
     return listed, no_contact_energy
 
@@ -335,9 +327,9 @@ def batch(
     q, torque, base_wrench, link_wrench = measured
     for i in range(q.shape[0]):
         take_static_sample(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), external)
-        count, no_contact_energy[i] = explain_sample(buffers, usable, 1.0, gate, -1.0)
+        listed, no_contact_energy[i] = explain_sample(buffers, skin, usable, 1.0, gate, -1.0, rows[:1])
         copy(state.link_probability, link_probability[i])
-        if list_candidates(buffers, skin, min(count, 1), rows) > 0:
+        if listed > 0:
             copy(rows[0], best[i])
         else:
             best[i] = 0.0

@@ -21,7 +21,6 @@ from contactsense.runtime.constants import Constants, sizes_of
 from contactsense.sensors.stream_state import StreamState
 from contactsense.solvers.posterior import SearchBuffers
 from contactsense.tracking.contact_tracker import ContactTrack
-from contactsense.tracking.place_filter import PlaceFilter
 
 
 class State(NamedTuple):
@@ -47,8 +46,6 @@ class State(NamedTuple):
     observers: Observers
     track: ContactTrack
     """The current contact."""
-    places: PlaceFilter
-    """Filter of its place, for joint torques alone."""
     stream: StreamState
     """The newest sample and the state of its sensors."""
     consistency: SensorConsistency
