@@ -24,7 +24,6 @@ import math
 import numpy as np
 
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
@@ -39,9 +38,8 @@ from contactsense.robots.vectors import tangents
 MAX_ITERATIONS = 6
 """Maximum number of Gauss-Newton steps per cell."""
 ENERGY_TOLERANCE = 0.1
-"""Converged if the predicted decrease of the energy is less than this ..."""
-RELATIVE_TOLERANCE = 0.1
-"""... plus this per unit of energy by which the cell is worse than the best so far."""
+"""Converged if the predicted decrease of the energy is less than this. It is the same for all cells: with one
+that grows with the energy, the evidence of a link would depend on the prior of the others."""
 MIN_INITIAL_FORCE_SHARE = 0.3
 """Lower bound of the initial normal force, relative to the measured force."""
 MIN_INITIAL_FORCE = 1e-3
@@ -178,7 +176,6 @@ def _gauss_newton_step(
         may_step: False in the last iteration.
         block: The block.
     """
-    lowest = limit - ENERGY_CUTOFF
     for j in range(LANES):
         w0, w1, w2 = block[W0 + j], block[W1 + j], block[W2 + j]
         w3, w4, w5 = block[W3 + j], block[W4 + j], block[W5 + j]
@@ -256,10 +253,10 @@ def _gauss_newton_step(
             -F * (alpha * y3 + y4) + v2 * cell_information,
         )
         active = block[ACTIVE + j] > 0.0
-        # The worse a cell is, the less its accuracy matters.
-        tolerance = ENERGY_TOLERANCE + RELATIVE_TOLERANCE * max(energy - predicted_decrease - lowest, 0.0)
         # The energy after the last step is predicted, not evaluated.
-        block[ENERGY + j] = energy - min(predicted_decrease, tolerance) if active else block[ENERGY + j]
+        block[ENERGY + j] = (
+            energy - min(predicted_decrease, ENERGY_TOLERANCE) if active else block[ENERGY + j]
+        )
         block[SQUARED_RATIO + j] = squared_ratio if active else block[SQUARED_RATIO + j]
         block[VARIANCE + j] = 0.5 * (v11 + v22) if active else block[VARIANCE + j]
         block[DET + j] = (det if positive else 0.0) if active else block[DET + j]
@@ -268,7 +265,7 @@ def _gauss_newton_step(
         continues = (
             active
             & positive
-            & (predicted_decrease >= tolerance)
+            & (predicted_decrease >= ENERGY_TOLERANCE)
             & (energy - 2.0 * predicted_decrease <= limit)
             & may_step
         )
