@@ -219,7 +219,7 @@ def _panel(axes: Axes, varied: str, points: Sequence[Point]) -> None:
     axes.plot(count, [p.microseconds for p in points], "o", color="C0")
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_xlabel(f"number of {varied} / 1")
+    axes.set_xlabel(f"number of {varied}")
     axes.set_xticks(count.tolist(), [f"{value:g}" for value in count])
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
