@@ -47,7 +47,7 @@ from contactsense.types import Estimate, Event, EventKind, Phase, Sample
 
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
 _NOT_FINITE = "time, positions or velocities are not finite or implausibly large: sample not used"
-_NO_VECTORS = (TypeError, ValueError, AttributeError)
+_NO_VECTORS = (TypeError, ValueError, AttributeError, IndexError)
 """What is raised for a sample whose fields are no vectors of floats of the right size."""
 _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 

@@ -156,7 +156,10 @@ def _placeholder(size: int) -> np.ndarray:
 
 
 def _shaped(name: str, value: object, size: int) -> np.ndarray:
-    array = np.array(value, dtype=np.float64)
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected numbers, got {value!r:.60}") from None
     if array.shape != (size,):
         raise ValueError(f"{name}: expected shape ({size},), got shape {array.shape}")
     return array

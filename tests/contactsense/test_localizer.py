@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -423,6 +424,18 @@ def test_fields_that_are_no_vectors_are_named(
     if field != "qd":
         with pytest.raises(ValueError, match=rf"{field}: expected shape \(6,\)"):
             ordinary.locate(**fields, external=False)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", [np.float64(1.0), b"abc"])
+@pytest.mark.parametrize("field", ["q", "qd", "joint_torque", "base_wrench"])
+def test_a_field_of_the_first_sample_that_is_no_vector_is_named(
+    ordinary: Localizer, field: str, value: Any
+) -> None:
+    torque, wrench = _weight(TestStream.q, ordinary.scene)
+    fields = {"q": TestStream.q, "qd": np.zeros(6), "joint_torque": torque, "base_wrench": wrench}
+    ordinary.reset()
+    with pytest.raises(ValueError, match=rf"{field}: expected"):
+        ordinary.step(Sample(0.0, **{**fields, field: value}))
 
 
 def test_an_unusable_first_sample_rules_nothing_out(precise: Localizer) -> None:
