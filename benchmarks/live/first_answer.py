@@ -5,15 +5,13 @@
 as a ratio: machines differ, and a time alone says little.
 """
 
-import json
-import os
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from statistics import median
 
 import click
+
+from contactsense.benchmarks.live.checkout import HERE, numbers_printed
 
 PROGRAM = """
 import json, time
@@ -28,7 +26,6 @@ localizer.locate(q, base_wrench=np.zeros(6), joint_torque=np.zeros(6))
 print(json.dumps([imported - began, made - imported, time.process_time() - made]))
 """
 STEPS = ("import", "Localizer", "locate")
-HERE = Path(__file__).resolve().parents[2]
 
 
 @click.command()
@@ -64,23 +61,9 @@ def main(against: Path | None, warm: int) -> None:
 def _times(folder: Path, warm: int) -> tuple[list[float], list[float]]:
     """Processor times of the steps with an empty cache, and their medians with a filled one [s]."""
     with tempfile.TemporaryDirectory() as cache:
-        first = _run(folder, cache)
-        later = [_run(folder, cache) for _ in range(warm)]
+        first = numbers_printed(folder, Path(cache), PROGRAM)
+        later = [numbers_printed(folder, Path(cache), PROGRAM) for _ in range(warm)]
     return first, [median(column) for column in zip(*later, strict=True)]
-
-
-def _run(folder: Path, cache: str) -> list[float]:
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
-        cwd=folder,
-        env={**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": str(folder)},
-        capture_output=True,
-        text=True,
-    )
-    if done.returncode:
-        raise click.ClickException(f"{folder}: {done.stderr.strip().splitlines()[-1]}")
-    times: list[float] = json.loads(done.stdout)
-    return times
 
 
 if __name__ == "__main__":

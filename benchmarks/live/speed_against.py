@@ -5,10 +5,6 @@ Both get the same samples, those of the demo's motion, in processes of their own
 differ and are noisy, and a ratio of what ran side by side says most.
 """
 
-import json
-import os
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from statistics import median
@@ -16,6 +12,7 @@ from statistics import median
 import click
 import numpy as np
 
+from contactsense.benchmarks.live.checkout import HERE, numbers_printed
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
 
@@ -66,7 +63,6 @@ medians = np.median(step[~touched]), np.median(step[touched]), np.median(locate)
 print(json.dumps([1e6 * float(value) for value in medians]))
 """
 WHAT = ("step without contact", "step in contact", "locate", "locate_batch, one core")
-HERE = Path(__file__).resolve().parents[2]
 
 
 @click.command()
@@ -84,7 +80,8 @@ def main(checkout: Path, turns: int) -> None:
         _write(samples, motion)
         for turn in range(turns + 1):
             for folder, rows in zip(folders, times, strict=True):
-                found = _run(folder, samples, Path(scratch))
+                cache = Path(scratch) / f"cache{folder == HERE:d}"
+                found = numbers_printed(folder, cache, PROGRAM, str(samples))
                 if turn > 0:  # The first turn compiles.
                     rows.append(found)
     click.echo(
@@ -115,22 +112,6 @@ def _write(file: Path, motion: Motion) -> None:
         touched=touched,
         noise=[noise.base_force, noise.base_moment, noise.joint_torque],
     )
-
-
-def _run(folder: Path, samples: Path, scratch: Path) -> list[float]:
-    """Median times of one run of a checkout, in the order of `WHAT` [us]."""
-    cache = scratch / f"cache{folder == HERE:d}"
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(samples)],
-        cwd=folder,
-        env={**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(folder)},
-        capture_output=True,
-        text=True,
-    )
-    if done.returncode:
-        raise click.ClickException(f"{folder}: {done.stderr.strip().splitlines()[-1]}")
-    times: list[float] = json.loads(done.stdout)
-    return times
 
 
 if __name__ == "__main__":
