@@ -19,6 +19,9 @@ from numba.core.caching import IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 from numba.core.types import Array, BaseTuple, unliteral
 
+from contactsense.robots.jit import code_library
+from contactsense.robots.jit.code_library import KernelCompiler, LinkedCompiler
+
 F = TypeVar("F", bound=Callable[..., Any])
 """A kernel keeps the signature of its function."""
 
@@ -137,6 +140,7 @@ def _jit(function: Callable[..., Any], compile_options: frozenset[str]) -> Any:
         "no_cpython_wrapper": _FOR_KERNELS in compile_options,
         # A function pointer for other languages.
         "no_cfunc_wrapper": True,
+        "pipeline_class": LinkedCompiler if _FOR_KERNELS in compile_options else KernelCompiler,
     }
     try:
         compiled: Any = njit(cache=True, **options)(function)
@@ -245,7 +249,8 @@ class _Index(IndexDataCacheFile):
 
 def _dependencies(compiled: Any, dependencies: set[tuple[str, ...]], seen: set[Any]) -> None:
     """Add the source files and constants that are compiled into a function's machine code."""
-    dependencies.add(("file", _relative_path(__file__)))
+    for file in (__file__, code_library.__file__):
+        dependencies.add(("file", _relative_path(file)))
     if compiled in seen:
         return
     seen.add(compiled)
