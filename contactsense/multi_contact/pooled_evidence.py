@@ -19,6 +19,7 @@ import numpy as np
 from contactsense.multi_contact.buffers import Explanations
 from contactsense.multi_contact.ranked_sets import order_distinct
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 SAMPLES_WEIGHT = 0.6
 """Weight w of the sum over samples."""
@@ -52,7 +53,9 @@ def pool_pair_evidence(
     """
     order, score, pooled = explanations.order, explanations.score, explanations.probability
     highest = _highest(evidence)
-    kept = order_distinct(link, explanations, first, last, 2.0 * surface_deviation)
+    # What is negligible in the pool is farther below the best among the optima.
+    cutoff = ENERGY_CUTOFF / (1.0 - SAMPLES_WEIGHT)
+    kept = order_distinct(link, explanations, first, last, 2.0 * surface_deviation, cutoff)
     if kept == 0 or highest == -math.inf:
         return -math.inf
     best = score[order[0]]

@@ -123,7 +123,7 @@ def rank_sets(
     `unlisted`: log evidence of what is not among them.
     """
     order = explanations.order
-    kept = order_distinct(link, explanations, 0, stored, min_separation)
+    kept = order_distinct(link, explanations, 0, stored, min_separation, ENERGY_CUTOFF)
     if kept == 0:
         return 0
     best = explanations.score[order[0]]
@@ -138,11 +138,11 @@ def rank_sets(
 
 @fused_kernel
 def order_distinct(
-    link: np.ndarray, explanations: Explanations, first: int, last: int, min_separation: float
+    link: np.ndarray, explanations: Explanations, first: int, last: int, min_separation: float, cutoff: float
 ) -> int:
     """Fill `explanations.order` with the rows `first` to `last` - 1 by falling score.
 
-    Without duplicates, and without those whose evidence is negligible beside the best.
+    Without duplicates, and without those whose log evidence is worse than the best by more than `cutoff`.
 
     Returns:
         Number of rows.
@@ -160,7 +160,7 @@ def order_distinct(
         t = order[i]
         if i == 0:
             best = explanations.score[t]
-        if not explanations.score[t] >= best - ENERGY_CUTOFF:
+        if not explanations.score[t] >= best - cutoff:
             break
         if not _is_duplicate_set(link, explanations, t, kept, min_separation):
             order[kept] = t

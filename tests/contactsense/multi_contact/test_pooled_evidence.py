@@ -47,7 +47,7 @@ def _pooled(optima: Sequence[Optimum], evidence: np.ndarray) -> tuple[np.ndarray
 
 
 def test_the_pool_is_the_weighted_geometric_mean() -> None:
-    optima = [(3.0, (3, 1), 0.0), (2.0, (1, 3), 0.2), (1.0, (2, 1), 0.0)]
+    optima = [(3.0, (3, 1), 0.0), (2.0, (1, 3), 0.2), (-8.0, (2, 1), 0.0)]
     samples = np.array([-5.0 - np.log(2.0), -5.0 - np.log(2.0), -4.0])
     own = np.array([score for score, _, _ in optima])
     expected = SAMPLES_WEIGHT * samples + (1.0 - SAMPLES_WEIGHT) * own
