@@ -22,11 +22,11 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.further_contact import is_any_broad, locate_further_contact
 from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
+from contactsense.multi_contact.pooled_evidence import pool_pair_evidence
 from contactsense.multi_contact.ranked_sets import (
     adopt_candidate,
     rank_sets,
     share_evidence,
-    share_pair_evidence,
     store_explanation,
 )
 from contactsense.multi_contact.sample_likelihood import initial_forces, initialize_seeding
@@ -148,8 +148,14 @@ def search_contact_sets(
         if is_broad:
             share_evidence(explanations, first, stored)
         if further == 2:
-            unlisted = share_pair_evidence(
-                surfaces.link, explanations, first, stored, known_count, seeding.pair_evidence
+            unlisted = pool_pair_evidence(
+                surfaces.link,
+                explanations,
+                first,
+                stored,
+                known_count,
+                seeding.pair_evidence,
+                prior.surface_deviation,
             )
         best = min(best, lowest_energy)
     ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)

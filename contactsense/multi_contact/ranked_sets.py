@@ -10,8 +10,6 @@ from contactsense.multi_contact.buffers import UNKNOWNS, Explanations, Optimizer
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
-SMALLEST = 1e-12
-"""Smallest part of the evidence that is told from none."""
 LARGEST_UNLISTED = 20.0
 """Upper bound of the log odds of what is not among the explanations."""
 
@@ -117,65 +115,6 @@ def share_evidence(explanations: Explanations, first: int, last: int) -> None:
 
 
 @fused_kernel
-def share_pair_evidence(
-    link: np.ndarray, explanations: Explanations, first: int, last: int, i: int, evidence: np.ndarray
-) -> float:
-    """Share the evidence of the explanations `first` to `last` - 1 among pairs of links.
-
-    Each pair of links has its part of the sum over all pairs of samples: few optima do not represent all the
-    places of two contacts of which nothing is known.
-
-    Args:
-        link: Link of each primitive, shape (P,).
-        explanations, first, last: The explanations.
-        i: Their contacts i and i + 1 are the pair.
-        evidence: Log evidence of each pair of links, k >= j in row k.
-
-    Returns:
-        Log evidence of the pairs of links without an explanation.
-    """
-    best, highest = -math.inf, -math.inf
-    for t in range(first, last):
-        best = max(best, explanations.score[t])
-    total = 0.0
-    for t in range(first, last):
-        total += math.exp(explanations.score[t] - best)
-    for k in range(evidence.shape[0]):
-        for j in range(k + 1):
-            highest = max(highest, evidence[k, j])
-    if best == -math.inf or highest == -math.inf:
-        return -math.inf
-    scale, unlisted = 0.0, 0.0
-    for k in range(evidence.shape[0]):
-        for j in range(k + 1):
-            part = math.exp(evidence[k, j] - highest)
-            own, listed = SMALLEST, False
-            for t in range(first, last):
-                if _is_on(link, explanations, t, i, k, j):
-                    own += math.exp(explanations.score[t] - best)
-                    listed = True
-            if not listed:
-                unlisted += part
-            scale += part
-            for t in range(first, last):
-                if _is_on(link, explanations, t, i, k, j):
-                    # Marked by the probability until all are shared.
-                    explanations.probability[t] = explanations.score[t] + math.log(
-                        total * max(part, SMALLEST) / own
-                    )
-    for t in range(first, last):
-        explanations.score[t] = explanations.probability[t] - math.log(scale)
-    return best + math.log(total * max(unlisted, SMALLEST) / scale)
-
-
-@fused_kernel
-def _is_on(link: np.ndarray, explanations: Explanations, t: int, i: int, k: int, j: int) -> bool:
-    """Whether contacts i and i + 1 of explanation t are on the links k and j, in any order."""
-    a, b = link[explanations.primitive[t, i]], link[explanations.primitive[t, i + 1]]
-    return bool(max(a, b) == k and min(a, b) == j)
-
-
-@fused_kernel
 def rank_sets(
     link: np.ndarray, explanations: Explanations, stored: int, unlisted: float, min_separation: float
 ) -> int:
@@ -184,30 +123,49 @@ def rank_sets(
     `unlisted`: log evidence of what is not among them.
     """
     order = explanations.order
-    for i in range(stored):
-        order[i] = i
-    count_kept = 0
+    kept = order_distinct(link, explanations, 0, stored, min_separation, ENERGY_CUTOFF)
+    if kept == 0:
+        return 0
+    best = explanations.score[order[0]]
+    total = math.exp(min(unlisted - best, LARGEST_UNLISTED))
+    for i in range(kept):
+        explanations.probability[order[i]] = math.exp(explanations.score[order[i]] - best)
+        total += explanations.probability[order[i]]
+    for i in range(kept):
+        explanations.probability[order[i]] /= total
+    return kept
+
+
+@fused_kernel
+def order_distinct(
+    link: np.ndarray, explanations: Explanations, first: int, last: int, min_separation: float, cutoff: float
+) -> int:
+    """Fill `explanations.order` with the rows `first` to `last` - 1 by falling score.
+
+    Without duplicates, and without those whose log evidence is worse than the best by more than `cutoff`.
+
+    Returns:
+        Number of rows.
+    """
+    order = explanations.order
+    count = last - first
+    for i in range(count):
+        order[i] = first + i
+    kept = 0
     best = 0.0
-    total = 0.0
-    for i in range(stored):
-        for k in range(i + 1, stored):
+    for i in range(count):
+        for k in range(i + 1, count):
             if explanations.score[order[k]] > explanations.score[order[i]]:
                 order[i], order[k] = order[k], order[i]
         t = order[i]
         if i == 0:
             best = explanations.score[t]
-        if not explanations.score[t] >= best - ENERGY_CUTOFF:
+        if not explanations.score[t] >= best - cutoff:
             break
-        if not _is_duplicate_set(link, explanations, t, count_kept, min_separation):
-            order[count_kept] = t
-            explanations.probability[t] = math.exp(explanations.score[t] - best)
-            total += explanations.probability[t]
-            count_kept += 1
-    if count_kept > 0:
-        total += math.exp(min(unlisted - best, LARGEST_UNLISTED))
-    for i in range(count_kept):
-        explanations.probability[order[i]] /= total
-    return count_kept
+        if not _is_duplicate_set(link, explanations, t, kept, min_separation):
+            order[kept] = t
+            kept += 1
+    return kept
 
 
 @fused_kernel

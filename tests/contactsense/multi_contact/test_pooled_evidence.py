@@ -1,0 +1,87 @@
+"""The pool of joint optima and samples, against its formula."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from contactsense.multi_contact.buffers import Explanations
+from contactsense.multi_contact.pooled_evidence import SAMPLES_WEIGHT, pool_pair_evidence
+from contactsense.robots.jit.flat_buffers import zeros
+
+LINKS = 4
+SURFACE_DEVIATION = 0.002
+LINK = np.arange(LINKS, dtype=np.int64)
+"""One primitive on each link."""
+
+Optimum = tuple[float, tuple[int, int], float]
+"""Log evidence, the two links, and the place along the second one [m]."""
+
+
+def _explanations(optima: Sequence[Optimum]) -> Explanations:
+    explanations = zeros(Explanations)
+    for t, (score, links, place) in enumerate(optima):
+        explanations.contacts[t] = 2
+        explanations.score[t] = score
+        explanations.primitive[t, :2] = links
+        explanations.point[t, 1, 0] = place
+        explanations.normal[t, :2] = (0.0, 0.0, 1.0)
+        explanations.covariance[t, :2] = np.diag((4e-4, 1e-4, SURFACE_DEVIATION**2))
+    return explanations
+
+
+def _evidence(**pairs: float) -> np.ndarray:
+    """Log evidence of pairs of links; the keyword `l31` is that of the links 3 and 1."""
+    evidence = np.full((LINKS, LINKS), -np.inf)
+    for name, value in pairs.items():
+        evidence[int(name[1]), int(name[2])] = value
+    return evidence
+
+
+def _pooled(optima: Sequence[Optimum], evidence: np.ndarray) -> tuple[np.ndarray, float]:
+    """Log evidence of each optimum after pooling, and that of the pairs of links without one."""
+    explanations = _explanations(optima)
+    unlisted = pool_pair_evidence(LINK, explanations, 0, len(optima), 0, evidence, SURFACE_DEVIATION)
+    return explanations.score[: len(optima)].copy(), unlisted
+
+
+def test_the_pool_is_the_weighted_geometric_mean() -> None:
+    optima = [(3.0, (3, 1), 0.0), (2.0, (1, 3), 0.2), (-8.0, (2, 1), 0.0)]
+    samples = np.array([-5.0 - np.log(2.0), -5.0 - np.log(2.0), -4.0])
+    own = np.array([score for score, _, _ in optima])
+    expected = SAMPLES_WEIGHT * samples + (1.0 - SAMPLES_WEIGHT) * own
+    expected += logsumexp(own) - logsumexp(expected)
+    np.testing.assert_allclose(_pooled(optima, _evidence(l31=-5.0, l21=-4.0))[0], expected, rtol=1e-12)
+
+
+def test_links_on_which_nothing_fits_lose_against_an_exact_fit() -> None:
+    score, _ = _pooled([(0.0, (3, 1), 0.0), (-15.0, (2, 1), 0.0)], _evidence(l31=0.0, l21=3.0))
+    assert score[0] > score[1] + 3.0
+
+
+def test_what_fits_equally_well_is_ranked_by_the_samples() -> None:
+    score, _ = _pooled([(0.0, (3, 1), 0.0), (0.0, (2, 1), 0.0)], _evidence(l31=0.0, l21=3.0))
+    assert score[1] - score[0] == pytest.approx(3.0 * SAMPLES_WEIGHT)
+
+
+def test_seeds_that_end_in_one_optimum_count_once() -> None:
+    evidence = _evidence(l31=0.0, l21=1.0, l20=-1.0)
+    once, unlisted = _pooled([(2.0, (3, 1), 0.0), (1.0, (2, 1), 0.0)], evidence)
+    often, same = _pooled([(2.0, (3, 1), 0.0), (1.99, (1, 3), 0.0), (1.0, (2, 1), 0.0)], evidence)
+    np.testing.assert_allclose(often[[0, 2]], once, rtol=1e-12)
+    assert often[1] == -np.inf
+    assert same == pytest.approx(unlisted)
+
+
+def test_links_without_an_explanation_keep_their_share_of_the_samples() -> None:
+    score, unlisted = _pooled([(2.0, (3, 1), 0.0)], _evidence(l31=0.0, l20=np.log(0.25)))
+    assert unlisted - score[0] == pytest.approx(np.log(0.25))
+
+
+def test_a_region_grows_along_the_surface_only() -> None:
+    explanations = _explanations([(0.0, (3, 1), 0.0)])
+    pool_pair_evidence(LINK, explanations, 0, 1, 0, _evidence(l31=0.0), SURFACE_DEVIATION)
+    grown = 1.0 / (1.0 - SAMPLES_WEIGHT)
+    expected = np.diag((4e-4 * grown, 1e-4 * grown, SURFACE_DEVIATION**2))
+    np.testing.assert_allclose(explanations.covariance[0, :2], [expected, expected], atol=1e-15)
