@@ -254,7 +254,10 @@ def test_a_reader_that_takes_nothing_is_dropped() -> None:
         narrow = socket.socket()
         narrow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         narrow.connect((host, int(port)))
-        with connect(f"ws://{place}/v1/stream", sock=narrow, max_queue=1, close_timeout=0.2):
+        # Compressed, such messages would take ten seconds to fill the buffers.
+        with connect(
+            f"ws://{place}/v1/stream", sock=narrow, max_queue=1, close_timeout=0.2, compression=None
+        ):
             hub = service.state.service.hub
             assert until(lambda: hub.readers == 1)
             feeding = True
