@@ -21,7 +21,7 @@ from tests.service.loopback import SmallFeed, until
 MOCK = MockSettings(rtde_port=0, netft_port=0, http_port=0)
 REGISTERS = tuple(f"output_double_register_{i}" for i in range(12))
 RATE = 500
-FAULTS = {"base_wrench": (100, 200), "wrist_wrench": (250, 350), "link_wrenches.elbow": (400, 500)}
+FAULTS = {"base_wrench": (200, 300), "wrist_wrench": (350, 450), "link_wrenches.elbow": (500, 600)}
 """First row of each sensor's fault, and the first one after it."""
 MAX_AGE = 0.005
 
@@ -69,7 +69,7 @@ def test_a_faulty_sensor_is_told_by_its_field_and_recovers(kind: str, reason: st
                         told.setdefault(field, samples[-1].t)
                 return bool(samples) and samples[-1].t > t
 
-            assert until(lambda: past(550 / RATE))
+            assert until(lambda: past(650 / RATE))
             assert until(lambda: past(0.0) and source.health.trouble == "")
     assert set(told) == set(FAULTS)
     for field, (first, end) in FAULTS.items():
