@@ -7,11 +7,11 @@ import sys
 import time
 from pathlib import Path
 
-import httpx
 import pytest
 
 from contactsense.service.cli.main import main
 from contactsense.service.demo.child_process import ChildError, child
+from tests.service import http
 
 SHORT = """
 robot: ur5e
@@ -96,7 +96,7 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
     line = process.stdout.readline()
     assert line.startswith("serving at http://127.0.0.1:")
     url = line.removeprefix("serving at ").strip()
-    assert httpx.get(f"{url}/v1/health", timeout=60).json()["status"] == "idle"
+    assert http.get(f"{url}/v1/health", timeout=60).json()["status"] == "idle"
     process.send_signal(number)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 0
