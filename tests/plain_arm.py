@@ -1,6 +1,7 @@
 """A UR5e whose links are a few plain primitives, and contacts constructed on them: truth without any mesh."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -34,6 +35,7 @@ PRIMITIVES: tuple[tuple[Primitive, ...], ...] = (
 )
 
 
+@cache
 def plain_ur5e() -> robots.Robot:
     """The arm's own kinematics and inertia, with `PRIMITIVES` for a surface."""
     arm = robots.load("ur5e")

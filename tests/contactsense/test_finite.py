@@ -5,10 +5,10 @@ import pytest
 
 from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
+from tests.at_rest import weight
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()
@@ -21,13 +21,6 @@ SCENES = {
     "both": Scene(robot=ARM, base_wrench=BASE, joint_torque=TORQUE, inertia_error=0.02),
     "all": Scene(robot=ARM, base_wrench=BASE, joint_torque=TORQUE, wrist_wrench=WRIST, tool=TOOL),
 }
-
-
-def _own() -> tuple[np.ndarray, np.ndarray]:
-    torque, wrench, zero = np.empty(6), np.empty(6), np.zeros(6)
-    gravity = Scene(robot=ARM).gravity_base
-    inverse_dynamics(build_model(ARM), POSTURE, zero, zero, gravity, empty_motion(6), torque, wrench)
-    return torque, wrench
 
 
 def _push(chance: np.random.Generator) -> np.ndarray:
@@ -53,7 +46,7 @@ def _check(estimate: Estimate, case: object) -> None:
 @pytest.mark.parametrize("name", ["torques", "base"])
 def test_a_sensor_with_one_value_after_a_gap_is_not_settled(name: str) -> None:
     """At 40 Hz, within a stream at 500 Hz, it may be silent for 150 ms; its observer settles for 80 ms."""
-    torque, wrench = _own()
+    torque, wrench = weight(Scene(robot=ARM), POSTURE)
     localizer = Localizer(SCENES[name])
     for i in range(1500):
         t = 0.002 * i
@@ -73,7 +66,7 @@ def test_a_sensor_with_one_value_after_a_gap_is_not_settled(name: str) -> None:
 @pytest.mark.parametrize("name", list(SCENES))
 def test_missing_and_invalid_sensors_never_raise(name: str) -> None:
     """Silences of all lengths, odd rates, pushes, values and times that mean nothing."""
-    torque, wrench = _own()
+    torque, wrench = weight(Scene(robot=ARM), POSTURE)
     chance, localizer, t = np.random.default_rng(5), Localizer(SCENES[name]), 0.0
     odd = [0.0, 1e-300, 1e9, -1e30, 1e160, 1e300, np.inf, np.nan]
     off, rate, push, touched = np.zeros(3), np.ones(3, dtype=int), np.zeros(6), 0

@@ -1,9 +1,8 @@
 """What no single push explains is said to be that."""
 
 import numpy as np
-import pytest
 
-from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense import Localizer
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from tests.plain_arm import contacts, plain_ur5e
@@ -11,18 +10,6 @@ from tests.plain_arm import contacts, plain_ur5e
 ARM = plain_ur5e()
 TRUTH = contacts(ARM, 1, seed=1)
 Q = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5])
-
-
-@pytest.fixture(scope="module")
-def precise() -> Localizer:
-    return Localizer(
-        Scene(
-            robot=ARM,
-            base_wrench=WrenchSensor(force_noise=0.002, moment_noise=0.0004),
-            joint_torque=JointTorqueSensor(noise=0.002),
-            surface_error=1e-4,
-        )
-    )
 
 
 def test_a_force_far_beside_the_arm_is_no_contact(precise: Localizer) -> None:

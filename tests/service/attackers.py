@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterator
 import httpx
 from websockets.sync.client import connect
 
+from tests.service import http
+
 
 def address(url: str) -> tuple[str, int]:
     host, port = url.removeprefix("http://").split(":")
@@ -29,18 +31,18 @@ def half_requests(url: str) -> None:
 def large_bodies(url: str) -> None:
     with contextlib.suppress(httpx.HTTPError):
         pieces = (b" " * 1_000_000 for _ in range(100))
-        httpx.post(f"{url}/v1/locate", content=pieces, timeout=10.0)
+        http.post(f"{url}/v1/locate", content=pieces, timeout=10.0)
 
 
 def deep_body(url: str) -> None:
     with contextlib.suppress(httpx.HTTPError):
-        httpx.post(f"{url}/v1/locate", content=b"[" * 1_000_000, timeout=10.0)
+        http.post(f"{url}/v1/locate", content=b"[" * 1_000_000, timeout=10.0)
 
 
 def many_samples(url: str) -> None:
     sample = {"q": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0], "base_wrench": [5.9, 2.4, -19.0, -1.1, -2.3, -0.6]}
     with contextlib.suppress(httpx.HTTPError):
-        httpx.post(f"{url}/v1/locate", content=json.dumps({"samples": [sample] * 2000}), timeout=10.0)
+        http.post(f"{url}/v1/locate", content=json.dumps({"samples": [sample] * 2000}), timeout=10.0)
 
 
 def flood(url: str) -> None:

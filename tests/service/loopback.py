@@ -68,13 +68,13 @@ def own_address() -> str:
 _count = 0
 
 
-def until(condition: Callable[[], object], timeout: float = 10.0) -> bool:
-    """Wait for something to come true."""
+def until(condition: Callable[[], object], timeout: float = 10.0, step: float = 0.005) -> bool:
+    """Wait for something to come true; it is tried every `step` [s]."""
     end = time.monotonic() + timeout
     while time.monotonic() < end:
         if condition():
             return True
-        time.sleep(0.005)
+        time.sleep(step)
     return False
 
 

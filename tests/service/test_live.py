@@ -4,7 +4,6 @@ import json
 import time
 from collections.abc import Callable, Iterator
 
-import httpx
 import numpy as np
 import pytest
 from websockets.sync.client import connect
@@ -16,6 +15,7 @@ from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import Motion, simulate
 from contactsense.service.mock.wire_faults import Fault
+from tests.service import http
 from tests.service.loopback import own_address
 from tests.service.serving import serving
 
@@ -53,7 +53,7 @@ class Play:
         self.motion, self.servers, self.place = motion, servers, place
 
     def health(self) -> HealthOut:
-        return HealthOut.model_validate(httpx.get(f"http://{self.place}/v1/health").json())
+        return HealthOut.model_validate(http.get(f"http://{self.place}/v1/health").json())
 
     def until(self, condition: Callable[[HealthOut], bool]) -> HealthOut:
         deadline = time.monotonic() + 280.0  # kernels may have to be compiled
@@ -84,7 +84,7 @@ def play() -> Iterator[Play]:
                 "q": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0],
                 "base_wrench": [5.9, 2.4, -19.0, -1.1, -2.3, -0.6],
             }
-            httpx.post(f"http://{place}/v1/locate", json=body, timeout=280.0).raise_for_status()
+            http.post(f"http://{place}/v1/locate", json=body, timeout=280.0).raise_for_status()
             yield found
 
 
@@ -110,7 +110,7 @@ def test_contacts_are_found_over_the_wire(play: Play) -> None:
 
 
 def test_the_latest_estimate_is_the_streams(play: Play) -> None:
-    estimate = EstimateOut.model_validate(httpx.get(f"http://{play.place}/v1/contacts").json())
+    estimate = EstimateOut.model_validate(http.get(f"http://{play.place}/v1/contacts").json())
     assert len(estimate.link_probability) == 7
 
 
@@ -132,7 +132,7 @@ def test_a_robot_that_fails_is_told_of_and_found_again(play: Play, fault: Fault)
             assert f"robot at {play.servers.rtde.host}:{play.servers.rtde.port}" in health.message
         assert "trying again" in health.message
         assert not health.source.connected
-        answer = httpx.get(f"http://{play.place}/v1/contacts")
+        answer = http.get(f"http://{play.place}/v1/contacts")
         assert answer.status_code == 503
         assert "trying again" in answer.json()["errors"][0]["reason"]
     finally:
@@ -140,7 +140,7 @@ def test_a_robot_that_fails_is_told_of_and_found_again(play: Play, fault: Fault)
     health = play.until(lambda health: health.status == "ok")
     assert health.source.robot.last_error  # stays for whoever asks later
     assert health.pipeline.restarts == 0
-    assert httpx.get(f"http://{play.place}/v1/contacts").status_code == 200
+    assert http.get(f"http://{play.place}/v1/contacts").status_code == 200
 
 
 def test_a_mute_force_torque_sensor_is_told_of_and_the_rest_goes_on(play: Play) -> None:

@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-import httpx
 import numpy as np
 import pytest
 import yaml
@@ -17,6 +16,7 @@ from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings.export import write_columns
+from tests.service import http
 from tests.service.loopback import until
 from tests.service.serving import serving
 
@@ -67,34 +67,32 @@ def test_a_touch_becomes_a_register_an_event_and_a_latch(served: tuple[MockServe
     servers, url = served
     inputs = servers.rtde.controller.inputs
     collision = {"kind": "collision"}
-    assert until(lambda: httpx.get(f"{url}/v1/events", params=collision).json()["events"], 250.0)
-    (event, *_) = httpx.get(f"{url}/v1/events", params=collision).json()["events"]
+    assert until(lambda: http.get(f"{url}/v1/events", params=collision).json()["events"], 250.0, step=0.05)
+    (event, *_) = http.get(f"{url}/v1/events", params=collision).json()["events"]
     assert (event["rule"], event["link"]) == ("arm", "forearm")
     assert until(lambda: inputs["input_int_register_47"] == (42,))
-    assert until(lambda: httpx.get(f"{url}/v1/reactions").json()["latched"])
-    state = httpx.get(f"{url}/v1/reactions").json()
+    assert until(lambda: http.get(f"{url}/v1/reactions").json()["latched"])
+    state = http.get(f"{url}/v1/reactions").json()
     assert state["latched"][0]["link"] == "forearm"
     assert "collision above 20 N" in state["rules"][0]
-    assert until(
-        lambda: httpx.get(f"{url}/v1/health").json()["reactions"]["actions"]["note"]["state"] == "ok"
-    )
-    assert until(lambda: httpx.get(f"{url}/v1/contacts").json()["status"] == "none")
-    acknowledged = httpx.post(f"{url}/v1/reactions/acknowledge")
+    assert until(lambda: http.get(f"{url}/v1/health").json()["reactions"]["actions"]["note"]["state"] == "ok")
+    assert until(lambda: http.get(f"{url}/v1/contacts").json()["status"] == "none")
+    acknowledged = http.post(f"{url}/v1/reactions/acknowledge")
     assert acknowledged.status_code == 200
     assert acknowledged.json()["latched"] == []
     assert until(lambda: inputs["input_int_register_47"] == (0,))
-    opened = httpx.post(f"{url}/v1/reactions/expected", json={"name": "insert"})
+    opened = http.post(f"{url}/v1/reactions/expected", json={"name": "insert"})
     assert opened.json()["expected"] == ["insert"]
-    assert httpx.post(f"{url}/v1/reactions/expected", json={"name": "remove"}).status_code == 422
-    assert httpx.post(f"{url}/v1/reactions/acknowledge", json={"rule": "leg"}).status_code == 422
-    kinds = [e["kind"] for e in httpx.get(f"{url}/v1/events").json()["events"]]
+    assert http.post(f"{url}/v1/reactions/expected", json={"name": "remove"}).status_code == 422
+    assert http.post(f"{url}/v1/reactions/acknowledge", json={"rule": "leg"}).status_code == 422
+    kinds = [e["kind"] for e in http.get(f"{url}/v1/events").json()["events"]]
     assert {"onset", "collision", "action", "acknowledged", "expected"} <= set(kinds)
 
 
 def test_without_rules() -> None:
     with serving(create_app(Settings())) as place:
-        assert httpx.get(f"http://{place}/v1/reactions").json()["status"] == "off"
-        assert httpx.post(f"http://{place}/v1/reactions/acknowledge").status_code == 503
+        assert http.get(f"http://{place}/v1/reactions").json()["status"] == "off"
+        assert http.post(f"http://{place}/v1/reactions/acknowledge").status_code == 503
 
 
 def test_rules_that_do_not_fit_are_refused_at_the_start(tmp_path: Path) -> None:

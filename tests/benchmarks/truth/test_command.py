@@ -66,7 +66,7 @@ def test_the_meshes_are_those_of_the_arm(tmp_path: Path) -> None:
     read = from_folder(tmp_path / "meshes" / "ur3e", LINKS)
     for link in arm("ur3e").links:
         mesh = read[link.name]
-        assert mesh.vertices[mesh.faces] == pytest.approx(link.vertices[link.faces], abs=1e-6)
+        np.testing.assert_allclose(mesh.vertices[mesh.faces], link.vertices[link.faces], rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(

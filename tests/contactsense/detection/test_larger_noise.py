@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
-from contactsense.kinematics.inverse_dynamics import inverse_dynamics
-from contactsense.kinematics.model import build_model, empty_motion
+from tests.at_rest import weight
 from tests.plain_arm import plain_ur5e
 
 DT, BEGINS, FOLLOWED, ENDS = 0.002, 3.0, 5.0, 15.0
@@ -23,21 +22,10 @@ def localizer() -> Localizer:
     return Localizer(SCENE)
 
 
-@pytest.fixture(scope="module")
-def weight() -> tuple[np.ndarray, np.ndarray]:
-    """Readings of joint torques and base sensor at rest without noise."""
-    torque, wrench, zero = np.empty(6), np.empty(6), np.zeros(6)
-    model, motion = build_model(SCENE.robot), empty_motion(6)
-    inverse_dynamics(model, Q, zero, zero, SCENE.gravity_base, motion, torque, wrench)
-    return torque, wrench
-
-
 @pytest.mark.parametrize("ratio", [1.4, 3.0])
-def test_it_is_followed_within_two_seconds_and_told(
-    localizer: Localizer, weight: tuple[np.ndarray, np.ndarray], ratio: float
-) -> None:
+def test_it_is_followed_within_two_seconds_and_told(localizer: Localizer, ratio: float) -> None:
     """Then a push of 20 N on the whole arm's base axis is still an onset."""
-    torque, wrench = weight
+    torque, wrench = weight(SCENE, Q)
     rng = np.random.default_rng(1)
     localizer.reset()
     onsets, reasons = [], set()

@@ -1,5 +1,7 @@
 """Drifting sensors and wrong masses are followed while nothing touches, and told from a contact."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,7 @@ def _scene(robot: Robot = ARM, **fields: object) -> Scene:
     )
 
 
+@cache
 def _free(seconds: float, speed: float = 0.0, dt: float = 0.008, noise: float = 1.0) -> list[Sample]:
     """The arm swings with up to `speed` in each joint, or rests; nothing touches it."""
     model, motion = build_model(ARM), empty_motion(6)

@@ -5,8 +5,6 @@ import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene
 from contactsense.detection.false_alarm_rate import onset_threshold, release_threshold
-from contactsense.kinematics.inverse_dynamics import inverse_dynamics
-from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.friction_at_rest import (
     BREAKAWAY_TIME,
     PRESLIDING_DISPLACEMENT,
@@ -18,6 +16,7 @@ from contactsense.residuals.joint_friction import JointTorqueModel, friction_tor
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.sensors.settings import Friction
+from tests.at_rest import weight
 from tests.plain_arm import plain_ur5e
 
 COULOMB, INERTIA, NOISE, DT, BANDWIDTH = 11.5, 10.0, 1.7, 0.01, 10.0
@@ -128,8 +127,7 @@ def test_a_stream_of_torques_detects_it_on_one_joint_at_rest() -> None:
     arm = plain_ur5e()
     scene = Scene(robot=arm, base_wrench=None, joint_torque=SENSOR)
     q, zero = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5]), np.zeros(6)
-    own, wrench = np.empty(6), np.empty(6)
-    inverse_dynamics(build_model(arm), q, zero, zero, scene.gravity_base, empty_motion(6), own, wrench)
+    own, _ = weight(scene, q)
     chance, offset = np.random.default_rng(4), np.array([4.0, -6.0, 3.0, 1.0, -2.0, 1.0])
     localizer, events = Localizer(scene), []
     for t in np.arange(0.0, 4.0, DT):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
-from contactsense.kinematics.inverse_dynamics import inverse_dynamics
+from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.sensor_consistency import (
     SensorConsistency,
@@ -14,6 +14,7 @@ from contactsense.residuals.sensor_consistency import (
     update_consistency,
 )
 from contactsense.robots.jit.flat_buffers import zeros
+from tests.at_rest import weight
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()
@@ -44,8 +45,9 @@ def _stream(
     added to the torques from and until; `dead`: the base sensor reads zero; `louder`: factors on the noise of
     base and torques."""
     model, motion = build_model(ARM), empty_motion(6)
-    torque, wrench, zero = np.empty(6), np.empty(6), np.zeros(6)
-    inverse_dynamics(model, POSTURE, zero, zero, Scene(robot=ARM).gravity_base, motion, torque, wrench)
+    zero = np.zeros(6)
+    torque, wrench = weight(Scene(robot=ARM), POSTURE)
+    forward_kinematics(model, POSTURE, motion)
     R, o = motion.rotation[LINK], motion.origin[LINK]
     point, f = R @ np.array([-0.2, 0.04, 0.007]) + o, R @ np.array([0.0, -25.0, 0.0])
     w = np.concatenate((f, np.cross(point, f)))

@@ -17,11 +17,6 @@ PUSH = forward_model(
 RAW = forward_model(Scene(robot=ARM), Q, "forearm", np.array([-0.2, 0.0, 0.047]), np.array([0, 0, -20.0]))
 
 
-@pytest.fixture(scope="module")
-def localizer() -> Localizer:
-    return Localizer(Scene(robot=ARM))
-
-
 def test_the_weight_is_that_of_inverse_dynamics() -> None:
     scene = Scene(robot="ur10e", mounting=(0.2, -0.5, 1.0), tool=Tool(mass=2.0, com=(0.01, 0.02, 0.1)))
     nothing = forward_model(scene, Q, "base", np.zeros(3), np.zeros(3)).base_wrench
@@ -66,7 +61,7 @@ def test_the_weight_is_that_of_inverse_dynamics() -> None:
         ),
     ],
 )
-def test_what_cannot_be_is_refused(localizer: Localizer, changes: dict[str, object], message: str) -> None:
+def test_what_cannot_be_is_refused(ordinary: Localizer, changes: dict[str, object], message: str) -> None:
     given = {
         "q": Q,
         "base_wrench": PUSH.base_wrench,
@@ -74,20 +69,20 @@ def test_what_cannot_be_is_refused(localizer: Localizer, changes: dict[str, obje
         "external": True,
     } | changes
     with pytest.raises(ValueError, match=message):
-        localizer.locate(**given)  # type: ignore[arg-type]
+        ordinary.locate(**given)  # type: ignore[arg-type]
     rows = {name: value if name == "external" else np.stack([value] * 2) for name, value in given.items()}
     rows["q"][0] = Q
     field = message[1 : message.index(":")]
     with pytest.raises(ValueError, match=rf"^{field}\[\d\]{message[message.index(':') :]}"):
-        localizer.locate_batch(**rows)  # type: ignore[arg-type]
+        ordinary.locate_batch(**rows)  # type: ignore[arg-type]
 
 
-def test_what_can_be_is_located(localizer: Localizer) -> None:
-    assert localizer.locate(Q, base_wrench=PUSH.base_wrench, joint_torque=PUSH.joint_torque).contacts
-    raw = localizer.locate(Q, base_wrench=RAW.base_wrench, joint_torque=RAW.joint_torque, external=False)
+def test_what_can_be_is_located(ordinary: Localizer) -> None:
+    assert ordinary.locate(Q, base_wrench=PUSH.base_wrench, joint_torque=PUSH.joint_torque).contacts
+    raw = ordinary.locate(Q, base_wrench=RAW.base_wrench, joint_torque=RAW.joint_torque, external=False)
     assert raw.contacts[0].link == "forearm"
     another_turn = Q + 2.0 * np.pi * np.array([1, -1, 0, 1, 0, -1])
-    assert localizer.locate(
+    assert ordinary.locate(
         another_turn, base_wrench=PUSH.base_wrench, joint_torque=PUSH.joint_torque
     ).contacts
 

@@ -39,28 +39,23 @@ def answers(localizer: Localizer, samples: list[Sample]) -> list[Estimate]:
     return list(localizer.run(samples))
 
 
-@pytest.fixture(scope="module")
-def localizer() -> Localizer:
-    return Localizer(Scene(robot=ARM))
-
-
-def test_a_right_stream_is_not_screened(localizer: Localizer) -> None:
-    settled = answers(localizer, at_rest(localizer.scene))[100:]
+def test_a_right_stream_is_not_screened(ordinary: Localizer) -> None:
+    settled = answers(ordinary, at_rest(ordinary.scene))[100:]
     assert {estimate.status for estimate in settled} == {"none"}
 
 
-def test_positions_in_degrees_are_told(localizer: Localizer) -> None:
-    samples = [replace(sample, q=np.degrees(Q)) for sample in at_rest(localizer.scene)]
-    for estimate in answers(localizer, samples):
+def test_positions_in_degrees_are_told(ordinary: Localizer) -> None:
+    samples = [replace(sample, q=np.degrees(Q)) for sample in at_rest(ordinary.scene)]
+    for estimate in answers(ordinary, samples):
         assert estimate.status == "degraded"
         assert estimate.reason.startswith("q: expected positions in rad, shoulder_lift_joint within")
         assert estimate.reason.endswith("are they in degrees?: sample not used")
 
 
-def test_torques_beyond_the_joints_are_not_used_and_told(localizer: Localizer) -> None:
-    samples = at_rest(localizer.scene)
+def test_torques_beyond_the_joints_are_not_used_and_told(ordinary: Localizer) -> None:
+    samples = at_rest(ordinary.scene)
     samples[150] = replace(samples[150], joint_torque=np.array([0.0, 0.0, 300.0, 0.0, 0.0, 0.0]))
-    found = answers(localizer, samples)
+    found = answers(ordinary, samples)
     assert found[150].status == "degraded"
     assert (
         "joint_torque: expected at most 1.5 times the 150 Nm of elbow_joint, got 300 Nm" in found[150].reason
@@ -68,9 +63,9 @@ def test_torques_beyond_the_joints_are_not_used_and_told(localizer: Localizer) -
     assert {estimate.status for estimate in found[151:]} == {"none"}
 
 
-def test_stamps_in_milliseconds_are_told(localizer: Localizer) -> None:
-    samples = [replace(sample, t=1e3 * sample.t) for sample in at_rest(localizer.scene)]
-    for estimate in answers(localizer, samples)[1:]:
+def test_stamps_in_milliseconds_are_told(ordinary: Localizer) -> None:
+    samples = [replace(sample, t=1e3 * sample.t) for sample in at_rest(ordinary.scene)]
+    for estimate in answers(ordinary, samples)[1:]:
         assert estimate.status == "degraded"
         assert estimate.reason == (
             "t: expected at most 0.05 s from one sample to the next, got 2 s; is the time in milliseconds?"

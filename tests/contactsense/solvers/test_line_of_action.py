@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactsense.robots import Inertia, Link
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import Surfaces, pack, project
 from contactsense.solvers.line_of_action import ENTRY_TOLERANCE, enter_surface
@@ -52,6 +53,15 @@ def test_a_line_through_the_body_is_followed_to_its_first_intersection(
         assert project(kind, dimensions, *(point - back * unit))[0] > 0.0
 
 
+@kernel
+def _least_distance(kind: int, size: np.ndarray, points: np.ndarray) -> float:
+    """Distance from the surface to the nearest of the points, shape (N, 3)."""
+    least = np.inf
+    for i in range(points.shape[0]):
+        least = min(least, project(kind, size, points[i, 0], points[i, 1], points[i, 2])[0])
+    return least
+
+
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
 @settings(max_examples=100, derandomize=True, deadline=None)
 @given(direction=TRIPLE, offset=st.floats(1.05, 30.0))
@@ -68,9 +78,8 @@ def test_a_line_that_misses_returns_a_point_that_can_be_pushed(
     line_point = offset * radius * side / np.linalg.norm(side)
     distance, *hit = enter_surface(kind, dimensions, radius, wrench_of(f, np.cross(line_point, f)))
     point, normal = np.array(hit)
-    nearest = min(
-        project(kind, dimensions, *(line_point + s * f))[0] for s in np.linspace(-2, 2, 4001) * radius
-    )
+    along = np.linspace(-2, 2, 4001)[:, None] * radius
+    nearest = _least_distance(kind, dimensions, line_point + along * f)
     assert 0.0 < distance <= nearest + 1e-9
     assert abs(project(kind, dimensions, *point)[0]) < 1e-9
     assert normal @ f < 1e-9

@@ -60,21 +60,18 @@ def test_proposition_1_the_centroid_lies_on_the_side_of_the_contacts(body: Surfa
         return
     # Where each traction's line meets the plane must be inside the body (Proposition 1).
     feet = touched + forces * ((level - heights[outside_distance]) / (forces @ direction))[:, None]
-    inside = all(
-        np.all((foot - points) @ normals.T < 1.0) and _inside(body, foot, points, normals) for foot in feet
-    )
-    if not inside:
+    if not _inside(body, feet, points, normals):
         return
     found = solve(body, forces.sum(axis=0), np.cross(touched, forces).sum(axis=0))
     assert found.status == Status.OK
     assert found.centroid @ direction >= level - 1e-9
 
 
-def _inside(body: Surface, point: np.ndarray, points: np.ndarray, normals: np.ndarray) -> bool:
-    """Whether a point lies inside all tangent planes of many surface points."""
+def _inside(body: Surface, feet: np.ndarray, points: np.ndarray, normals: np.ndarray) -> bool:
+    """Whether all feet, shape (N, 3), lie inside all tangent planes of many surface points."""
     more, outward = POINTS[type(body)](body, np.random.default_rng(0), 400)
     planes, at = np.vstack((normals, outward)), np.vstack((points, more))
-    return bool(np.all(np.sum((point - at) * planes, axis=1) <= 1e-12))
+    return bool(np.all(feet @ planes.T - np.sum(at * planes, axis=1) <= 1e-12))
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)

@@ -1,6 +1,7 @@
 """A contact over time on constructed truth: it sharpens while it holds, it is followed where it slides."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -30,15 +31,19 @@ def localizer() -> Localizer:
     )
 
 
-def _samples(
-    seconds: float, place: Callable[[float], float], seed: int, speed: float = 0.0, push: float = 20.0
+def _held(t: float) -> float:
+    """A place that does not move, see `_samples`."""
+    return -0.2
+
+
+@cache
+def _noiseless(
+    seconds: float, place: Callable[[float], float], speed: float, push: float
 ) -> tuple[list[Sample], np.ndarray]:
-    """A push on the forearm's tube at x = place(time since its start), link frame; all samples, and the
-    contact point of each in the base frame. The arm moves with up to `speed` in each joint."""
+    """`_samples` without noise."""
     scene = Scene(robot=ARM)
     model, motion = build_model(ARM), empty_motion(6)
     torque, wrench = np.empty(6), np.empty(6)
-    chance = np.random.default_rng(seed)
     samples, points = [], []
     for t in np.arange(0.0, seconds, 0.002):
         rate = np.array([2.0, 1.5, 2.5, 3.0, 2.0, 1.0])
@@ -52,15 +57,23 @@ def _samples(
             w = np.concatenate((force, np.cross(point, force)))
             torque[:LINK] -= motion.screw[:LINK] @ w
             wrench += w
-        samples.append(
-            Sample(
-                float(t), q, qd,
-                torque + chance.standard_normal(6),
-                wrench + chance.standard_normal(6) * np.repeat([0.25, 0.05], 3),
-            )
-        )  # fmt: skip
+        samples.append(Sample(float(t), q, qd, torque.copy(), wrench.copy()))
         points.append(point)
     return samples, np.array(points)
+
+
+def _samples(
+    seconds: float, place: Callable[[float], float], seed: int, speed: float = 0.0, push: float = 20.0
+) -> tuple[list[Sample], np.ndarray]:
+    """A push on the forearm's tube at x = place(time since its start), link frame; all samples, and the
+    contact point of each in the base frame. The arm moves with up to `speed` in each joint."""
+    exact, points = _noiseless(seconds, place, speed, push)
+    noise = np.random.default_rng(seed).standard_normal((len(exact), 12))
+    noise[:, 6:] *= np.repeat([0.25, 0.05], 3)
+    return [
+        Sample(s.t, s.q, s.qd, np.add(s.joint_torque, n[:6]), np.add(s.base_wrench, n[6:]))  # type: ignore[arg-type]
+        for s, n in zip(exact, noise, strict=True)
+    ], points
 
 
 def _errors(estimates: list[Estimate], points: np.ndarray) -> np.ndarray:
@@ -77,7 +90,7 @@ def test_a_held_contact_sharpens_with_the_root_of_time(localizer: Localizer, spe
     """From 0.2 to 3.2 s of holding the stated error falls by 4, and it is true; the arm may move."""
     early, late, stated_early, stated_late = [], [], [], []
     for seed in range(8):
-        samples, points = _samples(START + 3.3, lambda _: -0.2, seed, speed)
+        samples, points = _samples(START + 3.3, _held, seed, speed)
         estimates = list(localizer.run(samples))
         errors = _errors(estimates, points)
         first, last = round((START + 0.2) / 0.002), round((START + 3.2) / 0.002)
@@ -114,7 +127,7 @@ def test_a_slide_is_followed_then_held(localizer: Localizer) -> None:
 
 
 def test_force_and_wrench_are_the_newest(localizer: Localizer) -> None:
-    samples, _ = _samples(START + 1.0, lambda _: -0.2, 4)
+    samples, _ = _samples(START + 1.0, _held, 4)
     model, motion = build_model(ARM), empty_motion(6)
     kinematics_and_momenta(model, samples[0].q, samples[0].qd, np.zeros(3), motion)
     more = motion.rotation[LINK] @ np.array([0.0, -30.0, 0.0])
@@ -134,8 +147,8 @@ def test_force_and_wrench_are_the_newest(localizer: Localizer) -> None:
 
 
 def test_contacts_end_and_are_numbered(localizer: Localizer) -> None:
-    samples, _ = _samples(START + 0.4, lambda _: -0.2, 5)
-    free, _ = _samples(START, lambda _: -0.2, 6)
+    samples, _ = _samples(START + 0.4, _held, 5)
+    free, _ = _samples(START, _held, 6)
     gap = samples[-1].t + 0.002
     free = [Sample(gap + s.t, s.q, s.qd, s.joint_torque, s.base_wrench) for s in free]
     again = [Sample(gap + START + s.t, s.q, s.qd, s.joint_torque, s.base_wrench) for s in samples]
@@ -151,7 +164,7 @@ def test_contacts_end_and_are_numbered(localizer: Localizer) -> None:
 def test_an_impact_of_20_ms_is_not_missed(localizer: Localizer, force: float) -> None:
     """A half sine of 20 ms: found each time, within the impact or the observer's time constant after it."""
     for seed in range(5):
-        samples, points = _samples(START + 0.3, lambda _: -0.2, seed, push=0.0)
+        samples, points = _samples(START + 0.3, _held, seed, push=0.0)
         model, motion = build_model(ARM), empty_motion(6)
         kinematics_and_momenta(model, samples[0].q, samples[0].qd, np.zeros(3), motion)
         unit = np.concatenate((motion.rotation[LINK] @ [0.0, -1.0, 0.0], np.zeros(3)))
@@ -173,7 +186,7 @@ def test_jitter_and_lost_samples_change_nothing_but_the_noise(localizer: Localiz
     plain, ragged = [], []
     for seed in range(6):
         chance = np.random.default_rng(seed)
-        samples, points = _samples(START + 1.0, lambda _: -0.2, seed, 0.5)
+        samples, points = _samples(START + 1.0, _held, seed, 0.5)
         plain.append(_errors(list(localizer.run(samples)), points)[-250:])
         keep = chance.random(len(samples)) >= 0.01
         kept = [

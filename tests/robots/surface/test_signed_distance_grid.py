@@ -102,17 +102,30 @@ def test_a_link_without_mesh_has_no_grid(grids: grid.Grids) -> None:
 
 
 def test_files_are_made_once_and_read_back(
-    tmp_path: Path, robot: Robot, meshes: dict[str, trimesh.Trimesh], grids: grid.Grids
+    tmp_path: Path,
+    robot: Robot,
+    meshes: dict[str, trimesh.Trimesh],
+    grids: grid.Grids,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    asked = []
+
+    def build(robot: Robot, meshes: dict[str, trimesh.Trimesh]) -> grid.Grids:
+        asked.append((robot, meshes))
+        return grids
+
+    monkeypatch.setattr(gridding, "build", build)
     first = gridding.cached(robot, meshes, tmp_path)
     np.testing.assert_array_equal(first.values, grids.values)
     made = sorted(tmp_path.iterdir())
     assert len(made) == 2
     assert isinstance(gridding.cached(robot, meshes, tmp_path).values, np.memmap)
     assert sorted(tmp_path.iterdir()) == made
+    assert asked == [(robot, meshes)]
     # Another mesh is another file.
     gridding.cached(robot, {"ball": meshes["ball"].copy().apply_scale(1.1)}, tmp_path)
     assert len(list(tmp_path.iterdir())) == 4
+    assert len(asked) == 2
 
 
 def test_damaged_files_are_refused(tmp_path: Path, grids: grid.Grids) -> None:

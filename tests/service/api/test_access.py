@@ -20,7 +20,7 @@ from websockets.typing import Subprotocol
 from contactsense.service.api.app import create_app
 from contactsense.service.api.connections import ConnectionLimits, http_protocol, websocket_protocol
 from contactsense.service.api.settings import Settings, SettingsError
-from tests.service import fakes
+from tests.service import fakes, http
 from tests.service.loopback import until
 
 TOKEN = "a token of more than sixteen characters"
@@ -76,7 +76,7 @@ def locked() -> Iterator[str]:
     ],
 )
 def test_who_may_ask(locked: str, headers: dict[str, str], status: int) -> None:
-    answer = httpx.get(f"http://{locked}/v1/health", headers=headers)
+    answer = http.get(f"http://{locked}/v1/health", headers=headers)
     assert answer.status_code == status
     if status == 401:
         assert answer.headers["www-authenticate"] == "Bearer"
@@ -87,19 +87,19 @@ def test_who_may_ask(locked: str, headers: dict[str, str], status: int) -> None:
 
 def test_a_page_of_the_service_itself_is_no_stranger(locked: str) -> None:
     headers = {"Authorization": f"Bearer {TOKEN}", "Origin": f"http://{locked}"}
-    assert httpx.get(f"http://{locked}/v1/robot", headers=headers).status_code == 200
+    assert http.get(f"http://{locked}/v1/robot", headers=headers).status_code == 200
 
 
 @pytest.mark.parametrize("path", ["/v1/ready", "/docs", "/openapi.json", "/docs/assets/swagger-ui.css"])
 def test_what_needs_no_token(locked: str, path: str) -> None:
-    assert httpx.get(f"http://{locked}{path}").status_code == 200
+    assert http.get(f"http://{locked}{path}").status_code == 200
 
 
 def test_the_description_needs_no_internet(locked: str) -> None:
-    page = httpx.get(f"http://{locked}/docs").text
+    page = http.get(f"http://{locked}/docs").text
     assert "//cdn" not in page
     assert "/docs/assets/swagger-ui-bundle.js" in page
-    assert "/v1/stream" in httpx.get(f"http://{locked}/openapi.json").json()["info"]["description"]
+    assert "/v1/stream" in http.get(f"http://{locked}/openapi.json").json()["info"]["description"]
 
 
 def test_a_websocket_brings_its_token_as_it_can(locked: str) -> None:
@@ -136,7 +136,7 @@ def test_a_websocket_that_may_not_come_in(locked: str, headers: dict[str, str], 
 
 def test_a_method_that_is_not_allowed_names_those_that_are(locked: str) -> None:
     headers = {"Authorization": f"Bearer {TOKEN}"}
-    answer = httpx.put(f"http://{locked}/v1/locate", headers=headers)
+    answer = http.put(f"http://{locked}/v1/locate", headers=headers)
     assert (answer.status_code, answer.headers["allow"]) == (405, "POST")
 
 
@@ -174,12 +174,12 @@ def test_other_computers_with_all_that_is_needed(tmp_path: Path) -> None:
 def test_a_body_too_large_is_refused_before_it_is_read() -> None:
     with guarded(app(max_body=1000)) as place:
         large = b" " * 300_000
-        answer = httpx.post(f"http://{place}/v1/locate", content=large)
+        answer = http.post(f"http://{place}/v1/locate", content=large)
         assert answer.status_code == 413
         assert "at most 1000 bytes" in answer.json()["errors"][0]["reason"]
         pieces = (large[:10_000] for _ in range(30))
-        assert httpx.post(f"http://{place}/v1/locate", content=pieces).status_code == 413
-        health = httpx.get(f"http://{place}/v1/health").json()
+        assert http.post(f"http://{place}/v1/locate", content=pieces).status_code == 413
+        health = http.get(f"http://{place}/v1/health").json()
         assert health["clients"]["beyond_limits"]["413"] == 2
 
 
@@ -200,12 +200,12 @@ def test_half_requests_lock_nobody_out() -> None:
         half = [socket.create_connection((host, int(port))) for _ in range(4)]
         for connection in half:
             connection.sendall(b"GET /v1/health HTTP/1.1\r\nHost: localhost\r\n")
-        assert httpx.get(f"http://{place}/v1/health").status_code == 200
+        assert http.get(f"http://{place}/v1/health").status_code == 200
         late = [connection.recv(4096) for connection in half]
         for connection in half:
             connection.close()
         assert all(answer.startswith(b"HTTP/1.1 408") for answer in late)
-        assert httpx.get(f"http://{place}/v1/health").json()["clients"]["late"] == 4
+        assert http.get(f"http://{place}/v1/health").json()["clients"]["late"] == 4
 
 
 def test_too_many_connections_are_refused() -> None:
@@ -218,8 +218,8 @@ def test_too_many_connections_are_refused() -> None:
         assert answer_to(place, request).startswith(b"HTTP/1.1 503")
         for connection in open_ones:
             connection.close()
-        assert until(lambda: httpx.get(f"http://{place}/v1/health").status_code == 200)
-        assert httpx.get(f"http://{place}/v1/health").json()["clients"]["refused"] >= 1
+        assert until(lambda: http.get(f"http://{place}/v1/health").status_code == 200)
+        assert http.get(f"http://{place}/v1/health").json()["clients"]["refused"] >= 1
 
 
 def test_a_head_too_large_is_refused() -> None:
@@ -254,7 +254,10 @@ def test_a_reader_that_takes_nothing_is_dropped() -> None:
         narrow = socket.socket()
         narrow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         narrow.connect((host, int(port)))
-        with connect(f"ws://{place}/v1/stream", sock=narrow, max_queue=1, close_timeout=0.2):
+        # Compressed, such messages would take ten seconds to fill the buffers.
+        with connect(
+            f"ws://{place}/v1/stream", sock=narrow, max_queue=1, close_timeout=0.2, compression=None
+        ):
             hub = service.state.service.hub
             assert until(lambda: hub.readers == 1)
             feeding = True

@@ -17,7 +17,7 @@ from contactsense.service.api.app import create_app
 from contactsense.service.api.messages import ErrorOut, EstimateOut
 from contactsense.service.api.settings import Settings
 from contactsense.service.mock.newton_euler import inverse_dynamics
-from tests.service import fakes
+from tests.service import fakes, http
 from tests.service.serving import serving
 
 ZERO6 = [0.0] * 6
@@ -39,7 +39,7 @@ def steady() -> Iterator[str]:
     """A service whose robot is pushed at its forearm all the time; yields host and port."""
     with serving(create_app(Settings(), fakes.Steady)) as place:
         deadline = time.monotonic() + 280  # kernels may have to be compiled
-        while httpx.get(f"http://{place}/v1/health").json()["status"] != "ok":
+        while http.get(f"http://{place}/v1/health").json()["status"] != "ok":
             assert time.monotonic() < deadline
             time.sleep(0.05)
         yield place
@@ -176,7 +176,7 @@ def test_the_interface_tells_units_and_frames(idle: httpx.Client) -> None:
 
 
 def test_the_latest_estimate(steady: str) -> None:
-    answer = httpx.get(f"http://{steady}/v1/contacts")
+    answer = http.get(f"http://{steady}/v1/contacts")
     assert answer.status_code == 200
     estimate = EstimateOut.model_validate(answer.json())
     assert estimate.status in ("contact", "ambiguous")
@@ -202,7 +202,7 @@ def test_the_stream_thinned_out(steady: str) -> None:
 def test_readers_are_counted(steady: str) -> None:
     with connect(f"ws://{steady}/v1/stream", close_timeout=0.5) as stream:
         stream.recv(timeout=10)
-        readers = httpx.get(f"http://{steady}/v1/health").json()["stream"]["readers"]
+        readers = http.get(f"http://{steady}/v1/health").json()["stream"]["readers"]
         assert readers >= 1
 
 
@@ -215,7 +215,7 @@ def test_a_reader_that_is_too_slow_is_told(steady: str) -> None:
     with connect(f"ws://{steady}/v1/stream", sock=narrow, max_queue=1, close_timeout=0.5) as stream:
         stream.recv(timeout=10)
         deadline = time.monotonic() + 60
-        while httpx.get(f"http://{steady}/v1/health").json()["stream"]["lost"] < 10:
+        while http.get(f"http://{steady}/v1/health").json()["stream"]["lost"] < 10:
             assert time.monotonic() < deadline
             time.sleep(0.1)
         while "lost" not in (message := json.loads(stream.recv(timeout=10))):

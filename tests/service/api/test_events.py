@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from types import SimpleNamespace
 
-import httpx
 import pytest
 from fastapi import FastAPI
 from websockets.sync.client import connect
@@ -17,7 +16,7 @@ from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.events.journal import Journal
 from contactsense.service.events.model import ContactEvent
 from contactsense.service.live.hub import Hub, Reader
-from tests.service import fakes
+from tests.service import fakes, http
 from tests.service.serving import serving
 
 
@@ -40,16 +39,16 @@ def test_events_since_a_number(served: tuple[Journal, str]) -> None:
     journal, place = served
     begin = journal.last
     add(journal, *range(6))
-    answer = httpx.get(f"http://{place}/v1/events", params={"since": begin + 2, "limit": 3}).json()
+    answer = http.get(f"http://{place}/v1/events", params={"since": begin + 2, "limit": 3}).json()
     assert [event["contact"] for event in answer["events"]] == [2, 3, 4]
     assert answer["last"] == begin + 6
-    onsets = httpx.get(f"http://{place}/v1/events", params={"since": begin, "kind": "onset"}).json()
+    onsets = http.get(f"http://{place}/v1/events", params={"since": begin, "kind": "onset"}).json()
     assert [event["contact"] for event in onsets["events"]] == [1, 3, 5]
 
 
 @pytest.mark.parametrize("query", ["since=-1", "limit=0", "limit=100000", "kind=touch", "since=1e400"])
 def test_wrong_queries_are_refused(served: tuple[Journal, str], query: str) -> None:
-    assert httpx.get(f"http://{served[1]}/v1/events?{query}").status_code == 422
+    assert http.get(f"http://{served[1]}/v1/events?{query}").status_code == 422
 
 
 def test_a_reader_that_comes_back_gets_what_it_missed_and_then_what_comes(
@@ -102,7 +101,7 @@ def test_thinned_and_slow_streams_carry_the_events_between() -> None:
 def test_a_contact_is_an_event_in_the_stream_and_in_the_journal() -> None:
     with serving(create_app(Settings(), fakes.Steady)) as place:
         deadline = time.monotonic() + 280  # kernels may have to be compiled
-        while not (found := httpx.get(f"http://{place}/v1/events").json()["events"]):
+        while not (found := http.get(f"http://{place}/v1/events").json()["events"]):
             assert time.monotonic() < deadline
             time.sleep(0.05)
         assert found[0]["kind"] == "onset"

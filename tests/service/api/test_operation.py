@@ -6,30 +6,29 @@ import logging
 import logging.handlers
 from pathlib import Path
 
-import httpx
 import pytest
 
 from contactsense.service import logs
 from contactsense.service.api.app import create_app
 from contactsense.service.api.settings import Settings
-from tests.service import fakes
+from tests.service import fakes, http
 from tests.service.serving import serving
 
 
 def test_a_service_without_a_robot_is_ready() -> None:
     with serving(create_app(Settings())) as place:
-        answer = httpx.get(f"http://{place}/v1/ready")
+        answer = http.get(f"http://{place}/v1/ready")
         assert answer.status_code == 200
         assert answer.json()["ready"] is True
 
 
 def test_a_service_without_estimates_is_not_ready() -> None:
     with serving(create_app(Settings(), fakes.Mute)) as place:
-        answer = httpx.get(f"http://{place}/v1/ready")
+        answer = http.get(f"http://{place}/v1/ready")
         assert answer.status_code == 503
         assert answer.json()["ready"] is False
         assert answer.json()["reasons"]
-        health = httpx.get(f"http://{place}/v1/health")
+        health = http.get(f"http://{place}/v1/health")
         assert health.status_code == 200
         assert health.json()["ready"] is False
         assert "; ".join(health.json()["reasons"]) == health.json()["message"]
@@ -37,7 +36,7 @@ def test_a_service_without_estimates_is_not_ready() -> None:
 
 def test_metrics_are_prometheus_text() -> None:
     with serving(create_app(Settings())) as place:
-        answer = httpx.get(f"http://{place}/metrics")
+        answer = http.get(f"http://{place}/metrics")
     assert answer.headers["content-type"].startswith("text/plain")
     lines = answer.text.splitlines()
     assert 'contactsense_status{status="idle"} 1.0' in lines

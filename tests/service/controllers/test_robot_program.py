@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -42,6 +41,7 @@ from contactsense.service.live.hub import Hub
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
 from contactsense.types import Contact
+from tests.service import http
 from tests.service.controllers import xmlrpc_c
 from tests.service.serving import serving
 
@@ -212,10 +212,10 @@ def test_http_that_is_no_call(methods: RobotProgramMethods) -> None:
     with ports(methods) as places:
         host, port = places["xmlrpc_port"]
         url = f"http://{host}:{port}"
-        assert httpx.get(f"{url}/RPC2").status_code == 405
-        assert httpx.post(f"{url}/other").status_code == 404
-        assert httpx.post(f"{url}/RPC2", content=b"x" * 70_000).status_code == 413
-        (numbers,), _ = xmlrpc.client.loads(httpx.post(f"{url}/RPC2", content=b"<no/>").content)
+        assert http.get(f"{url}/RPC2").status_code == 405
+        assert http.post(f"{url}/other").status_code == 404
+        assert http.post(f"{url}/RPC2", content=b"x" * 70_000).status_code == 413
+        (numbers,), _ = xmlrpc.client.loads(http.post(f"{url}/RPC2", content=b"<no/>").content)
         assert numbers == [BAD_REQUEST]
 
 
@@ -293,7 +293,7 @@ def test_the_services_own_port_answers_too() -> None:
         with xmlrpc.client.ServerProxy(f"http://{place}/RPC2") as client:
             assert client.contactsense_status()[0] == NO_ESTIMATE
             assert client.contactsense_acknowledge() == [NOT_POSSIBLE]
-        assert httpx.post(f"http://{place}/RPC2", content=b"x" * 70_000).status_code == 413
+        assert http.post(f"http://{place}/RPC2", content=b"x" * 70_000).status_code == 413
 
 
 def _ended(connection: socket.socket) -> bool:

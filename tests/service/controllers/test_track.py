@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import httpx
 import msgpack
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -18,7 +17,7 @@ from contactsense.service.api.app import create_app
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.api.settings import Settings
 from contactsense.service.controllers.settings import ControllerSettings
-from tests.service import fakes
+from tests.service import fakes, http
 from tests.service.serving import serving
 
 SLOW = 250  # a process that loads its kernels on a busy machine
@@ -146,7 +145,7 @@ def test_a_controller_is_the_source_of_the_pipeline(pushed: Sample) -> None:
 
             with connect(f"ws://{place}/v1/track") as second:
                 assert "another controller" in json.loads(second.recv(timeout=SLOW))["errors"][0]["reason"]
-            events = httpx.get(f"http://{place}/v1/events").json()["events"]
+            events = http.get(f"http://{place}/v1/events").json()["events"]
             assert "onset" in [event["kind"] for event in events]
             _until(place, lambda health: "has sent no sample" in health["message"])
         _until(place, lambda health: "no controller" in health["message"])
@@ -155,7 +154,7 @@ def test_a_controller_is_the_source_of_the_pipeline(pushed: Sample) -> None:
 def _until(place: str, condition: Any) -> dict[str, Any]:
     deadline = time.monotonic() + SLOW
     while True:
-        health: dict[str, Any] = httpx.get(f"http://{place}/v1/health").json()
+        health: dict[str, Any] = http.get(f"http://{place}/v1/health").json()
         if condition(health):
             return health
         assert time.monotonic() < deadline, health

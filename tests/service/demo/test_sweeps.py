@@ -4,8 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from contactsense.scene import Scene
+from contactsense.service.cli.main import cli
 from contactsense.service.demo.processes import Stage
 from contactsense.service.demo.reaction_runs import LEVEL, rules
 from contactsense.service.demo.sweeps import SCRIPT, SWEEPS, Collision, without_reaction
@@ -72,6 +74,6 @@ def test_the_command_compares_both() -> None:
 
 
 def test_options_that_do_not_go_together() -> None:
-    status, out, err = run("demo", "--json")
-    assert (status, out) == (2, "")
-    assert "--react" in err
+    told = CliRunner().invoke(cli, ["demo", "--json"])
+    assert (told.exit_code, told.stdout) == (2, "")
+    assert "--react" in told.stderr

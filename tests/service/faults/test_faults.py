@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import httpx
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -27,6 +26,7 @@ from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.mock.wire_faults import Fault
+from tests.service import http
 from tests.service.faults.wire import ROBOT_FAULTS, SENSOR_FAULTS, NetFtProxy, RtdeProxy
 
 # On a computer without time the mock is late as well, and no fault could be told from that.
@@ -165,14 +165,14 @@ class Cell:
 
     def codes(self) -> tuple[int, int]:
         """What `GET /v1/ready` and `GET /v1/contacts` answer."""
-        ready, contacts = (httpx.get(f"{self.url}/v1/{name}").status_code for name in ("ready", "contacts"))
+        ready, contacts = (http.get(f"{self.url}/v1/{name}").status_code for name in ("ready", "contacts"))
         return ready, contacts
 
     def until(self, condition: Callable[[str, str], bool]) -> float:
         """How long it took until status and message are so [s]."""
         begin = time.monotonic()
         while True:
-            health = httpx.get(f"{self.url}/v1/health", timeout=10.0).json()
+            health = http.get(f"{self.url}/v1/health", timeout=10.0).json()
             if not condition(health["status"], health["message"]):
                 self.last = health["message"]
             else:
@@ -219,12 +219,12 @@ def cell() -> Iterator[Cell]:
         with child("serve", *arguments) as service:
             url = service.wait_for(READY)
             deadline = time.monotonic() + 280.0  # kernels may have to be compiled
-            while httpx.get(f"{url}/v1/health").json()["status"] != "ok":
-                assert time.monotonic() < deadline, httpx.get(f"{url}/v1/health").json()
+            while http.get(f"{url}/v1/health").json()["status"] != "ok":
+                assert time.monotonic() < deadline, http.get(f"{url}/v1/health").json()
                 time.sleep(0.1)
             # Also starts the process that locates, which takes the processor for a while.
             body = {"q": [0.0] * 6, "joint_torque": [0.0] * 6}
-            httpx.post(f"{url}/v1/locate", json=body, timeout=280.0).raise_for_status()
+            http.post(f"{url}/v1/locate", json=body, timeout=280.0).raise_for_status()
             found = Cell(servers, robot, sensor, url, service.pid)
             yield found
             found.close()

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 import yaml
 
@@ -17,6 +16,7 @@ from contactsense.service.cli.serve import READY
 from contactsense.service.demo.child_process import Child, child
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
+from tests.service import http
 from tests.service.loopback import until
 from tests.service.test_reactions import RULES, SCRIPT
 
@@ -43,7 +43,7 @@ def serving(servers: MockServers, folder: Path) -> Iterator[tuple[Child, str]]:
 
 
 def state(url: str) -> dict[str, Any]:
-    found: dict[str, Any] = httpx.get(f"{url}/v1/reactions").json()
+    found: dict[str, Any] = http.get(f"{url}/v1/reactions").json()
     return found
 
 
@@ -65,13 +65,13 @@ def test_a_latch_outlives_the_service(tmp_path: Path) -> None:
             # From the first write on: the robot program never reads that nothing happened.
             assert inputs["input_int_register_47"] == (42,)
             assert inputs["input_bit_register_66"] == (True,)
-            assert until(lambda: httpx.get(f"{url}/v1/ready").status_code == 200, 60.0)
+            assert until(lambda: http.get(f"{url}/v1/ready").status_code == 200, 60.0, step=0.05)
             assert state(url)["latched"] == [latch]
-            assert httpx.post(f"{url}/v1/reactions/acknowledge").json()["latched"] == []
+            assert http.post(f"{url}/v1/reactions/acknowledge").json()["latched"] == []
             assert until(lambda: inputs["input_int_register_47"] == (0,))
             assert until(lambda: not kept())
             os.kill(service.pid, signal.SIGKILL)
         with serving(servers, tmp_path) as (_, url):
-            assert until(lambda: httpx.get(f"{url}/v1/ready").status_code == 200, 280.0)
+            assert until(lambda: http.get(f"{url}/v1/ready").status_code == 200, 280.0, step=0.05)
             assert state(url)["latched"] == []
             assert inputs["input_int_register_47"] == (0,)

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -20,6 +19,7 @@ from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings import read
 from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
 from contactsense.service.recordings.sample_rows import Ring
+from tests.service import http
 from tests.service.loopback import own_address, until
 from tests.service.serving import serving
 
@@ -104,19 +104,19 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Pat
         )
         with serving(create_app(settings)) as place:
             url = f"http://{place}"
-            assert until(lambda: httpx.get(f"{url}/v1/health").json()["status"] == "ok", 280.0)
+            assert until(lambda: http.get(f"{url}/v1/health").json()["status"] == "ok", 280.0, step=0.05)
             yield url, folder
 
 
 def listed(url: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = httpx.get(f"{url}/v1/clips").json()["clips"]
+    found: list[dict[str, Any]] = http.get(f"{url}/v1/clips").json()["clips"]
     return found
 
 
 def test_a_clip_over_http(service: tuple[str, Path]) -> None:
     url, folder = service
     time.sleep(1.0)
-    answer = httpx.post(f"{url}/v1/clip", json={"before": 0.5, "after": 0.3, "reason": "door"})
+    answer = http.post(f"{url}/v1/clip", json={"before": 0.5, "after": 0.3, "reason": "door"})
     assert answer.status_code == 202
     assert answer.json()["file"] is None
     assert until(lambda: listed(url)[-1]["file"])
@@ -139,13 +139,13 @@ def test_a_service_records_while_the_command_runs(service: tuple[str, Path]) -> 
 
 def test_bad_requests_name_the_field(service: tuple[str, Path]) -> None:
     url, _ = service
-    answer = httpx.post(f"{url}/v1/clip", json={"before": -1.0})
+    answer = http.post(f"{url}/v1/clip", json={"before": -1.0})
     assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "before")
 
 
 def test_without_a_folder_it_says_what_to_do() -> None:
     with serving(create_app(Settings())) as place:
-        answer = httpx.post(f"http://{place}/v1/clip", json={})
+        answer = http.post(f"http://{place}/v1/clip", json={})
         assert answer.status_code == 409
         assert "--recordings" in answer.text
     result = CliRunner().invoke(record, ["--url", "http://127.0.0.1:1", "--seconds", "1"])

@@ -1,6 +1,8 @@
 """MCAP files and rosbag2 folders, whole and cut short."""
 
+from functools import cache
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import numpy as np
@@ -19,14 +21,17 @@ N = 12_000
 SCENE = Scene(robot="ur5e")
 
 
-def _recording() -> Recording:
+@cache
+def _recording(rows: int = N) -> Recording:
     chance = np.random.default_rng(3)
-    q, qd, torque, wrench = (chance.standard_normal((N, 6)) for _ in range(4))
-    return Recording("made", 5.0 + 0.002 * np.arange(N), q, qd, torque, wrench, None, np.arange(N))
+    q, qd, torque, wrench = (chance.standard_normal((rows, 6)) for _ in range(4))
+    return Recording("made", 5.0 + 0.002 * np.arange(rows), q, qd, torque, wrench, None, np.arange(rows))
 
 
-def _rosbag(folder: Path) -> Path:
-    """The same as a rosbag2 folder with an SQLite database."""
+@pytest.fixture(scope="module")
+def rosbag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same as a rosbag2 folder with an SQLite database; whoever changes it takes a copy."""
+    folder = tmp_path_factory.mktemp("rosbag") / "bag"
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     kinds: Any = store.types
     joints, wrenches = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
@@ -68,8 +73,8 @@ def _check_rest(found: Recording, least: float) -> None:
     assert found.problems[-1].row_from == count
 
 
-def test_a_rosbag2_folder_is_read(tmp_path: Path) -> None:
-    found = read(_rosbag(tmp_path / "bag"), SCENE)
+def test_a_rosbag2_folder_is_read(rosbag: Path) -> None:
+    found = read(rosbag, SCENE)
     whole = _recording()
     np.testing.assert_allclose(found.t, whole.t, atol=1e-8)
     np.testing.assert_allclose(found.joint_torque, whole.joint_torque)
@@ -85,16 +90,20 @@ def test_an_mcap_file_that_is_cut_short_is_used_up_to_there(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("metadata", [True, False])
-def test_a_rosbag2_folder_that_is_cut_short_is_used_up_to_there(tmp_path: Path, metadata: bool) -> None:
-    bag = _rosbag(tmp_path / "bag")
+def test_a_rosbag2_folder_that_is_cut_short_is_used_up_to_there(
+    tmp_path: Path, rosbag: Path, metadata: bool
+) -> None:
+    bag = copytree(rosbag, tmp_path / "bag")
     _cut(bag / "bag.db3")
     if not metadata:
         (bag / "metadata.yaml").unlink()
     _check_rest(read(bag, SCENE), 0.6)
 
 
-def test_a_folder_without_metadata_is_read_whole_and_said_to_be_incomplete(tmp_path: Path) -> None:
-    bag = _rosbag(tmp_path / "bag")
+def test_a_folder_without_metadata_is_read_whole_and_said_to_be_incomplete(
+    tmp_path: Path, rosbag: Path
+) -> None:
+    bag = copytree(rosbag, tmp_path / "bag")
     (bag / "metadata.yaml").unlink()
     found = read(bag, SCENE)
     assert len(found) == N
@@ -108,15 +117,15 @@ def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
             read(tmp_path / name, SCENE)
 
 
-def test_bags_of_a_dataset_are_found_once(tmp_path: Path) -> None:
+def test_bags_of_a_dataset_are_found_once(tmp_path: Path, rosbag: Path) -> None:
     here = tmp_path / "robot=a" / "date=2026-01-01"
     here.mkdir(parents=True)
-    export(_recording(), here / "one.mcap")
-    bag = _rosbag(here / "two")
-    export(_recording(), here / "three.csv")
+    export(_recording(10), here / "one.mcap")
+    bag = copytree(rosbag, here / "two")
+    export(_recording(10), here / "three.csv")
     found = find_recordings((tmp_path,))
     assert [file.path.name for file in found] == ["one.mcap", "three.csv", "two"]
     assert all(file.robot == "a" for file in found)
     key = found[2].key
-    _cut(bag / "two.db3")
+    _cut(bag / "bag.db3")
     assert found[2].key != key

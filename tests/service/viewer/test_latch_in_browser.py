@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import httpx
 import pytest
 import yaml
 
@@ -16,7 +15,7 @@ from contactsense.service.reactions.latch_store import LatchStore
 from contactsense.service.viewer.live_source import LiveSource
 from contactsense.service.viewer.service_calls import ServiceCalls
 from tests.browser import require_browser
-from tests.service import fakes
+from tests.service import fakes, http
 from tests.service.loopback import until
 from tests.service.serving import serving
 from tests.service.viewer.shown import PATIENCE, Shown, showing
@@ -40,7 +39,7 @@ class Cell:
 
     def latched(self) -> list[object]:
         headers = {"Authorization": f"Bearer {TOKEN}"}
-        found: list[object] = httpx.get(f"{self.calls.url}/v1/reactions", headers=headers).json()["latched"]
+        found: list[object] = http.get(f"{self.calls.url}/v1/reactions", headers=headers).json()["latched"]
         return found
 
 

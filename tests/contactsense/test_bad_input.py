@@ -1,0 +1,108 @@
+"""Bad input: it is named, it spoils nothing else, and nothing of it is taken for a number."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactsense import Localizer, Sample
+from tests.at_rest import weight
+from tests.contactsense.held_posture import Q, push_on_forearm, pushed
+from tests.contactsense.precise import PRECISE
+
+
+@pytest.mark.parametrize("field", ["q", "qd", "joint_torque", "base_wrench", "t"])
+def test_nan_spoils_one_sample_only(precise: Localizer, field: str) -> None:
+    _, wrench = push_on_forearm()
+    samples = pushed(300, wrench, 3)
+    clean = list(precise.run(samples))
+    bad = samples[250]
+    values = {name: getattr(bad, name) for name in ("t", "q", "qd", "joint_torque", "base_wrench")}
+    values[field] = float("nan") if field == "t" else np.where(np.arange(6) == 2, np.nan, values[field])
+    samples[250] = Sample(**values)
+    estimates = list(precise.run(samples))
+    assert estimates[250].status == "degraded"
+    assert "not finite" in estimates[250].reason
+    assert estimates[-1].status == clean[-1].status
+    np.testing.assert_allclose(
+        estimates[-1].contacts[0].point_base, clean[-1].contacts[0].point_base, atol=1e-4
+    )
+
+
+def test_a_repeated_sample_is_not_used_twice(precise: Localizer) -> None:
+    _, wrench = push_on_forearm()
+    samples = pushed(200, wrench, 3)
+    estimates = list(precise.run([*samples, samples[-1]]))
+    assert estimates[-1].status == "degraded"
+    assert "same time" in estimates[-1].reason
+
+
+def test_wrong_shapes_are_named(precise: Localizer) -> None:
+    with pytest.raises(ValueError, match=r"joint_torque: expected shape \(6,\), got shape \(5,\)"):
+        precise.step(Sample(0.0, Q, np.zeros(6), np.zeros(5)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"base_wrench": [0.0] * 5}, r"base_wrench: expected shape \(6,\)"),
+        (
+            {"base_wrench": [0.0, 1.0, np.nan, 0.0, 0.0, 0.0]},
+            r"base_wrench: expected finite numbers, got nan at index \[2\]",
+        ),
+        ({"joint_torque": "strong"}, "joint_torque: expected numbers, got 'strong'"),
+        ({}, "expected at least one of the two, got none"),
+        ({"base_wrench": [0.0] * 6, "wrist_wrench": [0.0] * 6}, "wrist_wrench: the scene has no such sensor"),
+    ],
+)
+def test_bad_arguments_are_named(ordinary: Localizer, arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        ordinary.locate(np.zeros(6), **arguments)  # type: ignore[arg-type]
+
+
+def test_batches_must_be_of_one_length(ordinary: Localizer) -> None:
+    with pytest.raises(
+        ValueError, match=r"base_wrench: expected shape \(4, 6\) in N, Nm, got shape \(3, 6\)"
+    ):
+        ordinary.locate_batch(np.zeros((4, 6)), base_wrench=np.zeros((3, 6)))
+
+
+@pytest.mark.parametrize("shape", [(6, 1), (1, 6), (), (2, 3), (1,) * 9 + (6,), (6, 6)])
+@pytest.mark.parametrize("field", ["q", "qd", "joint_torque", "base_wrench"])
+def test_fields_that_are_no_vectors_are_named(
+    ordinary: Localizer, field: str, shape: tuple[int, ...]
+) -> None:
+    """Also after the start of a stream, where its readings go to the machine code first."""
+    torque, wrench = weight(ordinary.scene, Q)
+    fields = {"q": Q, "qd": np.zeros(6), "joint_torque": torque, "base_wrench": wrench}
+    for _ in ordinary.run([Sample(0.002 * i, **fields) for i in range(60)]):
+        pass
+    fields[field] = np.zeros(shape)
+    with pytest.raises(ValueError, match=rf"{field}: expected shape \(6,\), got shape"):
+        ordinary.step(Sample(1.0, **fields))
+    del fields["qd"]
+    if field != "qd":
+        with pytest.raises(ValueError, match=rf"{field}: expected shape \(6,\)"):
+            ordinary.locate(**fields, external=False)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", [np.float64(1.0), b"abc"])
+@pytest.mark.parametrize("field", ["q", "qd", "joint_torque", "base_wrench"])
+def test_a_field_of_the_first_sample_that_is_no_vector_is_named(
+    ordinary: Localizer, field: str, value: Any
+) -> None:
+    torque, wrench = weight(ordinary.scene, Q)
+    fields = {"q": Q, "qd": np.zeros(6), "joint_torque": torque, "base_wrench": wrench}
+    ordinary.reset()
+    with pytest.raises(ValueError, match=rf"{field}: expected"):
+        ordinary.step(Sample(0.0, **{**fields, field: value}))
+
+
+def test_an_unusable_first_sample_rules_nothing_out(precise: Localizer) -> None:
+    """Whatever could be used before it, in another stream or when the kernels were loaded."""
+    torque, wrench = weight(PRECISE, Q)
+    list(precise.run([Sample(0.002 * i, Q, np.zeros(6), torque, wrench) for i in range(60)]))
+    precise.reset()
+    first = precise.step(Sample(0.0, np.full(6, np.nan), np.zeros(6), torque, wrench))
+    assert first.status == "degraded"
+    assert first.detectable == np.inf
