@@ -2,9 +2,12 @@
 compiled function takes longer than its computation.
 
 One buffer holds floats and records, the other one integers, in the order in which the fields are declared.
+The integers begin with the place of each field in its buffer: were it the sum of the sizes of all fields
+before it, LLVM would take seconds to simplify such sums of a hundred products in every loop.
 """
 
 import functools
+import itertools
 import math
 from collections.abc import Mapping
 from types import CodeType
@@ -14,7 +17,7 @@ import numpy as np
 
 from contactsense.robots.jit.array_views import block, records
 from contactsense.robots.jit.declaration import WORD, Leaf, Node, fields_of
-from contactsense.robots.jit.kernel import generated_kernel, inlined_kernel
+from contactsense.robots.jit.kernel import generated_kernel
 
 D = TypeVar("D")
 
@@ -49,7 +52,7 @@ class FlatBuffers:
             ValueError: An array does not have the declared shape.
         """
         leaves = [leaf for value in values for leaf in _leaves(fields_of(type(value)), value)]
-        floats, integers = [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
+        floats, integers = [np.zeros(0)], [np.zeros(len(leaves), dtype=np.int64)]
         for leaf, array in leaves:
             if np.shape(array) != _shape(leaf, sizes):
                 raise ValueError(f"{leaf.name}: expected shape {_shape(leaf, sizes)}, got {np.shape(array)}")
@@ -60,19 +63,22 @@ class FlatBuffers:
                 floats.append(words.view(np.float64))
         self.floats = np.concatenate(floats)
         self.integers = np.concatenate(integers)
-        self._float, self._integer = 0, 0
+        self._field, self._float, self._integer = 0, 0, len(leaves)
         self.views = tuple(self._view(fields_of(type(value)), sizes) for value in values)
         """The same declarations; their arrays are parts of the buffers."""
 
     def _view(self, part: Node | Leaf, sizes: Mapping[str, int]) -> Any:
         if isinstance(part, Node):
             return part.kind(*(self._view(field, sizes) for field in part.fields))
-        shape = _shape(part, sizes)
+        shape, field = _shape(part, sizes), self._field
+        self._field += 1
         if part.dtype == np.int64:
             first, self._integer = self._integer, self._integer + math.prod(shape)
+            self.integers[field] = first
             return self.integers[first : self._integer].reshape(shape)
         words = math.prod(shape) * part.dtype.itemsize // WORD
         first, self._float = self._float, self._float + words
+        self.integers[field] = first
         if part.by_value:
             return float(self.floats[first])
         return self.floats[first : self._float].view(part.dtype).reshape(shape)
@@ -90,39 +96,31 @@ def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], mod
         kinds: The declarations, in the order in which they lie in the buffers.
         sizes: Names of the sizes, in order.
         module: Name of the module that holds the kernel.
-
-    Raises:
-        TypeError: An array has more axes than kernels can take from a buffer.
     """
     lines = [
         f"def {name}(buffers):",
         "    floats, integers, sizes = buffers",
         f"    {', '.join(sizes)}, = sizes",
-        "    f = i = 0",
     ]
-    names: dict[str, Any] = {take.__name__: take for take in (*_TAKE, *_TAKE_RECORDS)}
+    names: dict[str, Any] = {"block": block, "records": records}
+    fields = itertools.count()
 
     def value(part: Node | Leaf) -> str:
         if isinstance(part, Node):
             names[part.kind.__name__] = part.kind
             return f"{part.kind.__name__}({', '.join([value(field) for field in part.fields])})"
-        variable, shape = f"x{len(lines)}", ", ".join(part.shape)
-        most = len(_TAKE if part.dtype in (np.int64, np.float64) else _TAKE_RECORDS)
-        if len(part.shape) > most:
-            raise TypeError(f"{part.name}: expected at most {most} axes, got shape ({shape})")
+        field, shape = next(fields), f"({', '.join(part.shape)},)"
         if part.by_value:
-            lines.append(f"    {variable}, f = floats[f], f + 1")
-        elif part.dtype == np.int64:
-            lines.append(f"    {variable}, i = _take{len(part.shape)}(integers, i, {shape})")
-        elif part.dtype == np.float64:
-            lines.append(f"    {variable}, f = _take{len(part.shape)}(floats, f, {shape})")
-        else:
-            dtype, words = f"dtype{len(lines)}", part.dtype.itemsize // WORD
-            names[dtype] = part.dtype
-            call = f"_records{len(part.shape)}(floats, f, {dtype}, {words}, {shape})"
-            # The comment makes the layout a part of the source, whose change invalidates the cache.
-            lines.append(f"    {variable}, f = {call}  # {part.dtype}")
-        return variable
+            return f"floats[integers[{field}]]"
+        if part.dtype == np.int64:
+            return f"block(integers, integers[{field}], {shape})"
+        if part.dtype == np.float64:
+            return f"block(floats, integers[{field}], {shape})"
+        names[f"dtype{field}"] = part.dtype
+        lines.append(f"    x{field} = records(floats, integers[{field}], {shape}, dtype{field})")
+        # The comment makes the layout a part of the source, whose change invalidates the cache.
+        lines[-1] += f"  # {part.dtype}"
+        return f"x{field}"
 
     values = [value(fields_of(kind)) for kind in kinds]
     return generated_kernel(name, "\n".join([*lines, f"    return {', '.join(values)}", ""]), names, module)
@@ -141,36 +139,3 @@ def _shape(leaf: Leaf, sizes: Mapping[str, int]) -> tuple[int, ...]:
 @functools.cache
 def _code(expression: str) -> CodeType:
     return compile(expression, "<shape>", "eval")
-
-
-@inlined_kernel
-def _take1(buffer: np.ndarray, at: int, a: int) -> tuple[np.ndarray, int]:
-    return block(buffer, at, (a,)), at + a
-
-
-@inlined_kernel
-def _take2(buffer: np.ndarray, at: int, a: int, b: int) -> tuple[np.ndarray, int]:
-    return block(buffer, at, (a, b)), at + a * b
-
-
-@inlined_kernel
-def _take3(buffer: np.ndarray, at: int, a: int, b: int, c: int) -> tuple[np.ndarray, int]:
-    return block(buffer, at, (a, b, c)), at + a * b * c
-
-
-@inlined_kernel
-def _records1(
-    buffer: np.ndarray, at: int, dtype: np.dtype[Any], words: int, a: int
-) -> tuple[np.ndarray, int]:
-    return records(buffer, at, (a,), dtype), at + words * a
-
-
-@inlined_kernel
-def _records2(
-    buffer: np.ndarray, at: int, dtype: np.dtype[Any], words: int, a: int, b: int
-) -> tuple[np.ndarray, int]:
-    return records(buffer, at, (a, b), dtype), at + words * a * b
-
-
-_TAKE = (_take1, _take2, _take3)
-_TAKE_RECORDS = (_records1, _records2)

@@ -137,16 +137,6 @@ def test_a_field_without_a_shape_is_refused() -> None:
         fields_of(_Undeclared)
 
 
-def test_an_array_with_too_many_axes_is_refused() -> None:
-    class Cube(NamedTuple):
-        corners: Annotated[Floats, "2, 2, 2, joints"]
-
-    with pytest.raises(
-        TypeError, match=r"Cube\.corners: expected at most 3 axes, got shape \(2, 2, 2, joints\)"
-    ):
-        views_kernel("cubes", (Cube,), ("joints",), __name__)
-
-
 def test_a_record_holds_numbers_only() -> None:
     class Named:
         name: str
