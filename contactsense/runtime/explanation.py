@@ -4,6 +4,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from contactsense.detection.thresholds import Usable
 from contactsense.isolation.link_hypotheses import isolate
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
@@ -11,10 +12,13 @@ from contactsense.localization.ranking import locate_contacts
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.residuals.joint_friction import unmodelled_torque_std
 from contactsense.robots.jit.array_views import copy
-from contactsense.robots.jit.kernel import inlined_kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.surface.signed_distance_grid import Grids, Skin
+from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.no_contact_hypothesis import update_covariances
 from contactsense.runtime.residual_update import update_link_sensors
+from contactsense.runtime.result_rows import write_candidates
 from contactsense.runtime.sensor_rows import fill_rows
 from contactsense.runtime.state import State
 
@@ -72,7 +76,9 @@ def isolate_links(
     link_sensors: int,
     variance_ratio: float,
 ) -> float:
-    """Fused wrench and evidence of each link hypothesis, in `State.hypotheses`; arguments as for `explain`.
+    """Fused wrench and evidence of each link hypothesis, in `State.hypotheses`.
+
+    Arguments as for `explain_sample`.
 
     Returns:
         Energy of the no-contact hypothesis: half the squared residuals in units of the noise.
@@ -116,32 +122,36 @@ def most_probable_link(constants: Constants, state: State) -> int:
     return best
 
 
-@inlined_kernel
-def explain(
-    constants: Constants,
-    state: State,
-    has_base: bool,
-    has_torque: bool,
-    link_sensors: int,
+@kernel
+def explain_sample(
+    buffers: Buffers,
+    skin: Skin,
+    usable: Usable,
     variance_ratio: float,
     gate: bool,
     threshold: float,
+    rows: np.ndarray,
 ) -> tuple[int, float]:
-    """Explain the residuals in `state` by one contact.
+    """Explain the residuals in `State` by one contact, and list the candidates.
+
+    All ways to an estimate share this code, which is compiled once: so it takes the buffers.
 
     Args:
-        constants: The scene's constants.
-        state: With poses and residuals; the result is stored in `candidates` and `link_probability`.
-        has_base, has_torque: Whether base wrench and torques have a value.
-        link_sensors: Which link sensors have one, one bit each.
+        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`, with poses and residuals. Candidates
+            and `link_probability` are filled.
+        skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
+        usable: Which sensors have measured.
         variance_ratio: Variance of the residuals over that of one sample's noise.
         gate: Choose the link of highest evidence first and search on that link only.
         threshold: No candidates are computed if the energy of the no-contact hypothesis is not above this.
+        rows: Filled with the candidates, as many as there are rows at most.
 
     Returns:
-        Number of candidates, and the energy of the no-contact hypothesis: half the squared residuals in units
-        of the noise.
+        Number of candidates in `rows`, and the energy of the no-contact hypothesis: half the squared
+        residuals in units of the noise.
     """
+    constants, state = buffer_views(buffers)
+    has_base, has_torque, link_sensors = usable
     no_contact_energy = isolate_links(constants, state, has_base, has_torque, link_sensors, variance_ratio)
     if no_contact_energy <= threshold:
         return 0, no_contact_energy
@@ -170,4 +180,5 @@ def explain(
         arrays,
         state.link_probability,
     )
-    return count, no_contact_energy
+    listed: int = write_candidates(constants, state, Grids(*skin), min(count, rows.shape[0]), rows)
+    return listed, no_contact_energy

@@ -9,12 +9,12 @@ from contactsense.detection.thresholds import Usable
 from contactsense.residuals.equations_of_motion import wrench_difference
 from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
-from contactsense.robots.surface.signed_distance_grid import Grids, Skin
+from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.best_answer import store_best
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
-from contactsense.runtime.explanation import Measured, explain, take_static_sample
+from contactsense.runtime.explanation import Measured, explain_sample, take_static_sample
 from contactsense.runtime.reading_limits import (
     TORQUE_SCALE,
     are_positions_within,
@@ -24,7 +24,6 @@ from contactsense.runtime.reading_limits import (
     is_sample_plausible,
 )
 from contactsense.runtime.residual_update import set_external, update_residuals, use_residuals
-from contactsense.runtime.result_rows import write_candidates
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import (
     REPEATED,
@@ -95,39 +94,6 @@ def detect(
 
 
 @kernel
-def explain_sample(
-    buffers: Buffers,
-    skin: Skin,
-    usable: Usable,
-    variance_ratio: float,
-    gate: bool,
-    threshold: float,
-    rows: np.ndarray,
-) -> tuple[int, float]:
-    """`explain` the residuals and list the candidates.
-
-    All ways to an estimate share this machine code, which is compiled once: so it takes the buffers.
-
-    Args:
-        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
-        skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
-        usable: Which sensors have measured.
-        variance_ratio, gate, threshold: As for `explain`.
-        rows: Filled with the candidates, as many as there are rows at most.
-
-    Returns:
-        Number of candidates in `rows`, and the energy of the no-contact hypothesis.
-    """
-    constants, state = buffer_views(buffers)
-    has_base, has_torque, link_sensors = usable
-    count, no_contact_energy = explain(
-        constants, state, has_base, has_torque, link_sensors, variance_ratio, gate, threshold
-    )
-    listed: int = write_candidates(constants, state, Grids(*skin), min(count, rows.shape[0]), rows)
-    return listed, no_contact_energy
-
-
-@kernel
 def localize(
     buffers: Buffers,
     skin: Skin,
@@ -135,13 +101,13 @@ def localize(
     gate: bool,
     rows: np.ndarray,
 ) -> int:
-    """Average the residuals over windows and `explain` them, after `detect` has detected a contact.
+    """Average the residuals over windows and explain them, after `detect` has detected a contact.
 
     Args:
         buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
         skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
         bandwidth: Cut-off frequency of the observers [Hz].
-        gate: As for `explain`.
+        gate: As for `contactsense.runtime.explanation.explain_sample`.
         rows: Filled with the candidates.
 
     Returns:
@@ -259,13 +225,13 @@ def locate_once(
     check: bool,
     rows: np.ndarray,
 ) -> tuple[int, float]:
-    """One sample of an arm at rest: `take_static_sample` and `explain`.
+    """One sample of an arm at rest: `take_static_sample` and `explain_sample`.
 
     Args:
         buffers, skin, gate, rows: As for `localize`.
         measured, external: As for `take_static_sample`.
         usable: Which sensors have measured.
-        threshold: As for `explain`.
+        threshold: As for `explain_sample`.
         check: Whether the measurement is checked: may it be implausible, apart from link sensors with a known
             range, it is not explained.
 

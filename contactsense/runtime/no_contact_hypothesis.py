@@ -26,7 +26,7 @@ def energy_without_contact(
 ) -> float:
     """Energy of the no-contact hypothesis: half the squared residuals in units of their variance.
 
-    Arguments as for `explain`.
+    Arguments as for `contactsense.runtime.explanation.explain_sample`.
     """
     _fill_covariances(constants, state, variance_ratio)
     energy = 0.0
