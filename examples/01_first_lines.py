@@ -1,6 +1,6 @@
 """Locate one push on an arm at rest. Run it: python examples/01_first_lines.py
 
-The very first run compiles the kernels, which takes two or three minutes; a bar shows how far it is.
+The very first run compiles the kernels, which takes one or two minutes; a bar shows how far it is.
 """
 
 import numpy as np

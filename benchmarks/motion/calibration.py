@@ -19,45 +19,20 @@ from contactsense.benchmarks.accuracy.calibration import (
     verdict,
 )
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
-from contactsense.benchmarks.motion.command import MODELS, samples, scene_for
+from contactsense.benchmarks.motion import options as motion_options
+from contactsense.benchmarks.motion.command import samples, scene_for
+from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, samples_at_ages
-from contactsense.benchmarks.motion.streams import SUITES, Stream, read, redrawn
+from contactsense.benchmarks.motion.streams import Stream, read, redrawn
 
 
 @click.command("motion-calibration")
 @options.truth_folder
 @options.robots
-@click.option(
-    "--suite",
-    "suites",
-    multiple=True,
-    type=click.Choice(SUITES),
-    default=("motion",),
-    show_default=True,
-    help="Suite; may be repeated.",
-)
-@click.option(
-    "--level",
-    "levels",
-    multiple=True,
-    type=click.IntRange(0, len(COLUMNS) - 1),
-    default=range(len(COLUMNS)),
-    help="Noise column, 0 (none) to 3; may be repeated.",
-)
-@click.option(
-    "--model",
-    type=click.Choice(list(MODELS)),
-    default="exact",
-    show_default=True,
-    help="Masses and friction exact, or 2 % and 5 % wrong.",
-)
-@click.option(
-    "--draws",
-    type=click.IntRange(1),
-    default=1,
-    show_default=True,
-    help="Repetitions of each run, each with other noise.",
-)
+@motion_options.suites(("motion",))
+@motion_options.levels()
+@motion_options.model("exact")
+@motion_options.draws(1)
 @options.as_json
 def motion_calibration(
     folder: Path,

@@ -12,51 +12,25 @@ from rich.progress import track
 from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor, robots
+from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, SENSORS, Noise
+from contactsense.benchmarks.motion import options as motion_options
 from contactsense.benchmarks.motion.at_rest import static_error
 from contactsense.benchmarks.motion.model_error import MASS_ERROR, assumed_friction, friction, heavier
+from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, Answer, Score
 from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction
 
-MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
-"""Choice -> whether mass and friction are wrong, one run each."""
-
 
 @click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@options.truth_folder
 @click.option("--robot", "names", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
-@click.option(
-    "--suite",
-    "suites",
-    multiple=True,
-    type=click.Choice(SUITES),
-    default=SUITES,
-    help="Suite; may be repeated.",
-)
-@click.option(
-    "--level",
-    "levels",
-    multiple=True,
-    type=click.IntRange(0, len(COLUMNS) - 1),
-    default=range(len(COLUMNS)),
-    help="Noise column, 0 (none) to 3; may be repeated.",
-)
-@click.option(
-    "--model",
-    type=click.Choice(list(MODELS)),
-    default="both",
-    show_default=True,
-    help="Masses and friction exact, or 2 % and 5 % wrong.",
-)
-@click.option(
-    "--draws",
-    type=click.IntRange(1),
-    default=1,
-    show_default=True,
-    help="Repetitions of each run, each with other noise; all samples are evaluated together.",
-)
+@motion_options.suites(SUITES)
+@motion_options.levels()
+@motion_options.model("both")
+@motion_options.draws(1)
 @click.option(
     "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="Sensors in use."
 )
@@ -64,7 +38,7 @@ MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
 @click.option(
     "--over-time", is_flag=True, help="Print how link, error and ambiguity change while a contact lasts."
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def motion(
     folder: Path,
     names: tuple[str, ...],

@@ -15,11 +15,14 @@ from rich.table import Table
 from scipy.stats import binomtest
 
 from contactsense import Localizer, SampleBlock
+from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
-from contactsense.benchmarks.motion.command import MODELS, samples, scene_for
+from contactsense.benchmarks.motion import options as motion_options
+from contactsense.benchmarks.motion.command import samples, scene_for
+from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import FORCE
 from contactsense.benchmarks.motion.smoothing_limit import smoothing_limit, true_path
-from contactsense.benchmarks.motion.streams import SUITES, Stream, read, redrawn
+from contactsense.benchmarks.motion.streams import Stream, read, redrawn
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.result_rows import LINK, POINT_BASE
 from contactsense.scene import Scene
@@ -196,23 +199,18 @@ def _event(stream: Stream, row: int) -> tuple[int, str]:
 
 
 @click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@options.truth_folder
 @click.option("--robot", "names", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
-@click.option("--suite", "suites", multiple=True, type=click.Choice(SUITES), default=("motion",))
-@click.option(
-    "--level", "levels", multiple=True, type=click.IntRange(0, len(COLUMNS) - 1), default=(1, 2, 3),
-    help="Noise column, 0 (none) to 3; may be repeated.",
-)  # fmt: skip
-@click.option("--model", type=click.Choice(list(MODELS)), default="exact", show_default=True)
-@click.option(
-    "--draws", type=click.IntRange(1), default=3, show_default=True, help="Each contact with so much noise."
-)
+@motion_options.suites(("motion",))
+@motion_options.levels((1, 2, 3))
+@motion_options.model("exact")
+@motion_options.draws(3)
 @click.option("--torques-alone", is_flag=True, help="Without the base sensor.")
 @click.option(
     "--meshes", type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Folder with a folder of visual meshes for each arm, LINK.ply: scenes with `detail: skin`.",
 )  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def smoothing(
     folder: Path, names: tuple[str, ...], suites: tuple[str, ...], levels: tuple[int, ...], model: str,
     draws: int, torques_alone: bool, meshes: Path | None, as_json: bool,

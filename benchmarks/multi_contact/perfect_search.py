@@ -42,7 +42,7 @@ class TruthResult(NamedTuple):
     """Result of the optimization that starts at the truth."""
 
     gain: float
-    """Log evidence above that of the best explanation found without knowing the truth."""
+    """Log evidence above that of the best optimum among the explanations found without knowing the truth."""
     point_base: np.ndarray
     """Points, in the order of the true ones, shape (K, 3) [m]."""
 
@@ -58,6 +58,7 @@ class Oracle:
         self._estimate_builder = EstimateBuilder(scene, constants, self._kernel_buffers.state.motion)
         self._sets = MultiContactLocator(scene, self._kernel_buffers, self._arguments, self._estimate_builder)
         self._rows = np.zeros((max(len(constants.surfaces.kind), MAX_CANDIDATES), WIDTH))
+        self._best_evidence = -np.inf
 
     def locate(
         self,
@@ -73,7 +74,11 @@ class Oracle:
         measured = (q, joint_torque, base_wrench, np.zeros((0, 6)))
         listed, _ = locate_once(*self._arguments, measured, True, present, False, -1.0, False, self._rows)
         if contacts > 1:
-            return self._sets.explain(present, contacts, known, drift)
+            estimate = self._sets.explain(present, contacts, known, drift)
+            found = self._sets.explanations
+            ranked = found.order[: len(estimate.explanations)]
+            self._best_evidence = float(found.log_evidence[ranked].max(initial=-np.inf))
+            return estimate
         return self._estimate_builder.contacts(0.0, self._kernel_buffers.state, self._rows, listed)
 
     def from_truth(
@@ -88,8 +93,7 @@ class Oracle:
         """
         constants, buffers = self._kernel_buffers.constants, self._sets.buffers
         m, best = 6 + constants.model.joints, TruthResult(-np.inf, points)
-        explanations = self._sets.explanations
-        reference = explanations.score[explanations.order[0]]
+        reference = self._best_evidence
         choices = [self._primitives(link, point) for link, point in zip(links, points, strict=True)]
         for primitives in product(*choices):
             score = _optimize_from(

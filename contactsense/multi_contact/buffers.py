@@ -177,8 +177,10 @@ class Explanations(NamedTuple):
     """Rows by falling probability."""
     contacts: Annotated[Integers, f"{MAX_EXPLANATIONS}"]
     """Number of contacts."""
+    log_evidence: Annotated[Floats, f"{MAX_EXPLANATIONS}"]
+    """Log evidence of the optimum alone."""
     score: Annotated[Floats, f"{MAX_EXPLANATIONS}"]
-    """Log evidence."""
+    """Log evidence with what else is known about the places near it, by which they are ranked."""
     energy: Annotated[Floats, f"{MAX_EXPLANATIONS}"]
     """Half the squared residuals and priors, in units of the noise."""
     probability: Annotated[Floats, f"{MAX_EXPLANATIONS}"]

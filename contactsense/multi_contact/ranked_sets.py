@@ -27,6 +27,7 @@ def store_explanation(
     """Write the contacts in `optimizer` as explanation t."""
     explanations.contacts[t] = count
     explanations.energy[t] = energy
+    explanations.log_evidence[t] = score
     explanations.score[t] = score
     invert_factored(optimizer, count * UNKNOWNS)
     for k in range(6):

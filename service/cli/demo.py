@@ -114,7 +114,7 @@ def _start(
     )
     began = time.monotonic()
     stage = stack.enter_context(Stage(script.robot, port))
-    console.print("The service starts; the very first time it compiles its kernels, two or three minutes.")
+    console.print("The service starts; the very first time it compiles its kernels, one or two minutes.")
     bar = _Loading(console)
     try:
         client = stage.start_service(

@@ -35,7 +35,8 @@ EXTRAS = ("geometry", "mcap", "notebook", "fleet", "truth")
 """Extras that are looked for too, where developers and CI install them; elsewhere only what runs."""
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 ABSENT = {
-    ("numba", "macos-x86_64"): "llvmlite, which it needs, has no wheels for Intel Macs any more",
+    ("llvmlite", "macos-x86_64"): "it has no wheels for Intel Macs any more",
+    ("numba", "macos-x86_64"): "it needs llvmlite",
 }
 """(package, platform) -> why there is no wheel; the README's line on platforms says the same."""
 
