@@ -17,7 +17,6 @@ from contactsense.service.sensors.netft_client import WrenchRecord
 from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
 from contactsense.service.sensors.plausibility import (
     REPEAT_LIMIT,
-    TORQUE_AGE,
     ReadingCheck,
     RecentCounts,
     RobotCheck,
@@ -253,7 +252,7 @@ class LiveSource:
             repeated = self._robot_check.torque_repeats(record.timestamp, raw) if raw else 0.0
             if repeated > REPEAT_LIMIT:
                 self._recent.add(time.monotonic(), "torque frozen")
-            if repeated > TORQUE_AGE:
+            if repeated > 0.0:
                 torque = None
             elif torque is not None and (np.abs(torque) > self._torque_limit).any():
                 self._recent.add(time.monotonic(), "torque too large")

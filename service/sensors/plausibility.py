@@ -15,8 +15,6 @@ import numpy as np
 
 REPEAT_LIMIT = 0.04
 """A noisy signal that has repeated all its values for longer than this is reported as frozen [s]."""
-TORQUE_AGE = 0.008
-"""Torques that have repeated for longer than this are omitted; slower signals repeat briefly [s]."""
 MOTION_LIMIT = 2e-4
 """Positions that repeat while the integrated velocities exceed this are stale [rad]."""
 REST_SPEED = 1e-3
@@ -48,6 +46,8 @@ class RepeatCheck:
 
 class RobotCheck:
     """Detects a robot that repeats old values with new time stamps.
+
+    Each value counts once: repeated noise does not average out, and the observers take it for a contact.
 
     At rest, positions and velocities may repeat, so the torques decide there: they are measured and therefore
     noisy. A stale packet among current ones looks like a contact within a few milliseconds, so the first

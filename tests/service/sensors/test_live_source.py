@@ -283,6 +283,18 @@ def test_numbers_that_are_none():
         assert collect(source, 10)
 
 
+def test_each_value_of_the_torques_is_used_once():
+    torque = FEED.joint_torque[np.arange(FEED.n) // 3 * 3]  # a signal that is three times slower
+    with (
+        MockServers(FEED, MOCK, fields={"actual_current_as_torque": torque}) as servers,
+        LiveSource(SCENE, settings_for(servers)) as source,
+    ):
+        samples = collect(source, 60)
+    given = [tuple(sample.joint_torque) for sample in samples if sample.joint_torque is not None]
+    assert len(set(given)) == len(given) == pytest.approx(len(samples) / 3, abs=2)
+    assert "torques" not in source.health.trouble
+
+
 def test_velocities_that_no_joint_reaches():
     fields = {"actual_qd": np.full(6, 1e300)}
     with (

@@ -1,0 +1,37 @@
+"""A sensor that falls silent while the arm moves, and comes back: no contact begins."""
+
+from dataclasses import replace
+
+import pytest
+
+from contactsense import Localizer, Sample, Scene
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.simulated_arm import simulate
+
+SCRIPT = Script.model_validate(
+    {
+        "robot": "ur5e",
+        "noise": {"base_force": 0.25, "base_moment": 0.05, "joint_torque": 1.0, "seed": 3},
+        "trajectory": {
+            "start": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0],
+            "moves": [{"to": [0.9, -1.0, 1.3, -1.9, -1.2, 0.5], "duration": 3.0, "dwell": 0.0}],
+        },
+    }
+)
+SETTLED, SILENT, BACK = 100, 60, 60
+"""Samples before the sensor falls silent, without it, and with it again."""
+
+
+@pytest.mark.parametrize("sensor", ["joint_torque", "base_wrench"])
+def test_no_contact_begins_wherever_a_sensor_falls_silent(sensor: str) -> None:
+    motion = simulate(SCRIPT)
+    columns = zip(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench, strict=True)
+    samples = [Sample(*values) for values in columns]
+    localizer = Localizer(Scene(robot="ur5e"))
+    for start in range(SETTLED, len(samples) - SILENT - BACK, 17):
+        silent = range(start, start + SILENT)
+        localizer.reset()
+        for i in range(start - SETTLED, start + SILENT + BACK):
+            sample = replace(samples[i], **{sensor: None}) if i in silent else samples[i]
+            estimate = localizer.step(sample)
+            assert not estimate.contacts, (sensor, start, i - start, estimate.contacts[0].link)
