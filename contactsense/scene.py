@@ -1,7 +1,7 @@
 """The scene: arm, mounting, tool, sensors and their noise."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 import yaml
@@ -19,17 +19,20 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-from scipy.spatial.transform import Rotation
 
 from contactsense import robots
 from contactsense.robots import Robot
 from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
 from contactsense.robots.robot import NO_MASS, Inertia
+from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.sensors.field_checks import describe, within_one_turn
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 __all__ = ["JointTorqueSensor", "LinkWrenchSensor", "Scene", "SceneError", "WrenchSensor", "describe"]
 
@@ -359,13 +362,18 @@ class Scene(BaseModel):
     @property
     def gravity_base(self) -> np.ndarray:
         """Gravity in base axes [m/s^2], shape (3,)."""
-        return np.asarray(self.orientation.inv().apply([0.0, 0.0, -self.gravity]))
+        return rotation_from_rpy(self._rpy).T @ [0.0, 0.0, -self.gravity]
 
     @property
-    def orientation(self) -> Rotation:
+    def orientation(self) -> "Rotation":
         """Orientation of the base in the world."""
-        rpy = _MOUNTINGS[self.mounting] if isinstance(self.mounting, str) else self.mounting
-        return Rotation.from_euler("xyz", rpy)
+        from scipy.spatial.transform import Rotation  # not needed to start a localizer
+
+        return Rotation.from_euler("xyz", self._rpy)
+
+    @property
+    def _rpy(self) -> Vector:
+        return _MOUNTINGS[self.mounting] if isinstance(self.mounting, str) else self.mounting
 
 
 def _has_one_per_joint(place: str, part: BaseModel, joints: int) -> None:

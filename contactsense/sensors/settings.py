@@ -12,10 +12,10 @@ from pydantic import (
     PositiveFloat,
     field_validator,
 )
-from scipy.spatial.transform import Rotation
 
 from contactsense.robots import Inertia
 from contactsense.robots.primitives import Vector
+from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.sensors.field_checks import within_one_turn
 
 JointTorqueSignal = Literal[
@@ -104,7 +104,7 @@ class WrenchSensor(Part):
     @property
     def rotation(self) -> np.ndarray:
         """Orientation of the sensor's frame in the base frame, shape (3, 3)."""
-        return np.asarray(Rotation.from_euler("xyz", self.rpy).as_matrix())
+        return rotation_from_rpy(self.rpy)
 
 
 class LinkWrenchSensor(WrenchSensor):
