@@ -65,6 +65,7 @@ def test_a_scene_is_calibrated_and_written(folder: Path) -> None:
     assert (folder / "report" / "residuals_0.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_sensors_within_the_arm_are_calibrated_and_written(tmp_path: Path) -> None:
     elbow = {"name": "elbow", "link": "forearm", "bias": (3.0, -2.0, 5.0, 0.2, -0.1, 0.3), "delay": 0.016}
     wrist = WrenchSensor(bias=(-2.0, 1.0, 4.0, 0.1, 0.3, -0.2))
@@ -104,6 +105,7 @@ def test_sensors_within_the_arm_are_calibrated_and_written(tmp_path: Path) -> No
     assert said["equations"][12:19:6] == ["link_wrenches.elbow force x", "wrist_wrench force x"]
 
 
+@pytest.mark.slow
 def test_the_page_names_contacts_changes_and_next_steps(folder: Path) -> None:
     files = [str(folder / "pushed.csv"), "--scene", str(folder / "scene.yaml")]
     result = CliRunner().invoke(calibrate, [*files, "--verbose"])

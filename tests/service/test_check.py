@@ -102,6 +102,7 @@ def test_what_cannot_be_used_is_said(folder: Path, arguments: list[str], message
     assert message in result.output
 
 
+@pytest.mark.slow
 def test_a_live_arm_is_checked(tmp_path: Path) -> None:
     """The mock's arm moves without contact; the scene says that it hangs from the ceiling."""
     motion = simulate(

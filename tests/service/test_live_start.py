@@ -1,6 +1,8 @@
 """A service that starts before its robot. No other live service runs beside it: two simulated cells in one
 process would hold each other up."""
 
+import pytest
+
 from contactsense.service.api.app import create_app
 from contactsense.service.api.settings import Settings
 from contactsense.service.mock.servers import MockServers, MockSettings
@@ -10,6 +12,7 @@ from tests.service.serving import serving
 from tests.service.test_live import SCRIPT, Play
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_dead_at_the_start() -> None:
     host = own_address()
     chosen = MockSettings(host=host, rtde_port=30004, netft_port=49152, http_port=49180, loop=True)

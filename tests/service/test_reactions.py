@@ -63,6 +63,7 @@ def served(tmp_path: Path) -> Iterator[tuple[MockServers, str]]:
             yield servers, f"http://{place}"
 
 
+@pytest.mark.slow
 def test_a_touch_becomes_a_register_an_event_and_a_latch(served: tuple[MockServers, str]) -> None:
     servers, url = served
     inputs = servers.rtde.controller.inputs

@@ -10,6 +10,7 @@ from contactsense.benchmarks.live.stream import StreamResult, free_address, meas
 from contactsense.service.cli.bench import BENCHES, bench
 
 
+@pytest.mark.slow
 def test_our_reader_loses_nothing_and_the_others_are_counted():
     """One mock, three readers, each in a process of its own: what the command says of them, and its table."""
     done = CliRunner().invoke(stream, ["--seconds", "1", "--json"], standalone_mode=False)

@@ -39,6 +39,7 @@ def test_a_push_is_a_load_of_the_mock() -> None:
     np.testing.assert_allclose(difference[(free.t < 2.9) | (free.t > 4.6)], 0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_pushes_are_left_out_and_named() -> None:
     start, free = recorded(())
     _, touched = recorded(PUSHES)

@@ -15,6 +15,8 @@ from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
 
+pytestmark = pytest.mark.slow
+
 ARM = plain_ur5e()
 TOOL = Tool(mass=1.5, com=(0.01, -0.02, 0.06))
 BASE = WrenchSensor(bias=(12.0, -7.0, 20.0, 1.0, -2.0, 0.5), force_noise=0.3, moment_noise=0.05)

@@ -102,6 +102,7 @@ def _on_egg(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarra
         ((0.3, 0.02, 0.1), (0.03, 0.02, -0.05)),
     ],
 )
+@pytest.mark.slow
 def test_recovers_contacts_on_a_user_defined_body(
     extent: tuple[float, float, float], inner: tuple[float, float, float], torsion: float
 ) -> None:

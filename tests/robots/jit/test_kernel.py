@@ -51,6 +51,7 @@ def _run(folder: Path) -> float:
     return float(result)
 
 
+@pytest.mark.slow
 def test_the_cache_depends_on_other_files(tmp_path: Path) -> None:
     (tmp_path / "outer.py").write_text(OUTER)
     (tmp_path / "inner.py").write_text(_inner(1.0, 1.0))

@@ -98,6 +98,7 @@ def test_thinned_and_slow_streams_carry_the_events_between() -> None:
         assert events_of(slowed, 3) == expected
 
 
+@pytest.mark.slow
 def test_a_contact_is_an_event_in_the_stream_and_in_the_journal() -> None:
     with serving(create_app(Settings(), fakes.Steady)) as place:
         deadline = time.monotonic() + 280  # kernels may have to be compiled

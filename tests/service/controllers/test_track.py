@@ -71,6 +71,7 @@ def ask(client: ClientConnection, content: Any) -> Any:
     return json.loads(client.recv(timeout=SLOW))
 
 
+@pytest.mark.slow
 def test_a_stream_in_both_forms(place: str, pushed: Sample) -> None:
     with opened(place) as client:
         refused = ask(client, {**message(pushed, 0.0), "q": [0.0] * 7})

@@ -81,6 +81,7 @@ while True:
 """
 
 
+@pytest.mark.slow
 def test_a_killed_process_loses_at_most_a_second_and_no_number_is_given_twice(tmp_path: Path) -> None:
     path = tmp_path / "journal.db"
     process = subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True)

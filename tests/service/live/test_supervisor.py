@@ -68,6 +68,7 @@ def test_a_mute_robot_is_told_of_and_no_reason_to_give_up() -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_started_again() -> None:
     async def scenario() -> None:
         async with running(fakes.Crashing) as (runner, heard):
@@ -155,6 +156,7 @@ def test_a_full_file_table_is_told_and_outlived(monkeypatch: pytest.MonkeyPatch)
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_a_watching_task_that_breaks_is_told_and_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
     async def scenario() -> None:
         runner = Runner(SCENE, fakes.Mute, lambda t, message: None)

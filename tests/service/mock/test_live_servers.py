@@ -268,6 +268,7 @@ control.stopScript()
 """
 
 
+@pytest.mark.slow
 def test_the_unmodified_ur_rtde_controls_it():
     pytest.importorskip("rtde_control", reason="ur_rtde has no wheel for this Python or platform")
     host = own_address()

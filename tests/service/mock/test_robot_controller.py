@@ -127,6 +127,7 @@ def test_a_watchdog_that_is_not_fed(action, state):
 WALL = {"kind": "sphere", "name": "post", "center": [-0.35, -0.62, 0.5], "radius": 0.1, "stiffness": 15000.0}
 
 
+@pytest.mark.slow
 def test_an_obstacle_in_the_way_stops_the_arm_by_the_controllers_own_safety():
     free = robot(obstacles=[WALL], safety={"position_deviation": 1.0})
     free.advance_to(2.4)

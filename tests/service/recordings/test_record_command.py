@@ -39,6 +39,7 @@ def mock() -> Iterator[tuple[Motion, list[str]]]:
 
 
 @pytest.mark.realtime
+@pytest.mark.slow
 def test_every_sample_is_recorded_raw_and_as_used(tmp_path: Path, mock: tuple[Motion, list[str]]) -> None:
     motion, source = mock
     result = CliRunner().invoke(

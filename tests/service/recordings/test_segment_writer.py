@@ -61,6 +61,7 @@ while True:
 """
 
 
+@pytest.mark.slow
 def test_a_killed_writer_loses_at_most_a_second(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-c", WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True, env=os.environ

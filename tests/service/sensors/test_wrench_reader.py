@@ -114,6 +114,7 @@ def played(scene: Scene, feed: Recorded, readings: np.ndarray, checked: bool) ->
     return samples
 
 
+@pytest.mark.slow
 def test_a_frozen_sensor_within_a_moving_arm_is_no_contact() -> None:
     scene = Scene(robot=ARM, base_wrench=BASE, joint_torque=TORQUE, link_wrenches=(SENSOR,))
     feed = Recorded(stream(scene, 1.6, seed=5))
