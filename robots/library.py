@@ -1,5 +1,6 @@
 """The arms included in this package, and robots from files."""
 
+import functools
 from importlib import resources
 from pathlib import Path
 
@@ -46,8 +47,14 @@ def load(name: str | Path) -> Robot:
             raise UnknownRobotError(
                 f"unknown robot {str(name)!r}; there are {known}, or a path to .yaml or .urdf"
             )
-        path = _folder() / f"{name}.yaml"
+        return _in_package(str(name))
     return schema.robot(path)
+
+
+@functools.cache
+def _in_package(name: str) -> Robot:
+    """An arm of the library: nothing of a robot can be changed, so that all share one."""
+    return schema.robot(_folder() / f"{name}.yaml")
 
 
 def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None) -> Robot:
@@ -80,7 +87,7 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
 def in_library(robot: Robot) -> bool:
     """Whether the robot was read from the library's file of its name, and has that file's links."""
     path = _folder() / f"{robot.name}.yaml"
-    return robot.file == path and robot.link_names == schema.robot(path).link_names
+    return robot.file == path and robot.link_names == _in_package(robot.name).link_names
 
 
 def surface_file(name: str) -> Path:

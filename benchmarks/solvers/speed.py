@@ -29,7 +29,8 @@ from contactsense.solvers import (
     TaperedCapsule,
 )
 from contactsense.solvers.gradient_descent import descend
-from contactsense.solvers.solve_wrench import problem_of, run_kernel
+from contactsense.solvers.solve_wrench import problem_of
+from contactsense.solvers.solver_batch import compiled_rows
 from contactsense.solvers.surface import Problem
 from contactsense.solvers.wrench import Wrench, wrench_of
 
@@ -104,11 +105,12 @@ def times_of(*jobs: Job) -> list[float]:
     for _ in range(_ROUNDS):
         for part in range(_PARTS):
             for i, ((kernel, size), wrenches) in enumerate(jobs):
+                solve = compiled_rows(kernel)
                 some = wrenches[part::_PARTS].copy()
                 status = np.empty(len(some), dtype=np.int64)
                 out = np.empty((len(some), 9))
                 start = time.perf_counter()
-                run_kernel(kernel, some, size, status, out)
+                solve(some, size, status, out)
                 best[i, part] = min(best[i, part], 1e9 * (time.perf_counter() - start) / len(some))
     return [float(mean) for mean in best.mean(axis=1)]
 

@@ -97,7 +97,7 @@ def sample_surface(
     return deepcopy(_sampled(arrays, unsearched_area))
 
 
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=32)
 def _sampled(
     arrays: tuple[tuple[bytes, str, tuple[int, ...]], ...], unsearched_area: float
 ) -> tuple[SurfaceSamples, SurfaceSubsamples, float]:

@@ -1,16 +1,16 @@
 """The contact on a surface that balances a wrench, one or many."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.solution import Status
-from contactsense.solvers.surface import EqualByFields, Kernel, Problem, Surface, vectors
-from contactsense.solvers.wrench import Wrench, wrench_of
+from contactsense.solvers.solver_batch import solve_rows
+from contactsense.solvers.surface import EqualByFields, Problem, Surface, vectors
+from contactsense.solvers.wrench import wrench_of
 
 Method = Literal["exact", "wrench_axis", "newton", "descent"]
 
@@ -132,22 +132,6 @@ def solve_wrench(surface: Surface, force: ArrayLike, moment: ArrayLike, method: 
     )
 
 
-# Not cached: Numba cannot cache functions that take compiled functions.
-@njit(error_model="numpy")
-def run_kernel(
-    solver: Kernel, wrenches: np.ndarray, size: tuple[Any, ...], status: np.ndarray, out: np.ndarray
-) -> None:
-    """Solve rows of wrenches (N, 6) into `status` (N,) and `out` (N, 9), the other fields of each answer."""
-    for i in range(wrenches.shape[0]):
-        w = wrenches[i]
-        answer = solver(Wrench((w[0], w[1], w[2]), (w[3], w[4], w[5])), *size)
-        status[i] = answer.status
-        row = out[i]
-        row[0], row[1], row[2] = answer.centroid
-        row[3], row[4], row[5] = answer.normal
-        row[6], row[7], row[8] = answer.torsion, answer.residual, answer.condition
-
-
 def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: Method = "exact") -> Solutions:
     """Find where many wrenches enter a surface.
 
@@ -174,5 +158,5 @@ def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: M
     wrenches = np.concatenate((f, m), axis=1)
     status = np.empty(len(wrenches), dtype=np.int64)
     out = np.empty((len(wrenches), 9))
-    run_kernel(solver, wrenches, size, status, out)
+    solve_rows(solver, wrenches, size, status, out)
     return Solutions(status, out[:, :3], out[:, 3:6], f, m, out[:, 6], out[:, 7], out[:, 8], method)

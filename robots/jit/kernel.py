@@ -109,6 +109,23 @@ def generated_kernel(name: str, source: str, names: Mapping[str, Any], module: s
     return _compile(namespace[name], frozenset({_INLINED}))
 
 
+def with_names(function: Callable[..., Any], **names: Any) -> FunctionType:
+    """A function some of whose global names mean something else, such as a function that it calls.
+
+    Numba cannot cache functions that take compiled functions; as a kernel, this one is cached like any other.
+    """
+    bound = FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
+    # Names its file in the cache.
+    meanings = (f"{value.__module__}.{value.__qualname__}" for value in names.values())
+    bound.__qualname__ = ".".join((function.__qualname__, *meanings))
+    return bound
+
+
+def in_cache(compiled: Any) -> bool:
+    """Whether the machine code of a function is kept on disk: that of kernels is."""
+    return compiled in _SOURCES
+
+
 def loaded(compiled: Any) -> bool:
     """Whether a kernel has been called from Python: its machine code is in memory."""
     return bool(getattr(compiled, "signatures", True))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense.solvers import Ellipsoid, Placed, Plane, Polytope, Sphere, solve, solve_batch
+from contactsense.solvers.solver_batch import compiled_rows
 
 BALL = Sphere(0.1)
 
@@ -23,6 +24,17 @@ def test_rows_must_match() -> None:
 
 def test_an_empty_batch_has_no_solutions() -> None:
     assert solve_batch(BALL, np.empty((0, 3)), np.empty((0, 3))).status.shape == (0,)
+
+
+def test_the_loop_of_a_library_surface_is_read_from_the_cache() -> None:
+    wrenches = np.array([[0.0, 0.0, -1.0, 0.01, 0.0, 0.0]])
+    solver, size = BALL.problem()
+    for _ in range(2):  # the first may have to compile
+        compiled_rows.cache_clear()
+        rows = compiled_rows(solver)
+        rows(wrenches, size, np.empty(1, dtype=np.int64), np.empty((1, 9)))
+    assert rows.stats.cache_hits
+    assert compiled_rows(BALL.line_problem()[0]).py_func.__qualname__ != rows.py_func.__qualname__
 
 
 def test_a_solution_keeps_its_wrench() -> None:

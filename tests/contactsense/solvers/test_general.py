@@ -119,6 +119,7 @@ def test_recovers_contacts_on_a_user_defined_body(
     assert np.all(error <= 1e-15 * (10.0 + found.condition))
 
 
+@pytest.mark.slow
 def test_a_user_defined_body_may_be_missed() -> None:
     body = Convex(egg, (0.08, 0.05), (0.08, 0.05, 0.1))
     missed = solve(body, (0.0, 0.0, -1.0), (0.5, 0.0, 0.0))
