@@ -24,7 +24,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from contactsense.kinematics.linalg.outer_product import add_outer_product, add_scaled_vector
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import blocks, dot, matvec, shift_information
 from contactsense.robots.jit.declaration import Floats
@@ -187,8 +186,9 @@ def linearize(
     W: Six,
     contact: Contact,
     buffers: SearchBuffers,
-) -> None:
-    """Compute gradient and Gauss-Newton matrix of the energy, written to `buffers`.
+) -> float:
+    """Compute gradient and Gauss-Newton matrix of the energy, written to `buffers`; returns the energy of a
+    contact that pushes.
 
     W: shape operator of the surface at c (upper triangle, six floats) [1/m]. Other arguments as in
     `energy_at`.
@@ -233,65 +233,79 @@ def linearize(
     vf = (v[0] + v[4] * cz - v[5] * cy, v[1] + v[5] * cx - v[3] * cz, v[2] + v[3] * cy - v[4] * cx)
     vm = (v[3], v[4], v[5])
     vb = (dot(b0, vm), dot(b1, vm), dot(b2, vm))
-    a, b, c = s * vf[0], s * vf[1], s * vf[2]
-    H[0, 0], H[0, 1], H[0, 2] = F[0][0] - a * vf[0], F[0][1] - a * vf[1], F[0][2] - a * vf[2]
-    H[0, 3], H[0, 4], H[0, 5] = c0[0] - a * vb[0], c1[0] - a * vb[1], c2[0] - a * vb[2]
-    H[1, 1], H[1, 2] = F[1][1] - b * vf[1], F[1][2] - b * vf[2]
-    H[1, 3], H[1, 4], H[1, 5] = c0[1] - b * vb[0], c1[1] - b * vb[1], c2[1] - b * vb[2]
-    H[2, 2] = F[2][2] - c * vf[2]
-    H[2, 3], H[2, 4], H[2, 5] = c0[2] - c * vb[0], c1[2] - c * vb[1], c2[2] - c * vb[2]
-    a, b, c = s * vb[0], s * vb[1], s * vb[2]
-    H[3, 3], H[3, 4], H[3, 5] = (
-        dot(b0, p0) - a * vb[0],
-        dot(b0, p1) - a * vb[1],
-        dot(b0, p2) - a * vb[2],
-    )
-    H[4, 4], H[4, 5] = dot(b1, p1) - b * vb[1], dot(b1, p2) - b * vb[2]
-    H[5, 5] = dot(b2, p2) - c * vb[2]
-    r = s * (dot(vf, df) + dot(vm, dm))
-    g[0], g[1], g[2] = af[0] + bf[0] - r * vf[0], af[1] + bf[1] - r * vf[1], af[2] + bf[2] - r * vf[2]
-    g[3], g[4], g[5] = dot(b0, m) - r * vb[0], dot(b1, m) - r * vb[1], dot(b2, m) - r * vb[2]
-    # Priors: torsion ratio xi / (lever F), friction ratios (t . f) / (friction_ratio F) and log(F / F0), with
-    # F = -n . f, and their derivatives by (f, xi, v); dF = -n . df - sum_a f_a k_ai dv_i, and the tangents
-    # turn by k_ai F dv_i.
+    vd = dot(vf, df) + dot(vm, dm)
+    # Priors: torsion ratio xi / (lever F), log(F / F0) and friction ratios (t . f) / (friction_ratio F). Their
+    # derivatives by (f, xi, v) are q1 u + (0, 1 / (lever F), 0), -u / F and, for each tangent, q u + p a, with
+    # u = (n, 0, u4, u5) and a = (t, 0, k F): dF = -n . df - sum_a f_a k_ai dv_i, and the tangents turn by k_ai F
+    # dv_i.
     normal_force = -(fx * nx + fy * ny + fz * nz)
     f1 = t1x * fx + t1y * fy + t1z * fz
     f2 = t2x * fx + t2y * fy + t2z * fz
-    F1 = -(f1 * k11 + f2 * k12)
-    F2 = -(f1 * k12 + f2 * k22)
+    u4, u5 = f1 * k11 + f2 * k12, f1 * k12 + f2 * k22
     inverse = 1.0 / normal_force
-    unit = inverse / prior.torsion_lever
-    r1 = xi * unit
-    q = r1 * inverse
-    d_torsion = (q * nx, q * ny, q * nz, unit, -q * F1, -q * F2)
+    torsion_unit = inverse / prior.torsion_lever
+    r1 = xi * torsion_unit
     r2 = math.log(normal_force / prior.force)
-    d_log_force = (-inverse * nx, -inverse * ny, -inverse * nz, 0.0, inverse * F1, inverse * F2)
     # Weight of the Student t term: the factor that gives a quadratic the same gradient.
-    unit = inverse / prior.friction_ratio
-    unit *= math.sqrt((STUDENT_DOF + 2.0) / (STUDENT_DOF + (f1 * f1 + f2 * f2) * unit * unit))
-    r3, r4 = f1 * unit, f2 * unit
-    q = r3 * inverse
-    d_ratio1 = (
-        t1x * unit + q * nx,
-        t1y * unit + q * ny,
-        t1z * unit + q * nz,
-        0.0,
-        k11 * normal_force * unit - q * F1,
-        k12 * normal_force * unit - q * F2,
+    ratio_unit = inverse / prior.friction_ratio
+    squared_ratio = (f1 * f1 + f2 * f2) * ratio_unit * ratio_unit
+    p = ratio_unit * math.sqrt((STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio))
+    r3, r4 = f1 * p, f2 * p
+    q1, q3, q4 = r1 * inverse, r3 * inverse, r4 * inverse
+    k11, k12, k22 = k11 * normal_force, k12 * normal_force, k22 * normal_force
+    pp = p * p
+    # The sum of their squares is u h^T + h u^T + p^2 (a1 a1^T + a2 a2^T) and the terms of xi.
+    half = 0.5 * (q1 * q1 + inverse * inverse + q3 * q3 + q4 * q4)
+    s3, s4 = p * q3, p * q4
+    h0 = half * nx + s3 * t1x + s4 * t2x
+    h1 = half * ny + s3 * t1y + s4 * t2y
+    h2 = half * nz + s3 * t1z + s4 * t2z
+    h4 = half * u4 + s3 * k11 + s4 * k12
+    h5 = half * u5 + s3 * k12 + s4 * k22
+    # In the force, a1 a1^T + a2 a2^T = 1 - n n^T.
+    e0, e1, e2 = h0 - 0.5 * pp * nx, h1 - 0.5 * pp * ny, h2 - 0.5 * pp * nz
+    qx = q1 * torsion_unit
+    a, b, c = s * vf[0], s * vf[1], s * vf[2]
+    H[0, 0] = F[0][0] - a * vf[0] + pp + 2.0 * nx * e0
+    H[0, 1] = F[0][1] - a * vf[1] + nx * e1 + ny * e0
+    H[0, 2] = F[0][2] - a * vf[2] + nx * e2 + nz * e0
+    H[0, 3] = c0[0] - a * vb[0] + qx * nx
+    H[0, 4] = c1[0] - a * vb[1] + nx * h4 + u4 * h0 + pp * (t1x * k11 + t2x * k12)
+    H[0, 5] = c2[0] - a * vb[2] + nx * h5 + u5 * h0 + pp * (t1x * k12 + t2x * k22)
+    H[1, 1] = F[1][1] - b * vf[1] + pp + 2.0 * ny * e1
+    H[1, 2] = F[1][2] - b * vf[2] + ny * e2 + nz * e1
+    H[1, 3] = c0[1] - b * vb[0] + qx * ny
+    H[1, 4] = c1[1] - b * vb[1] + ny * h4 + u4 * h1 + pp * (t1y * k11 + t2y * k12)
+    H[1, 5] = c2[1] - b * vb[2] + ny * h5 + u5 * h1 + pp * (t1y * k12 + t2y * k22)
+    H[2, 2] = F[2][2] - c * vf[2] + pp + 2.0 * nz * e2
+    H[2, 3] = c0[2] - c * vb[0] + qx * nz
+    H[2, 4] = c1[2] - c * vb[1] + nz * h4 + u4 * h2 + pp * (t1z * k11 + t2z * k12)
+    H[2, 5] = c2[2] - c * vb[2] + nz * h5 + u5 * h2 + pp * (t1z * k12 + t2z * k22)
+    a, b, c = s * vb[0], s * vb[1], s * vb[2]
+    H[3, 3] = dot(b0, p0) - a * vb[0] + torsion_unit * torsion_unit
+    H[3, 4] = dot(b0, p1) - a * vb[1] + qx * u4
+    H[3, 5] = dot(b0, p2) - a * vb[2] + qx * u5
+    H[4, 4] = dot(b1, p1) - b * vb[1] + 2.0 * u4 * h4 + pp * (k11 * k11 + k12 * k12)
+    H[4, 5] = dot(b1, p2) - b * vb[2] + u4 * h5 + u5 * h4 + pp * (k11 * k12 + k12 * k22)
+    H[5, 5] = dot(b2, p2) - c * vb[2] + 2.0 * u5 * h5 + pp * (k12 * k12 + k22 * k22)
+    r = s * vd
+    along_u = r1 * q1 - r2 * inverse + r3 * q3 + r4 * q4
+    r3, r4 = p * r3, p * r4
+    g[0] = af[0] + bf[0] - r * vf[0] + along_u * nx + r3 * t1x + r4 * t2x
+    g[1] = af[1] + bf[1] - r * vf[1] + along_u * ny + r3 * t1y + r4 * t2y
+    g[2] = af[2] + bf[2] - r * vf[2] + along_u * nz + r3 * t1z + r4 * t2z
+    g[3] = dot(b0, m) - r * vb[0] + r1 * torsion_unit
+    g[4] = dot(b1, m) - r * vb[1] + along_u * u4 + r3 * k11 + r4 * k12
+    g[5] = dot(b2, m) - r * vb[2] + along_u * u5 + r3 * k12 + r4 * k22
+    force = (af[0] + bf[0], af[1] + bf[1], af[2] + bf[2])
+    return 0.5 * (
+        dot(df, force)
+        + dot(dm, m)
+        - r * vd
+        + r1 * r1
+        + r2 * r2
+        + (STUDENT_DOF + 2.0) * math.log(1.0 + squared_ratio / STUDENT_DOF)
     )
-    q = r4 * inverse
-    d_ratio2 = (
-        t2x * unit + q * nx,
-        t2y * unit + q * ny,
-        t2z * unit + q * nz,
-        0.0,
-        k12 * normal_force * unit - q * F1,
-        k22 * normal_force * unit - q * F2,
-    )
-    _add_prior(H, g, r1, d_torsion)
-    _add_prior(H, g, r2, d_log_force)
-    _add_prior(H, g, r3, d_ratio1)
-    _add_prior(H, g, r4, d_ratio2)
 
 
 @fused_kernel
@@ -302,10 +316,3 @@ def _transposed_matvec(B: tuple[Vector, Vector, Vector], a: Vector) -> Vector:
         B[0][1] * a[0] + B[1][1] * a[1] + B[2][1] * a[2],
         B[0][2] * a[0] + B[1][2] * a[1] + B[2][2] * a[2],
     )
-
-
-@fused_kernel
-def _add_prior(H: np.ndarray, g: np.ndarray, r: float, row: Six) -> None:
-    """Add a squared residual r with derivatives `row` to the upper triangle of H and to g."""
-    add_scaled_vector(g, r, row)
-    add_outer_product(H, 1.0, row)

@@ -86,9 +86,8 @@ def find_posterior_mode(
         # gradient is exact.
         inflation = inflate_by_surface_deviation(L, prior, contact)
         variance_ratio = inflation[2]
-        energy = energy_at(w, L, prior, inflation, contact)
         W = curvature(kind, size, cx, cy, cz, nx, ny, nz)
-        linearize(w, L, prior, inflation, W, contact, buffers)
+        energy = linearize(w, L, prior, inflation, W, contact, buffers)
         log_det, predicted_decrease, v11, v12, v22 = ldl_solve(H, g)
         if log_det == math.inf or iteration == MAX_ITERATIONS:
             break
