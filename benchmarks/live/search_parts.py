@@ -47,7 +47,7 @@ class Parts(NamedTuple):
 
 
 @kernel
-def _before_the_search(
+def before_the_search(
     buffers: Buffers, measured: Measured, usable: Usable, squared_lever: np.ndarray
 ) -> None:
     """Everything before the search, for N samples; fills the squared ratio of the moment's deviation to the
@@ -64,7 +64,7 @@ def _before_the_search(
         squared_lever[i] = moment_variance(P, o[0], o[1], o[2]) / (w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
 
 
-def _microseconds(call: Callable[[], object], samples: int) -> float:
+def microseconds(call: Callable[[], object], samples: int) -> float:
     if samples == 0:
         return float("nan")
     call()
@@ -89,14 +89,14 @@ def measure(points: StaticPoints, noise: Noise, sensors: str) -> Parts:
         np.zeros((samples, 0, 6)),
     )
     buffers, squared_lever = localizer._buffers.arguments, np.empty(samples)
-    before = _microseconds(
-        lambda: _before_the_search(buffers, values, (has_base, has_torque, 0), squared_lever), samples
+    before = microseconds(
+        lambda: before_the_search(buffers, values, (has_base, has_torque, 0), squared_lever), samples
     )
     known = has_base & (squared_lever < LINE_OF_ACTION_DEVIATION**2)
 
     def searched(rows: np.ndarray) -> float:
         chosen = tuple(None if part is None else part[rows] for part in (wrench, torque))
-        return _microseconds(
+        return microseconds(
             lambda: localizer.locate_batch(
                 points.q[rows], base_wrench=chosen[0], joint_torque=chosen[1], external=False, jobs=1
             ),

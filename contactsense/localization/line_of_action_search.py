@@ -54,12 +54,9 @@ def search_along_line_of_action(
     Returns:
         Number of rows in `order`. The `score` of rejected rows is -infinity.
     """
-    count: int = _initial_guesses(surfaces, deviations, touchable, hypotheses, prior, candidates, buffers)
+    count: int = initial_guesses(surfaces, deviations, touchable, hypotheses, prior, candidates, buffers)
     if count > 1:
-        for i in range(count):
-            p = candidates.order[i]
-            candidates.cover_energy[p] = _cover_energy(surfaces, hypotheses, prior, candidates, p)
-            candidates.score[p] += candidates.cover_energy[p]
+        add_cover_energies(surfaces, hypotheses, prior, candidates, count)
     # Of the candidates so far, as far as they are accessible.
     lowest_energy, best_score = math.inf, -math.inf
     for i in range(count):
@@ -98,6 +95,18 @@ def search_along_line_of_action(
 
 
 @fused_kernel
+def add_cover_energies(
+    surfaces: Surfaces, hypotheses: Hypotheses, prior: Prior, candidates: Candidates, count: int
+) -> None:
+    """Add to the energies of `initial_guesses` what the candidates lose at least because other primitives
+    cover them."""
+    for i in range(count):
+        p = candidates.order[i]
+        candidates.cover_energy[p] = _cover_energy(surfaces, hypotheses, prior, candidates, p)
+        candidates.score[p] += candidates.cover_energy[p]
+
+
+@fused_kernel
 def _cover_energy(
     surfaces: Surfaces, hypotheses: Hypotheses, prior: Prior, candidates: Candidates, p: int
 ) -> float:
@@ -124,7 +133,7 @@ def _cover_energy(
 
 
 @fused_kernel
-def _initial_guesses(
+def initial_guesses(
     surfaces: Surfaces,
     deviations: DeviationCells,
     touchable: np.ndarray,

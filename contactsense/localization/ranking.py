@@ -71,7 +71,7 @@ def locate_contacts(
     line_of_action_known = wrench_measured and _is_line_of_action_known(
         hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]
     )
-    with_prior = _with_link_prior(hypotheses, prior, cells)
+    with_prior = with_link_prior(hypotheses, prior, cells)
     lowest_energy = with_prior.energy[_best_link(searched, 1, with_prior)]
     other_link = _best_link(touchable, 0, hypotheses)
     if other_link < 0 or hypotheses.energy[link] <= hypotheses.energy[other_link]:
@@ -129,13 +129,13 @@ def _is_hopeless(lowest_energy: float, log_share: float, none_evidence: float) -
     """Whether no contact can reach the evidence of "none of these".
 
     The prior on a link integrates to at most the density's factor, which `lowest_energy` contains (the lowest
-    of `_with_link_prior`), and the likelihood is at most exp(-energy) of the link.
+    of `with_link_prior`), and the likelihood is at most exp(-energy) of the link.
     """
     return log_share - lowest_energy < none_evidence - ENERGY_CUTOFF
 
 
 @fused_kernel
-def _with_link_prior(hypotheses: Hypotheses, prior: Prior, cells: SurfaceCells) -> Hypotheses:
+def with_link_prior(hypotheses: Hypotheses, prior: Prior, cells: SurfaceCells) -> Hypotheses:
     """The hypotheses with the prior over links in their energies: the searches then treat improbable links as
     they treat badly fitting ones."""
     for link in range(hypotheses.energy.shape[0]):

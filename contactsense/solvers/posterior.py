@@ -234,10 +234,10 @@ def linearize(
     vm = (v[3], v[4], v[5])
     vb = (dot(b0, vm), dot(b1, vm), dot(b2, vm))
     vd = dot(vf, df) + dot(vm, dm)
-    # Priors: torsion ratio xi / (lever F), log(F / F0) and friction ratios (t . f) / (friction_ratio F). Their
-    # derivatives by (f, xi, v) are q1 u + (0, 1 / (lever F), 0), -u / F and, for each tangent, q u + p a, with
-    # u = (n, 0, u4, u5) and a = (t, 0, k F): dF = -n . df - sum_a f_a k_ai dv_i, and the tangents turn by k_ai F
-    # dv_i.
+    # Priors: torsion ratio xi / (lever F), log(F / F0) and friction ratios (t . f) / (friction_ratio F).
+    # Their derivatives by (f, xi, v) are q1 u + (0, 1 / (lever F), 0), -u / F and, for each tangent,
+    # q u + p a, with u = (n, 0, u4, u5) and a = (t, 0, k F): dF = -n . df - sum_a f_a k_ai dv_i, and the
+    # tangents turn by k_ai F dv_i.
     normal_force = -(fx * nx + fy * ny + fz * nz)
     f1 = t1x * fx + t1y * fy + t1z * fz
     f2 = t2x * fx + t2y * fy + t2z * fz
