@@ -4,7 +4,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 Kind = Literal[
-    "repeated", "gap", "clock_set_back", "not_finite", "bad_row", "cut_short", "missing_sensor", "schema"
+    "repeated",
+    "gap",
+    "clock_set_back",
+    "not_finite",
+    "bad_row",
+    "cut_short",
+    "missing_sensor",
+    "schema",
+    "held",
 ]
 
 

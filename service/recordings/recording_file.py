@@ -13,6 +13,7 @@ from contactsense.sensors.link_values import as_fields
 from contactsense.service.recordings.bag_files import BagFile, is_bag
 from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.column_mapping import ColumnMapping, expand
+from contactsense.service.recordings.held_values import HeldValues
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording import BLOCK, Recording, concatenate
 from contactsense.service.recordings.table_files import Columns, TableFile, chosen_rows, open_table
@@ -63,17 +64,18 @@ class RecordingFile:
             size: Maximum number of samples in a block.
             first, last: Range of rows to read: from `first` up to, but not including, `last`.
         """
-        checker = RowChecker()
+        checker, held, end = RowChecker(), HeldValues(), 0
         pending = _Pending(self._late, self._links)
         reported = 0
         for row, columns in chosen_rows(self._table.batches(self._wanted, first, last), first, last):
-            block = self._converted(columns, row, checker)
+            block = self._converted(columns, row, checker, held)
+            end = row + len(columns[self._mapping.timestamp])
             for part in pending.add(block).blocks(size):
                 new, reported = tuple(checker.problems[reported:]), len(checker.problems)
                 yield replace(part, problems=new, repeated=checker.repeated, meta=self.meta)
         checker.finish()
         rest = pending.flush()
-        new = (*checker.problems[reported:], *self._absent, *self._table.problems)
+        new = (*checker.problems[reported:], *held.problems(end), *self._absent, *self._table.problems)
         if rest is None:
             raise RecordingError(f"{self.name}: expected at least two samples, got none")
         parts = list(rest.blocks(size)) or [rest]
@@ -165,7 +167,7 @@ class RecordingFile:
         more = f" and {len(names) - 24} more" if len(names) > 24 else ""
         return ", ".join(names[:24]) + more
 
-    def _converted(self, columns: Columns, first: int, checker: RowChecker) -> Recording:
+    def _converted(self, columns: Columns, first: int, checker: RowChecker, held: HeldValues) -> Recording:
         t = columns[self._mapping.timestamp] * self._mapping.seconds
         keep = checker.keep(t, first)
         rows = np.flatnonzero(keep)
@@ -186,19 +188,24 @@ class RecordingFile:
         torque = base = None
         if self._torque_names:
             values = table(self._torque_names)
+            held.add("joint_torque", values, qd)
             torque = values if self._torque_map is None else self._signal(values, self._torque_map)
             checker.report(
                 ~np.isfinite(torque).all(axis=1), first, "not_finite", "joint torques are not finite", rows
             )
         if self._base:
             assert self._base_map is not None
-            base = self._base_map.wrench(table(self._base))
+            values = table(self._base)
+            held.add("base_wrench", values, qd)
+            base = self._base_map.wrench(values)
             checker.report(
                 ~np.isfinite(base).all(axis=1), first, "not_finite", "base_wrench is not finite", rows
             )
         wrenches = {}
         for field, link in self._links.items():
-            wrenches[field] = link.frame.wrenches(q, table(link.columns))
+            values = table(link.columns)
+            held.add(field, values, qd)
+            wrenches[field] = link.frame.wrenches(q, values)
             finite = np.isfinite(wrenches[field]).all(axis=1)
             checker.report(~finite, first, "not_finite", f"{field} is not finite", rows)
         links = as_fields(wrenches)

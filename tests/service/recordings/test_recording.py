@@ -219,6 +219,21 @@ def test_sensors_that_the_file_lacks_are_named(tmp_path: Path) -> None:
         read(as_parquet(tmp_path, only_motion), SCENE)
 
 
+@pytest.mark.parametrize("size", [37, 10_000])
+def test_a_sensor_whose_values_are_held_is_named(tmp_path: Path, size: int) -> None:
+    n = 200
+    found, held = columns(n), np.arange(n) // 4 * 4
+    slow = {name: v[held] if name.startswith("base_wrench") else v for name, v in found.items()}
+    said = [
+        p for part in RecordingFile(as_parquet(tmp_path, slow), SCENE).blocks(size) for p in part.problems
+    ]
+    assert [(problem.kind, problem.row_from, problem.row_to) for problem in said] == [("held", 0, n)]
+    assert "base_wrench repeats its values in 7" in str(said[0])
+    # An arm at rest may repeat them: there, a simulator without noise does.
+    resting = slow | {f"actual_qd_{i}": np.zeros(n) for i in range(6)}
+    assert not read(as_parquet(tmp_path, resting), SCENE).problems
+
+
 def test_currents_become_torques(tmp_path: Path) -> None:
     found = columns()
     currents = {name.replace("joint_torque", "actual_current"): v for name, v in found.items()}
