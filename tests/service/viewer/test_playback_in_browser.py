@@ -68,12 +68,13 @@ def test_it_plays_to_its_end(page: Page) -> None:
 
 
 def test_the_slider_leads_back_to_the_beginning(page: Page) -> None:
-    page.evaluate("document.querySelector('[role=slider]').focus()")
-    page.key("Home")
     end = time.monotonic() + PATIENCE
     while at(page) > 0.0:
         assert time.monotonic() < end, page.text()
-        time.sleep(0.2)
+        # On a busy computer the last positions of the playback may arrive after the key, and win.
+        page.evaluate("document.querySelector('[role=slider]').focus()")
+        page.key("Home")
+        time.sleep(1.0)
     assert "forearm is touched" not in page.text()
 
 
