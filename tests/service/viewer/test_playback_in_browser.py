@@ -71,7 +71,7 @@ def test_the_slider_leads_back_to_the_beginning(page: Page) -> None:
     end = time.monotonic() + PATIENCE
     while at(page) > 0.0:
         assert time.monotonic() < end, page.text()
-        # On a busy computer the last positions of the playback may arrive after the key, and win.
+        # On a busy computer a single key may have no effect; a user would press it again.
         page.evaluate("document.querySelector('[role=slider]').focus()")
         page.key("Home")
         time.sleep(1.0)
