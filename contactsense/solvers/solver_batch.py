@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from contactsense.robots.jit.kernel import in_cache, kernel, with_names
-from contactsense.solvers.solution import Answer
+from contactsense.solvers.plane import solve_plane
 from contactsense.solvers.surface import Kernel
 from contactsense.solvers.wrench import Wrench
 
@@ -32,9 +32,8 @@ def compiled_rows(solver: Kernel) -> Any:
     return kernel(bound) if in_cache(solver) else njit(error_model="numpy")(bound)
 
 
-def _solver(wrench: Wrench, *size: Any) -> Answer:
-    """The solver, in the source of `_rows`: each of its versions has one of its own."""
-    raise NotImplementedError
+_solver: Kernel = solve_plane
+"""Each version of `_rows` has its own."""
 
 
 def _rows(wrenches: np.ndarray, size: tuple[Any, ...], status: np.ndarray, out: np.ndarray) -> None:
