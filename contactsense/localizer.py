@@ -118,10 +118,12 @@ class Localizer(StaticLocalizer):
         for array, initial in zip(state.model, constants.model, strict=True):
             array[:] = initial
         state.torque_model.bias[:] = constants.torque_model.bias
+        state.torque_model.friction_factor[:] = constants.torque_model.friction_factor
         weight = constants.model.mass[0] * np.append(
             constants.gravity, np.cross(constants.model.com[0], constants.gravity)
         )
-        restart_bias_filter(state.bias_filter, self.scene.inertia_error, weight)
+        friction_error = constants.torque_model.friction_error
+        restart_bias_filter(state.bias_filter, self.scene.inertia_error, weight, friction_error)
         restart_noise_scale(state.noise_scale, constants.sensors.base_covariance)
         self._phase, self._number = NONE, 0
         if self._payload is not None:
@@ -145,6 +147,12 @@ class Localizer(StaticLocalizer):
         shape (n,) [Nm]."""
         state = self._buffers.state
         return state.bias_filter.bias.copy(), state.torque_model.bias.copy()
+
+    @property
+    def friction_factors(self) -> np.ndarray:
+        """Estimated factor of each joint on the scene's friction, shape (n,): below 1 when the oil is warmer
+        than in the calibration. 1 where `Friction.error` is 0."""
+        return self._buffers.state.torque_model.friction_factor.copy()
 
     def step(self, sample: Sample) -> Estimate:
         """Process the next sample of a live stream and estimate the present contacts; the arm may move.

@@ -78,7 +78,7 @@ def _locate(
     if scene.base_wrench is not None:
         base_wrench = wrench + rng.multivariate_normal(np.zeros(6), sensors.base_covariance)
     if scene.joint_torque is not None:
-        model = [unmodelled_torque_std(constants.torque_model, j, 0.0, 0.0) for j in range(joints)]
+        model = [unmodelled_torque_std(constants.torque_model, j, 0.0) for j in range(joints)]
         deviation = np.sqrt(sensors.torque_variance + np.square(model))
         joint_torque = touches.joint_torque[i, 0] + deviation * rng.standard_normal(joints)
     if scene.wrist_wrench is not None:

@@ -19,6 +19,7 @@ from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene
 from contactsense.benchmarks import options
+from contactsense.benchmarks.calibration.friction_factor import MovingResiduals, moving_residuals
 from contactsense.benchmarks.calibration.payload_strike import strike
 from contactsense.calibration import Calibration, FreeMotion, Settings, SuspectedContact, calibrate
 from contactsense.calibration.calibration_model import CalibrationModel
@@ -39,6 +40,8 @@ JOINTWISE = tuple(f"jointwise-joint_{j}" for j in range(1, 7))
 LOADED = ("ur-20_01_31-load", "ur-20_02_19_15harm50secLoad")
 """With a payload at the flange, which is estimated from each file: it was mounted differently."""
 FREE = ("validation-p1", "validation-p2", "validation-p9", "validation-ptp_10_points", "collision_free")
+MOVING_FILES = ("validation-ptp_10_points", "collision_free")
+"""Those of `FREE` in which the arm moves."""
 TOUCHED = ("collision_forearm", "push_pose_1")
 _GROUPS: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "lubricant", "links")
 _PAYLOAD = 3.0, 0.05
@@ -111,6 +114,10 @@ def measure(folder: Path) -> dict[str, Any]:
     by_group: dict[str, dict[str, list[float]]] = {"identification": {}, "jointwise": {}, "loaded": {}}
     strikes: dict[str, list[dict[str, Any]]] = {}
     seconds = sum(_duration(file(name)[0]) for name in FREE)
+    moving = {name: moving_residuals(found.scene, file(name)[0]) for name in MOVING_FILES}
+    moving["jointwise, each joint in its own file"] = _own_joint(
+        [moving_residuals(found.scene, file(name)[0]) for name in JOINTWISE]
+    )
     for group, names in (("identification", IDENTIFICATION), ("jointwise", JOINTWISE), ("loaded", LOADED)):
         for name in names:
             recording, _ = file(name)
@@ -125,10 +132,18 @@ def measure(folder: Path) -> dict[str, Any]:
         "threshold": threshold,
         "touched": touched,
         **by_group,
+        "moving": {
+            name: {key: value.tolist() for key, value in r._asdict().items()} for name, r in moving.items()
+        },
         "strikes": strikes,
         "free_seconds": seconds,
         "warnings": list(found.warnings),
     }
+
+
+def _own_joint(of_files: Sequence[MovingResiduals]) -> MovingResiduals:
+    """Of joint j what its own file j says."""
+    return MovingResiduals(*(np.diagonal(np.array(values)) for values in zip(*of_files, strict=True)))
 
 
 def _duration(recording: FreeMotion) -> float:
@@ -201,6 +216,17 @@ def _print_left_out(folder: Path, as_json: bool) -> None:
         click.echo(f"{name}: {times or 'nothing left out'}")
 
 
+def _moving_table(moving: dict[str, dict[str, list[float]]]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("free motion", *(f"joint {j}" for j in range(1, 7))):
+        table.add_column(heading, justify="left" if heading.startswith("free") else "right")
+    for name, found in moving.items():
+        columns = zip(found["calibrated"], found["estimated"], strict=True)
+        table.add_row(name, *(f"{a:.2f} -> {b:.2f}" for a, b in columns))
+        table.add_row("  factor at the end", *(f"{factor:.2f}" for factor in found["factor"]))
+    return table
+
+
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option(
@@ -231,6 +257,9 @@ def recordings(folder: Path, alone: bool, as_json: bool) -> None:
     console = Console(width=150)
     console.print("RMS / 99.9 % of each joint's residual")
     console.print(table)
+    console.print("RMS of the residual of a moving joint in a live stream [Nm]: friction as calibrated,")
+    console.print("then with its factor estimated")
+    console.print(_moving_table(result["moving"]))
     for name, found in result["touched"].items():
         touches, onsets = found["touches"], found["onsets"]
         console.print(f"{name}: {len(touches)} touches above {result['threshold']:.1f}")

@@ -72,6 +72,7 @@ def _repeat(buffers: Buffers, part: int, times: int, bandwidth: float, readings:
                 state.model, state.torque_model, motion, (stream.qd, stream.torque, state.unbiased_wrench),
                 (stream.steps[TORQUE], stream.steps[TORQUE_DIFFERENCE]), (step, step), observers,
                 state.unmodelled_std,
+                state.bias_filter.friction_regressor,
             )  # fmt: skip
         elif part == NOISE:
             follow_noise_and_timing(constants, state, bandwidth)

@@ -1,9 +1,10 @@
 """Noise and model error of the joint torques, estimated from the residuals after calibration.
 
 The fast part of a residual is noise, which a lower bandwidth averages out. The slow part is model error and
-does not average out; it is larger at low speed and at reversals, where friction has hysteresis. Tails are
-included: each standard deviation is at least such that one residual in a thousand exceeds 3.29 of them, as
-for a Gaussian.
+does not average out; it is larger at low speed and at reversals, where friction has hysteresis. What a factor
+on friction explains of a recording is not model error: a stream estimates that factor. Tails are included:
+each standard deviation is at least such that one residual in a thousand exceeds 3.29 of them, as for a
+Gaussian.
 """
 
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ class NoiseLevels:
     friction_error: np.ndarray
     """Of friction between recordings, relative, shape (n,)."""
     model_error: np.ndarray
-    """Of the model in motion, in addition to `friction_error` [Nm], shape (n,)."""
+    """Of the model in motion, a factor on friction apart [Nm], shape (n,)."""
     rest_error: np.ndarray
     """Of the model at rest and reversals, in addition to `model_error` [Nm], shape (n,); NaN if the joint was
     never at rest."""
@@ -57,35 +58,36 @@ def estimate_noise(
         dt: Sample time [s].
         variance_ratio: Variance of the residual over that of white noise in one sample.
     """
+    factors = [_factor(r, f) for r, f in zip(residual, friction, strict=True)]
+    error = _between_recordings(factors)
+    residual = [r - a * f for r, a, f in zip(residual, factors, friction, strict=True)]
     slow = [uniform_filter1d(part, max(3, round(_AVERAGING_TIME / dt)), axis=0) for part in residual]
-    error = _between_recordings(residual, friction)
     residuals, mean = np.vstack(residual), np.vstack(slow)
     speed = np.abs(np.vstack(qd))
     noise = np.maximum(1.4826 * np.median(np.abs(residuals - mean), axis=0), 1e-6) ** 2
-    known_variance = noise + (error * np.vstack(friction)) ** 2
 
     def levels(velocity: float) -> NoiseLevels:
-        model, rest = _model_error(residuals, mean, speed, known_variance, known_variance - noise, velocity)
+        model, rest = _model_error(residuals, mean, speed, noise, velocity)
         return NoiseLevels(np.sqrt(noise / variance_ratio), error, model, rest, velocity)
 
     def cost(found: NoiseLevels) -> float:
         at_rest = np.nan_to_num(found.rest_error) ** 2 / (1.0 + (speed / found.rest_velocity) ** 2) ** 2
-        variance = known_variance + found.model_error**2 + at_rest
+        variance = noise + found.model_error**2 + at_rest
         return float(np.mean(residuals**2 / variance + np.log(variance)))
 
     return min(map(levels, _REST_VELOCITIES), key=cost)
 
 
-def _between_recordings(residual: list[np.ndarray], friction: list[np.ndarray]) -> np.ndarray:
-    """Relative variation of friction between recordings: root mean square of the factors that explain most of
-    each recording's residual, combined with the prior `_FRICTION_VARIATION`."""
-    factors = [
-        np.sum(r * f, axis=0) / np.maximum(np.sum(f**2, axis=0), 1e-12)
-        for r, f in zip(residual, friction, strict=True)
-        if np.sum(f**2) > 0.0
-    ]
-    if not factors:
-        return np.zeros(residual[0].shape[1])
+def _factor(residual: np.ndarray, friction: np.ndarray) -> np.ndarray:
+    """Relative change of friction that explains most of one recording's residual, shape (n,); zero for a
+    joint without friction."""
+    found: np.ndarray = np.sum(residual * friction, axis=0) / np.maximum(np.sum(friction**2, axis=0), 1e-12)
+    return found
+
+
+def _between_recordings(factors: list[np.ndarray]) -> np.ndarray:
+    """Relative variation of friction between recordings: root mean square of their `_factor`, combined with
+    the prior `_FRICTION_VARIATION`."""
     # The fit takes one degree of freedom for the factors' mean; the prior counts as two recordings.
     squares = np.sum(np.square(factors), axis=0) + 2.0 * _FRICTION_VARIATION**2
     return np.asarray(np.sqrt(squares / (len(factors) - 1.0 + 2.0)))
@@ -95,12 +97,11 @@ def _model_error(
     residual: np.ndarray,
     slow: np.ndarray,
     speed: np.ndarray,
-    known_variance: np.ndarray,
-    slow_known_variance: np.ndarray,
+    noise: np.ndarray,
     velocity: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Model error in motion and at rest, with that velocity between the two. `known_variance`,
-    `slow_known_variance`: variance of the residual and of its slow part from other sources, shape (N, n)."""
+    """Model error in motion and at rest, with that velocity between the two. `noise`: variance of the
+    residual from other sources, shape (n,)."""
     joints = residual.shape[1]
     model, rest = np.empty(joints), np.full(joints, np.nan)
     for j in range(joints):
@@ -108,21 +109,20 @@ def _model_error(
         used = moving if moving.sum() >= _MIN_TAIL_SAMPLES else ~low
         if not used.any():
             used = np.ones(len(speed), dtype=bool)
-        motion_variance = np.mean(slow[used, j] ** 2) - np.mean(slow_known_variance[used, j])
         model[j] = np.sqrt(
-            max(motion_variance, _excess_variance(residual[used, j], known_variance[used, j]), 0.0)
+            max(np.mean(slow[used, j] ** 2), _excess_variance(residual[used, j], float(noise[j])))
         )
         if low.any():
             total = max(
-                np.mean(residual[low, j] ** 2) - np.mean(known_variance[low, j]),
-                _excess_variance(residual[low, j], known_variance[low, j]),
+                np.mean(residual[low, j] ** 2) - noise[j],
+                _excess_variance(residual[low, j], float(noise[j])),
             )
             # At the limit itself a quarter of the full variance remains: on average about half.
             rest[j] = np.sqrt(2.0 * max(total - model[j] ** 2, 0.0))
     return model, rest
 
 
-def _excess_variance(values: np.ndarray, known_variance: np.ndarray) -> float:
+def _excess_variance(values: np.ndarray, known_variance: float) -> float:
     """Variance to be added to the known one for a Gaussian tail; zero for few values."""
     if len(values) < _MIN_TAIL_SAMPLES:
         return 0.0

@@ -61,7 +61,7 @@ def _observe(
     bandwidth: float,
     joint_observer: MomentumObserver,
     base_observer: MomentumObserver,
-    unmodelled_std: np.ndarray,
+    scratch: np.ndarray,
     out: np.ndarray,
 ) -> None:
     motion, n = arm.motion, joints.q.shape[1]
@@ -71,7 +71,7 @@ def _observe(
         if torque.shape[0] > 0:
             observe_joints(
                 arm.model, arm.torque_model, motion, qd, torque[i], dt, bandwidth, joint_observer,
-                unmodelled_std,
+                scratch[0], scratch[1],
             )  # fmt: skip
             copy(joint_observer.residual, out[i, :n])
         if wrench.shape[0] > 0:
@@ -98,7 +98,7 @@ def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) ->
     _observe(
         Dynamics(arm.model, arm.torque_model, arm.gravity, empty_motion(n)),
         JointMotion(recording.t, recording.q, recording.qd),
-        torque, wrench, bandwidth, empty_observer(n), empty_observer(6), np.zeros(n), out,
+        torque, wrench, bandwidth, empty_observer(n), empty_observer(6), np.zeros((2, n)), out,
     )  # fmt: skip
     return out
 

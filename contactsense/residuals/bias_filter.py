@@ -1,13 +1,16 @@
-"""Kalman filter for sensor biases and link masses, updated in free motion and held in contact.
+"""Kalman filter for sensor biases, friction and link masses, updated in free motion and held in contact.
 
-Biases of the base sensor and of the joint torques drift; masses are known to a few per cent. Both enter the
-residuals linearly: r = Phi e + noise, with e the error of the biases and masses. The columns of Phi for the
-masses are residuals of the same first-order filter, driven by the momenta and weights of single links
-(theory, section 2). The filter is updated in free motion only. In a contact it is held, and the uncertainty
-that remains, Phi P Phi^T, is added to the covariance of the residuals.
+Biases of the base sensor and of the joint torques drift; friction differs from day to day by a factor for
+each joint, mainly with the temperature of its oil; masses are known to a few per cent. All enter the
+residuals linearly: r = Phi e + noise, with e the error of the biases, factors and masses. The columns of Phi
+for the masses are residuals of the same first-order filter, driven by the momenta and weights of single links
+(theory, section 2); that of a friction factor is the low-passed friction of its joint. The filter is updated
+in free motion only. In a contact it is held, and the uncertainty that remains, Phi P Phi^T, is added to the
+covariance of the residuals.
 
 Biases are random walks. Their variance is such that each estimate converges to the average of its residual
-over a time T: sigma^2 dt / T^2 per second for white noise sigma in samples dt apart.
+over a time T: sigma^2 dt / T^2 per second for white noise sigma in samples dt apart. The variance of a
+friction factor returns to that between days within `FRICTION_TIME`.
 """
 
 import math
@@ -32,8 +35,10 @@ UPDATE_INTERVAL = 2.0
 """Time between two updates, in time constants of the observer."""
 PAUSE_AFTER_CONTACT = 5.0
 """Time from the end of a contact to the next update, in time constants of the observer."""
-MIN_MASS_CHANGE = -0.5
-"""Lower bound of the relative change of a mass in one update."""
+MIN_RELATIVE_CHANGE = -0.5
+"""Lower bound of the relative change of a mass or a friction factor in one update."""
+FRICTION_TIME = 3600.0
+"""Time within which friction changes as much as from day to day: that in which an arm warms up [s]."""
 
 
 @record
@@ -44,52 +49,60 @@ class BiasFilterStatus:
     """[s]"""
     time_since_contact: float
     """[s]"""
+    estimates_friction: bool
     estimates_masses: bool
 
 
 class BiasFilter(NamedTuple):
-    """State of the filter: 6 biases of the base sensor, n of the torques, n relative masses; N in all."""
+    """State of the filter: 6 biases of the base sensor, n of the torques, n friction factors, n masses; the
+    latter two relative to their estimates."""
 
-    covariance: Annotated[Floats, "6 + 2 * joints, 6 + 2 * joints"]
-    """Covariance of biases and relative masses."""
+    covariance: Annotated[Floats, "6 + 3 * joints, 6 + 3 * joints"]
+    """Covariance of all of them."""
     bias: Annotated[Floats, "6"]
     """Bias of the base wrench in addition to the scene's, base axes, base origin [N, Nm]."""
     mass_regressor: Annotated[MomentumObserver, Sized(equations="(joints + 6) * joints")]
     """Columns of Phi for the masses: n + 6 equations (joints, then base) for each of n links."""
+    friction_regressor: Annotated[Floats, "joints"]
+    """Entry of Phi for each friction factor: friction by the model, low-passed as the joint's residual is
+    [Nm]."""
     base_covariance: Annotated[Floats, "6, 6"]
     """Covariance of the base wrench due to biases and masses."""
     torque_variance: Annotated[Floats, "joints"]
-    """Variance of each torque due to biases and masses."""
+    """Variance of each torque due to biases, friction factors and masses."""
     residual_mass_covariance: Annotated[Floats, "joints + 6, joints"]
     """Scratch: covariance of each residual with the masses."""
-    measurement_row: Annotated[Floats, "6 + 2 * joints"]
+    measurement_row: Annotated[Floats, "6 + 3 * joints"]
     """Scratch: row of Phi for one residual."""
-    cross_covariance: Annotated[Floats, "6 + 2 * joints"]
+    cross_covariance: Annotated[Floats, "6 + 3 * joints"]
     """Scratch: covariance of all estimates with one residual, P times the row."""
-    correction: Annotated[Floats, "6 + 2 * joints"]
+    correction: Annotated[Floats, "6 + 3 * joints"]
     """Scratch: correction of all estimates in an update."""
     wrench_correction: Annotated[Floats, "2, 6"]
     """Scratch: correction of base wrench and momentum."""
     status: Annotated[Records[BiasFilterStatus], "1"]
 
 
-def restart(bias_filter: BiasFilter, inertia_error: float, base_weight: np.ndarray) -> None:
+def restart(
+    bias_filter: BiasFilter, inertia_error: float, base_weight: np.ndarray, friction_error: np.ndarray
+) -> None:
     """Discard all estimates.
 
     Args:
         bias_filter: Changed in place.
         inertia_error: Relative standard deviation of each link's mass.
         base_weight: Gravity wrench on the base link, shape (6,) [N, Nm]; an error of it is a bias.
+        friction_error: Relative standard deviation of each joint's friction, shape (n,).
     """
     for array in (*bias_filter[:2], *bias_filter.mass_regressor, *bias_filter[3:]):
         np.asarray(array).fill(0)
     base_weight_error = inertia_error * base_weight
     bias_filter.covariance[:6, :6] = np.outer(base_weight_error, base_weight_error)
-    masses = np.arange(
-        len(bias_filter.measurement_row) - len(bias_filter.torque_variance), len(bias_filter.measurement_row)
-    )
-    bias_filter.covariance[masses, masses] = inertia_error**2
-    bias_filter.status[0].estimates_masses = inertia_error > 0.0
+    variance = np.concatenate((friction_error**2, np.full(len(friction_error), inertia_error**2)))
+    factors = np.arange(6 + len(friction_error), len(bias_filter.measurement_row))
+    bias_filter.covariance[factors, factors] = variance
+    status = bias_filter.status[0]
+    status.estimates_friction, status.estimates_masses = bool(friction_error.any()), inertia_error > 0.0
 
 
 @inlined_kernel
@@ -103,7 +116,7 @@ def predict(
     dt: float,
     bandwidth: float,
 ) -> None:
-    """Prediction for one sample: mass regressor, random walk of the biases, covariance of the residuals.
+    """Prediction for one sample: mass regressor, random walks, covariance of the residuals.
 
     Args:
         bias_filter: Changed in place.
@@ -129,6 +142,12 @@ def predict(
             bias_filter.base_covariance[a, b] = P[a, b]
     for j in range(n):
         bias_filter.torque_variance[j] = P[6 + j, 6 + j]
+    if status.estimates_friction:
+        growth = min(2.0 * dt / FRICTION_TIME, 1.0)
+        for j in range(n):
+            f, friction = 6 + n + j, bias_filter.friction_regressor[j]
+            P[f, f] += growth * max(torque_model.friction_error[j] ** 2 - P[f, f], 0.0)
+            bias_filter.torque_variance[j] += friction * (friction * P[f, f] + 2.0 * P[f, 6 + j])
     if status.estimates_masses:
         _advance_mass_regressor(bias_filter, torque_model, motion, dt, bandwidth)
         _add_mass_covariance(bias_filter, n)
@@ -199,23 +218,25 @@ def _add_mass_covariance(bias_filter: BiasFilter, n: int) -> None:
         bias_filter.torque_variance,
         bias_filter.residual_mass_covariance,
     )
-    r, m = bias_filter.mass_regressor.residual, n + 6
+    r, m, first = bias_filter.mass_regressor.residual, n + 6, 2 * n + 6
     for equation in range(m):
         index, sign = _bias_index(n, equation), _bias_coefficient(n, equation)
         for k in range(n):
-            total = sign * P[index, m + k]
+            total = sign * P[index, first + k]
             for i in range(n):
-                total += P[m + k, m + i] * r[m * i + equation]
+                total += P[first + k, first + i] * r[m * i + equation]
             residual_mass_covariance[equation, k] = total
     for j in range(n):
+        friction = bias_filter.friction_regressor[j]
         for k in range(n):
-            torque_variance[j] += r[m * k + j] * (P[6 + j, m + k] + residual_mass_covariance[j, k])
+            other = P[6 + j, first + k] + 2.0 * friction * P[6 + n + j, first + k]
+            torque_variance[j] += r[m * k + j] * (other + residual_mass_covariance[j, k])
     for a in range(6):
         for b in range(a + 1):
             total = 0.0
             for k in range(n):
                 total += (
-                    r[m * k + n + a] * residual_mass_covariance[n + b, k] - P[a, m + k] * r[m * k + n + b]
+                    r[m * k + n + a] * residual_mass_covariance[n + b, k] - P[a, first + k] * r[m * k + n + b]
                 )
             base_covariance[a, b] += total
             base_covariance[b, a] = base_covariance[a, b]
@@ -231,13 +252,19 @@ def mass_variance(bias_filter: BiasFilter, first_body: int, row: Six) -> float:
         row: The component is `row` . wrench, base axes, base origin.
     """
     n = bias_filter.torque_variance.shape[0]
-    P, r, m = bias_filter.covariance, bias_filter.mass_regressor.residual, n + 6
+    P, r, m, first = bias_filter.covariance, bias_filter.mass_regressor.residual, n + 6, 2 * n + 6
     variance = 0.0
     for k in range(first_body - 1, n):
         one = dot6(row, r[m * k + n : m * k + m])
         for i in range(first_body - 1, n):
-            variance += one * P[m + k, m + i] * dot6(row, r[m * i + n : m * i + m])
+            variance += one * P[first + k, first + i] * dot6(row, r[m * i + n : m * i + m])
     return float(variance)
+
+
+@inlined_kernel
+def friction_above_scene(bias_filter: BiasFilter, torque_model: JointTorqueModel, j: int) -> float:
+    """By how much the estimated factor raises the friction of joint j above the scene's, low-passed [Nm]."""
+    return float(bias_filter.friction_regressor[j] * (1.0 - 1.0 / torque_model.friction_factor[j]))
 
 
 @kernel
@@ -254,16 +281,20 @@ def update(
         bias_filter.measurement_row,
         bias_filter.cross_covariance,
     )
-    estimates_masses = bias_filter.status[0].estimates_masses
-    # Masses that are not estimated have no covariance.
-    size = measurement_row.shape[0] if estimates_masses else 6 + n
+    status = bias_filter.status[0]
+    # What is not estimated has no covariance.
+    size = 6 + n
+    if status.estimates_friction or status.estimates_masses:
+        size = measurement_row.shape[0] if status.estimates_masses else 6 + 2 * n
     index, coefficient = _bias_index(n, equation), _bias_coefficient(n, equation)
     innovation_variance, innovation = variance, residual
-    if estimates_masses:
+    if size > 6 + n:
         measurement_row[:] = 0.0
         measurement_row[index] = coefficient
+        if equation < n:
+            measurement_row[6 + n + equation] = bias_filter.friction_regressor[equation]
         for k in range(n):
-            measurement_row[n + 6 + k] = bias_filter.mass_regressor.residual[(n + 6) * k + equation]
+            measurement_row[6 + 2 * n + k] = bias_filter.mass_regressor.residual[(n + 6) * k + equation]
         for i in range(size):
             cross_covariance[i] = 0.0
             for k in range(size):
@@ -293,19 +324,19 @@ def apply_correction(
     observers: Observers,
     first_body: np.ndarray,
 ) -> None:
-    """Apply `correction` to biases and masses, and shift the observers to the state that they would have had
-    with the corrected model.
+    """Apply `correction` to biases, friction and masses, and shift the observers to the state that they would
+    have had with the corrected model.
 
     Args:
         bias_filter: With `correction`, which is reset to zero.
-        model, torque_model: Masses and torque biases, changed in place.
+        model, torque_model: Masses, torque biases and friction factors, changed in place.
         motion: Of this sample.
         bandwidth: Cut-off frequency of the observers [Hz].
         observers: Changed in place.
         first_body: First link that each link sensor carries, shape (S,), int64.
     """
     x, n = bias_filter.correction, torque_model.bias.shape[0]
-    m = n + 6
+    m, first = n + 6, 2 * n + 6
     K = 2.0 * math.pi * bandwidth
     d_wrench, d_momentum = bias_filter.wrench_correction[0], bias_filter.wrench_correction[1]
     for i in range(6):
@@ -315,24 +346,28 @@ def apply_correction(
     regressor, H = bias_filter.mass_regressor.residual, motion.momentum
     if estimates_masses:
         for k in range(n):
-            x[m + k] = max(x[m + k], MIN_MASS_CHANGE)
-            model.mass[k + 1] *= 1.0 + x[m + k]
+            x[first + k] = max(x[first + k], MIN_RELATIVE_CHANGE)
+            model.mass[k + 1] *= 1.0 + x[first + k]
             for i in range(3):
                 for j in range(3):
-                    model.inertia[k + 1, i, j] *= 1.0 + x[m + k]
+                    model.inertia[k + 1, i, j] *= 1.0 + x[first + k]
             for i in range(6):
-                d_wrench[i] += x[m + k] * regressor[m * k + n + i]
-                d_momentum[i] += x[m + k] * (H[k + 1, i] - (H[k + 2, i] if k + 2 <= n else 0.0))
+                d_wrench[i] += x[first + k] * regressor[m * k + n + i]
+                d_momentum[i] += x[first + k] * (H[k + 1, i] - (H[k + 2, i] if k + 2 <= n else 0.0))
     for j in range(n):
         torque_model.bias[j] += x[6 + j]
-        d_torque, d_joint_momentum = x[6 + j], 0.0
+        # Zero where friction is not estimated.
+        change = max(x[6 + n + j], MIN_RELATIVE_CHANGE)
+        d_torque, d_joint_momentum = x[6 + j] + change * bias_filter.friction_regressor[j], 0.0
+        torque_model.friction_factor[j] *= 1.0 + change
+        bias_filter.friction_regressor[j] *= 1.0 + change
         if estimates_masses:
             for k in range(n):
-                d_torque += x[m + k] * regressor[m * k + j]
+                d_torque += x[first + k] * regressor[m * k + j]
             for k in range(j, n):
                 link_momentum = dot6(motion.screw[j], H[k + 1])
                 link_momentum -= dot6(motion.screw[j], H[k + 2]) if k + 2 <= n else 0.0
-                d_joint_momentum += torque_model.inertia * x[m + k] * link_momentum
+                d_joint_momentum += torque_model.inertia * x[first + k] * link_momentum
         _shift_observer(observers.joints, j, d_torque, d_joint_momentum, K)
         _shift_observer(
             observers.torque_difference,
@@ -346,8 +381,8 @@ def apply_correction(
             d_link, d_link_momentum = 0.0, 0.0
             if estimates_masses:
                 for k in range(first_body[s] - 1, n):
-                    d_link += x[m + k] * regressor[m * k + n + i]
-                    d_link_momentum += x[m + k] * (H[k + 1, i] - (H[k + 2, i] if k + 2 <= n else 0.0))
+                    d_link += x[first + k] * regressor[m * k + n + i]
+                    d_link_momentum += x[first + k] * (H[k + 1, i] - (H[k + 2, i] if k + 2 <= n else 0.0))
             _shift_observer(group_of(observers.links, s), i, d_link, d_link_momentum, K)
             _shift_observer(
                 group_of(observers.link_difference, s),

@@ -35,6 +35,7 @@ def observe_joints(
     bandwidth: float,
     state: MomentumObserver,
     unmodelled_std: np.ndarray,
+    friction: np.ndarray,
 ) -> None:
     """Advance the residuals of the joint torques by one sample.
 
@@ -47,13 +48,14 @@ def observe_joints(
         dt: Time since the last sample [s]; 0 restarts.
         bandwidth: Cut-off frequency [Hz].
         state: Changed in place, n equations.
-        unmodelled_std: Changed in place: standard deviation of each residual's model and friction error,
-            shape (n,) [Nm].
+        unmodelled_std: Changed in place: standard deviation of each residual's model error, shape (n,) [Nm].
+        friction: Changed in place: friction of each joint, low-passed as the residual is, shape (n,) [Nm].
     """
     step = start_step(state, dt, bandwidth)
     for j in range(qd.shape[0]):
         found = _joint_equation(model, torque_model, motion, qd, torque, j)
-        _advance_joint(state, j, found, step, dt, unmodelled_std)
+        advance(state, j, found.momentum, found.drift, step)
+        follow_errors(j, found.std, found.friction, step, dt, unmodelled_std, friction)
 
 
 class JointEquation(NamedTuple):
@@ -64,7 +66,9 @@ class JointEquation(NamedTuple):
     drift: float
     """[Nm]"""
     std: float
-    """Standard deviation of the model and friction error [Nm]."""
+    """Standard deviation of the model error [Nm]."""
+    friction: float
+    """Friction torque [Nm]."""
 
 
 @inlined_kernel
@@ -78,16 +82,24 @@ def _joint_equation(
     known = torque_model.inertia * dot6(motion.screw_rate[j], H) + torque_model.gravity * weight
     friction = friction_torque(torque_model, j, qd[j], weight)
     drift = known + torque[j] - (torque_model.bias[j] + friction)
-    return JointEquation(h, drift, unmodelled_torque_std(torque_model, j, qd[j], friction))
+    return JointEquation(h, drift, unmodelled_torque_std(torque_model, j, qd[j]), friction)
 
 
 @inlined_kernel
-def _advance_joint(
-    state: MomentumObserver, j: int, found: JointEquation, step: Step, dt: float, unmodelled_std: np.ndarray
+def follow_errors(
+    j: int,
+    std: float,
+    friction: float,
+    step: Step,
+    dt: float,
+    low_passed_std: np.ndarray,
+    low_passed_friction: np.ndarray,
 ) -> None:
-    advance(state, j, found.momentum, found.drift, step)
-    # A systematic error is low-passed in the same way as the residual.
-    unmodelled_std[j] = found.std + step[0] * (unmodelled_std[j] - found.std) if dt > 0.0 else found.std
+    """Low-pass model error and friction of joint j as its residual is; `dt` as for `observe_joints`, whose
+    last two arguments are changed here."""
+    a = step[0] if dt > 0.0 else 0.0
+    low_passed_std[j] = std + a * (low_passed_std[j] - std)
+    low_passed_friction[j] = friction + a * (low_passed_friction[j] - friction)
 
 
 @inlined_kernel
@@ -110,11 +122,12 @@ def advance_torques(
     steps: tuple[Step, Step],
     observers: Observers,
     unmodelled_std: np.ndarray,
+    friction: np.ndarray,
 ) -> None:
     """`observe_joints` and `observe_torque_difference` in one pass, for steps that have been started.
 
     Args:
-        model, torque_model, motion, unmodelled_std: As for `observe_joints`.
+        model, torque_model, motion, unmodelled_std, friction: As for `observe_joints`.
         readings: Velocities and torques, as there, and the wrench on the base sensor, as for
             `observe_base_in_link_frames`.
         dt: Time since the last torques, and since the last sample with both [s]; negative: none in this
@@ -127,7 +140,8 @@ def advance_torques(
         return
     for j in range(qd.shape[0]):
         found = _joint_equation(model, torque_model, motion, qd, torque, j)
-        _advance_joint(observers.joints, j, found, steps[0], dt[0], unmodelled_std)
+        advance(observers.joints, j, found.momentum, found.drift, steps[0])
+        follow_errors(j, found.std, found.friction, steps[0], dt[0], unmodelled_std, friction)
         if dt[1] >= 0.0:
             _advance_difference(observers.torque_difference, j, found, motion, wrench, steps[1])
 

@@ -192,7 +192,7 @@ def _largest_deviation_energy(
         for j in range(residual.shape[0]):
             deviation = residual[j] - state.mean_residual[k, j]
             noise = (1.0 + state.slices[k].variance_ratio) * variance.ratio * variance.noise[j]
-            sigma2 = unmodelled_torque_std(torque_model, j, 0.0, 0.0) ** 2 + variance.model[j]
+            sigma2 = unmodelled_torque_std(torque_model, j, 0.0) ** 2 + variance.model[j]
             energy += deviation * deviation / (log_time * sigma2 + noise)
         highest = max(highest, 0.5 * energy)
     return highest

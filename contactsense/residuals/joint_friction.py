@@ -1,13 +1,16 @@
 """Model of the joint torque signal apart from rigid-body dynamics: bias and friction.
 
 Friction is a function of velocity and of the gravity torque that the joint carries; the formula is in
-`contactsense.sensors.settings.Friction`. It is inaccurate near a reversal and at rest, where a joint holds
-any torque up to Coulomb friction. So each joint also has a standard deviation of the model error, which grows
-towards rest. That error does not average out at any bandwidth.
+`contactsense.sensors.settings.Friction`. Oil temperature changes it by a factor, which
+`contactsense.residuals.bias_filter` estimates. The formula is inaccurate near a reversal and at rest, where a
+joint holds any torque up to Coulomb friction. So each joint also has a standard deviation of the model error,
+which grows towards rest. That error does not average out at any bandwidth.
 """
 
 import math
 from typing import Annotated, NamedTuple
+
+import numpy as np
 
 from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import inlined_kernel
@@ -31,8 +34,10 @@ class JointTorqueModel(NamedTuple):
     """Viscous friction [Nms/rad]."""
     lubricant: Annotated[Floats, "joints"]
     """Friction of the lubricant [Nm]."""
+    friction_factor: Annotated[Floats, "joints"]
+    """Factor on all of them: 1 in a scene, estimated in a stream."""
     friction_error: Annotated[Floats, "joints"]
-    """Relative error of friction, standard deviation."""
+    """Standard deviation of that factor between days."""
     rest_variance: Annotated[Floats, "joints"]
     """Variance of the model error at rest, in addition to `model_variance` [Nm^2]."""
     model_variance: Annotated[Floats, "joints"]
@@ -57,6 +62,7 @@ def joint_torque_model(sensor: JointTorqueSensor, joints: int) -> JointTorqueMod
         load=frictional * per_joint(f.load, joints),
         viscous=frictional * per_joint(f.viscous, joints),
         lubricant=frictional * per_joint(f.lubricant, joints),
+        friction_factor=np.ones(joints),
         friction_error=per_joint(f.error, joints),
         rest_variance=per_joint(f.rest_error, joints) ** 2,
         model_variance=per_joint(sensor.model_error, joints) ** 2,
@@ -79,19 +85,12 @@ def friction_torque(torque_model: JointTorqueModel, j: int, qd: float, gravity_t
         friction += coulomb * math.tanh(qd / torque_model.velocity)
     if lubricant != 0.0:
         friction += lubricant * math.tanh(qd / torque_model.lubricant_velocity)
-    return float(friction)
+    return float(torque_model.friction_factor[j] * friction)
 
 
 @inlined_kernel
-def unmodelled_torque_std(torque_model: JointTorqueModel, j: int, qd: float, friction: float) -> float:
-    """Standard deviation of the model and friction error of joint j's torque [Nm].
-
-    Args:
-        torque_model, j: Model and index of the joint.
-        qd: Its velocity [rad/s].
-        friction: Its `friction_torque` [Nm].
-    """
+def unmodelled_torque_std(torque_model: JointTorqueModel, j: int, qd: float) -> float:
+    """Standard deviation of the model error of joint j's torque at velocity qd [rad/s], that of the friction
+    factor apart [Nm]."""
     x = qd / torque_model.rest_velocity
-    scaled_error = torque_model.friction_error[j] * friction
-    rest = torque_model.rest_variance[j] / (1.0 + x * x) ** 2
-    return math.sqrt(torque_model.model_variance[j] + rest + scaled_error * scaled_error)
+    return math.sqrt(torque_model.model_variance[j] + torque_model.rest_variance[j] / (1.0 + x * x) ** 2)

@@ -7,6 +7,7 @@ They extend the work array of `contactsense.kinematics.simd_kinematics`.
 import numpy as np
 
 from contactsense.kinematics.model import Model
+from contactsense.residuals.equations_of_motion import follow_errors
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque, unmodelled_torque_std
 from contactsense.residuals.momentum_observer import MomentumObserver, advance
 from contactsense.robots.jit.array_views import block
@@ -30,8 +31,8 @@ TORQUE, FRICTION, MODEL_STD, JOINT_MOMENTUM, JOINT_DRIFT, DIFFERENCE_MOMENTUM, D
 `WEIGHT5`: momentum and gravity wrench of the whole arm; `WRENCH0` to `WRENCH5`: wrench on the base sensor
 without its bias; the same for every body, so that each finds them at a constant distance. `BASE_MOMENTUM`,
 `BASE_DRIFT`: h and drift of the base wrench in the body's frame, six quantities each. Of the joint that
-carries the body: `TORQUE` of the actuator, `FRICTION`, `MODEL_STD` the standard deviation of model and
-friction, and h and drift of its torque and of its difference to the base wrench."""
+carries the body: `TORQUE` of the actuator, `FRICTION`, `MODEL_STD` the standard deviation of the
+model error, and h and drift of its torque and of its difference to the base wrench."""
 
 
 @kernel
@@ -75,7 +76,7 @@ def equations_in_lanes(
             )  # fmt: skip
             friction = friction_torque(torque_model, j, body[SPEED + k], weight)
             body[FRICTION + k] = friction
-            body[MODEL_STD + k] = unmodelled_torque_std(torque_model, j, body[SPEED + k], friction)
+            body[MODEL_STD + k] = unmodelled_torque_std(torque_model, j, body[SPEED + k])
         _joint_equations(model, torque_model, j, body)
 
 
@@ -178,14 +179,14 @@ def advance_joints(
     step: tuple[float, float, float, float, float, float],
     state: MomentumObserver,
     unmodelled_std: np.ndarray,
+    friction: np.ndarray,
 ) -> None:
-    """The same for the joint torques, and for the deviation of their model, see
+    """The same for the joint torques, and for the error of their model and their friction, see
     `contactsense.residuals.equations_of_motion.observe_joints`; `dt`: time since the last sample [s]."""
     for j in range(unmodelled_std.shape[0]):
         values = block(lanes, (j + 1) * BODY + lane, (BODY,))
         advance(state, j, values[JOINT_MOMENTUM], values[JOINT_DRIFT], step)
-        std = values[MODEL_STD]
-        unmodelled_std[j] = std + step[0] * (unmodelled_std[j] - std) if dt > 0.0 else std
+        follow_errors(j, values[MODEL_STD], values[FRICTION], step, dt, unmodelled_std, friction)
 
 
 @inlined_kernel

@@ -7,6 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from contactsense.kinematics.simd_kinematics import LANES
+from contactsense.residuals.bias_filter import friction_above_scene
 from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
@@ -24,9 +25,9 @@ lists, each with a leading axis N."""
 BlockOutputs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Of each of the N samples: flags, int64; phase and number of the contact, shape (N, 2), int64; energy of
 "nothing touches", consistency levels (3), external base wrench (6) and its standard deviation (6), external
-joint torques (n), their standard deviation (n) and biases (n), shape (N, 16 + 3 n); number of explanations,
--1 where nothing touches, int64; where there is one, the row of the most probable one, shape (N, WIDTH), and
-the probability of each link, shape (N, links)."""
+joint torques (n), their standard deviation (n), biases (n) and friction above the scene's (n), shape (N, 16 +
+4 n); number of explanations, -1 where nothing touches, int64; where there is one, the row of the most
+probable one, shape (N, WIDTH), and the probability of each link, shape (N, links)."""
 
 
 @kernel
@@ -73,13 +74,13 @@ def detect_and_localize_block(
             (q[i], qd[i], torque[i], base_wrench[i], link_wrench[i]),
         )  # fmt: skip
         if state.bias_filter.status[0].time_since_update == 0.0:
-            # Biases and masses have changed.
+            # Biases, friction or masses have changed.
             first_lane = i + 1 - LANES
         flags[i] = found
         listed[i] = -1
         row = residuals[i]
         if found & (REPEATED | UNUSABLE):
-            for k in range(16 + 3 * n):
+            for k in range(16 + 4 * n):
                 row[k] = math.nan
         else:
             scale = state.stream.clock[0].variance_ratio
@@ -93,6 +94,7 @@ def detect_and_localize_block(
                 row[16 + k] = state.torque[k]
                 row[16 + n + k] = math.sqrt(state.torque_variance[k])
                 row[16 + 2 * n + k] = state.torque_model.bias[k]
+                row[16 + 3 * n + k] = friction_above_scene(state.bias_filter, state.torque_model, k)
         if found & TOUCHED and not stop_at_touch:
             listed[i] = localize(buffers, skin, bandwidth, gate, rows)
             if listed[i] > 0:

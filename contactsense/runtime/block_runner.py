@@ -73,7 +73,7 @@ class BlockRunner:
         count = len(block)
         inputs = self._inputs(block)
         flags, listed = self._flags[:count], self._listed[:count]
-        phases, residuals = self._phases[:count], np.empty((count, 16 + 3 * self._joints))
+        phases, residuals = self._phases[:count], np.empty((count, 16 + 4 * self._joints))
         estimates: dict[int, Estimate] = {}
         at = 0
         while at < count:
@@ -135,7 +135,8 @@ class BlockRunner:
             base_wrench_std=residuals[:, 10:16],
             joint_torque=residuals[:, 16 : 16 + n],
             joint_torque_std=residuals[:, 16 + n : 16 + 2 * n],
-            joint_bias=residuals[:, 16 + 2 * n :],
+            joint_bias=residuals[:, 16 + 2 * n : 16 + 3 * n],
+            joint_friction=residuals[:, 16 + 3 * n :],
             sample=sample,
             contact=contact,
             rows=rows,

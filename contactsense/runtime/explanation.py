@@ -49,7 +49,7 @@ def take_static_sample(
             motion.screw[j], motion.gravity[j + 1]
         )
         state.torque[j] = (0.0 if external else model_torque) - torque[j]
-        state.unmodelled_std[j] = unmodelled_torque_std(constants.torque_model, j, 0.0, 0.0)
+        state.unmodelled_std[j] = unmodelled_torque_std(constants.torque_model, j, 0.0)
     for i in range(6):
         state.base_wrench[i] = base_wrench[i] - (0.0 if external else motion.gravity[0, i])
     state.bias_filter.base_covariance[:] = 0.0

@@ -104,6 +104,7 @@ def update_residuals(
         (of_joints, of_difference),
         state.observers,
         state.unmodelled_std,
+        state.bias_filter.friction_regressor,
     )
     observe_link_sensors(state, bandwidth)
     predict(

@@ -125,6 +125,8 @@ class BlockEstimates:
     """Its standard deviation without contact, shape (N, n)."""
     joint_bias: np.ndarray
     """Estimated biases of the joint torques [Nm], shape (N, n)."""
+    joint_friction: np.ndarray
+    """By how much the estimated factors raise friction above the scene's, low-passed [Nm], shape (N, n)."""
     sample: np.ndarray
     """The sample of each of the K located contacts, shape (K,), int64, ascending."""
     contact: np.ndarray

@@ -128,7 +128,8 @@ def _update_residuals(
     if steps[BASE] >= 0.0:
         advance_base(lanes, lane, of_base, base)
     if steps[TORQUE] >= 0.0:
-        advance_joints(lanes, lane, steps[TORQUE], of_joints, joints, state.unmodelled_std)
+        friction = state.bias_filter.friction_regressor
+        advance_joints(lanes, lane, steps[TORQUE], of_joints, joints, state.unmodelled_std, friction)
     if steps[TORQUE_DIFFERENCE] >= 0.0:
         advance_torque_difference(lanes, lane, of_difference, difference)
     for i in range(6):

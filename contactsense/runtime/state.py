@@ -29,9 +29,9 @@ class State(NamedTuple):
     model: Model
     """The arm's model with the masses that `bias_filter` has estimated."""
     torque_model: JointTorqueModel
-    """The joint torque model with the biases that `bias_filter` has estimated."""
+    """The joint torque model with the biases and friction factors that `bias_filter` has estimated."""
     bias_filter: BiasFilter
-    """Filter for sensor biases and link masses."""
+    """Filter for sensor biases, friction factors and link masses."""
     friction_at_rest: FrictionAtRest
     """Reference torques of joints at rest."""
     motion: Motion
@@ -79,8 +79,7 @@ class State(NamedTuple):
     wrench_change: Annotated[Floats, "6"]
     """Scratch: difference between the newest wrench and its window mean [N, Nm]."""
     unmodelled_std: Annotated[Floats, "joints"]
-    """Standard deviation of each joint torque's model and friction error, low-passed as the torque is [Nm].
-    """
+    """Standard deviation of each joint torque's model error, low-passed as the torque is [Nm]."""
     torque_variance: Annotated[Floats, "joints"]
     """Variance of `torque` from noise and model [Nm^2]."""
     link_variance: Annotated[Floats, "link_sensors, 6"]
@@ -105,5 +104,8 @@ def empty_state(constants: Constants) -> State:
     restart(state.noise_scale, constants.sensors.base_covariance)
     return state._replace(
         model=Model(*(array.copy() for array in constants.model)),
-        torque_model=constants.torque_model._replace(bias=constants.torque_model.bias.copy()),
+        torque_model=constants.torque_model._replace(
+            bias=constants.torque_model.bias.copy(),
+            friction_factor=constants.torque_model.friction_factor.copy(),
+        ),
     )

@@ -157,7 +157,7 @@ class Friction(Part):
     """Velocity at which the lubricant's friction saturates [rad/s]."""
     error: Number = 0.0
     """Relative standard deviation of friction from this formula between days, mainly due to oil
-    temperature."""
+    temperature. Where it is positive, a stream estimates a factor on the friction of each joint."""
     rest_error: Number = 0.0
     """Standard deviation of friction from this formula at rest and at reversals [Nm]: a joint at rest holds
     any torque up to Coulomb friction."""

@@ -31,7 +31,7 @@ def sensor_response(scene: Scene, constants: Constants, motion: Motion) -> np.nd
         root = np.linalg.cholesky(sensors.base_information).T
         parts.append(np.broadcast_to(root, (links, 6, 6)))
     if scene.joint_torque is not None:
-        unmodelled = [unmodelled_torque_std(constants.torque_model, j, 0.0, 0.0) for j in range(joints)]
+        unmodelled = [unmodelled_torque_std(constants.torque_model, j, 0.0) for j in range(joints)]
         std = np.sqrt(sensors.torque_variance + np.square(unmodelled))
         proximal = np.arange(joints) < sensors.depth[:, None]
         parts.append(proximal[:, :, None] * (motion.screw / std[:, None]))

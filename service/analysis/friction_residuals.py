@@ -70,7 +70,8 @@ class FrictionResiduals:
         """Add a block and its estimates."""
         rows = np.empty((len(block), 3, self._state.shape[1]))
         count = _collect(
-            block.t, block.qd, found.flags, found.joint_torque, found.joint_bias, self._rate,
+            block.t, block.qd, found.flags, found.joint_torque,
+            found.joint_bias + found.joint_friction, self._rate,
             self._sign_velocity, self._state, self._times, rows,
         )  # fmt: skip
         self._rows.append(rows[:count].copy())
@@ -116,7 +117,7 @@ def _collect(
     qd: np.ndarray,
     flags: np.ndarray,
     residual: np.ndarray,
-    bias: np.ndarray,
+    estimated: np.ndarray,
     rate: float,
     sign_velocity: float,
     state: np.ndarray,
@@ -127,7 +128,9 @@ def _collect(
 
     Args:
         t, qd: As in `contactsense.SampleBlock`.
-        flags, residual, bias: `flags`, `joint_torque` and `joint_bias` of `contactsense.BlockEstimates`.
+        flags, residual: `flags` and `joint_torque` of `contactsense.BlockEstimates`.
+        estimated: What its localizer has subtracted already, sum of `joint_bias` and `joint_friction`, shape
+            (N, n) [Nm].
         rate: Inverse of the observer's time constant [1/s].
         sign_velocity: Width of Coulomb friction's smooth sign [rad/s].
         state, times: State of `FrictionResiduals`.
@@ -161,7 +164,7 @@ def _collect(
         times[2] = 0.0
         for j in range(n):
             # The residual is what the surroundings exert: model less measurement.
-            rows[count, 0, j] = bias[i, j] - residual[i, j]
+            rows[count, 0, j] = estimated[i, j] - residual[i, j]
             rows[count, 1, j], rows[count, 2, j] = state[0, j], state[1, j]
         count += 1
     return count

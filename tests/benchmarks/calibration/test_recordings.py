@@ -16,7 +16,16 @@ def test_free_motion_has_no_alarms_and_every_touch_is_found() -> None:
     for level in ("rms", "q999"):
         assert (np.array(ours[level]) < np.array(theirs[level])).all()
     assert [free[name]["alarms"] for name in FREE] == [0] * len(FREE)
-    assert 10.0 < free["collision_free"]["energy"] < 22.0
+    # 13.1 with friction as calibrated: what the factor explains is no energy of a contact.
+    assert 5.0 < free["collision_free"]["energy"] < 12.0
+    # On another day friction is higher by a few per cent; nowhere does the factor do harm.
+    for found in result["moving"].values():
+        assert (np.array(found["estimated"]) < 1.02 * np.array(found["calibrated"])).all()
+    cold = result["moving"]["collision_free"]
+    ratio = np.array(cold["estimated"]) / np.array(cold["calibrated"])
+    assert (ratio[[0, 2, 5]] < 0.7).all()
+    assert np.mean(ratio) < 0.75
+    assert (np.array(cold["factor"])[[0, 2, 5]] > 1.05).all()
     for name, count in (("collision_forearm", 11), ("push_pose_1", 4)):
         found = result["touched"][name]
         assert len(found["touches"]) == len(found["onsets"]) == count

@@ -54,7 +54,7 @@ class _Residuals(NamedTuple):
 def _follow(times: np.ndarray, noise: np.ndarray | None = None, push: bool = True) -> _Residuals:
     """What the observers say after all samples; `noise`: of base wrench, then torques, shape (N, 12)."""
     joints, bodies, match = empty_observer(6), empty_observer(42), empty_observer(6)
-    torque, reading, motion, spread = np.empty(6), np.empty(6), empty_motion(6), np.empty(6)
+    torque, reading, motion, spread = np.empty(6), np.empty(6), empty_motion(6), np.zeros((2, 6))
     last = times[0]
     for i, t in enumerate(times):
         q, qd, qdd = _swing(t)
@@ -66,7 +66,7 @@ def _follow(times: np.ndarray, noise: np.ndarray | None = None, push: bool = Tru
             reading += noise[i, :6]
             torque += noise[i, 6:]
         dt, last = t - last, t
-        observe_joints(MODEL, DRIVE, motion, qd, torque, dt, BANDWIDTH, joints, spread)
+        observe_joints(MODEL, DRIVE, motion, qd, torque, dt, BANDWIDTH, joints, spread[0], spread[1])
         observe_base_in_link_frames(motion, reading, dt, BANDWIDTH, bodies)
         observe_torque_difference(MODEL, DRIVE, motion, qd, torque, reading, dt, BANDWIDTH, match)
     return _Residuals(joints.residual, bodies.residual, match.residual)
