@@ -12,8 +12,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from contactsense.localization.farthest_point_sampling import farthest_point_sampling
+from contactsense.localization.farthest_point_sampling import farthest_points_of_groups
 from contactsense.robots.jit.declaration import Floats, Integers
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 
@@ -110,32 +111,37 @@ def _sampled(
     area = sum(float(patches.area.sum()) for patches in links_patches)
     edge = math.sqrt((area + unsearched_area) / SAMPLES)
     cells: list[Patches] = []
-    subsamples: list[Patches] = []
+    subcells: list[Patches] = []
+    subcell_counts: list[np.ndarray] = []
     for patches in links_patches:
         if not len(patches.area):
             continue
         count = max(round(float(patches.area.sum()) / edge**2), 1)
-        owner = _assign_to_cells(patches, edge, count)
-        cells.append(_representatives(patches, owner))
+        whole = np.array([0, len(patches.area)])
+        owner, counts = _assign_to_cells(patches, whole, edge, count)
+        cells.append(_representatives(patches, owner, counts))
         by_cell = np.argsort(owner, kind="stable")
-        ends = np.cumsum(np.bincount(owner))[:-1]
-        for members in zip(*(np.split(values[by_cell], ends) for values in patches), strict=True):
-            member = Patches(*members)
-            subsamples.append(
-                _representatives(member, _assign_to_cells(member, edge / math.sqrt(SUBSAMPLES), SUBSAMPLES))
-            )
+        patches = Patches(*(values[by_cell] for values in patches))
+        start = np.concatenate(([0], np.cumsum(np.bincount(owner))))
+        owner, counts = _assign_to_cells(patches, start, edge / math.sqrt(SUBSAMPLES), SUBSAMPLES)
+        subcells.append(_representatives(patches, owner, counts))
+        subcell_counts.append(counts)
     if not cells:
         return *_no_samples(len(surfaces.kind)), 1.0
-    cell = Patches(*(np.concatenate(values) for values in zip(*cells, strict=True)))
+    cell, subcell = (
+        Patches(*(np.concatenate(values) for values in zip(*of_links, strict=True)))
+        for of_links in (cells, subcells)
+    )
     order = np.argsort(cell.primitive, kind="stable")
     start = np.searchsorted(cell.primitive[order], np.arange(len(surfaces.kind) + 1)).astype(np.int64)
     point, normal, primitive, spread, weight = (values[order] for values in cell)
     samples = SurfaceSamples(point, normal, spread, np.log(weight / area), primitive, start)
-    subsamples = [subsamples[i] for i in order]
-    first = np.cumsum([0] + [len(part.area) for part in subsamples]).astype(np.int64)
+    counts = np.concatenate(subcell_counts)
+    of_cell = np.repeat(np.argsort(order), counts)
     point, normal, primitive, spread, weight = (
-        np.concatenate(values) for values in zip(*subsamples, strict=True)
+        values[np.argsort(of_cell, kind="stable")] for values in subcell
     )
+    first = np.concatenate(([0], np.cumsum(counts[order])))
     return samples, SurfaceSubsamples(point, normal, spread, np.log(weight / area), primitive, first), area
 
 
@@ -204,36 +210,64 @@ def cover_distances(surfaces: Surfaces, points: np.ndarray) -> np.ndarray:
     return distances(covers, points)[0]
 
 
-def _assign_to_cells(patches: Patches, edge: float, count: int) -> np.ndarray:
-    """Assign each patch to one of `count` cells by farthest-point sampling in position and normal.
+def _assign_to_cells(
+    patches: Patches, start: np.ndarray, edge: float, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Divide each of G groups of patches into up to `count` cells by farthest-point sampling in position and
+    normal.
 
     A normal that differs by 90 degrees counts as a distance of `edge` [m], the size of a cell.
 
+    Args:
+        patches: Sorted by group.
+        start: First patch of each group, then the total number, shape (G + 1,).
+        edge: Size of a cell [m].
+        count: Largest number of cells of one group.
+
     Returns:
-        Index of the cell of each patch, shape (N,), int64.
+        Index of the cell of each patch, shape (N,), int64, the cells of a group following those of the groups
+        before; number of cells of each group, shape (G,), int64.
     """
-    feature = _features(patches, edge)
-    owner = np.empty(len(feature), dtype=np.int64)
-    first = int(np.argmax(np.linalg.norm(patches.point - patches.point.mean(axis=0), axis=1)))
-    farthest_point_sampling(feature, first, count, np.empty(len(feature)), owner)
-    return owner
+    sizes = np.diff(start)
+    group = np.repeat(np.arange(len(sizes)), sizes)
+    centre = np.stack([np.bincount(group, column) / sizes for column in patches.point.T], axis=1)
+    eccentricity = np.linalg.norm(patches.point - centre[group], axis=1)
+    owner, counts = np.empty(len(group), dtype=np.int64), np.empty(len(sizes), dtype=np.int64)
+    features, squared_distance = _features(patches, np.full(len(group), edge)), np.empty(len(group))
+    farthest_points_of_groups(features, start, eccentricity, count, squared_distance, owner, counts)
+    return owner + (np.cumsum(counts) - counts)[group], counts
 
 
-def _features(patches: Patches, edge: float) -> np.ndarray:
-    return np.hstack((patches.point, patches.normal * (edge / math.sqrt(2.0))))
+def _features(patches: Patches, edge: np.ndarray) -> np.ndarray:
+    return np.hstack((patches.point, patches.normal * (edge / math.sqrt(2.0))[:, None]))
 
 
-def _representatives(patches: Patches, owner: np.ndarray) -> Patches:
-    """Each cell as one patch: the member nearest to its centre, the area, and the spread of the members."""
+def _representatives(patches: Patches, owner: np.ndarray, counts: np.ndarray) -> Patches:
+    """Each cell as one patch: the member nearest to its centre, the area, and the spread of the members.
+
+    `owner`, `counts`: as `_assign_to_cells` returns them.
+    """
     area = np.bincount(owner, patches.area)
-    edge = math.sqrt(float(area.mean()))
-    feature = _features(patches, edge)
+    group = np.repeat(np.arange(len(counts)), counts)
+    edge = np.sqrt(np.bincount(group, area) / counts)
+    feature = _features(patches, edge[group[owner]])
     centre = np.stack([np.bincount(owner, patches.area * column) / area for column in feature.T], axis=1)
     squared_distance = ((feature - centre[owner]) ** 2).sum(axis=1)
-    best = np.lexsort((squared_distance, owner))
-    best = best[np.searchsorted(owner[best], np.arange(len(area)))]
+    best = np.full(len(area), -1)
+    _nearest_members(squared_distance, owner, best)
     displacement = patches.point - patches.point[best][owner]
-    tangential = (displacement**2).sum(axis=1) - (displacement * patches.normal[best][owner]).sum(axis=1) ** 2
+    along_normal = (displacement * patches.normal[best][owner]).sum(axis=1)
+    tangential = (displacement**2).sum(axis=1) - along_normal**2
     spread = np.sqrt(np.bincount(owner, patches.area * tangential) / area / 2.0)
     spread = np.maximum(spread, np.sqrt(area / 12.0) / 2.0)
     return Patches(patches.point[best], patches.normal[best], patches.primitive[best], spread, area)
+
+
+@kernel
+def _nearest_members(squared_distance: np.ndarray, owner: np.ndarray, best: np.ndarray) -> None:
+    """Fill `best`, -1 so far, with the member of each cell that is nearest to its centre, the earlier one if
+    two are equally near."""
+    for i in range(owner.shape[0]):
+        cell = owner[i]
+        if best[cell] < 0 or squared_distance[i] < squared_distance[best[cell]]:
+            best[cell] = i

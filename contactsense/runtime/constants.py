@@ -152,7 +152,10 @@ def wrench_transform(rotation: np.ndarray, translation: np.ndarray) -> np.ndarra
         rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
         translation: Its origin in the base frame, shape (3,) [m].
     """
-    return np.block([[rotation, np.zeros((3, 3))], [cross_matrix(translation) @ rotation, rotation]])
+    found = np.zeros((6, 6))
+    found[:3, :3] = found[3:, 3:] = rotation
+    found[3:, :3] = cross_matrix(translation) @ rotation
+    return found
 
 
 def base_wrench_from_reading(sensor: WrenchSensor, reading: np.ndarray) -> np.ndarray:

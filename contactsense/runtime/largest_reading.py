@@ -37,7 +37,7 @@ def largest_reading_at_rest(scene: Scene, sensor: WrenchSensor) -> np.ndarray:
     weight = ArmWeight(scene)
     low, high = _reach(scene)
     postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, len(low)))
-    readings = np.array([reading_from_base_wrench(sensor, weight.wrench(q)) for q in postures])
+    readings = reading_from_base_wrench(sensor, np.array([weight.wrench(q) for q in postures]))
     largest = np.abs(readings).max(axis=0)
     for component in (3, 4, 5):  # the force is the same in all postures
         start = int(np.abs(readings[:, component]).argmax())

@@ -12,6 +12,7 @@ dimension of a model", Annals of Statistics 1978). Differences of costs compare 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -88,6 +89,7 @@ class Fitter:
         measured = np.repeat(there, [n] + [6] * len(self._fields))
         self._channels = np.flatnonzero(measured)
         self._known: dict[str, tuple[object, np.ndarray]] = {}
+        self._stated: tuple[Setup, _Equations] | None = None
         self.effective = np.ones(len(measured))
         """Independent rows per row, of each channel."""
         self.noise = stated * float(np.sqrt(readings.variance_ratio))
@@ -138,7 +140,7 @@ class Fitter:
 
     def _slopes(self, setup: Setup, free: tuple[Free, ...], prior: np.ndarray) -> np.ndarray:
         """Derivatives of the prediction by the free parameters, shape (M, C, k)."""
-        here, steps = self._error(setup), 1e-3 * np.diag(prior)
+        here, steps = self._equations(setup).error, 1e-3 * np.diag(prior)
         slopes = [(here - self._error(setup.moved(free, step))) / step.sum() for step in steps]
         return np.stack(slopes, axis=-1)
 
@@ -189,52 +191,59 @@ class Fitter:
         return self._known[name][1]
 
     def _nuisances(self, setup: Setup) -> tuple[np.ndarray, dict[str, int]]:
-        """Derivatives of the prediction by the nuisances in units of their priors, shape (M, C, P), and the
+        """Derivatives of the prediction by the nuisances in units of their priors, shape (C, M, P), and the
         first column of each sensor's bias."""
         basis, n = self._bases.of(setup.robot, setup.angle_unit), self._joints
         size = self._inertia_error * inertial_scales(setup.links)
         rows, links, drives = len(basis.viscous), 10 * (len(size) - 1), 4 * n
         own = sum(6 + 10 * setup.sensors[field].tool_alone for field in self._readings.wrenches)
-        found = np.zeros((rows, n + 6 * len(self._fields), links + drives + own))
+        found = np.zeros((n + 6 * len(self._fields), rows, links + drives + own))
         # The base does not move, so that its inertia is a bias.
-        joints = self._joint_terms(setup)[:, :, 1:] * size[1:]
-        found[:, :n, :links] = joints.reshape(rows, n, -1) * setup.gain[:, None]
+        joints = (self._joint_terms(setup)[:, :, 1:] * size[1:]).reshape(rows, n, -1)
+        found[:n, :, :links] = (joints * setup.gain[:, None]).transpose(1, 0, 2)
         frictional = 0.0 if setup.meaning == "external" else 1.0
         for j in range(n):
             scale, first = setup.gain[j] * self._drive_prior[j], links + 4 * j
-            found[:, j, first] = scale
-            found[:, j, first + 1] = frictional * scale * basis.coulomb[:, j]
-            found[:, j, first + 2] = frictional * scale * basis.viscous[:, j]
-            found[:, j, first + 3] = frictional * 0.3 * scale * basis.rotor[:, j]
+            found[j, :, first] = scale
+            found[j, :, first + 1] = frictional * scale * basis.coulomb[:, j]
+            found[j, :, first + 2] = frictional * scale * basis.viscous[:, j]
+            found[j, :, first + 3] = frictional * 0.3 * scale * basis.rotor[:, j]
         first, biases = links + drives, {}
         for field in self._readings.wrenches:
             sensor, rates = setup.sensors[field], setup.reading_per_wrench(field)
             terms, channels = self._load_terms(setup, field), self._of(field)
             if sensor.tool_alone:
                 terms = terms[:, :, 0] * (self._inertia_error * inertial_scales(setup.carried(field))[0])
-                found[:, channels, first : first + 10] = rates @ terms
+                found[channels, :, first : first + 10] = (rates @ terms).transpose(1, 0, 2)
                 first += 10
             else:
                 moved = max(sensor.body, 1)
                 terms = (terms[:, :, moved - sensor.body :] * size[moved:]).reshape(rows, 6, -1)
-                found[:, channels, 10 * (moved - 1) : links] = rates @ terms
-            found[:, channels, first : first + 6] = sensor.order * _bias_scale(field)
+                found[channels, :, 10 * (moved - 1) : links] = (rates @ terms).transpose(1, 0, 2)
+            found[channels, :, first : first + 6] = (sensor.order * _bias_scale(field))[:, None]
             biases[field] = first
             first += 6
         return found, biases
 
+    def _equations(self, setup: Setup) -> "_Equations":
+        """Those of the latest setup are kept: a fit needs them with and without its slopes."""
+        if self._stated is None or self._stated[0] is not setup:
+            error, (columns, biases) = self._error(setup), self._nuisances(setup)
+            y, A = error[:, self._channels].T, columns[self._channels]
+            equations = _Equations(error, y, A, A.transpose(0, 2, 1) @ A, _products(A, y), biases)
+            self._stated = setup, equations
+        return self._stated[1]
+
     def _solve(self, setup: Setup, slopes: np.ndarray, prior: np.ndarray) -> "_Solved":
         """Nuisances, and the free parameters if `slopes` has any, by iteratively weighted least squares."""
-        error, (columns, firsts) = self._error(setup), self._nuisances(setup)
+        error, y, A, G, b, firsts = self._equations(setup)
         k = slopes.shape[-1] if slopes.size else 0
         if k:
-            columns = np.concatenate((slopes * prior, columns), axis=2)
-        y = error[:, self._channels].T
-        A = np.ascontiguousarray(columns[:, self._channels].transpose(1, 0, 2))
+            S = np.ascontiguousarray((slopes * prior)[:, self._channels].transpose(1, 0, 2))
+            A, G, b = _bordered(S, y, A, G, b)
         floor, rows = self._floor[self._channels], y.shape[1]
         weight = self.effective[self._channels]
         biases = np.array([k + first + i for first in firsts.values() for i in range(6)], dtype=np.int64)
-        G, b = A.transpose(0, 2, 1) @ A, np.einsum("cmp,cm->cp", A, y)
         variance = np.maximum(y.var(axis=1), floor)
         values, precision = np.zeros(A.shape[2]), np.ones(A.shape[2])
         H, residual = np.diag(precision), y
@@ -273,6 +282,23 @@ class Fitter:
         return Fit(setup, free, at.variance, at.penalty, std, at.residual, bias)
 
 
+class _Equations(NamedTuple):
+    """Readings under a setup as linear functions of P nuisances. C' channels are measured."""
+
+    error: np.ndarray
+    """Readings minus prediction without nuisances, shape (M, C)."""
+    y: np.ndarray
+    """The same of the measured channels, shape (C', M)."""
+    A: np.ndarray
+    """Derivatives of their prediction by the nuisances, shape (C', M, P)."""
+    G: np.ndarray
+    """A^T A of each channel, shape (C', P, P)."""
+    b: np.ndarray
+    """A^T y of each channel, shape (C', P)."""
+    biases: Mapping[str, int]
+    """First of the six nuisances of each force/torque sensor's bias."""
+
+
 @dataclass(frozen=True)
 class _Solved:
     cost: float
@@ -285,6 +311,22 @@ class _Solved:
     residual: np.ndarray
     biases: Mapping[str, int]
     """First of the six values of each force/torque sensor's bias."""
+
+
+def _bordered(
+    S: np.ndarray, y: np.ndarray, A: np.ndarray, G: np.ndarray, b: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, G and b of `_Equations` with k further columns S before the others, shape (C, M, k)."""
+    k, mixed = S.shape[2], S.transpose(0, 2, 1) @ A
+    whole = np.empty((len(G), k + G.shape[1], k + G.shape[1]))
+    whole[:, :k, :k], whole[:, k:, k:] = S.transpose(0, 2, 1) @ S, G
+    whole[:, :k, k:], whole[:, k:, :k] = mixed, mixed.transpose(0, 2, 1)
+    return np.concatenate((S, A), axis=2), whole, np.concatenate((_products(S, y), b), axis=1)
+
+
+def _products(A: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A^T y of each channel: shapes (C, M, P) and (C, M), to (C, P)."""
+    return np.asarray(np.einsum("cmp,cm->cp", A, y))
 
 
 def _bias_scale(field: str) -> np.ndarray:

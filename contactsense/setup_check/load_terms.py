@@ -16,8 +16,9 @@ import numpy as np
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.residuals.momentum_observer import empty_observer, start_step
+from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer, start_step
 from contactsense.robots import Robot
+from contactsense.robots.jit.kernel import kernel
 from contactsense.setup_check.instants import Instants
 
 
@@ -164,13 +165,38 @@ def _weights(down: np.ndarray) -> np.ndarray:
 def _low_passed(t: np.ndarray, momentum: np.ndarray, drift: np.ndarray, bandwidth: float) -> np.ndarray:
     """Residuals of the momentum observer (`contactsense.residuals.momentum_observer`) at every sample, for
     arrays of equations of shape (N, ...)."""
-    steps, K = empty_observer(0), 2.0 * np.pi * bandwidth
-    g = K * momentum + drift
-    residual: np.ndarray = np.zeros_like(g)
-    start_step(steps, 0.0, bandwidth)
-    for i in range(1, len(t)):
-        a, *weights, _ = start_step(steps, float(t[i] - t[i - 1]), bandwidth)
-        residual[i] = a * residual[i - 1] + K * (momentum[i] - a * momentum[i - 1])
-        for k, weight in enumerate(weights[: i + 1]):
-            residual[i] -= weight * g[i - k]
+    residual = np.empty_like(momentum)
+    flat = (len(t), -1)
+    _observe(
+        np.diff(t, prepend=t[0]),
+        momentum.reshape(flat),
+        drift.reshape(flat),
+        residual.reshape(flat),
+        bandwidth,
+        empty_observer(0),
+    )
     return residual
+
+
+@kernel
+def _observe(
+    dt: np.ndarray,
+    momentum: np.ndarray,
+    drift: np.ndarray,
+    residual: np.ndarray,
+    bandwidth: float,
+    steps: MomentumObserver,
+) -> None:
+    """Fill `residual`, shape (N, k) as `momentum` and `drift`; `dt`: time since the sample before [s], 0 for
+    the first, shape (N,)."""
+    for i in range(dt.shape[0]):
+        a, b0, b1, b2, b3, K = start_step(steps, dt[i], bandwidth)
+        weights = (b0, b1, b2, b3)
+        for c in range(momentum.shape[1]):
+            if i == 0:
+                residual[0, c] = 0.0
+                continue
+            value = a * residual[i - 1, c] + K * (momentum[i, c] - a * momentum[i - 1, c])
+            for k in range(min(i + 1, 4)):
+                value -= weights[k] * (K * momentum[i - k, c] + drift[i - k, c])
+            residual[i, c] = value

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -156,7 +157,7 @@ class Setup:
                 changed = changed.with_sensor(group.field, **changed.sensors[group.field].moved(group, part))
         return changed
 
-    @property
+    @cached_property
     def bodies(self) -> np.ndarray:
         """Inertial parameters of the links, the tool in the last one, shape (L, 10)."""
         rows = self.links.copy()

@@ -14,14 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.localization.surface_evidence import MAX_SUBDIVIDED, SUBDIVIDE_WITHIN
-from contactsense.localization.surface_search import MERGE_DISTANCE, MERGE_SIGMAS, NARROW_POSTERIOR_CELLS
+from contactsense.localization.surface_search import MERGE_DISTANCE, MERGE_SIGMAS
+from contactsense.surface_map.best_candidates import best_candidates
 from contactsense.surface_map.cell_evidence import EXPECTED, CellEvidence, posterior, subset
+from contactsense.surface_map.places import Places
 
 _CUTOFF = 20.0
 """Cells whose log evidence for the mean reading is worse than the best by this much are left out: noise of
 more than two standard deviations brings them to a tenth of a percent."""
-_CANDIDATES = 3
-"""The best of this many candidates is the answer."""
 
 
 class Answers(NamedTuple):
@@ -51,36 +51,16 @@ def expected_answers(
 
 def _answers(of: CellEvidence, noisy: np.ndarray) -> Answers:
     """Best candidates among the cells."""
-    cells, found = of.cells, posterior(of, noisy)
-    reading = np.arange(len(noisy))
-    moments = np.column_stack((cells.point, (cells.point**2).sum(axis=1) + of.variance))
-    tangents = cells.tangents.transpose(1, 0, 2).reshape(3, -1)
-    reach = np.maximum(MERGE_DISTANCE, MERGE_SIGMAS * of.deviation)
-    best_link, best_point = np.full(len(noisy), -1), np.zeros((len(noisy), 3))
-    best_evidence = np.full(len(noisy), -np.inf)
-    left = found.evidence
-    for _ in range(_CANDIDATES):
-        first = left.argmax(axis=0)
-        top = left[first, reading]
-        step = np.einsum("kir,kr->ki", of.gain[first], noisy - of.projection[first, EXPECTED])
-        mode = cells.point[first] + np.einsum("kxi,ki->kx", cells.tangents[first], step)
-        apart = ((cells.point[:, None] - mode) ** 2).sum(axis=2)
-        near = (cells.link[:, None] == cells.link[first]) & (apart < reach[first] ** 2)
-        near[first, reading] = True
-        weight = np.where(near, np.exp(left - np.where(np.isfinite(top), top, 0.0)), 0.0)
-        total = weight.sum(axis=0)
-        with np.errstate(divide="ignore"):
-            evidence = top + np.log(total)
-        weight /= np.where(total > 0.0, total, 1.0)
-        centre = weight.T @ moments
-        spread = centre[:, 3] - (centre[:, :3] ** 2).sum(axis=1)
-        mean = centre[:, :3] + (tangents @ (weight[:, None] * found.step).reshape(-1, len(noisy))).T
-        narrow = spread < 2.0 * (NARROW_POSTERIOR_CELLS * cells.spread[first]) ** 2
-        point = np.where(narrow[:, None], mode, mean)
-        better = evidence > best_evidence
-        best_link[better], best_point[better] = cells.link[first][better], point[better]
-        best_evidence[better] = evidence[better]
-        left = np.where(near, -np.inf, left)
-        if not (left.max(axis=0) > best_evidence - np.log(len(left))).any():
-            break
-    return Answers(best_link, best_point)
+    found = posterior(of, noisy)
+    link, point = np.empty(len(noisy), dtype=np.int64), np.zeros((len(noisy), 3))
+    best_candidates(
+        np.ascontiguousarray(found.evidence.T),
+        found.step,
+        Places(*map(np.ascontiguousarray, of.cells)),
+        of.variance,
+        np.maximum(MERGE_DISTANCE, MERGE_SIGMAS * of.deviation),
+        of.gain @ noisy.T - of.gain @ of.projection[:, EXPECTED, :, None],
+        link,
+        point,
+    )
+    return Answers(link, point)

@@ -1,10 +1,12 @@
 """What is drawn of each link and of each body of the cell: triangle meshes."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.robots import Link
+from contactsense.robots import Inertia, Link
+from contactsense.robots.primitives import Primitive
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
 from contactsense.robots.surroundings import pack_bodies
 from contactsense.scene import Scene
@@ -62,10 +64,16 @@ def geometry_of(scene: Scene) -> LinkGeometry:
     links = list(scene.robot.links)
     if len(scene.link_names) > len(links) and scene.tool is not None:
         links.append(Link(scene.tool.name, scene.tool.inertia, scene.tool.primitives))
-    surfaces = pack(links)
-    meshes = tuple(surface_mesh(surfaces, link) for link in range(len(links)))
-    outer = tuple(outer_triangles(surfaces, link, mesh) for link, mesh in enumerate(meshes))
-    geometry = LinkGeometry(surfaces, meshes, outer)
+    meshes, outer = zip(*(_drawn(link.primitives) for link in links), strict=True)
+    geometry = LinkGeometry(pack(links), meshes, outer)
     _recent.insert(0, (scene, geometry))
     del _recent[_RECENT:]
     return geometry
+
+
+@lru_cache(maxsize=64)
+def _drawn(primitives: tuple[Primitive, ...]) -> tuple[Mesh, np.ndarray]:
+    """Mesh and outer triangles of one link: most scenes of a cell have the same arm."""
+    surfaces = pack([Link("", Inertia(0.0, np.zeros(3), np.zeros((3, 3))), primitives)])
+    mesh = surface_mesh(surfaces, 0)
+    return mesh, outer_triangles(surfaces, 0, mesh)

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from contactsense.localization.farthest_point_sampling import farthest_point_sampling
+from contactsense.localization.farthest_point_sampling import (
+    farthest_point_sampling,
+    farthest_points_of_groups,
+)
 
 
 def _sample(features: np.ndarray, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -30,3 +33,22 @@ def test_no_more_are_chosen_than_are_distinct() -> None:
     squared_distance, owner = _sample(features, 0, 4)
     assert owner.tolist() == [0] * 5 + [1] * 5
     assert not squared_distance.any()
+
+
+def test_groups_are_sampled_each_for_itself() -> None:
+    """Also one with fewer distinct members than are to be chosen."""
+    rng = np.random.default_rng(2)
+    groups = [rng.standard_normal((size, 6)) for size in (9, 2, 30)] + [np.ones((5, 6))]
+    eccentricity = [np.linalg.norm(group - group.mean(axis=0), axis=1) for group in groups]
+    start = np.cumsum([0] + [len(group) for group in groups])
+    squared_distance, owner = np.empty(start[-1]), np.empty(start[-1], dtype=np.int64)
+    counts = np.empty(len(groups), dtype=np.int64)
+    features = np.concatenate(groups)
+    farthest_points_of_groups(
+        features, start, np.concatenate(eccentricity), 4, squared_distance, owner, counts
+    )
+    assert counts.tolist() == [4, 2, 4, 1]
+    for group, far, a, b in zip(groups, eccentricity, start[:-1], start[1:], strict=True):
+        distance, alone = _sample(group, int(far.argmax()), 4)
+        np.testing.assert_array_equal(owner[a:b], alone)
+        np.testing.assert_array_equal(squared_distance[a:b], distance)
