@@ -2,18 +2,18 @@
 
 import numpy as np
 
-from contactsense import Localizer
+from contactsense import Batch, Localizer
 from contactsense.benchmarks.motion.streams import Stream
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 
 
-def static_error(
+def locate_at_rest(
     localizer: Localizer,
     rows: list[tuple[Stream, int]],
     noise: tuple[float, float, float],
     sensors: tuple[bool, bool] = (True, True),
-) -> tuple[np.ndarray, np.ndarray]:
+) -> Batch:
     """Locate the contact of each sample from its posture and its true wrench, with added noise.
 
     Args:
@@ -21,10 +21,6 @@ def static_error(
         rows: Samples as (stream, number).
         noise: Standard deviations of base force, base moment and joint torque [N, Nm, Nm].
         sensors: Whether there are base sensor and joint torques.
-
-    Returns:
-        Distance of each answer from the truth, shape (N,) [m], infinite if there is none; whether the link is
-        correct, shape (N,).
     """
     model, motion = build_model(localizer.scene.robot), empty_motion(6)
     q = np.array([stream.q[i] for stream, i in rows])
@@ -36,11 +32,26 @@ def static_error(
         torque[row] = np.where(np.arange(6) < link[row], -motion.screw @ wrench[row], 0.0)
     reading = wrench + np.array([stream.noise_wrench[i] for stream, i in rows]) * np.repeat(noise[:2], 3)
     torque += np.array([stream.noise_torque[i] for stream, i in rows]) * noise[2]
-    batch = localizer.locate_batch(
+    return localizer.locate_batch(
         q,
         base_wrench=reading if sensors[0] else None,
         joint_torque=torque if sensors[1] else None,
     )
+
+
+def static_error(
+    localizer: Localizer,
+    rows: list[tuple[Stream, int]],
+    noise: tuple[float, float, float],
+    sensors: tuple[bool, bool] = (True, True),
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of `locate_at_rest`, whose arguments these are.
+
+    Returns:
+        Distance of each answer from the truth, shape (N,) [m], infinite if there is none; whether the link is
+        correct, shape (N,).
+    """
+    batch = locate_at_rest(localizer, rows, noise, sensors)
     error = np.linalg.norm(batch.point_base - np.array([s.point_base[i] for s, i in rows]), axis=1)
     error[batch.link < 0] = np.inf
-    return error, batch.link == link
+    return error, batch.link == np.array([stream.link[i] for stream, i in rows])

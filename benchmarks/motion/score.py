@@ -57,6 +57,8 @@ class Score:
     """Indices of the samples with an answer, for the comparison with an arm at rest."""
     answers: list[Answer] = field(default_factory=list)
     """Of the runs without overlapping contacts, for each contact that lasts so long with `FORCE`."""
+    at_age: dict[float, list[tuple[Stream, int]]] = field(default_factory=dict)
+    """The samples of `answers`, by age."""
     delay: list[float] = field(default_factory=list)
     """Delay from the first sample of a contact to the first answer, for contacts that were found [s]."""
     events: dict[str, int] = field(default_factory=dict)
@@ -76,6 +78,8 @@ class Score:
         strong = is_touched_by_force(stream)
         self.touched += int(strong.sum())
         ages = samples_at_ages(stream)
+        for i, age in ages.items():
+            self.at_age.setdefault(age, []).append((stream, i))
         for i, estimate in enumerate(estimates):
             if i in ages:
                 self.answers.append(_answer(ages[i], estimate, int(stream.link[i]), stream.point_base[i]))
