@@ -1,5 +1,5 @@
-"""What averaging over a contact could give at most: the contact located once, from one posture, with as little
-noise as if every sample since its onset had been averaged without loss."""
+"""What averaging over a contact could give at best: the contact located once, from one posture, with as
+little noise as if every sample since its onset had been averaged without loss."""
 
 from typing import NamedTuple
 
