@@ -256,9 +256,9 @@ def _print_over_time(results: Sequence[dict[str, Any]], model: str) -> None:
         title=f"contacts over time, {model}; errors in mm, missing answers included",
         caption=(
             "contacts: those that last so long after their onset, in runs without overlapping contacts; at "
-            "best: if all samples since the onset were averaged without loss at the last posture; of them: link "
-            "right of those answered; stated: mean probability stated for that link; apart: of those answered, "
-            "more than 5 % of the probability is more than 20 mm from the answer"
+            "best: if all samples since the onset were averaged without loss at the last posture; of them: "
+            "link right of those answered; stated: mean probability stated for that link; apart: of those "
+            "answered, more than 5 % of the probability is more than 20 mm from the answer"
         ),
     )
     for name in ("arm", "suite", "noise N", "motion"):
