@@ -2,10 +2,22 @@
 
 import numpy as np
 
-from contactsense import Batch, Localizer
+from contactsense import Batch, JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.benchmarks.motion.streams import Stream
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
+
+
+def with_noise_scaled(scene: Scene, factor: float) -> Scene:
+    """The scene with sensors of `factor` times the noise, and no other error."""
+    base, torque = scene.base_wrench, scene.joint_torque
+    return scene.model_copy(
+        update={
+            "base_wrench": base
+            and WrenchSensor(force_noise=factor * base.force_noise, moment_noise=factor * base.moment_noise),
+            "joint_torque": torque and JointTorqueSensor(noise=factor * np.asarray(torque.noise).item()),
+        }
+    )
 
 
 def locate_at_rest(

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.benchmarks.accuracy.static_cases import Noise, stated_noise
-from contactsense.benchmarks.motion.at_rest import locate_at_rest
+from contactsense import Localizer, Scene
+from contactsense.benchmarks.accuracy.static_cases import Noise
+from contactsense.benchmarks.motion.at_rest import locate_at_rest, with_noise_scaled
 from contactsense.benchmarks.motion.streams import Stream
 
 
@@ -41,17 +41,7 @@ def averaging_limit(
     """
     samples = max(age / float(np.median(np.diff(rows[0][0].t))), 1.0)
     averaged = Noise(*(level / np.sqrt(samples) for level in noise))
-    stated = stated_noise(averaged)
-    localizer = Localizer(
-        scene.model_copy(
-            update={
-                "base_wrench": WrenchSensor(force_noise=stated.force, moment_noise=stated.moment)
-                if sensors[0]
-                else None,
-                "joint_torque": JointTorqueSensor(noise=stated.torque) if sensors[1] else None,
-            }
-        )
-    )
+    localizer = Localizer(with_noise_scaled(scene, 1.0 / np.sqrt(samples)))
     batch = locate_at_rest(localizer, rows, averaged, sensors)
     right = batch.link == np.array([stream.link[i] for stream, i in rows])
     return AveragingLimit(float(np.mean(right & batch.detected)), float(np.mean(batch.detected)))

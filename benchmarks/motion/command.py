@@ -15,7 +15,7 @@ from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSens
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, SENSORS, Noise
 from contactsense.benchmarks.motion import options as motion_options
-from contactsense.benchmarks.motion.at_rest import static_error
+from contactsense.benchmarks.motion.at_rest import static_error, with_noise_scaled
 from contactsense.benchmarks.motion.averaging_limit import averaging_limit
 from contactsense.benchmarks.motion.model_error import MASS_ERROR, assumed_friction, friction, heavier
 from contactsense.benchmarks.motion.options import MODELS
@@ -139,19 +139,7 @@ def measure(
     variance_ratio = noise_variance_ratio(scene.bandwidth, float(np.median(np.diff(streams[0].t))))
     still = tuple(np.sqrt(variance_ratio) * level for level in noise)
     stated = scene_for(streams[0], noise, wrong=False, bandwidth=bandwidth, sensors=sensors)
-    base, torque = stated.base_wrench, stated.joint_torque
-    resting = at_rest and Localizer(
-        stated.model_copy(
-            update={
-                "base_wrench": base
-                and WrenchSensor(
-                    force_noise=np.sqrt(variance_ratio) * base.force_noise,
-                    moment_noise=np.sqrt(variance_ratio) * base.moment_noise,
-                ),
-                "joint_torque": torque and JointTorqueSensor(noise=np.sqrt(variance_ratio) * torque.noise),
-            }
-        )
-    )
+    resting = at_rest and Localizer(with_noise_scaled(stated, float(np.sqrt(variance_ratio))))
     results = []
     for kind in KINDS:
         score = Score()

@@ -60,7 +60,7 @@ def estimate_noise(
     """
     factors = [_factor(r, f) for r, f in zip(residual, friction, strict=True)]
     error = _between_recordings(factors)
-    residual = [r - a * f for r, a, f in zip(residual, factors, friction, strict=True)]
+    residual = [r - np.nan_to_num(a) * f for r, a, f in zip(residual, factors, friction, strict=True)]
     slow = [uniform_filter1d(part, max(3, round(_AVERAGING_TIME / dt)), axis=0) for part in residual]
     residuals, mean = np.vstack(residual), np.vstack(slow)
     speed = np.abs(np.vstack(qd))
@@ -79,18 +79,20 @@ def estimate_noise(
 
 
 def _factor(residual: np.ndarray, friction: np.ndarray) -> np.ndarray:
-    """Relative change of friction that explains most of one recording's residual, shape (n,); zero for a
-    joint without friction."""
-    found: np.ndarray = np.sum(residual * friction, axis=0) / np.maximum(np.sum(friction**2, axis=0), 1e-12)
+    """Relative change of friction that explains most of one recording's residual, shape (n,); NaN for a joint
+    without friction."""
+    square = np.sum(friction**2, axis=0)
+    found: np.ndarray = np.sum(residual * friction, axis=0) / np.where(square > 0.0, square, np.nan)
     return found
 
 
 def _between_recordings(factors: list[np.ndarray]) -> np.ndarray:
     """Relative variation of friction between recordings: root mean square of their `_factor`, combined with
-    the prior `_FRICTION_VARIATION`."""
+    the prior `_FRICTION_VARIATION`; zero for a joint without friction in any of them."""
+    count = np.sum(np.isfinite(factors), axis=0)
     # The fit takes one degree of freedom for the factors' mean; the prior counts as two recordings.
-    squares = np.sum(np.square(factors), axis=0) + 2.0 * _FRICTION_VARIATION**2
-    return np.asarray(np.sqrt(squares / (len(factors) - 1.0 + 2.0)))
+    squares = np.nansum(np.square(factors), axis=0) + 2.0 * _FRICTION_VARIATION**2
+    return np.where(count > 0, np.sqrt(squares / (count - 1.0 + 2.0)), 0.0)
 
 
 def _model_error(
