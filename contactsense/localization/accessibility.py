@@ -29,6 +29,9 @@ CLEARANCE_SIGMAS = 3.9
 """
 CURVATURE_MARGIN = 1.1
 """Factor on the radius of a ring within which no other primitive may lie; allows for curvature."""
+FULL_CLEARANCE_SIGMAS = CURVATURE_MARGIN * QUADRATURE_RINGS[1][0]
+"""A candidate is not changed if its clearance exceeds this many standard deviations: beyond the second ring
+lies one percent of the weight."""
 PENETRATION_SCALE = 4.0
 """Scale of the tolerated penetration: the surface deviation over this number."""
 FULLY_ACCESSIBLE = 0.98
@@ -96,7 +99,9 @@ def accessible_share(margin: float, prior: Prior) -> float:
     if margin >= 0.0:
         return 1.0
     penetration = PENETRATION_SCALE * margin / prior.surface_deviation
-    return float((1.0 + penetration * penetration / STUDENT_DOF) ** (-0.5 * (STUDENT_DOF + 1.0)))
+    ratio = 1.0 / (1.0 + penetration * penetration / STUDENT_DOF)
+    # To the power of (nu + 1) / 2, for nu = 4.
+    return ratio * ratio * math.sqrt(ratio)
 
 
 @fused_kernel
@@ -192,10 +197,11 @@ def apply_accessibility(
     once.
 
     Returns:
-        Whether the whole neighbourhood is accessible, which leaves the candidate unchanged.
+        Whether the neighbourhood is accessible as far as `FULL_CLEARANCE_SIGMAS`, which leaves the candidate
+        unchanged.
     """
     distance, max_deviation, v11, v12, v22, near = clearance_above(surfaces, candidates, row, prior)
-    if distance >= CLEARANCE_SIGMAS * max_deviation:
+    if distance >= FULL_CLEARANCE_SIGMAS * max_deviation:
         return True
     if (
         candidates.score[row] + math.log(accessible_share(distance + CLEARANCE_SIGMAS * max_deviation, prior))

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from contactsense.localization.simd_layout import BOUND, EXCLUDED, LANES, NX, NY, NZ, SPREAD, X, Y, Z
+from contactsense.localization.simd_layout import BOUND, LANES, NX, NY, NZ, SPREAD, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.solvers.posterior import STUDENT_DOF
 
@@ -43,7 +43,8 @@ def exclude_cells(
         squared_force, force_variance: Squared force and the trace of its covariance [N^2].
         torsion_lever: Standard deviation of torsion over normal force [m].
         limit: Energy above which a cell is excluded.
-        block: Block with the cells' centres, normals and spreads; `EXCLUDED` and `BOUND` are filled.
+        block: Block with the cells' centres, normals and spreads; `BOUND` is filled. Loops over two arrays
+            would not be vectorized: the compiler cannot know that they do not overlap.
         friction_ratio: Standard deviation of tangential over normal force along each tangent.
     """
     # Upper bound of the squared force; times a squared lever it bounds the variance of the moment.
@@ -99,6 +100,5 @@ def exclude_cells(
         push = max(margin - outward_force, min_push)
         tangential = max(math.sqrt(max(squared_force - outward_force * outward_force, 0.0)) - margin, 0.0)
         s = math.sqrt(1.0 + ratio_scale * (tangential / push) ** 2)
-        bound = 0.5 * mahalanobis / det + 2.0 * (STUDENT_DOF + 2.0) * (s - 1.0) / (s + 1.0)
-        block[BOUND + j] = bound
-        block[EXCLUDED + j] = 1.0 if (bound > limit) | (outward_force > max_outward) else 0.0
+        energy = 0.5 * mahalanobis / det + 2.0 * (STUDENT_DOF + 2.0) * (s - 1.0) / (s + 1.0)
+        block[BOUND + j] = math.inf if (energy > limit) | (outward_force > max_outward) else energy

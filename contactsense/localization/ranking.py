@@ -23,6 +23,7 @@ from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_search import search_surface
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.vectors import add, dot, vector
 from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
@@ -189,12 +190,29 @@ def place_primitives(surfaces: Surfaces, depth: np.ndarray, motion: Motion, cand
     """Compute the body frames of all primitives in the base frame."""
     for p in range(surfaces.kind.shape[0]):
         body = depth[surfaces.link[p]]
-        R, o = motion.rotation[body], motion.origin[body]
-        S, s = surfaces.rotation[p], surfaces.origin[p]
-        for i in range(3):
-            candidates.origin[p, i] = o[i] + R[i, 0] * s[0] + R[i, 1] * s[1] + R[i, 2] * s[2]
-            for k in range(3):
-                candidates.rotation[p, i, k] = R[i, 0] * S[0, k] + R[i, 1] * S[1, k] + R[i, 2] * S[2, k]
+        R, s = motion.rotation[body], vector(surfaces.origin[p])
+        # Read before anything is written: the compiler cannot know that these are other arrays.
+        rows = (vector(R[0]), vector(R[1]), vector(R[2]))
+        S = surfaces.rotation[p]
+        columns = ((S[0, 0], S[1, 0], S[2, 0]), (S[0, 1], S[1, 1], S[2, 1]), (S[0, 2], S[1, 2], S[2, 2]))
+        origin = add(vector(motion.origin[body]), (dot(rows[0], s), dot(rows[1], s), dot(rows[2], s)))
+        o, T = candidates.origin[p], candidates.rotation[p]
+        o[0], o[1], o[2] = origin
+        T[0, 0], T[0, 1], T[0, 2] = (
+            dot(rows[0], columns[0]),
+            dot(rows[0], columns[1]),
+            dot(rows[0], columns[2]),
+        )
+        T[1, 0], T[1, 1], T[1, 2] = (
+            dot(rows[1], columns[0]),
+            dot(rows[1], columns[1]),
+            dot(rows[1], columns[2]),
+        )
+        T[2, 0], T[2, 1], T[2, 2] = (
+            dot(rows[2], columns[0]),
+            dot(rows[2], columns[1]),
+            dot(rows[2], columns[2]),
+        )
 
 
 @fused_kernel

@@ -12,18 +12,17 @@ LANES = 8
 
 (
     X, Y, Z, NX, NY, NZ, SPREAD,
-    EXCLUDED, BOUND,
+    BOUND,
     T1X, T1Y, T1Z, T2X, T2Y, T2Z,
     W0, W1, W2, W3, W4, W5,
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
     LOG_FORCE, FORCE, ALPHA, BETA, CHI, V1, V2,
     ENERGY, SQUARED_RATIO, DET, VARIANCE, ACTIVE,
-) = range(0, 54 * LANES, LANES)  # fmt: skip
+) = range(0, 53 * LANES, LANES)  # fmt: skip
 """Offsets of the quantities of a cell.
 
 `X` to `NZ`, `SPREAD`: centre [m], outward unit normal and standard deviation [m] of the cell, link frame.
-`EXCLUDED`: 1 if `contactsense.localization.energy_bound` excludes the cell, else 0. `BOUND`: lower bound of
-its energy.
+`BOUND`: lower bound of its energy, infinite if `contactsense.localization.energy_bound` excludes it.
 `T1X` to `T2Z`: unit tangents. `W0` to `W5`, `A00` to `A55`: measured wrench and its information matrix
 (upper triangle), about the cell's centre, in the axes of normal and tangents.
 `LOG_FORCE`, `ALPHA`, `BETA`, `CHI`, `V1`, `V2`: the unknowns, see
@@ -32,5 +31,5 @@ Results: `ENERGY` without the term of the friction ratio; `SQUARED_RATIO`, the s
 units of its variance; `DET`, determinant of the Gauss-Newton matrix (0 if it is not positive definite);
 `VARIANCE` of the place [m^2]; `ACTIVE`, 1 while the iteration goes on, else 0.
 """
-LENGTH = 54 * LANES
+LENGTH = 53 * LANES
 """Length of a block."""

@@ -2,7 +2,7 @@
 
 from typing import Annotated, NamedTuple
 
-from contactsense.localization.simd_layout import LANES, LENGTH
+from contactsense.localization.simd_layout import BOUND, LANES, LENGTH
 from contactsense.robots.jit.declaration import Floats, Integers
 
 
@@ -33,7 +33,7 @@ class SurfaceCells(NamedTuple):
     """Log evidence on each link that is not part of any candidate."""
     link_energy: Annotated[Floats, "links"]
     """Energy of each link's hypothesis less the log density of places on it."""
-    bound_block: Annotated[Floats, f"{LENGTH}"]
+    bound_block: Annotated[Floats, f"{BOUND + LANES}"]
     """Block of cells for `contactsense.localization.energy_bound`."""
     mode_block: Annotated[Floats, f"{LENGTH}"]
     """Block of cells for `contactsense.localization.laplace_evidence`."""
@@ -41,8 +41,6 @@ class SurfaceCells(NamedTuple):
     """Lower bound of the energy of each cell in `queue`."""
     queue: Annotated[Integers, "cells"]
     """Samples of one link that the bound does not exclude."""
-    bound_sample: Annotated[Integers, f"{LANES}"]
-    """Sample of each cell in `bound_block`."""
     mode_sample: Annotated[Integers, f"{LANES}"]
     """Sample or subsample of each cell in `mode_block`."""
     primitive: Annotated[Integers, "cells"]

@@ -1,8 +1,9 @@
 """Evidence of all surface cells: of all samples first, then of the subsamples of the best cells.
 
-Cells are processed in blocks of `LANES`, all of a block on one link. The bound of
-`contactsense.localization.energy_bound` excludes most cells; those that remain are queued and, lowest bound
-first, collected in a second block for `contactsense.localization.laplace_evidence`.
+Cells are processed in blocks of `LANES`, all of a block on one link. Blocks far from the line of action are
+skipped. The bound of `contactsense.localization.energy_bound` excludes most cells of the others; those that
+remain are queued and, lowest bound first, collected in new blocks for
+`contactsense.localization.laplace_evidence`.
 """
 
 import math
@@ -12,17 +13,16 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_information import to_body_frame
-from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.energy_bound import exclude_cells
 from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
 from contactsense.localization.line_of_action_search import moment_variance
+from contactsense.localization.sample_blocks import SampleBlocks
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.simd_layout import (
     BOUND,
     CHI,
     DET,
     ENERGY,
-    EXCLUDED,
     LANES,
     NX,
     NY,
@@ -35,7 +35,8 @@ from contactsense.localization.simd_layout import (
 )
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
-from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
@@ -73,18 +74,9 @@ def evaluate_cells(
         divided into subsamples.
     """
     surfaces, depth = scene.surfaces, scene.depth
-    _, cells, candidates = arrays
+    cells = arrays.cells
     rows, lowest_energy = _evaluate_samples(
-        surfaces,
-        scene.samples,
-        searched,
-        depth,
-        motion,
-        hypotheses,
-        wrench_measured,
-        prior,
-        cells,
-        candidates,
+        scene.samples, scene.blocks, searched, depth, motion, hypotheses, wrench_measured, prior, cells
     )
     best = _best_score(cells, rows)
     divided = best > -math.inf and _count_above(cells, rows, best - SUBDIVIDE_WITHIN) <= MAX_SUBDIVIDED
@@ -98,8 +90,8 @@ def evaluate_cells(
 
 @fused_kernel
 def _evaluate_samples(
-    surfaces: Surfaces,
     samples: SurfaceSamples,
+    blocks: SampleBlocks,
     touchable: np.ndarray,
     depth: np.ndarray,
     motion: Motion,
@@ -107,7 +99,6 @@ def _evaluate_samples(
     wrench_measured: bool,
     prior: Prior,
     cells: SurfaceCells,
-    candidates: Candidates,
 ) -> tuple[int, float]:
     """Fill a row of `cells` for each sample that is not rejected; returns their number and the lowest
     energy."""
@@ -126,61 +117,30 @@ def _evaluate_samples(
         squared_force, force_variance = _wrench_in_link(w, P, hypotheses.information[link], R, o, cells)
         force_measured = force_variance < squared_force
         limit = lowest_energy + ENERGY_CUTOFF - link_energy
-        queued, bound_count = 0, 0
-        for p in range(surfaces.start[link], surfaces.start[link + 1]):
+        queued = 0
+        for b in range(blocks.start[link], blocks.start[link + 1]):
             if wrench_measured and _is_far_from_line_of_action(
-                w, P, candidates.origin, surfaces.radius, p, prior, squared_force
+                w, P, R, o, blocks, b, prior, squared_force, min(limit, 2.0 * ENERGY_CUTOFF)
             ):
                 continue
-            for s in range(samples.start[p], samples.start[p + 1]):
-                if not force_measured:
-                    # Without a measured force there is no bound.
-                    cells.queue[queued], cells.bound[queued] = s, 0.0
-                    queued += 1
-                    continue
-                _load_lane(samples, s, cells.bound_block, cells.bound_sample, bound_count)
-                bound_count += 1
-                if bound_count == LANES:
-                    queued = _queue_block(
-                        w, P, R, o, (squared_force, force_variance), prior, limit, bound_count, queued, cells
-                    )
-                    bound_count = 0
-        if bound_count > 0:
-            queued = _queue_block(
-                w, P, R, o, (squared_force, force_variance), prior, limit, bound_count, queued, cells
-            )
+            if force_measured:
+                copy(blocks.cells[b], cells.bound_block[:BOUND])
+                exclude_cells(
+                    w, P, R, o, squared_force, force_variance, prior.torsion_lever, limit, cells.bound_block,
+                    prior.friction_ratio,
+                )  # fmt: skip
+            else:
+                # Without a measured force there is no bound.
+                cells.bound_block[BOUND:] = 0.0
+            for j in range(blocks.length[b]):
+                bound = cells.bound_block[BOUND + j]
+                cells.queue[queued] = blocks.first[b] + j
+                cells.bound[queued] = bound if bound < LARGEST_BOUND else LARGEST_BOUND
+                queued += 0 if bound == math.inf else 1
         rows, lowest_energy = _evaluate_queue(
             samples, queued, force_measured, prior, link_energy, rows, lowest_energy, cells
         )
     return rows, lowest_energy
-
-
-@fused_kernel
-def _queue_block(
-    w: np.ndarray,
-    P: np.ndarray,
-    R: np.ndarray,
-    o: np.ndarray,
-    squares: tuple[float, float],
-    prior: Prior,
-    limit: float,
-    count: int,
-    queued: int,
-    cells: SurfaceCells,
-) -> int:
-    """Append the cells of the first block that the bound does not exclude to the queue; returns its length.
-
-    `squares`: squared force and the trace of its covariance [N^2]. `count`: number of cells in the block.
-    Other arguments as for `exclude_cells`.
-    """
-    block = cells.bound_block
-    exclude_cells(w, P, R, o, squares[0], squares[1], prior.torsion_lever, limit, block, prior.friction_ratio)
-    for j in range(count):
-        bound = block[BOUND + j]
-        cells.queue[queued] = cells.bound_sample[j]
-        cells.bound[queued] = bound if bound < LARGEST_BOUND else LARGEST_BOUND
-        queued += 1 if block[EXCLUDED + j] == 0.0 else 0
-    return queued
 
 
 @fused_kernel
@@ -196,15 +156,21 @@ def _evaluate_queue(
 ) -> tuple[int, float]:
     """Evaluate the queued cells of one link, in the order of their bounds, until the best energy found
     excludes the others; returns number of rows and lowest energy."""
-    lower, upper, highest = math.inf, -math.inf, -math.inf
+    lowest_bound = math.inf
     for i in range(queued):
-        lower, highest = min(lower, cells.bound[i]), max(highest, cells.bound[i])
-    upper = lower + BOUND_STEP
+        lowest_bound = min(lowest_bound, cells.bound[i])
+    upper = lowest_bound + BOUND_STEP
     mode_count = 0
-    while lower <= highest and lower <= lowest_energy + ENERGY_CUTOFF - link_energy:
+    while queued > 0:
+        remaining, lowest_bound = 0, math.inf
         for i in range(queued):
             bound = cells.bound[i]
-            if not (lower <= bound < upper and bound <= lowest_energy + ENERGY_CUTOFF - link_energy):
+            if bound > lowest_energy + ENERGY_CUTOFF - link_energy:
+                continue
+            if bound >= upper:
+                cells.queue[remaining], cells.bound[remaining] = cells.queue[i], bound
+                lowest_bound = min(lowest_bound, bound)
+                remaining += 1
                 continue
             _load_lane(samples, cells.queue[i], cells.mode_block, cells.mode_sample, mode_count)
             mode_count += 1
@@ -213,7 +179,7 @@ def _evaluate_queue(
                     samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
                 )
                 mode_count = 0
-        lower, upper = upper, max(upper + BOUND_STEP, BOUND_GROWTH * upper)
+        queued, upper = remaining, max(lowest_bound + BOUND_STEP, BOUND_GROWTH * upper)
     if mode_count > 0:
         rows, lowest_energy = _evaluate_block(
             samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
@@ -350,26 +316,30 @@ def _best_score(cells: SurfaceCells, rows: int) -> float:
     return best
 
 
-@fused_kernel
+@inlined_fused_kernel
 def _is_far_from_line_of_action(
     w: np.ndarray,
     P: np.ndarray,
-    origin: np.ndarray,
-    radius: np.ndarray,
-    p: int,
+    R: np.ndarray,
+    o: np.ndarray,
+    blocks: SampleBlocks,
+    b: int,
     prior: Prior,
     squared_force: float,
+    limit: float,
 ) -> bool:
-    """Whether the line of action passes too far from primitive p to be explained by noise."""
-    ox, oy, oz = origin[p, 0], origin[p, 1], origin[p, 2]
-    mx, my, mz = w[3] - oy * w[2] + oz * w[1], w[4] - oz * w[0] + ox * w[2], w[5] - ox * w[1] + oy * w[0]
-    ax, ay, az = w[1] * mz - w[2] * my, w[2] * mx - w[0] * mz, w[0] * my - w[1] * mx
+    """Whether the line of action passes so far from block b that the energy of all its cells is above the
+    limit."""
     if squared_force == 0.0:
         return False
-    gap = math.sqrt(ax * ax + ay * ay + az * az) / squared_force - radius[p]
+    c = blocks.centre[b]
+    x = o[0] + R[0, 0] * c[0] + R[0, 1] * c[1] + R[0, 2] * c[2]
+    y = o[1] + R[1, 0] * c[0] + R[1, 1] * c[1] + R[1, 2] * c[2]
+    z = o[2] + R[2, 0] * c[0] + R[2, 1] * c[1] + R[2, 2] * c[2]
+    mx, my, mz = w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0]
+    ax, ay, az = w[1] * mz - w[2] * my, w[2] * mx - w[0] * mz, w[0] * my - w[1] * mx
+    gap = math.sqrt(ax * ax + ay * ay + az * az) / squared_force - blocks.radius[b]
     if gap <= 0.0:
         return False
-    variance = (
-        moment_variance(P, ox, oy, oz) + prior.surface_deviation * prior.surface_deviation * squared_force
-    )
-    return bool(0.5 * squared_force * gap * gap > 2.0 * ENERGY_CUTOFF * variance)
+    variance = moment_variance(P, x, y, z) + prior.surface_deviation * prior.surface_deviation * squared_force
+    return bool(0.5 * squared_force * gap * gap > limit * variance)

@@ -142,7 +142,8 @@ def _apply_accessibility(
             o[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
             0.0,
         )
-        cells.score[s] += math.log(accessible_share(free, prior))
+        if free < 0.0:
+            cells.score[s] += math.log(accessible_share(free, prior))
 
 
 @fused_kernel

@@ -8,7 +8,7 @@ from contactsense.robots.jit.flat_buffers import FlatBuffers, views_kernel
 from contactsense.runtime.constants import Constants, sizes_of
 from contactsense.runtime.state import State
 
-SIZES = ("joints", "links", "primitives", "samples", "subsamples", "link_sensors", "deviations")
+SIZES = ("joints", "links", "primitives", "samples", "blocks", "subsamples", "link_sensors", "deviations")
 """Order of the sizes in `KernelBuffers.arguments`."""
 
 buffer_views = views_kernel("buffer_views", (Constants, State), SIZES, __name__)

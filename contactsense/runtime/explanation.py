@@ -163,6 +163,7 @@ def explain_sample(
     scene = SearchedSurface(
         constants.surfaces,
         constants.samples,
+        constants.sample_blocks,
         constants.subsamples,
         constants.deviations,
         constants.touchable,

@@ -36,7 +36,7 @@ class KernelLibrary(JITCodeLibrary):
 
     def _run_passes(self, **options: Any) -> None:
         """Optimize the code, with these options of LLVM's pass builder."""
-        passes, builder = self._codegen._module_pass_manager(**options)
+        passes, builder = self._codegen._module_pass_manager(**options)  # type: ignore[no-untyped-call]
         passes.run(self._final_module, builder)
 
 
