@@ -180,8 +180,8 @@ def _stream_energies(scene: Scene, recording: FreeMotion) -> tuple[np.ndarray, l
     """Process a recording as a live stream.
 
     Returns:
-        At every sample the energy of the no-contact hypothesis, and the times of onsets at the scene's
-        false-alarm rate [s].
+        At every sample the energy of the no-contact hypothesis that this sample and the one before exceed,
+        as an onset takes two; and the times of onsets at the scene's false-alarm rate [s].
     """
     assert recording.torque is not None
     localizer, energy, onsets = Localizer(scene), np.zeros(len(recording.t)), []
@@ -189,7 +189,7 @@ def _stream_energies(scene: Scene, recording: FreeMotion) -> tuple[np.ndarray, l
         estimate = localizer.step(Sample(float(t), recording.q[i], recording.qd[i], recording.torque[i]))
         energy[i] = localizer._buffers.state.statistics[NO_CONTACT]
         onsets += [event.t for event in estimate.events if event.kind == "onset"]
-    return energy, onsets
+    return np.minimum(energy, np.concatenate(([0.0], energy[:-1]))), onsets
 
 
 def _touches(t: np.ndarray, energy: np.ndarray, threshold: float) -> list[dict[str, float]]:
