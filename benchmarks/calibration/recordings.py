@@ -223,6 +223,7 @@ def _moving_table(moving: dict[str, dict[str, list[float]]]) -> Table:
     for name, found in moving.items():
         columns = zip(found["calibrated"], found["estimated"], strict=True)
         table.add_row(name, *(f"{a:.2f} -> {b:.2f}" for a, b in columns))
+        table.add_row("  stated", *(f"{std:.2f}" for std in found["stated"]))
         table.add_row("  factor at the end", *(f"{factor:.2f}" for factor in found["factor"]))
     return table
 
@@ -258,7 +259,7 @@ def recordings(folder: Path, alone: bool, as_json: bool) -> None:
     console.print("RMS / 99.9 % of each joint's residual")
     console.print(table)
     console.print("RMS of the residual of a moving joint in a live stream [Nm]: friction as calibrated,")
-    console.print("then with its factor estimated")
+    console.print("then with its factor estimated; and the standard deviation that the stream states")
     console.print(_moving_table(result["moving"]))
     for name, found in result["touched"].items():
         touches, onsets = found["touches"], found["onsets"]
