@@ -1,4 +1,5 @@
-"""Residuals of moving joints in real streams: with friction as calibrated, and with its factor estimated."""
+"""Residuals of moving joints in real streams: with friction as calibrated, and with its factor estimated; and
+as large as they are stated to be."""
 
 from typing import NamedTuple
 
@@ -19,6 +20,8 @@ class MovingResiduals(NamedTuple):
     """With friction as in the scene."""
     estimated: np.ndarray
     """With its factor estimated in the stream."""
+    stated: np.ndarray
+    """RMS of their stated standard deviation, with the factor estimated, shape (n,) [Nm]."""
     factor: np.ndarray
     """That factor at the end of the stream, shape (n,)."""
 
@@ -33,18 +36,23 @@ def moving_residuals(scene: Scene, recording: FreeMotion) -> MovingResiduals:
     torque = scene.joint_torque
     assert torque is not None
     kept = torque.model_copy(update={"friction": torque.friction.model_copy(update={"error": 0.0})})
-    calibrated, _ = _rms(scene.model_copy(update={"joint_torque": kept}), recording)
+    calibrated, _, _ = _rms(scene.model_copy(update={"joint_torque": kept}), recording)
     return MovingResiduals(calibrated, *_rms(scene, recording))
 
 
-def _rms(scene: Scene, recording: FreeMotion) -> tuple[np.ndarray, np.ndarray]:
-    """RMS of the residuals of moving joints, and the factors at the end."""
+def _rms(scene: Scene, recording: FreeMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """RMS of the residuals of moving joints and of their standard deviations, and the factors at the end."""
     localizer = Localizer(scene)
     block = SampleBlock(recording.t, recording.q, recording.qd, recording.torque)
-    residual = np.concatenate([part.joint_torque for part in localizer.run_blocks([block])])
+    parts = list(localizer.run_blocks([block]))
+    residual = np.concatenate([part.joint_torque for part in parts])
+    std = np.concatenate([part.joint_torque_std for part in parts])
     moving = np.abs(recording.qd) > MOVING
     moving[: settled_samples(recording, scene.bandwidth)] = False
-    square = np.where(moving, residual, 0.0) ** 2
     count = moving.sum(axis=0)
-    rms = np.sqrt(square.sum(axis=0) / np.where(count > 0, count, np.nan))
-    return rms, localizer.friction_factors
+
+    def rms(values: np.ndarray) -> np.ndarray:
+        square = np.where(moving, values, 0.0) ** 2
+        return np.asarray(np.sqrt(square.sum(axis=0) / np.where(count > 0, count, np.nan)))
+
+    return rms(residual), rms(std), localizer.friction_factors

@@ -7,6 +7,7 @@ known, and the probabilities that are stated under real model error can be teste
 """
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -19,7 +20,13 @@ from rich.table import Table
 from contactsense import Localizer, SampleBlock
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.reliability import reliability
-from contactsense.benchmarks.calibration.recordings import FREE, JOINTWISE, calibrated_scene, read
+from contactsense.benchmarks.calibration.recordings import (
+    FREE,
+    JOINTWISE,
+    MOVING_FILES,
+    calibrated_scene,
+    read,
+)
 from contactsense.benchmarks.posterior.samples import Samples, of_primitives
 from contactsense.calibration import FreeMotion
 from contactsense.kinematics.forward_kinematics import forward_kinematics
@@ -39,6 +46,8 @@ NOT_FELT = 2
 EXPONENTS = (0.5, 0.7, 1.0, 1.4, 2.0)
 """The probabilities are also scored after raising them to these powers: a best power below one would mean
 that the evidence counts errors as independent that are not."""
+FORCE_RANGES = 4
+"""Ranges of forces, equal in the logarithm, for which the share of felt touches is told."""
 _SPACING = 0.01
 _LEAST = 1e-6
 """Smaller probabilities are scored as this."""
@@ -59,7 +68,12 @@ class Touch(NamedTuple):
 
 
 def touch(
-    localizer: Localizer, recording: FreeMotion, samples: Samples, draw: Draw, seed: int
+    localizer: Localizer,
+    recording: FreeMotion,
+    samples: Samples,
+    draw: Draw,
+    seed: int,
+    least: float = FORCES[0],
 ) -> list[Touch]:
     """Add touches to one recording, process it as a live stream, and judge each touch.
 
@@ -69,6 +83,7 @@ def touch(
         samples: Patches of the arm's surface, from which the touched places are drawn.
         draw: Whether places are uniform by area or links equally frequent.
         seed: Of times, places and forces.
+        least: Smallest normal force [N].
     """
     assert recording.torque is not None
     rng = np.random.default_rng(seed)
@@ -81,7 +96,7 @@ def touch(
         forward_kinematics(model, recording.q[rows[0]], motion)
         patch, link = _place(samples, recording.q[rows[0]], draw, rng)
         normal = motion.rotation[link] @ samples.normal[patch]
-        push = float(np.exp(rng.uniform(*np.log(FORCES))))
+        push = float(np.exp(rng.uniform(*np.log((least, FORCES[1])))))
         force = push * (_across(normal, rng) - normal)
         for row in rows:
             level = min(1.0, (t[row] - start) / RISE, (start + SECONDS - t[row]) / RISE)
@@ -171,6 +186,17 @@ def summarize(touches: list[Touch]) -> dict[str, Any]:
     }
 
 
+def felt_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple[int, int]]]:
+    """Number of touches, and of those that are felt, for each touched link and each range of forces, whose
+    edges are given in ascending order [N]."""
+    links = sorted({found.link for found in touches})
+    counts = {link: np.zeros((len(edges) - 1, 2), dtype=int) for link in links}
+    for found in touches:
+        k = int(np.clip(np.searchsorted(edges, found.force, side="right") - 1, 0, len(edges) - 2))
+        counts[found.link][k] += (1, found.probability is not None)
+    return {link: [(int(all_), int(felt)) for all_, felt in counts[link]] for link in links}
+
+
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option(
@@ -181,14 +207,19 @@ def summarize(touches: list[Touch]) -> dict[str, Any]:
     help="Places uniform by area, or links equally frequent.",
 )
 @options.link_prior
+@click.option("--moving", is_flag=True, help="Only recordings in which the whole arm moves.")
+@click.option("--least", default=FORCES[0], show_default=True, help="Smallest force [N].")
 @click.option("--seeds", default=4, show_default=True, help="Passes over the recordings.")
 @options.as_json
-def touches(folder: Path, draw: Draw, link_prior: LinkPrior, seeds: int, as_json: bool) -> None:
+def touches(
+    folder: Path, draw: Draw, link_prior: LinkPrior, moving: bool, least: float, seeds: int, as_json: bool
+) -> None:
     """Add known touches to the recordings of free motion in FOLDER that calibration has not seen, and test
     the stated probability of the touched link."""
     try:
         scene = calibrated_scene(folder).model_copy(update={"link_prior": link_prior})
-        recordings = [read(folder / f"{name}.csv.gz", scene)[0] for name in JOINTWISE + FREE]
+        names = MOVING_FILES if moving else JOINTWISE + FREE
+        recordings = [read(folder / f"{name}.csv.gz", scene)[0] for name in names]
     except FileNotFoundError as error:
         raise click.ClickException(f"{error.filename}: no such recording") from None
     localizer, samples = Localizer(scene), of_primitives(scene, _SPACING)
@@ -197,10 +228,15 @@ def touches(folder: Path, draw: Draw, link_prior: LinkPrior, seeds: int, as_json
     for k, (recording, _) in enumerate(
         track(runs, "touching", console=Console(stderr=True), transient=True, disable=as_json)
     ):
-        found += touch(localizer, recording, samples, draw, k)
+        found += touch(localizer, recording, samples, draw, k, least)
     if not any(item.probability for item in found):
         raise click.ClickException(f"--seeds {seeds}: expected touches that are felt, got none")
-    summary = summarize(found)
+    edges = np.geomspace(least, FORCES[1], FORCE_RANGES + 1)
+    felt = felt_shares(found, edges)
+    summary = summarize(found) | {
+        "force_edges": edges.tolist(),
+        "felt": {scene.robot.links[link].name: shares for link, shares in felt.items()},
+    }
     if as_json:
         click.echo(json.dumps(summary, indent=1))
         return
@@ -230,3 +266,8 @@ def _print(summary: dict[str, Any]) -> None:
     console.print(table)
     scores = ", ".join(f"{exponent:g}: {score:.3f}" for exponent, score in summary["log_score"].items())
     console.print(f"mean log probability of the touched link, probabilities to the power of {scores}")
+    edges = summary["force_edges"]
+    table = Table("touched link", *(f"{a:.0f} to {b:.0f} N" for a, b in pairwise(edges)), title="Felt")
+    for link, shares in summary["felt"].items():
+        table.add_row(link, *(f"{felt} of {all_}" for all_, felt in shares))
+    console.print(table)

@@ -180,8 +180,8 @@ def _stream_energies(scene: Scene, recording: FreeMotion) -> tuple[np.ndarray, l
     """Process a recording as a live stream.
 
     Returns:
-        At every sample the energy of the no-contact hypothesis, and the times of onsets at the scene's
-        false-alarm rate [s].
+        At every sample the energy of the no-contact hypothesis that this sample and the one before exceed,
+        as an onset takes two; and the times of onsets at the scene's false-alarm rate [s].
     """
     assert recording.torque is not None
     localizer, energy, onsets = Localizer(scene), np.zeros(len(recording.t)), []
@@ -189,7 +189,7 @@ def _stream_energies(scene: Scene, recording: FreeMotion) -> tuple[np.ndarray, l
         estimate = localizer.step(Sample(float(t), recording.q[i], recording.qd[i], recording.torque[i]))
         energy[i] = localizer._buffers.state.statistics[NO_CONTACT]
         onsets += [event.t for event in estimate.events if event.kind == "onset"]
-    return energy, onsets
+    return np.minimum(energy, np.concatenate(([0.0], energy[:-1]))), onsets
 
 
 def _touches(t: np.ndarray, energy: np.ndarray, threshold: float) -> list[dict[str, float]]:
@@ -223,6 +223,7 @@ def _moving_table(moving: dict[str, dict[str, list[float]]]) -> Table:
     for name, found in moving.items():
         columns = zip(found["calibrated"], found["estimated"], strict=True)
         table.add_row(name, *(f"{a:.2f} -> {b:.2f}" for a, b in columns))
+        table.add_row("  stated", *(f"{std:.2f}" for std in found["stated"]))
         table.add_row("  factor at the end", *(f"{factor:.2f}" for factor in found["factor"]))
     return table
 
@@ -258,7 +259,7 @@ def recordings(folder: Path, alone: bool, as_json: bool) -> None:
     console.print("RMS / 99.9 % of each joint's residual")
     console.print(table)
     console.print("RMS of the residual of a moving joint in a live stream [Nm]: friction as calibrated,")
-    console.print("then with its factor estimated")
+    console.print("then with its factor estimated; and the standard deviation that the stream states")
     console.print(_moving_table(result["moving"]))
     for name, found in result["touched"].items():
         touches, onsets = found["touches"], found["onsets"]

@@ -14,9 +14,13 @@ from contactsense.calibration.contact_test import SuspectedContact, suspected_co
 from contactsense.calibration.equations import all_residuals, measured_channels
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.gauss_newton import FittedModel, fit_model, row_stride
-from contactsense.calibration.noise_estimation import NoiseLevels, estimate_noise
+from contactsense.calibration.noise_estimation import JointResiduals, NoiseLevels, estimate_noise
 from contactsense.calibration.parameters import GROUPS, OF_LINK_SENSORS, Entry, Group, entries, value
-from contactsense.calibration.recording_residuals import friction, settled_samples
+from contactsense.calibration.recording_residuals import (
+    friction,
+    settled_samples,
+    timing_variance_and_inertia_torque,
+)
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
 from contactsense.calibration.trimmed_fit import trimmed_fit
@@ -247,13 +251,15 @@ def _noise(
     parts = list(zip(recordings, usable, residual, strict=True))
     with_torque = [(s, rows, r[:, :joints]) for s, rows, r in parts if s.torque is not None]
     if with_torque:
-        noise_levels = estimate_noise(
-            [r for _, _, r in with_torque],
-            [s.qd[rows] for s, rows, _ in with_torque],
-            [friction(arm, s)[rows] for s, rows, _ in with_torque],
-            dt,
-            variance_ratio,
-        )
+        residuals = []
+        for s, rows, r in with_torque:
+            timing_variance, inertia_torque = timing_variance_and_inertia_torque(arm, s, bandwidth)
+            residuals.append(
+                JointResiduals(
+                    r, s.qd[rows], friction(arm, s)[rows], timing_variance[rows], inertia_torque[rows]
+                )
+            )
+        noise_levels = estimate_noise(residuals, dt, variance_ratio)
     wrenches = {}
     for number, field in enumerate(("base_wrench", *arm.scene.link_sensors)):
         first = joints + 6 * number

@@ -1,13 +1,17 @@
 """Noise and model error of the joint torques, estimated from the residuals after calibration.
 
 The fast part of a residual is noise, which a lower bandwidth averages out. The slow part is model error and
-does not average out; it is larger at low speed and at reversals, where friction has hysteresis. What a factor
-on friction explains of a recording is not model error: a stream estimates that factor. Tails are included:
-each standard deviation is at least such that one residual in a thousand exceeds 3.29 of them, as for a
-Gaussian.
+does not average out; it grows with the inertia torque, and is larger at low speed and at reversals, where
+friction has hysteresis. What a factor on friction explains of a recording is not model error: a stream
+estimates that factor. Nor is what a stream states for the instants of its samples. Tails are included: each
+standard deviation is at least such that one residual in a thousand exceeds 3.29 of them, as for a Gaussian.
+Of the errors for which this holds, those in proportion to the inertia torque and those that are not, the most
+likely pair is taken.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -18,11 +22,30 @@ _TAIL = 0.999
 _TAIL_SIGMA = 3.29
 _REST_VELOCITIES = (0.01, 0.02, 0.05, 0.1, 0.2)
 """Candidates for the velocity below which friction is uncertain [rad/s]."""
+_INERTIA_TORQUE_ERRORS = (0.0, *(float(e) for e in np.round(np.geomspace(0.01, 0.3, 18), 4)))
+"""Candidates for the relative error of the inertia torque. A larger one would be a wrong model rather than an
+uncertain one."""
 _MIN_TAIL_SAMPLES = 200
 """With fewer samples no tail is evaluated."""
 _FRICTION_VARIATION = 0.1
 """Prior for the relative standard deviation of friction between days: the effect of a few degrees on the
 viscosity of gear grease."""
+
+
+class JointResiduals(NamedTuple):
+    """Residuals of the n joints in one recording, N samples, and what a stream knows of them. Arrays of shape
+    (N, n)."""
+
+    residual: np.ndarray
+    """Settled residuals [Nm]."""
+    qd: np.ndarray
+    """Joint velocities [rad/s]."""
+    friction: np.ndarray
+    """Values of the friction formula [Nm]."""
+    timing_variance: np.ndarray
+    """Variance due to the instants of the samples [Nm^2]."""
+    inertia_torque: np.ndarray
+    """Inertia torques, low-passed as the residuals are [Nm]."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +58,8 @@ class NoiseLevels:
     """Of friction between recordings, relative, shape (n,)."""
     model_error: np.ndarray
     """Of the model in motion, a factor on friction apart [Nm], shape (n,)."""
+    inertia_torque_error: np.ndarray
+    """Of the inertia torque, relative, in addition to `model_error`, shape (n,)."""
     rest_error: np.ndarray
     """Of the model at rest and reversals, in addition to `model_error` [Nm], shape (n,); NaN if the joint was
     never at rest."""
@@ -42,40 +67,78 @@ class NoiseLevels:
     """Velocity below which `rest_error` applies [rad/s]."""
 
 
-def estimate_noise(
-    residual: list[np.ndarray],
-    qd: list[np.ndarray],
-    friction: list[np.ndarray],
-    dt: float,
-    variance_ratio: float,
-) -> NoiseLevels:
+class _Samples(NamedTuple):
+    """Residuals of one joint and the variances known of them, shape (N,) each."""
+
+    residual: np.ndarray
+    slow: np.ndarray
+    """The slow part of the residual [Nm]."""
+    noise: float
+    """Variance of the residual from noise [Nm^2]."""
+    known: np.ndarray
+    """The same with that due to the instants of the samples [Nm^2]."""
+    inertia_torque: np.ndarray
+    """Square of the inertia torque [Nm^2]."""
+    slow_inertia_torque: np.ndarray
+    """Square of its slow part [Nm^2]."""
+
+    def where(self, used: np.ndarray) -> "_Samples":
+        """The samples that are used."""
+        return _Samples(
+            self.residual[used],
+            self.slow[used],
+            self.noise,
+            self.known[used],
+            self.inertia_torque[used],
+            self.slow_inertia_torque[used],
+        )
+
+
+def estimate_noise(recordings: Sequence[JointResiduals], dt: float, variance_ratio: float) -> NoiseLevels:
     """Noise and model error of the joints, from one or more recordings.
 
     Args:
-        residual: Settled residuals of all joints, one array per recording, shape (N, n) [Nm].
-        qd: Joint velocities, in the same form [rad/s].
-        friction: Values of the friction formula, in the same form [Nm].
+        recordings: Residuals of each recording.
         dt: Sample time [s].
         variance_ratio: Variance of the residual over that of white noise in one sample.
     """
-    factors = [_factor(r, f) for r, f in zip(residual, friction, strict=True)]
+    factors = [_factor(part.residual, part.friction) for part in recordings]
     error = _between_recordings(factors)
-    residual = [r - np.nan_to_num(a) * f for r, a, f in zip(residual, factors, friction, strict=True)]
-    slow = [uniform_filter1d(part, max(3, round(_AVERAGING_TIME / dt)), axis=0) for part in residual]
-    residuals, mean = np.vstack(residual), np.vstack(slow)
-    speed = np.abs(np.vstack(qd))
-    noise = np.maximum(1.4826 * np.median(np.abs(residuals - mean), axis=0), 1e-6) ** 2
+    residual = [
+        part.residual - np.nan_to_num(a) * part.friction for part, a in zip(recordings, factors, strict=True)
+    ]
+    inertia_torque = [part.inertia_torque for part in recordings]
+    speed = np.abs(np.vstack([part.qd for part in recordings]))
+    residuals, slow = np.vstack(residual), _slow(residual, dt)
+    noise = np.maximum(1.4826 * np.median(np.abs(residuals - slow), axis=0), 1e-6) ** 2
+    known = noise + np.vstack([part.timing_variance for part in recordings])
+    square, slow_square = np.vstack(inertia_torque) ** 2, _slow(inertia_torque, dt) ** 2
+    joints = [
+        _Samples(residuals[:, j], slow[:, j], float(noise[j]), known[:, j], square[:, j], slow_square[:, j])
+        for j in range(residuals.shape[1])
+    ]
 
     def levels(velocity: float) -> NoiseLevels:
-        model, rest = _model_error(residuals, mean, speed, noise, velocity)
-        return NoiseLevels(np.sqrt(noise / variance_ratio), error, model, rest, velocity)
+        found = [_model_error(samples, speed[:, j], velocity) for j, samples in enumerate(joints)]
+        model, inertia, rest = np.array(found).T
+        return NoiseLevels(np.sqrt(noise / variance_ratio), error, model, inertia, rest, velocity)
 
     def cost(found: NoiseLevels) -> float:
         at_rest = np.nan_to_num(found.rest_error) ** 2 / (1.0 + (speed / found.rest_velocity) ** 2) ** 2
-        variance = noise + found.model_error**2 + at_rest
-        return float(np.mean(residuals**2 / variance + np.log(variance)))
+        variance = known + found.model_error**2 + found.inertia_torque_error**2 * square + at_rest
+        return _cost(residuals, variance)
 
     return min(map(levels, _REST_VELOCITIES), key=cost)
+
+
+def _slow(parts: list[np.ndarray], dt: float) -> np.ndarray:
+    """Slow part of quantities of all recordings, shape (N, n)."""
+    return np.vstack([uniform_filter1d(part, max(3, round(_AVERAGING_TIME / dt)), axis=0) for part in parts])
+
+
+def _cost(residual: np.ndarray, variance: np.ndarray) -> float:
+    """Twice the negative log likelihood of Gaussian residuals, per sample and up to a constant."""
+    return float(np.mean(residual**2 / variance + np.log(variance)))
 
 
 def _factor(residual: np.ndarray, friction: np.ndarray) -> np.ndarray:
@@ -95,42 +158,48 @@ def _between_recordings(factors: list[np.ndarray]) -> np.ndarray:
     return np.where(count > 0, np.sqrt(squares / (count - 1.0 + 2.0)), 0.0)
 
 
-def _model_error(
-    residual: np.ndarray,
-    slow: np.ndarray,
-    speed: np.ndarray,
-    noise: np.ndarray,
-    velocity: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Model error in motion and at rest, with that velocity between the two. `noise`: variance of the
-    residual from other sources, shape (n,)."""
-    joints = residual.shape[1]
-    model, rest = np.empty(joints), np.full(joints, np.nan)
-    for j in range(joints):
-        moving, low = speed[:, j] > 3.0 * velocity, speed[:, j] < velocity
-        used = moving if moving.sum() >= _MIN_TAIL_SAMPLES else ~low
-        if not used.any():
-            used = np.ones(len(speed), dtype=bool)
-        model[j] = np.sqrt(
-            max(np.mean(slow[used, j] ** 2), _excess_variance(residual[used, j], float(noise[j])))
+def _model_error(samples: _Samples, speed: np.ndarray, velocity: float) -> tuple[float, float, float]:
+    """`NoiseLevels.model_error`, `inertia_torque_error` and `rest_error` of one joint, with that velocity
+    between motion and rest. `speed`: of the joint, shape (N,) [rad/s]."""
+    moving, low = speed > 3.0 * velocity, speed < velocity
+    used = moving if moving.sum() >= _MIN_TAIL_SAMPLES else ~low
+    if not used.any():
+        used = np.ones(len(speed), dtype=bool)
+    model, inertia = _error_in_motion(samples.where(used))
+    rest = np.nan
+    if low.any():
+        # A joint nearly at rest vibrates with those that stop hard: the instants of the samples and the
+        # inertia torque do not explain that.
+        values = samples.residual[low]
+        total = max(
+            float(np.mean(values**2)) - samples.noise,
+            _excess_variance(values, np.full(len(values), samples.noise)),
         )
-        if low.any():
-            total = max(
-                np.mean(residual[low, j] ** 2) - noise[j],
-                _excess_variance(residual[low, j], float(noise[j])),
-            )
-            # At the limit itself a quarter of the full variance remains: on average about half.
-            rest[j] = np.sqrt(2.0 * max(total - model[j] ** 2, 0.0))
-    return model, rest
+        # At the limit itself a quarter of the full variance remains: on average about half.
+        rest = np.sqrt(2.0 * max(total - model**2, 0.0))
+    return model, inertia, float(rest)
 
 
-def _excess_variance(values: np.ndarray, known_variance: float) -> float:
-    """Variance to be added to the known one for a Gaussian tail; zero for few values."""
+def _error_in_motion(samples: _Samples) -> tuple[float, float]:
+    """Model error in any motion [Nm], and in proportion to the inertia torque: the most likely pair that
+    includes the tail."""
+
+    def model_variance(inertia: float) -> float:
+        slow = np.mean(samples.slow**2 - inertia**2 * samples.slow_inertia_torque)
+        known = samples.known + inertia**2 * samples.inertia_torque
+        return max(float(slow), _excess_variance(samples.residual, known), 0.0)
+
+    def cost(inertia: float) -> float:
+        variance = samples.known + model_variance(inertia) + inertia**2 * samples.inertia_torque
+        return _cost(samples.residual, variance)
+
+    best = min(_INERTIA_TORQUE_ERRORS, key=cost)
+    return float(np.sqrt(model_variance(best))), best
+
+
+def _excess_variance(values: np.ndarray, known_variance: np.ndarray) -> float:
+    """Variance to be added to the known one of each value, so that one in a thousand exceeds 3.29 standard
+    deviations as in a Gaussian tail; zero for few values."""
     if len(values) < _MIN_TAIL_SAMPLES:
         return 0.0
-    low, high = 0.0, float(np.max(values**2))
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        heavy_tailed = np.mean(np.abs(values) > _TAIL_SIGMA * np.sqrt(known_variance + middle)) > 1.0 - _TAIL
-        low, high = (middle, high) if heavy_tailed else (low, middle)
-    return high
+    return max(float(np.quantile((values / _TAIL_SIGMA) ** 2 - known_variance, _TAIL)), 0.0)

@@ -10,9 +10,12 @@ from contactsense.kinematics.model import Model, Motion, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.equations_of_motion import observe_joints, observe_wrench
+from contactsense.residuals.inertia_torque import InertiaTorque, follow_inertia_torque
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque
 from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer
+from contactsense.residuals.timing_error import TimingError, advance_timing_error
 from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.kernel import kernel
 
 GAP = 0.05
@@ -125,6 +128,48 @@ def friction(arm: CalibrationModel, recording: FreeMotion) -> np.ndarray:
     dynamics = Dynamics(arm.model, arm.torque_model, arm.gravity, empty_motion(recording.q.shape[1]))
     _friction_of_rows(dynamics, recording.q, recording.qd, out)
     return out
+
+
+@kernel
+def _follow_momenta(
+    arm: Dynamics,
+    joints: JointMotion,
+    bandwidth: float,
+    observer: MomentumObserver,
+    timing_error: TimingError,
+    inertia_torque: InertiaTorque,
+    scratch: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    motion = arm.motion
+    for i in range(joints.t.shape[0]):
+        dt, qd = time_step(joints.t, i), joints.qd[i]
+        kinematics_and_momenta(arm.model, joints.q[i], qd, arm.gravity, motion)
+        # The torque does not matter: only the momenta of the observer are used.
+        observe_joints(
+            arm.model, arm.torque_model, motion, qd, qd, dt, bandwidth, observer, scratch[0], scratch[1]
+        )
+        advance_timing_error(timing_error, observer.momentum, dt, bandwidth)
+        follow_inertia_torque(inertia_torque, timing_error.rate, dt, bandwidth)
+        copy(timing_error.variance, out[0, i])
+        copy(inertia_torque.present, out[1, i])
+
+
+def timing_variance_and_inertia_torque(
+    arm: CalibrationModel, recording: FreeMotion, bandwidth: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a stream knows of the errors of its residuals at every sample, arguments as for `residuals`:
+    variance of each joint's residual due to the instants of the samples
+    (`contactsense.residuals.timing_error`) [Nm^2], and inertia torque, low-passed as the residual is
+    (`contactsense.residuals.inertia_torque`) [Nm]; shape (N, n) each."""
+    n = recording.q.shape[1]
+    out = np.empty((2, *recording.q.shape))
+    _follow_momenta(
+        Dynamics(arm.model, arm.torque_model, arm.gravity, empty_motion(n)),
+        JointMotion(recording.t, recording.q, recording.qd), bandwidth, empty_observer(n),
+        zeros(TimingError, joints=n), zeros(InertiaTorque, joints=n), np.zeros((2, n)), out,
+    )  # fmt: skip
+    return out[0], out[1]
 
 
 def settled_samples(recording: FreeMotion, bandwidth: float) -> int:

@@ -153,6 +153,7 @@ def _torque(
         "rotor_inertia": tuple(_round(arm.rotor)),
         "noise": tuple(_round(noise_levels.noise)),
         "model_error": tuple(_round(noise_levels.model_error)),
+        "inertia_torque_error": tuple(_round(noise_levels.inertia_torque_error)),
     }
     if "gain" in changed:
         joints = arm.scene.robot.joints

@@ -42,6 +42,9 @@ class JointTorqueModel(NamedTuple):
     """Variance of the model error at rest, in addition to `model_variance` [Nm^2]."""
     model_variance: Annotated[Floats, "joints"]
     """Variance of the model error at any velocity [Nm^2]."""
+    inertia_torque_variance: Annotated[Floats, "joints"]
+    """Variance of the model error per square of the inertia torque
+    (`contactsense.residuals.inertia_torque`)."""
     velocity: float
     """Width of Coulomb friction's smooth sign [rad/s]."""
     lubricant_velocity: float
@@ -66,6 +69,7 @@ def joint_torque_model(sensor: JointTorqueSensor, joints: int) -> JointTorqueMod
         friction_error=per_joint(f.error, joints),
         rest_variance=per_joint(f.rest_error, joints) ** 2,
         model_variance=per_joint(sensor.model_error, joints) ** 2,
+        inertia_torque_variance=per_joint(sensor.inertia_torque_error, joints) ** 2,
         velocity=f.velocity,
         lubricant_velocity=f.lubricant_velocity,
         rest_velocity=f.rest_velocity,
@@ -90,7 +94,7 @@ def friction_torque(torque_model: JointTorqueModel, j: int, qd: float, gravity_t
 
 @inlined_kernel
 def unmodelled_torque_std(torque_model: JointTorqueModel, j: int, qd: float) -> float:
-    """Standard deviation of the model error of joint j's torque at velocity qd [rad/s], that of the friction
-    factor apart [Nm]."""
+    """Standard deviation of the model error of joint j's torque at velocity qd [rad/s], those of the friction
+    factor and of the inertia torque apart [Nm]."""
     x = qd / torque_model.rest_velocity
     return math.sqrt(torque_model.model_variance[j] + torque_model.rest_variance[j] / (1.0 + x * x) ** 2)

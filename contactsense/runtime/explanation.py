@@ -56,6 +56,7 @@ def take_static_sample(
     state.bias_filter.torque_variance[:] = 0.0
     state.link_mass_variance[:] = 0.0
     state.timing_error.variance[:] = 0.0
+    state.inertia_torque.present[:] = 0.0
     for i in range(len(state.noise_scale.noise)):
         state.noise_scale.noise[i].scale = 1.0
     for body in range(state.body_wrench.shape[0]):

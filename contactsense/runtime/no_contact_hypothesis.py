@@ -84,7 +84,13 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
 def _torque_noise(constants: Constants, state: State, j: int, variance_ratio: float) -> float:
     """Variance of the residual of joint j from noise, model error and the instants of the samples [Nm^2]."""
     noise = constants.sensors.torque_variance[j] * state.noise_scale.noise[TORQUE].scale
-    return float(noise * variance_ratio + state.unmodelled_std[j] ** 2 + state.timing_error.variance[j])
+    inertia_torque = state.inertia_torque.present[j]
+    return float(
+        noise * variance_ratio
+        + state.unmodelled_std[j] ** 2
+        + state.timing_error.variance[j]
+        + constants.torque_model.inertia_torque_variance[j] * inertia_torque * inertia_torque
+    )
 
 
 @inlined_kernel

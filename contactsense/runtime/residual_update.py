@@ -12,6 +12,7 @@ from contactsense.residuals.equations_of_motion import (
     observe_wrench_difference,
     wrenches_to_base_frame,
 )
+from contactsense.residuals.inertia_torque import follow_inertia_torque
 from contactsense.residuals.momentum_observer import group_of
 from contactsense.residuals.noise_scale import follow_noise
 from contactsense.residuals.observers import start_steps
@@ -134,7 +135,8 @@ def set_residuals(state: State) -> None:
 
 @inlined_kernel
 def follow_noise_and_timing(constants: Constants, state: State, bandwidth: float) -> None:
-    """Update what the newest sample tells of the sensors' noise, and the error due to its instant.
+    """Update what the newest sample tells of the sensors' noise, and the errors due to its instant and to the
+    acceleration.
 
     Args:
         constants, state: After the observers were advanced by this sample.
@@ -158,6 +160,7 @@ def follow_noise_and_timing(constants: Constants, state: State, bandwidth: float
         stream.steps[TORQUE],
     )
     advance_timing_error(state.timing_error, state.observers.joints.momentum, stream.steps[TORQUE], bandwidth)
+    follow_inertia_torque(state.inertia_torque, state.timing_error.rate, stream.steps[TORQUE], bandwidth)
 
 
 @inlined_kernel

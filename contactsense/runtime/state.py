@@ -9,6 +9,7 @@ from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidat
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.residuals.bias_filter import BiasFilter
 from contactsense.residuals.friction_at_rest import FrictionAtRest
+from contactsense.residuals.inertia_torque import InertiaTorque
 from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.noise_scale import NoiseScale, restart
 from contactsense.residuals.observers import Observers
@@ -54,6 +55,8 @@ class State(NamedTuple):
     """Noise of the sensors in units of the stated one."""
     timing_error: TimingError
     """Error of the torques' residuals due to the instants of the samples."""
+    inertia_torque: InertiaTorque
+    """Inertia torques, to which the torques' model error is in part proportional."""
     link_load: Annotated[Floats, "link_sensors, 2, 6"]
     """Momentum and gravity wrench of the load on each link sensor."""
     link_origin: Annotated[Floats, "link_sensors, 3"]

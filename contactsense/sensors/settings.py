@@ -187,6 +187,10 @@ class JointTorqueSensor(Part):
     model_error: Number = 0.0
     """Standard deviation of the error of model and friction while the arm moves [Nm]. Unlike noise, it does
     not average out."""
+    inertia_torque_error: Number = 0.0
+    """Standard deviation of the inertia torque from the model, relative: an error of the torque in proportion
+    to the rate of the joint's momentum, in addition to `model_error`. Without effect on signals that contain
+    no inertia."""
     friction: Friction = Friction()
     """Friction of the drives, unless the signal is free of it."""
     rotor_inertia: tuple[NonNegativeFloat, ...] | None = None

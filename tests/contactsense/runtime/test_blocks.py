@@ -122,7 +122,7 @@ def test_a_scene_without_a_base_sensor() -> None:
 
 def test_a_scene_with_friction_and_uncertain_masses() -> None:
     friction = Friction(coulomb=0.4, viscous=0.2, lubricant=0.1, load=0.01, error=0.5)
-    torque = JointTorqueSensor(friction=friction, model_error=0.5)
+    torque = JointTorqueSensor(friction=friction, model_error=0.5, inertia_torque_error=0.1)
     scene = Scene(robot=plain_ur5e(), inertia_error=0.02, joint_torque=torque)
     _agree(scene, _with_faults(recording())[:4000], lambda block: [block[:1001], block[1001:]])
 
