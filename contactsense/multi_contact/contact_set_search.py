@@ -6,6 +6,7 @@ does not explain the measurement.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.further_contact import is_any_broad, locate_further_contact
 from contactsense.multi_contact.joint_optimization import find_joint_mode, set_contact
-from contactsense.multi_contact.pooled_evidence import pool_pair_evidence
+from contactsense.multi_contact.pooled_evidence import pool_link_evidence
 from contactsense.multi_contact.ranked_sets import (
     adopt_candidate,
     rank_sets,
@@ -48,6 +49,20 @@ MIN_POINT_DEVIATION = 1e-4
 """Lower bound of the standard deviation of a known point [m]."""
 
 
+class Sought(NamedTuple):
+    """What is searched for."""
+
+    known: int
+    """Number of known contacts."""
+    contacts: int
+    """Maximum number of contacts in a set, known ones included."""
+    at_rest: bool
+    """Whether the measurement is a single one, of an arm at rest.
+
+    In a stream the forces of known contacts hardly change between samples, so that a longer search where they
+    are free gains nothing."""
+
+
 @fused_kernel
 def search_contact_sets(
     scene: SearchedSurface,
@@ -58,8 +73,7 @@ def search_contact_sets(
     buffers: MultiContactBuffers,
     m: int,
     force_scale: float,
-    known_count: int,
-    max_contacts: int,
+    sought: Sought,
 ) -> int:
     """Explain a measurement by the known contacts and further ones.
 
@@ -72,12 +86,12 @@ def search_contact_sets(
             first.
         m: Number of rows.
         force_scale: Approximate magnitude of the forces [N].
-        known_count: Number of known contacts.
-        max_contacts: Maximum number of contacts in a set, known ones included.
+        sought: What is searched for.
 
     Returns:
         Number of ranked explanations.
     """
+    known_count, max_contacts, at_rest = sought
     seed_samples, rows, known_contacts, optimizer, seeding, candidates, explanations = buffers
     surfaces, frames = scene.surfaces, PrimitiveFrames(candidates.rotation, candidates.origin)
     for i in range(known_count):
@@ -94,25 +108,44 @@ def search_contact_sets(
     for further in range(0 if known_count > 0 else 1, max_contacts - known_count + 1):
         if best < MIN_ENERGY:
             break
-        seeds = 1
-        is_broad = False
+        # The known contacts alone have a single start.
+        candidates_used, samples_used = 1, 0
+        is_broad, is_pooled = False, further == 2
         if further == 1:
-            seeds = min(
+            candidates_used = min(
                 locate_further_contact(scene, motion, wrench_measured, prior, arrays, rows, m, seeding),
                 MAX_SEEDS,
             )
-            is_broad = seeds > 0 and is_any_broad(candidates, seeds)
+            is_broad = candidates_used > 0 and is_any_broad(candidates, candidates_used)
+            is_pooled = is_broad and at_rest and _are_many_forces_free(known_contacts, known_count)
         elif further > 1:
-            seeds = find_seeds(seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding)
+            candidates_used = 0
+        if is_pooled or further > 1:
+            samples_used = find_seeds(
+                seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding
+            )
         lowest_energy = math.inf
         first = stored
-        for s in range(seeds):
+        for s in range(candidates_used + samples_used):
             for i in range(known_count):
                 initialize_known_contact(
                     surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
                 )
-            row = candidates.order[s]
-            if further == 1:
+            # The candidates come first, then the samples, which have no row.
+            row = candidates.order[s] if s < candidates_used else -1
+            if row < 0:
+                _initialize_from_seed(
+                    surfaces,
+                    prior,
+                    frames,
+                    buffers,
+                    m,
+                    force_scale,
+                    known_count,
+                    further,
+                    s - candidates_used,
+                )
+            elif further == 1:
                 _initialize_further_contact(
                     surfaces,
                     frames,
@@ -123,10 +156,6 @@ def search_contact_sets(
                     known_count,
                 )
                 optimizer.torsion[known_count] = candidates.torsion[row]
-            elif further > 1:
-                _initialize_from_seed(
-                    surfaces, prior, frames, buffers, m, force_scale, known_count, further, s
-                )
             count = known_count + further
             energy, score = set_evidence(
                 surfaces, prior, frames, rows, m, known_count, count, lowest_energy + ENERGY_MARGIN, optimizer
@@ -141,25 +170,50 @@ def search_contact_sets(
                     explanations,
                     stored,
                 )
-                if is_broad:
+                if is_broad and row >= 0:
                     adopt_candidate(candidates, row, known_count, explanations, stored)
                 stored += 1
                 lowest_energy = min(lowest_energy, energy)
-        if is_broad:
-            share_evidence(explanations, first, stored)
-        if further == 2:
-            unlisted = pool_pair_evidence(
+        if is_pooled:
+            if further == 1:
+                _fill_link_evidence(seeding.link_probability, seeding.pair_evidence)
+            unlisted = pool_link_evidence(
                 surfaces.link,
                 explanations,
                 first,
                 stored,
                 known_count,
+                further,
                 seeding.pair_evidence,
                 prior.surface_deviation,
             )
+        elif is_broad:
+            share_evidence(explanations, first, stored)
         best = min(best, lowest_energy)
     ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
+
+
+@fused_kernel
+def _are_many_forces_free(known_contacts: KnownContacts, count: int) -> bool:
+    """Whether two or more contacts are known, but not their forces.
+
+    The search for one contact takes these forces for normally distributed, so that they may pull; with two of
+    them its candidates are no reliable seeds, and their probabilities not those of the places.
+    """
+    free = 0
+    for i in range(count):
+        free += 1 if known_contacts.drift[i] == math.inf else 0
+    return free > 1
+
+
+@fused_kernel
+def _fill_link_evidence(probability: np.ndarray, out: np.ndarray) -> None:
+    """Log probability of each link in the diagonal of `out`, shape (links, links); -infinity elsewhere."""
+    out[:] = -math.inf
+    for link in range(probability.shape[0]):
+        if probability[link] > 0.0:
+            out[link, link] = math.log(probability[link])
 
 
 @fused_kernel

@@ -8,7 +8,7 @@ from contactsense.detection.thresholds import Usable
 from contactsense.localization.ranking import place_primitives
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.multi_contact.buffers import MAX_CONTACTS, MultiContactBuffers
-from contactsense.multi_contact.contact_set_search import search_contact_sets
+from contactsense.multi_contact.contact_set_search import Sought, search_contact_sets
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.multi_contact.sample_likelihood import estimate_force_scale, transform_samples
 from contactsense.robots.jit.kernel import kernel
@@ -83,8 +83,8 @@ def explain_contact_sets(
     arrays = SearchArrays(state.search_buffers, state.surface_cells, buffers.candidates)
     force_scale = estimate_force_scale(external, present)
     count = search_contact_sets(
-        scene, state.motion, present[0], constants.prior, arrays, buffers, m, force_scale, known_count,
-        max_contacts,
+        scene, state.motion, present[0], constants.prior, arrays, buffers, m, force_scale,
+        Sought(known_count, max_contacts, not bandwidth < math.inf),
     )  # fmt: skip
     listed = 0
     for k in range(count):

@@ -113,7 +113,7 @@ def find_seeds(
     m: int,
     seeding: SeedingBuffers,
 ) -> int:
-    """Fill `seeding.seed` with the sets of `count` (2 or 3) samples that explain the innovation best.
+    """Fill `seeding.seed` with the sets of `count` (1 to 3) samples that explain the innovation best.
 
     Args:
         seed_samples: The samples.
@@ -127,13 +127,43 @@ def find_seeds(
         Number of seeds.
     """
     seeding.seed_score[:] = -math.inf
-    _seed_pairs(seed_samples, friction_ratio, count, force_scale, rows, m, seeding)
+    if count == 1:
+        _seed_singles(seed_samples, friction_ratio, force_scale, rows, m, seeding)
+    else:
+        _seed_pairs(seed_samples, friction_ratio, count, force_scale, rows, m, seeding)
     if count == 3:
         _seed_triples(seed_samples, friction_ratio, force_scale, rows, m, seeding)
     found = 0
     while found < seeding.seed_score.shape[0] and seeding.seed_score[found] > -math.inf:
         found += 1
     return found
+
+
+@fused_kernel
+def _seed_singles(
+    seed_samples: SeedSamples,
+    friction_ratio: float,
+    force_scale: float,
+    rows: MeasurementRows,
+    m: int,
+    seeding: SeedingBuffers,
+) -> None:
+    """Every coarse sample: seeds of one contact beside known ones."""
+    chosen, scores, seeds = seed_samples.coarse, seeding.seed_score, seeding.seed
+    fill_sample_blocks(seed_samples, force_scale * seed_samples.coarse_factor, seeding)
+    deviations = force_deviations(force_scale, friction_ratio)
+    copy_lower(m, seeding.prior_covariance, seeding.factor)
+    base = fill_link_information(rows, m, seeding)
+    for d in range(chosen.link.shape[0]):
+        block, link = seeding.block[d], chosen.link[d]
+        likelihood_near_samples(seeding.link_information[link], seeding.link_vector[link], deviations, block)
+        for e in range(chosen.filled[d]):
+            if not (block[NORMAL_FORCE + e] > 0.0 and base + block[GAIN + e] > scores[-1]):
+                continue
+            score, samples = base + log_gain(block, e), (chosen.sample[d, e], 0, 0)
+            slot = find_slot(seed_samples.primitive, seeding.point_normal, 1, score, samples, scores, seeds)
+            if slot >= 0:
+                put_seed(score, samples, slot, scores, seeds)
 
 
 @fused_kernel

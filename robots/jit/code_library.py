@@ -31,8 +31,8 @@ class KernelLibrary(JITCodeLibrary):
         """Numba calls this after the kernels that this one calls are linked in."""
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.linkonce_odr:
-                # An internal one would keep its name, by which other code with this kernel in it would find it,
-                # and call it in the usual way.
+                # An internal one would keep its name, by which other code with this kernel would find it, and
+                # call it in the usual way.
                 function.linkage = "private"
         self._run_passes()
 

@@ -6,6 +6,10 @@ torques keep their direction, s_w tau. The magnitudes s_w are those of the best 
 (singular value decomposition); with them the windows of a stretch are a single reading of tau with the noise
 of all of its samples, which the localizer explains. Stretches are independent, so the evidence of a link is
 the product of theirs, with the prior once. Places of all stretches are combined where they agree.
+
+That each stretch is explained by some contact does not mean that one contact explains all: if another link is
+touched later, most of all where two contacts overlap, the product names the link of the longer part, with a
+high probability. So one link competes with a change of links (`link_changes`).
 """
 
 from dataclasses import dataclass
@@ -19,6 +23,7 @@ from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.robots.surface.union import distances
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_windows import ContactWindows
+from contactsense.service.analysis.link_changes import log_odds_of_one_link
 from contactsense.service.analysis.place_search import Place
 from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
 
@@ -31,8 +36,8 @@ MODEL_ERROR = 0.1
 """Part of the torques that one contact may leave unexplained, as the arm turns within a stretch."""
 NEGLIGIBLE = 1e-12
 """Variance that makes covariances invertible [m^2]."""
-UNLISTED = 0.005
-"""Probability that the localizer may have left out, by link: it lists candidates from 0.01."""
+DOUBT = 1e-3
+"""Probability that a stretch says nothing about the link, as its contact is none that the model knows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +45,8 @@ class _Stretch:
     """Windows of a contact as a single reading."""
 
     windows: slice
-    probability: np.ndarray
-    """Probability of each link, shape (links,)."""
+    ratio: np.ndarray
+    """Probability of each link, divided by its prior; 1 where the prior is zero, shape (links,)."""
     contacts: tuple[Contact, ...]
     """Candidates."""
     q: np.ndarray
@@ -60,14 +65,18 @@ class TorqueSmoother:
         links = len(localizer.scene.link_names)
         link = surfaces.link[samples.primitive]
         of_sample = np.exp(samples.log_share + self._constants.prior.log_link_density[link])
-        self._prior = np.bincount(link, of_sample, minlength=links) + UNLISTED
+        self._prior = np.bincount(link, of_sample, minlength=links)
 
     def smooth(self, history: ContactHistory, windows: ContactWindows) -> SmoothedContact | None:
         """Smooth a contact; None if one contact does not explain it."""
         stretches = self._stretches(history, windows)
         if stretches is None:
             return None
-        evidence = np.log(self._prior) + sum(np.log(s.probability / self._prior) for s in stretches)
+        ratio = np.array([stretch.ratio for stretch in stretches])
+        if log_odds_of_one_link(self._prior, ratio) < 0.0:
+            return None
+        with np.errstate(divide="ignore"):
+            evidence = np.log(self._prior) + np.log(ratio).sum(axis=0)
         places = [
             self._place(link, float(evidence[link]), stretches, windows) for link in range(len(evidence))
         ]
@@ -98,16 +107,19 @@ class TorqueSmoother:
             # The localizer is the smoother's own; its noise is that of the reading for this call only.
             variance[:] = noise / total + offset * (weight.sum() / total) ** 2
             try:
-                contacts = self._localizer.locate(q, joint_torque=-reading, detect=False).contacts
-                if not any(self._explains(contact, q, reading) for contact in contacts):
+                estimate = self._localizer.locate(q, joint_torque=-reading, detect=False)
+                if not any(self._explains(contact, q, reading) for contact in estimate.contacts):
                     return None
             finally:
                 variance[:] = noise
-            probability = np.full(len(self._prior), UNLISTED)
-            for contact in contacts:
-                probability[contact.link_index] += contact.probability
-            found.append(_Stretch(here, probability / probability.sum(), contacts, q))
+            found.append(_Stretch(here, self._ratio(estimate.link_probability), estimate.contacts, q))
         return found
+
+    def _ratio(self, probability: np.ndarray) -> np.ndarray:
+        """Probability of each link over its prior, shape (links,)."""
+        known = self._prior > 0.0
+        ratio = np.divide(probability, self._prior * probability.sum(), out=np.ones(len(known)), where=known)
+        return np.asarray(DOUBT + (1.0 - DOUBT) * ratio)
 
     def _explains(self, contact: Contact, q: np.ndarray, reading: np.ndarray) -> bool:
         """Whether a contact explains the torques, with the noise that the localizer is set to."""

@@ -1,6 +1,7 @@
 """The likelihood of a further contact near samples, a block at a time, against dense linear algebra."""
 
 import numpy as np
+import pytest
 from scipy.stats import multivariate_normal
 
 from contactsense import Scene
@@ -13,7 +14,7 @@ from contactsense.multi_contact.link_information import (
 )
 from contactsense.multi_contact.sample_likelihood import RATIO_FACTOR
 from contactsense.multi_contact.seed_samples import in_blocks
-from contactsense.multi_contact.seeding import find_seeds
+from contactsense.multi_contact.seeding import SAME_SIDE_COSINE, find_seeds
 from contactsense.runtime.constants import build_constants
 from tests.plain_arm import plain_ur5e
 
@@ -111,6 +112,31 @@ def test_the_evidence_of_a_pair_of_links_is_the_sum_over_pairs_of_samples() -> N
             on = (link[one] == k) & (link[other] == j)
             expected = np.logaddexp.reduce(log_pair[on]) if on.any() else -np.inf
             np.testing.assert_allclose(buffers.seeding.pair_evidence[k, j], expected, atol=1e-6)
+
+
+def test_seeds_of_one_contact_are_the_most_likely_samples_that_push() -> None:
+    buffers, covariance, y = _measurement()
+    seed_samples, seeding, friction_ratio, force_scale = buffers.seed_samples, buffers.seeding, 0.25, 15.0
+    count = find_seeds(seed_samples, friction_ratio, 1, force_scale, buffers.rows, ROWS, seeding)
+    scale, score = force_scale * seed_samples.coarse_factor, {}
+    for i in np.unique(seed_samples.coarse.sample):
+        n = seeding.point_normal[i, 3:]
+        S = covariance + _added_covariance(
+            buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale, scale
+        )
+        if n @ _by_force(buffers, i).T @ np.linalg.solve(S, y) < 0.0:
+            score[i] = multivariate_normal(np.zeros(ROWS), S).logpdf(y) + 0.5 * ROWS * np.log(2.0 * np.pi)
+    found, expected = seeding.seed[:count, 0], sorted(score.values(), reverse=True)
+    np.testing.assert_allclose(seeding.seed_score[:count], [score[i] for i in found], rtol=1e-8)
+    # Of samples on the same side of a primitive only the best is kept.
+    assert seeding.seed_score[0] == pytest.approx(expected[0])
+    assert count == len(seeding.seed_score)
+    for i, value in score.items():
+        if value > seeding.seed_score[count - 1] + 1e-9 and i not in found:
+            near = seed_samples.primitive[found] == seed_samples.primitive[i]
+            cosine = seeding.point_normal[found, 3:] @ seeding.point_normal[i, 3:]
+            better = seeding.seed_score[:count] >= value
+            assert (near & (cosine > SAME_SIDE_COSINE) & better).any()
 
 
 def test_blocks_hold_each_sample_once_and_one_link_each() -> None:

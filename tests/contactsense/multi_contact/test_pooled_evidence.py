@@ -7,7 +7,7 @@ import pytest
 from scipy.special import logsumexp
 
 from contactsense.multi_contact.buffers import Explanations
-from contactsense.multi_contact.pooled_evidence import SAMPLES_WEIGHT, pool_pair_evidence
+from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT, pool_link_evidence
 from contactsense.robots.jit.flat_buffers import zeros
 
 LINKS = 4
@@ -42,7 +42,7 @@ def _evidence(**pairs: float) -> np.ndarray:
 def _pooled(optima: Sequence[Optimum], evidence: np.ndarray) -> tuple[np.ndarray, float]:
     """Log evidence of each optimum after pooling, and that of the pairs of links without one."""
     explanations = _explanations(optima)
-    unlisted = pool_pair_evidence(LINK, explanations, 0, len(optima), 0, evidence, SURFACE_DEVIATION)
+    unlisted = pool_link_evidence(LINK, explanations, 0, len(optima), 0, 2, evidence, SURFACE_DEVIATION)
     return explanations.score[: len(optima)].copy(), unlisted
 
 
@@ -50,7 +50,7 @@ def test_the_pool_is_the_weighted_geometric_mean() -> None:
     optima = [(3.0, (3, 1), 0.0), (2.0, (1, 3), 0.2), (-8.0, (2, 1), 0.0)]
     samples = np.array([-5.0 - np.log(2.0), -5.0 - np.log(2.0), -4.0])
     own = np.array([score for score, _, _ in optima])
-    expected = SAMPLES_WEIGHT * samples + (1.0 - SAMPLES_WEIGHT) * own
+    expected = SUM_WEIGHT * samples + (1.0 - SUM_WEIGHT) * own
     expected += logsumexp(own) - logsumexp(expected)
     np.testing.assert_allclose(_pooled(optima, _evidence(l31=-5.0, l21=-4.0))[0], expected, rtol=1e-12)
 
@@ -62,7 +62,7 @@ def test_links_on_which_nothing_fits_lose_against_an_exact_fit() -> None:
 
 def test_what_fits_equally_well_is_ranked_by_the_samples() -> None:
     score, _ = _pooled([(0.0, (3, 1), 0.0), (0.0, (2, 1), 0.0)], _evidence(l31=0.0, l21=3.0))
-    assert score[1] - score[0] == pytest.approx(3.0 * SAMPLES_WEIGHT)
+    assert score[1] - score[0] == pytest.approx(3.0 * SUM_WEIGHT)
 
 
 def test_seeds_that_end_in_one_optimum_count_once() -> None:
@@ -81,7 +81,25 @@ def test_links_without_an_explanation_keep_their_share_of_the_samples() -> None:
 
 def test_a_region_grows_along_the_surface_only() -> None:
     explanations = _explanations([(0.0, (3, 1), 0.0)])
-    pool_pair_evidence(LINK, explanations, 0, 1, 0, _evidence(l31=0.0), SURFACE_DEVIATION)
-    grown = 1.0 / (1.0 - SAMPLES_WEIGHT)
+    pool_link_evidence(LINK, explanations, 0, 1, 0, 2, _evidence(l31=0.0), SURFACE_DEVIATION)
+    grown = 1.0 / (1.0 - SUM_WEIGHT)
     expected = np.diag((4e-4 * grown, 1e-4 * grown, SURFACE_DEVIATION**2))
     np.testing.assert_allclose(explanations.covariance[0, :2], [expected, expected], atol=1e-15)
+
+
+def test_one_further_contact_is_pooled_by_its_link_alone() -> None:
+    optima = [(1.0, (0, 3), 0.0), (0.5, (0, 3), 0.2), (2.0, (0, 2), 0.0)]
+    explanations = _explanations(optima)
+    # The first contact is known: its link is the same in all.
+    unlisted = pool_link_evidence(
+        LINK, explanations, 0, 3, 1, 1, _evidence(l33=0.0, l22=-1.0, l11=-2.0), SURFACE_DEVIATION
+    )
+    own, shares = np.array([1.0, 0.5, 2.0]), np.array([-np.log(2.0), -np.log(2.0), -1.0])
+    expected = SUM_WEIGHT * shares + (1.0 - SUM_WEIGHT) * own
+    expected += logsumexp(own) - logsumexp(expected)
+    np.testing.assert_allclose(explanations.score[:3], expected, rtol=1e-12)
+    listed = logsumexp([0.0, -1.0])
+    assert unlisted == pytest.approx(logsumexp(own) - 2.0 - listed)
+    # What is known of the first place is known to both.
+    np.testing.assert_array_equal(explanations.covariance[0, 0], np.diag((4e-4, 1e-4, SURFACE_DEVIATION**2)))
+    assert explanations.covariance[0, 1, 0, 0] == pytest.approx(4e-4 / (1.0 - SUM_WEIGHT))
