@@ -102,7 +102,7 @@ def _contact(contact: ContactSummary, analysis: Analysis) -> dict[str, Any]:
         "quasi_static_force": f"{contact.quasi_static_force:.1f}",
         "transient_force": f"{contact.transient_force:.1f}",
         "impulse": f"{contact.impulse:.2f}",
-        "torsion": f"{contact.torsion:.3f}",
+        "torsion": f"{contact.torsion:z.3f}",
         "speed": f"{contact.speed:.2f}",
         "slides": contact.slides,
         "complete": contact.complete,
