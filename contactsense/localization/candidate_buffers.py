@@ -54,6 +54,8 @@ class Candidates(NamedTuple):
     """Rotation from the body frame of each primitive to the base frame."""
     origin: Annotated[Floats, "primitives, 3"]
     """Origin of the body frame of each primitive, base frame [m]."""
+    deviation_cell: Annotated[Integers, "primitives"]
+    """Scratch: cell of `contactsense.localization.local_prior` in which each initial guess lies."""
     cover_energy: Annotated[Floats, "primitives"]
     """Scratch: least loss of log evidence of a contact on each primitive because others cover it."""
     near: Annotated[Integers, "primitives"]

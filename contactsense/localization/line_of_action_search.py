@@ -15,7 +15,7 @@ from contactsense.localization.accessibility import (
     is_mounting_face,
 )
 from contactsense.localization.candidate_buffers import Candidates, store_candidate
-from contactsense.localization.local_prior import DeviationCells, local_prior
+from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import dot, vector
@@ -75,7 +75,7 @@ def search_along_line_of_action(
         w, c, n = candidates.wrench[p], candidates.point[p], candidates.normal[p]
         normal = vector(n)
         start = Contact(vector(c), normal, pushing_force(vector(w), normal), 0.0)
-        local = local_prior(prior, deviations, p, c[0], c[1], c[2])
+        local = prior_in_cell(prior, deviations, candidates.deviation_cell[p])
         mode = find_posterior_mode(
             surfaces.kind[p], surfaces.size[p], w, candidates.information[p], local, limit, start, buffers
         )
@@ -178,46 +178,43 @@ def initial_guesses(
             limit = ceiling + ENERGY_CUTOFF - link_energy
             offset = prior.surface_deviation * deviations.largest[p]
             sphere_distance = math.sqrt(ax * ax + ay * ay + az * az) / squared_force - radius
-            if (
-                sphere_distance > 0.0
-                and _shift_energy(sphere_distance, P, ox, oy, oz, squared_force, offset) > limit
-            ):
-                continue
+            variance = -1.0
+            if sphere_distance > 0.0:
+                variance = moment_variance(P, ox, oy, oz) + offset * offset * squared_force
+                if _shift_energy(sphere_distance, squared_force, variance) > limit:
+                    continue
             v, B = candidates.wrench[p], candidates.information[p]
             to_body_frame(w, L, candidates.rotation[p], candidates.origin[p], v, B)
             wrench = Wrench((v[0], v[1], v[2]), (v[3], v[4], v[5]))
             distance, point, normal = enter_surface(kind, size, radius, wrench)
-            if distance > 0.0 and _shift_energy(distance, P, ox, oy, oz, squared_force, offset) > limit:
-                continue
+            if distance > 0.0:
+                if variance < 0.0:
+                    variance = moment_variance(P, ox, oy, oz) + offset * offset * squared_force
+                if _shift_energy(distance, squared_force, variance) > limit:
+                    continue
             contact = Contact(point, normal, pushing_force(wrench.force, normal), 0.0)
-            local = local_prior(prior, deviations, p, point[0], point[1], point[2])
+            cell = nearest_cell(deviations, p, point[0], point[1], point[2])
+            local = prior_in_cell(prior, deviations, cell)
             inflation = inflate_by_surface_deviation(B, local, contact)
             energy = link_energy + energy_at(v, B, local, inflation, contact)
             ceiling = min(ceiling, energy)
             candidates.point[p, 0], candidates.point[p, 1], candidates.point[p, 2] = point
             candidates.normal[p, 0], candidates.normal[p, 1], candidates.normal[p, 2] = normal
             candidates.score[p] = energy
+            candidates.deviation_cell[p] = cell
             candidates.order[count] = p
             count += 1
     return count
 
 
 @fused_kernel
-def _shift_energy(
-    distance: float, P: np.ndarray, ox: float, oy: float, oz: float, squared_force: float, offset: float
-) -> float:
-    """Approximate energy of moving the line of action by `distance` [m] towards the point o.
+def _shift_energy(distance: float, squared_force: float, variance: float) -> float:
+    """Approximate energy of moving the line of action by `distance` [m] towards a point.
 
-    The moment about o must change by |f| times the distance. P is the covariance of the wrench,
-    `squared_force` the square of its force [N^2], `offset` the standard deviation of the surface [m].
+    The moment about the point must change by |f| times the distance. `squared_force`: |f|^2 [N^2]. `variance`
+    of the moment: of the measurement, and of the surface's offset times |f| [Nm^2].
     """
-    return float(
-        0.5
-        * squared_force
-        * distance
-        * distance
-        / (moment_variance(P, ox, oy, oz) + offset * offset * squared_force)
-    )
+    return 0.5 * squared_force * distance * distance / variance
 
 
 @fused_kernel

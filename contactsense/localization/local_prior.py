@@ -32,23 +32,37 @@ class DeviationCells(NamedTuple):
 
 @fused_kernel
 def local_prior(prior: Prior, cells: DeviationCells, p: int, x: float, y: float, z: float) -> Prior:
-    """The prior about the point (x, y, z) of primitive p, body frame [m].
+    """The prior about the point (x, y, z) of primitive p, body frame [m]."""
+    found: Prior = prior_in_cell(prior, cells, nearest_cell(cells, p, x, y, z))
+    return found
 
-    The friction ratio is that of the force to the primitive's normal: the variance of the tilt adds to it.
-    """
+
+@fused_kernel
+def nearest_cell(cells: DeviationCells, p: int, x: float, y: float, z: float) -> int:
+    """Cell to which the point (x, y, z) of primitive p belongs, body frame [m]; -1 if the primitive has
+    none."""
     nearest, least = -1, math.inf
     for i in range(cells.start[p], cells.start[p + 1]):
         dx, dy, dz = cells.point[i, 0] - x, cells.point[i, 1] - y, cells.point[i, 2] - z
         squared = dx * dx + dy * dy + dz * dz
         if squared < least:
             nearest, least = i, squared
-    if nearest < 0:
+    return nearest
+
+
+@fused_kernel
+def prior_in_cell(prior: Prior, cells: DeviationCells, i: int) -> Prior:
+    """The prior in cell i; without change for -1.
+
+    The friction ratio is that of the force to the primitive's normal: the variance of the tilt adds to it.
+    """
+    if i < 0:
         return prior
-    tilt = cells.tilt[nearest]
+    tilt = cells.tilt[i]
     return Prior(
         math.sqrt(prior.friction_ratio * prior.friction_ratio + tilt * tilt),
         prior.torsion_lever,
-        prior.surface_deviation * cells.ratio[nearest],
+        prior.surface_deviation * cells.ratio[i],
         prior.force,
         prior.clearance,
         prior.area,

@@ -1,11 +1,15 @@
-"""Machine code of a kernel has no names for the kernels linked into it."""
+"""Machine code of a kernel has no names for the kernels linked into it; compiling it leaves settings as they
+were."""
 
+import gc
 import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from contactsense import Localizer, Sample, Scene
+from contactsense.robots.jit.code_library import _rare_garbage_collection
 from contactsense.runtime.kernels import detect
 
 
@@ -23,3 +27,16 @@ def test_kernels_within_another_have_no_names() -> None:
     # Variables of Numba's are shared by name; code is not.
     shared = [name for name in names if b"called_by_kernels" in name]
     assert [name for name in shared if not name.startswith(b"_ZN08NumbaEnv")] == []
+
+
+def test_garbage_is_collected_as_before_after_a_compilation_even_a_failed_one() -> None:
+    before = gc.get_threshold()
+
+    def failing_compilation() -> None:
+        with _rare_garbage_collection():
+            assert gc.get_threshold()[0] > before[0]
+            raise TypeError
+
+    with pytest.raises(TypeError):
+        failing_compilation()
+    assert gc.get_threshold() == before
