@@ -7,7 +7,7 @@ import numpy as np
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.none_of_these import LeftOutLinks
-from contactsense.localization.sample_blocks import SampleBlocks
+from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -21,7 +21,7 @@ class SearchedSurface(NamedTuple):
     """Primitives in the frames of their links."""
     samples: SurfaceSamples
     """Samples of their surface."""
-    blocks: SampleBlocks
+    blocks: SurfaceBlocks
     """The samples in blocks."""
     subsamples: SurfaceSubsamples
     """Subsamples of each sample's surface cell."""

@@ -16,7 +16,6 @@ from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.energy_bound import exclude_cells
 from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
 from contactsense.localization.line_of_action_search import moment_variance
-from contactsense.localization.sample_blocks import SampleBlocks
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.simd_layout import (
     BOUND,
@@ -33,6 +32,7 @@ from contactsense.localization.simd_layout import (
     Y,
     Z,
 )
+from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.jit.array_views import copy
@@ -91,7 +91,7 @@ def evaluate_cells(
 @fused_kernel
 def _evaluate_samples(
     samples: SurfaceSamples,
-    blocks: SampleBlocks,
+    blocks: SurfaceBlocks,
     touchable: np.ndarray,
     depth: np.ndarray,
     motion: Motion,
@@ -322,7 +322,7 @@ def _is_far_from_line_of_action(
     P: np.ndarray,
     R: np.ndarray,
     o: np.ndarray,
-    blocks: SampleBlocks,
+    blocks: SurfaceBlocks,
     b: int,
     prior: Prior,
     squared_force: float,

@@ -73,7 +73,7 @@ def explain_contact_sets(
     scene = SearchedSurface(
         constants.surfaces,
         constants.samples,
-        constants.sample_blocks,
+        constants.surface_blocks,
         constants.subsamples,
         constants.deviations,
         constants.touchable,

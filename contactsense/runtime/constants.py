@@ -10,7 +10,7 @@ from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Model, build_model
 from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.none_of_these import LeftOutLinks
-from contactsense.localization.sample_blocks import SampleBlocks, sample_blocks
+from contactsense.localization.surface_blocks import SurfaceBlocks, surface_blocks
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots import Link, Robot
@@ -39,7 +39,7 @@ class Constants(NamedTuple):
     `start[-1]` are those of bodies that cover it, base frame; their `link` is 0."""
     samples: SurfaceSamples
     """Samples of that surface, in the same frames."""
-    sample_blocks: SampleBlocks
+    surface_blocks: SurfaceBlocks
     """The samples in blocks for the search."""
     subsamples: SurfaceSubsamples
     """Subsamples of each sample's surface cell."""
@@ -74,7 +74,7 @@ def sizes_of(constants: Constants) -> dict[str, int]:
         "links": len(constants.touchable),
         "primitives": len(constants.surfaces.kind),
         "samples": len(constants.samples.spread),
-        "blocks": len(constants.sample_blocks.first),
+        "blocks": len(constants.surface_blocks.first),
         "subsamples": len(constants.subsamples.spread),
         "link_sensors": len(constants.link_sensors.body),
         "deviations": len(constants.deviations.ratio),
@@ -91,7 +91,7 @@ def build_constants(scene: Scene) -> Constants:
         model=model_with_tool(scene),
         surfaces=surfaces,
         samples=samples,
-        sample_blocks=sample_blocks(surfaces, samples),
+        surface_blocks=surface_blocks(surfaces, samples),
         subsamples=subsamples,
         deviations=deviation_cells(scene, surfaces),
         sensors=_sensors(scene),

@@ -164,7 +164,7 @@ def explain_sample(
     scene = SearchedSurface(
         constants.surfaces,
         constants.samples,
-        constants.sample_blocks,
+        constants.surface_blocks,
         constants.subsamples,
         constants.deviations,
         constants.touchable,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.localization.sample_blocks import CELL_REACH, sample_blocks
 from contactsense.localization.simd_layout import LANES, SPREAD, X, Y, Z
+from contactsense.localization.surface_blocks import CELL_REACH, surface_blocks
 from contactsense.readings import forward_model
 from contactsense.robots import load
 from contactsense.robots.surface.convex_primitives import pack
@@ -22,7 +22,7 @@ SCENE = Scene(
 
 def test_each_sample_is_in_one_lane_and_its_cell_in_the_sphere() -> None:
     constants = build_constants(SCENE)
-    samples, blocks = constants.samples, constants.sample_blocks
+    samples, blocks = constants.samples, constants.surface_blocks
     seen: list[int] = []
     for link, (first, last) in enumerate(itertools.pairwise(blocks.start)):
         for b in range(first, last):
@@ -51,7 +51,7 @@ def test_links_without_samples_have_no_blocks() -> None:
         primitive=constants.samples.primitive[alone],
         start=np.searchsorted(constants.samples.primitive[alone], np.arange(len(surfaces.kind) + 1)),
     )
-    blocks = sample_blocks(surfaces, samples)
+    blocks = surface_blocks(surfaces, samples)
     count = -(-int(alone.sum()) // LANES)
     np.testing.assert_array_equal(np.diff(blocks.start), [count if link == 2 else 0 for link in range(7)])
 
@@ -60,7 +60,7 @@ def test_links_without_samples_have_no_blocks() -> None:
 def test_no_answer_changes_where_far_blocks_are_skipped(seed: int) -> None:
     rng = np.random.default_rng(seed)
     usual, all_blocks = Localizer(SCENE), Localizer(SCENE)
-    all_blocks._buffers.constants.sample_blocks.radius[:] = 10.0
+    all_blocks._buffers.constants.surface_blocks.radius[:] = 10.0
     samples = all_blocks._buffers.constants.samples
     for s in rng.choice(len(samples.spread), 40):
         q = rng.uniform(-2.0, 2.0, 6)

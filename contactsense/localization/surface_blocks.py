@@ -17,7 +17,7 @@ CELL_REACH = 2.5
 """A cell reaches this many of its standard deviations from its sample: the corners of a square."""
 
 
-class SampleBlocks(NamedTuple):
+class SurfaceBlocks(NamedTuple):
     """B blocks of up to `LANES` successive samples of one link."""
 
     cells: Annotated[Floats, f"blocks, {BOUND}"]
@@ -35,7 +35,7 @@ class SampleBlocks(NamedTuple):
     """First block of each link, then the total number."""
 
 
-def sample_blocks(surfaces: Surfaces, samples: SurfaceSamples) -> SampleBlocks:
+def surface_blocks(surfaces: Surfaces, samples: SurfaceSamples) -> SurfaceBlocks:
     """The blocks of all samples."""
     ends = samples.start[surfaces.start]
     of_link = [np.arange(*link, LANES) for link in itertools.pairwise(ends)]
@@ -47,7 +47,7 @@ def sample_blocks(surfaces: Surfaces, samples: SurfaceSamples) -> SampleBlocks:
     point, spread = samples.point[rows], samples.spread[rows]
     centre = 0.5 * (point.min(axis=1) + point.max(axis=1))
     reach = np.linalg.norm(point - centre[:, None], axis=2) + CELL_REACH * spread
-    return SampleBlocks(
+    return SurfaceBlocks(
         cells=columns[rows].transpose(0, 2, 1).reshape(len(first), -1),
         first=first.astype(np.int64),
         length=np.minimum(end - first, LANES).astype(np.int64),
