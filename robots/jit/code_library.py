@@ -28,7 +28,7 @@ _NEW_OBJECTS = 100_000
 @contextmanager
 def _rare_garbage_collection() -> Iterator[None]:
     """Look for garbage only when there are many new objects: a compilation makes millions that stay, and to
-    look through them again and again takes a tenth of its time."""
+    look through them again and again takes up to a tenth of its time."""
     thresholds = gc.get_threshold()
     gc.set_threshold(max(thresholds[0], _NEW_OBJECTS), *thresholds[1:])
     try:
