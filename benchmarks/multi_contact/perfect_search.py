@@ -11,13 +11,10 @@ import numpy as np
 from contactsense import Contact, Estimate, Scene
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.buffers import MultiContactBuffers, PrimitiveFrames
-from contactsense.multi_contact.contact_set_search import (
-    initialize_known_contact,
-    known_evidence,
-    set_evidence,
-)
+from contactsense.multi_contact.initial_contacts import initialize_known_contact
 from contactsense.multi_contact.joint_optimization import set_contact
 from contactsense.multi_contact.locator import MultiContactLocator
+from contactsense.multi_contact.set_evidence import known_evidence, set_evidence
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project

@@ -178,20 +178,15 @@ def initial_guesses(
             limit = ceiling + ENERGY_CUTOFF - link_energy
             offset = prior.surface_deviation * deviations.largest[p]
             sphere_distance = math.sqrt(ax * ax + ay * ay + az * az) / squared_force - radius
-            variance = -1.0
-            if sphere_distance > 0.0:
-                variance = moment_variance(P, ox, oy, oz) + offset * offset * squared_force
-                if _shift_energy(sphere_distance, squared_force, variance) > limit:
-                    continue
+            variance = moment_variance(P, ox, oy, oz) + offset * offset * squared_force
+            if sphere_distance > 0.0 and _shift_energy(sphere_distance, squared_force, variance) > limit:
+                continue
             v, B = candidates.wrench[p], candidates.information[p]
             to_body_frame(w, L, candidates.rotation[p], candidates.origin[p], v, B)
             wrench = Wrench((v[0], v[1], v[2]), (v[3], v[4], v[5]))
             distance, point, normal = enter_surface(kind, size, radius, wrench)
-            if distance > 0.0:
-                if variance < 0.0:
-                    variance = moment_variance(P, ox, oy, oz) + offset * offset * squared_force
-                if _shift_energy(distance, squared_force, variance) > limit:
-                    continue
+            if distance > 0.0 and _shift_energy(distance, squared_force, variance) > limit:
+                continue
             contact = Contact(point, normal, pushing_force(wrench.force, normal), 0.0)
             cell = nearest_cell(deviations, p, point[0], point[1], point[2])
             local = prior_in_cell(prior, deviations, cell)

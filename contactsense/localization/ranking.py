@@ -14,6 +14,7 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
+from contactsense.kinematics.wrench_information import matvec
 from contactsense.localization.accessibility import Frames
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_of_action_search import moment_variance, search_along_line_of_action
@@ -23,7 +24,7 @@ from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_search import search_surface
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.robots.vectors import add, dot, vector
+from contactsense.robots.vectors import add, vector
 from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
@@ -193,26 +194,14 @@ def place_primitives(surfaces: Surfaces, depth: np.ndarray, motion: Motion, cand
         R, s = motion.rotation[body], vector(surfaces.origin[p])
         # Read before anything is written: the compiler cannot know that these are other arrays.
         rows = (vector(R[0]), vector(R[1]), vector(R[2]))
-        S = surfaces.rotation[p]
-        columns = ((S[0, 0], S[1, 0], S[2, 0]), (S[0, 1], S[1, 1], S[2, 1]), (S[0, 2], S[1, 2], S[2, 2]))
-        origin = add(vector(motion.origin[body]), (dot(rows[0], s), dot(rows[1], s), dot(rows[2], s)))
-        o, T = candidates.origin[p], candidates.rotation[p]
-        o[0], o[1], o[2] = origin
-        T[0, 0], T[0, 1], T[0, 2] = (
-            dot(rows[0], columns[0]),
-            dot(rows[0], columns[1]),
-            dot(rows[0], columns[2]),
-        )
-        T[1, 0], T[1, 1], T[1, 2] = (
-            dot(rows[1], columns[0]),
-            dot(rows[1], columns[1]),
-            dot(rows[1], columns[2]),
-        )
-        T[2, 0], T[2, 1], T[2, 2] = (
-            dot(rows[2], columns[0]),
-            dot(rows[2], columns[1]),
-            dot(rows[2], columns[2]),
-        )
+        S, o, T = surfaces.rotation[p], candidates.origin[p], candidates.rotation[p]
+        x = matvec(rows, (S[0, 0], S[1, 0], S[2, 0]))
+        y = matvec(rows, (S[0, 1], S[1, 1], S[2, 1]))
+        z = matvec(rows, (S[0, 2], S[1, 2], S[2, 2]))
+        o[0], o[1], o[2] = add(vector(motion.origin[body]), matvec(rows, s))
+        T[0, 0], T[0, 1], T[0, 2] = x[0], y[0], z[0]
+        T[1, 0], T[1, 1], T[1, 2] = x[1], y[1], z[1]
+        T[2, 0], T[2, 1], T[2, 2] = x[2], y[2], z[2]
 
 
 @fused_kernel

@@ -117,10 +117,12 @@ def _evaluate_samples(
         squared_force, force_variance = _wrench_in_link(w, P, hypotheses.information[link], R, o, cells)
         force_measured = force_variance < squared_force
         limit = lowest_energy + ENERGY_CUTOFF - link_energy
+        # The first link has no limit yet: no contact that is kept is that far above its link's energy.
+        far_limit = min(limit, 2.0 * ENERGY_CUTOFF)
         queued = 0
         for b in range(blocks.start[link], blocks.start[link + 1]):
             if wrench_measured and _is_far_from_line_of_action(
-                w, P, R, o, blocks, b, prior, squared_force, min(limit, 2.0 * ENERGY_CUTOFF)
+                w, P, R, o, blocks, b, prior, squared_force, far_limit
             ):
                 continue
             if force_measured:

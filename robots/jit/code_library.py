@@ -6,7 +6,7 @@ code of it each time. Of a few hundred kernels Python calls ten. All others are 
 are optimized with what surrounds them, so that machine code of their own is never run.
 
 There they are private, which Numba leaves out. LLVM may then change how they are called: an array is passed
-as seven numbers and more, of which most functions use two. That takes a quarter of the time of `locate` away.
+as seven numbers and more, of which most functions use two. A search takes a quarter less time.
 """
 
 import gc
@@ -30,7 +30,8 @@ def _rare_garbage_collection() -> Iterator[None]:
     """Look for garbage only when there are many new objects: a compilation makes millions that stay, and to
     look through them again and again takes up to a tenth of its time."""
     thresholds = gc.get_threshold()
-    gc.set_threshold(max(thresholds[0], _NEW_OBJECTS), *thresholds[1:])
+    # A threshold of zero: no collection at all.
+    gc.set_threshold(max(thresholds[0], _NEW_OBJECTS) if thresholds[0] else 0, *thresholds[1:])
     try:
         yield
     finally:

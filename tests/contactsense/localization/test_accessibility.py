@@ -7,7 +7,12 @@ import pytest
 
 from contactsense import Scene
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.localization.accessibility import accessible_share, apply_accessibility, clearance
+from contactsense.localization.accessibility import (
+    PENETRATION_SCALE,
+    accessible_share,
+    apply_accessibility,
+    clearance,
+)
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.ranking import place_primitives
 from contactsense.robots.jit.flat_buffers import zeros
@@ -15,7 +20,7 @@ from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
-from contactsense.solvers.posterior import Contact, SearchBuffers
+from contactsense.solvers.posterior import STUDENT_DOF, Contact, SearchBuffers
 from contactsense.solvers.posterior_mode import Mode
 
 TRIALS = 4000
@@ -85,3 +90,12 @@ def test_share_and_mean_agree_with_monte_carlo(
     apply_accessibility(constants.surfaces, state.candidates, 0, constants.prior, -8.0)
     # Only candidates below the limit are rejected early.
     assert state.candidates.score[0] == full_score or full_score < -8.0
+
+
+def test_the_share_falls_as_the_tail_of_students_t() -> None:
+    prior = build_constants(Scene(robot="ur5e")).prior
+    for margin in (-1e-5, -1e-3, -0.1):
+        penetration = PENETRATION_SCALE * margin / prior.surface_deviation
+        expected = (1.0 + penetration**2 / STUDENT_DOF) ** (-0.5 * (STUDENT_DOF + 1.0))
+        assert accessible_share(margin, prior) == pytest.approx(expected, rel=1e-12)
+    assert accessible_share(0.0, prior) == accessible_share(0.1, prior) == 1.0

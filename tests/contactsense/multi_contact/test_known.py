@@ -11,7 +11,8 @@ from contactsense.multi_contact.buffers import (
     PrimitiveFrames,
     empty_multi_contact_buffers,
 )
-from contactsense.multi_contact.contact_set_search import initialize_known_contact, known_evidence
+from contactsense.multi_contact.initial_contacts import initialize_known_contact
+from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots.primitives import Sphere
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
