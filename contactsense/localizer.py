@@ -23,7 +23,7 @@ from contactsense.robots.jit.progress_bar import shown_compilation
 from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
 from contactsense.runtime.detectable import usable_in
 from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
-from contactsense.runtime.kernels import detect, localize, locate_once
+from contactsense.runtime.kernels import detect, explain
 from contactsense.runtime.picked_up_payload import PickedUpPayload
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.runtime.stream_screening import StreamScreening
@@ -54,7 +54,7 @@ _EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
 
 def kernels_of(scene: Scene, method: Method = "joint") -> tuple[Any, ...]:
     """Compiled functions that a localizer for this scene calls from Python for single samples."""
-    kernels: tuple[Any, ...] = (detect, localize, locate_once)
+    kernels: tuple[Any, ...] = (detect, explain)
     if method == "intrinsic":
         kernels += (localize_intrinsic, batch_intrinsic)
     return (*kernels, explain_contact_sets) if scene.contacts > 1 else kernels
@@ -222,7 +222,9 @@ class Localizer(StaticLocalizer):
             self._multi_tracker.forget()
         count = -1
         if flags & TOUCHED:
-            count = self._localize(*self._kernel_args, self._bandwidth, self._gate, self._rows)
+            count, _ = self._explain(
+                *self._kernel_args, self._bandwidth, self._gate, self._no_measurement, self._rows
+            )
             if self._intrinsic:
                 base = self._usable()[0]
                 count = localize_intrinsic(*self._kernel_args, self._rows) if base else 0
@@ -355,8 +357,7 @@ class Localizer(StaticLocalizer):
         links = dict.fromkeys(self._link_sensors, np.zeros(6))
         compile_sample = self._fields(self._sample_fields.compile_sample())
         self._detect = direct_call(detect, self._arguments, self._bandwidth, *compile_sample, True)
-        self._localize = direct_call(localize, *self._kernel_args, self._bandwidth, self._gate, self._rows)
-        self._compile_locate()
+        self._compile_explain()
         self.locate(
             np.zeros(self._joints),
             base_wrench=base,

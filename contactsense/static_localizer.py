@@ -19,7 +19,8 @@ from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
 from contactsense.runtime.explanation import Measured
 from contactsense.runtime.intrinsic import batch_intrinsic
-from contactsense.runtime.kernels import DOUBTFUL, NOT_FINITE, batch, locate_once
+from contactsense.runtime.kernels import batch, explain
+from contactsense.runtime.measurement import DOUBTFUL, NOT_FINITE, Measurement
 from contactsense.runtime.parallel_batch import explain_rows
 from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.runtime.result_rows import WIDTH
@@ -172,27 +173,27 @@ class StaticLocalizer:
     def _locate_once(
         self, values: Measured, external: bool, usable: Usable, threshold: float, check: bool
     ) -> tuple[int, float]:
-        """`contactsense.runtime.kernels.locate_once`; values of other array types are converted.
+        """`contactsense.runtime.kernels.explain`; values of other array types are converted.
 
         Raises:
             ValueError: a value cannot be converted; the message names the argument.
         """
         if self._intrinsic:
             return self._locate_once_intrinsic(values, external, usable)
-        parts, gate, rows = self._kernel_args, self._gate, self._rows
+        args, gate, rows = self._kernel_args, self._gate, self._rows
         if self._sample_fields.are_vectors(values):
-            found = self._locate_directly(*parts, values, external, usable, gate, threshold, check, rows)
+            measurement = (values, external, usable, threshold, check)
+            found = self._explain(*args, 0.0, gate, measurement, rows)
             if found[0] != NOT_FINITE:
                 return found
-        values = self._sample_fields.checked(*values)
-        return self._locate_directly(*parts, values, external, usable, gate, threshold, check, rows)
+        measurement = (self._sample_fields.checked(*values), external, usable, threshold, check)
+        return self._explain(*args, 0.0, gate, measurement, rows)
 
-    def _compile_locate(self) -> None:
-        """Compile or load the kernel for single measurements."""
+    def _compile_explain(self) -> None:
+        """Compile or load the kernel for measurements and streams."""
         values = self._sample_fields.values(self._sample_fields.compile_sample().q)
-        self._locate_directly = direct_call(
-            locate_once, *self._kernel_args, values, False, (True, True, 0), False, 0.0, False, self._rows
-        )
+        self._no_measurement: Measurement = (values, False, (True, True, 0), 0.0, False)
+        self._explain = direct_call(explain, *self._kernel_args, 0.0, False, self._no_measurement, self._rows)
 
     def _locate_once_intrinsic(self, values: Measured, external: bool, usable: Usable) -> tuple[int, float]:
         q, torque, base, link_wrench = self._sample_fields.checked(*values)

@@ -20,7 +20,7 @@ from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.buffers import Buffers, KernelBuffers, buffer_views
 from contactsense.runtime.constants import build_constants
-from contactsense.runtime.kernels import locate_once
+from contactsense.runtime.kernels import explain
 from contactsense.runtime.result_rows import WIDTH
 from contactsense.runtime.skin_grids import skin_argument
 from contactsense.runtime.state import empty_state
@@ -69,7 +69,8 @@ class Oracle:
         """The estimate of `Localizer.locate`; arguments as there."""
         present = (True, True, 0)
         measured = (q, joint_torque, base_wrench, np.zeros((0, 6)))
-        listed, _ = locate_once(*self._arguments, measured, True, present, False, -1.0, False, self._rows)
+        measurement = (measured, True, present, -1.0, False)
+        listed, _ = explain(*self._arguments, 0.0, False, measurement, self._rows)
         if contacts > 1:
             estimate = self._sets.explain(present, contacts, known, drift)
             found = self._sets.explanations

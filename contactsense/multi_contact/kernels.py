@@ -34,7 +34,7 @@ def explain_contact_sets(
 
     Args:
         kernel_buffers, skin: The localizer's kernel buffers after
-            `contactsense.runtime.kernels.locate_once` or `step`, and the signed distance grids.
+            `contactsense.runtime.kernels.explain`, and the signed distance grids.
         buffers: With the known contacts filled in.
         present: Which sensors have measured.
         bandwidth: Cut-off frequency of the observers [Hz]; infinite for an arm at rest, whose external

@@ -13,7 +13,7 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.buffers import Buffers, buffer_views
-from contactsense.runtime.kernels import localize
+from contactsense.runtime.newest_sample import localize
 from contactsense.runtime.simd_samples import detect_in_lane, fill_lanes
 from contactsense.sensors.stream_state import REPEATED, RESTARTED, TOUCHED, UNUSABLE
 
@@ -45,7 +45,7 @@ def detect_and_localize_block(
     """Work through samples `first`, `first` + 1, ... of a block.
 
     Args:
-        buffers, skin, rows: As for `contactsense.runtime.kernels.localize`.
+        buffers, skin, rows: As for `contactsense.runtime.newest_sample.localize`.
         settings: Cut-off frequency of the observers [Hz]; `gate` as for `localize`; mask of the flags that
             can be set for samples of this scene.
         stop_at_touch: Return after the first sample that touches, ends a contact or restarts the stream;

@@ -77,11 +77,11 @@ def localize_intrinsic(
     skin: Skin,
     rows: np.ndarray,
 ) -> int:
-    """The contact of a stream's newest residuals, after `contactsense.runtime.kernels.localize`.
+    """The contact of a stream's newest residuals, after `contactsense.runtime.newest_sample.localize`.
 
     Args:
         buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
-        skin: As for `contactsense.runtime.kernels.localize`.
+        skin: As for `contactsense.runtime.newest_sample.localize`.
         rows: The first row is filled.
 
     Returns:

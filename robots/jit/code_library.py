@@ -17,12 +17,15 @@ from typing import Any
 import llvmlite.binding as llvm
 from llvmlite import ir
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
 
 _ENVIRONMENT = "_ZN08NumbaEnv"
 """Prefix of the global variables that Numba sets when a function is compiled or loaded."""
 _NEW_OBJECTS = 100_000
 """Number of new objects after which a compilation looks for garbage."""
+
+_LARGE = 1000
+"""Number of arguments above which a function takes the whole `Constants` or `State`; an array is seven."""
 
 
 @contextmanager
@@ -36,6 +39,12 @@ def _rare_garbage_collection() -> Iterator[None]:
         yield
     finally:
         gc.set_threshold(*thresholds)
+
+
+def _takes_large_structures(code: Any) -> bool:
+    """Whether a function in a module takes structures of hundreds of arrays."""
+    defined = (function for function in code.functions if not function.is_declaration)
+    return any(sum(1 for _ in function.arguments) > _LARGE for function in defined)
 
 
 class KernelLibrary(JITCodeLibrary):
@@ -65,7 +74,18 @@ class LinkedLibrary(KernelLibrary):
 
     def _optimize_final_module(self) -> None:
         """A little, so that there is less to link; all passes run when it is linked."""
-        self._run_passes(cost="cheap", opt=1, loop_vectorize=False, slp_vectorize=False)
+        if _takes_large_structures(self._final_module):
+            passes = llvm.create_new_module_pass_manager()
+            passes.add_always_inliner_pass()
+            # Before `sroa`: it reads the fields that are used instead of whole structures, of which `sroa`
+            # makes a value per field and use. Loops that become SIMD code need the usual order.
+            passes.add_instruction_combine_pass()
+            passes.add_sroa_pass()
+            passes.add_simplify_cfg_pass()
+            builder = self._codegen._pass_builder()  # type: ignore[no-untyped-call]
+            passes.run(self._final_module, builder)
+        else:
+            self._run_passes(cost="cheap", opt=1, loop_vectorize=False, slp_vectorize=False)
 
     def _finalize_final_module(self) -> None:
         """Numba calls this when the code is optimized, to make machine code of it."""
@@ -86,10 +106,27 @@ class LinkedLibrary(KernelLibrary):
         super()._finalize_final_module()  # type: ignore[no-untyped-call]
 
 
+class KernelFlags(Flags):
+    """Numba's compile options, which it compares for each operator in each kernel: with all their defaults
+    that takes a twentieth of the time."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, KernelFlags) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._values))
+
+
 class KernelCompiler(Compiler):
     """Numba's compiler with a `KernelLibrary`."""
 
     library: type[KernelLibrary] = KernelLibrary
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)  # type: ignore[no-untyped-call]
+        self.state.flags = KernelFlags(self.state.flags)  # type: ignore[no-untyped-call]
 
     def compile_extra(self, func: Any) -> Any:
         """Compile a function; Numba calls this once for each set of argument types."""

@@ -1,15 +1,21 @@
 """Machine code of a kernel has no names for the kernels linked into it; compiling it leaves settings as they
-were."""
+were; Numba's options are told apart, and functions of large structures."""
 
 import gc
 import re
 from pathlib import Path
 
+import llvmlite.binding as llvm
 import numpy as np
 import pytest
+from numba.core.cpu_options import FastMathOptions
 
 from contactsense import Localizer, Sample, Scene
-from contactsense.robots.jit.code_library import _rare_garbage_collection
+from contactsense.robots.jit.code_library import (
+    KernelFlags,
+    _rare_garbage_collection,
+    _takes_large_structures,
+)
 from contactsense.runtime.kernels import detect
 
 
@@ -40,3 +46,22 @@ def test_garbage_is_collected_as_before_after_a_compilation_even_a_failed_one() 
     with pytest.raises(TypeError):
         failing_compilation()
     assert gc.get_threshold() == before
+
+
+def test_options_are_equal_if_all_that_are_set_are() -> None:
+    flags = KernelFlags()
+    flags.fastmath = FastMathOptions({"contract"})
+    copy = flags.copy()
+    assert copy == flags
+    assert hash(copy) == hash(flags)
+    copy.fastmath = FastMathOptions(False)
+    assert copy != flags
+
+
+@pytest.mark.parametrize(("arguments", "large"), [(1000, False), (1001, True)])
+def test_functions_of_large_structures_are_those_with_many_arguments(arguments: int, large: bool) -> None:
+    def module(body: str) -> llvm.ModuleRef:
+        return llvm.parse_assembly(f"{body.format(', '.join(['double'] * arguments))}")
+
+    assert _takes_large_structures(module("define void @f({}) {{ ret void }}")) == large
+    assert not _takes_large_structures(module("declare void @f({})"))

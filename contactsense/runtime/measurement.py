@@ -1,0 +1,78 @@
+"""One measurement of an arm at rest, which a caller has given and which may be unusable."""
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+
+from contactsense.detection.thresholds import Usable
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.explanation import Measured, take_static_sample
+from contactsense.runtime.reading_limits import (
+    TORQUE_SCALE,
+    are_positions_within,
+    are_torques_within,
+    is_base_plausible,
+    is_contact_wrench,
+)
+from contactsense.runtime.state import State
+
+NOT_FINITE, DOUBTFUL = -1, -2
+"""What `take_measurement` returns for values that cannot be used."""
+
+Measurement: TypeAlias = tuple[Measured, bool, Usable, float, bool]
+"""The values and whether the arm's weight has been subtracted from them, as for `take_static_sample`; which
+sensors have measured; threshold as for `explain_sample`; whether the values are checked: where they may be
+implausible, apart from link sensors with a known range, they are not explained."""
+
+
+@inlined_kernel
+def take_measurement(constants: Constants, state: State, measurement: Measurement) -> int:
+    """`take_static_sample` for values that may be unusable.
+
+    Returns:
+        0; `NOT_FINITE` where a vector has the wrong size or is not finite, `DOUBTFUL` where the measurement
+        may be implausible.
+    """
+    measured, external, usable, _, check = measurement
+    q, torque, base_wrench, link_wrench = measured
+    n = state.torque.shape[0]
+    if not (is_finite_vector(q, n) and is_finite_vector(torque, n) and is_finite_vector(base_wrench, 6)):
+        return NOT_FINITE
+    for s in range(link_wrench.shape[0]):
+        if not is_finite_vector(link_wrench[s], 6):
+            return NOT_FINITE
+    take_static_sample(constants, state, measured, external)
+    if check and not _is_plausible(constants, state, measured, external, usable):
+        return DOUBTFUL
+    return 0
+
+
+@kernel
+def is_finite_vector(vector: np.ndarray, size: int) -> bool:
+    """Whether a vector has `size` numbers, all finite. NumPy takes ten times as long for six of them."""
+    if len(vector) != size:
+        return False
+    for value in vector:  # noqa: SIM110 (a generator cannot be compiled)
+        if not math.isfinite(value):
+            return False
+    return True
+
+
+@inlined_kernel
+def _is_plausible(
+    constants: Constants, state: State, measured: Measured, external: bool, usable: Usable
+) -> bool:
+    """Whether a measurement is surely plausible, apart from link sensors with a known range; arguments as for
+    `locate_once`, after `take_static_sample`."""
+    q, torque, base_wrench, link_wrench = measured
+    limits, weight = constants.limits, state.motion.gravity[0]
+    # What remains of a plausible torque after a plausible model's is subtracted.
+    scale = TORQUE_SCALE + 1.0 if external else TORQUE_SCALE
+    if not are_positions_within(limits, q) or (usable[1] and not are_torques_within(limits, torque, scale)):
+        return False
+    for s in range(link_wrench.shape[0]):
+        if not is_contact_wrench(link_wrench[s], weight):
+            return False
+    return not usable[0] or is_base_plausible(limits, base_wrench, weight, external, state.wrench_change)

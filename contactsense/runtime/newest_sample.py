@@ -1,0 +1,126 @@
+"""Explain a stream's newest residuals by a contact."""
+
+import numpy as np
+
+from contactsense.residuals.equations_of_motion import wrench_difference
+from contactsense.robots.jit.array_views import block
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.surface.signed_distance_grid import Skin
+from contactsense.runtime.best_answer import store_best
+from contactsense.runtime.buffers import Buffers, buffer_views
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.explanation import explain_sample
+from contactsense.runtime.residual_update import set_external, use_residuals
+from contactsense.runtime.state import State
+from contactsense.sensors.stream_state import usable_sensors, usable_sensors_code
+from contactsense.tracking.contact_tracker import average_windows, choose_window, update_phase
+from contactsense.tracking.sliding import extrapolate_sliding
+
+
+@kernel
+def localize(
+    buffers: Buffers,
+    skin: Skin,
+    bandwidth: float,
+    gate: bool,
+    rows: np.ndarray,
+) -> int:
+    """Average the residuals over windows and explain them, after `detect` has detected a contact.
+
+    Args:
+        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
+        skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
+        bandwidth: Cut-off frequency of the observers [Hz].
+        gate: As for `contactsense.runtime.explanation.explain_sample`.
+        rows: Filled with the candidates.
+
+    Returns:
+        Number of candidates in `rows`.
+    """
+    constants, state = buffer_views(buffers)
+    track, stream = state.track, state.stream
+    dt = stream.clock[0].step
+    state.bias_filter.status[0].time_since_contact = 0.0
+    average_windows(
+        track,
+        state.observers,
+        stream.clock[0].variance_ratio,
+        usable_sensors_code(stream),
+        dt,
+        bandwidth,
+    )
+    has_base, has_torque, link_sensors = usable_sensors(stream)
+    slid = choose_window(constants.sensors, track, state.motion, has_base, dt, bandwidth)
+    update_phase(track, slid, dt, bandwidth)
+    window = track.status[0].window
+    if window > 0:
+        _use_window_mean(state, window)
+    else:
+        use_residuals(state)
+    usable = (has_base, has_torque, link_sensors)
+    listed, _ = explain_sample(buffers, skin, usable, track.variance_ratio[window], gate, -1.0, rows)
+    if listed > 0:
+        if has_base:
+            extrapolate_sliding(track, state.motion, constants.sensors.depth[int(rows[0, 0])], rows[0])
+            if window > 0:
+                _update_to_newest(constants, state, window, rows[:listed])
+        _store_last_contact(constants, state, rows[0])
+    store_best(listed, rows, state.hypotheses, state.answer)
+    return listed
+
+
+@inlined_kernel
+def _use_window_mean(state: State, window: int) -> None:
+    """Replace the observers' residuals by a window's mean."""
+    n, link_sensors = state.torque.shape[0], state.link_wrench.shape[0]
+    mean = state.track.mean[window]
+    a = 6 * (n + 1)
+    b = a + n
+    c = b + n
+    d = c + 6 * link_sensors
+    difference, residual = block(mean, c, (link_sensors, 6)), block(mean, d, (link_sensors, 6))
+    set_external(state, mean[:a], mean[a:b], mean[b:c], difference, residual)
+
+
+@inlined_kernel
+def _store_last_contact(constants: Constants, state: State, row: np.ndarray) -> None:
+    """Store body, point and normal of the best candidate for the next sample."""
+    body = constants.sensors.depth[int(row[0])]
+    R = state.motion.rotation[body]
+    track = state.track
+    track.status[0].last_body = body
+    for i in range(3):
+        track.last_point[i] = row[4 + i]
+        track.last_normal[i] = R[0, i] * row[10] + R[1, i] * row[11] + R[2, i] * row[12]
+
+
+@inlined_kernel
+def _update_to_newest(constants: Constants, state: State, window: int, rows: np.ndarray) -> None:
+    """Update force, torsion and wrench from the window mean to the newest residual; point and link remain
+    those of the window mean."""
+    track = state.track
+    wrench_change = state.wrench_change
+    for k in range(rows.shape[0]):
+        row = rows[k]
+        body = constants.sensors.depth[int(row[0])]
+        wrench_difference(state.motion, track.mean[0], track.mean[window], body, wrench_change)
+        fx, fy, fz = wrench_change[0], wrench_change[1], wrench_change[2]
+        cx, cy, cz = row[7], row[8], row[9]
+        row[13] += fx
+        row[14] += fy
+        row[15] += fz
+        row[3] += (
+            row[10] * (wrench_change[3] - cy * fz + cz * fy)
+            + row[11] * (wrench_change[4] - cz * fx + cx * fz)
+            + row[12] * (wrench_change[5] - cx * fy + cy * fx)
+        )
+    wrench, covariance = state.hypotheses.wrench, state.hypotheses.covariance
+    covariance_factor = track.variance_ratio[0] / track.variance_ratio[window]
+    for link in range(wrench.shape[0]):
+        wrench_difference(
+            state.motion, track.mean[0], track.mean[window], constants.sensors.depth[link], wrench_change
+        )
+        for i in range(6):
+            wrench[link, i] += wrench_change[i]
+            for j in range(6):
+                covariance[link, i, j] *= covariance_factor
