@@ -32,6 +32,7 @@ def test_answers_count_in_any_order(touches: Touches, order: tuple[int, int]) ->
     for judged in judge(answered(touches, order), touches):
         assert judged.success == judged.each == 1.0
         assert judged.rmse == 0.0
+        assert judged.rmse_interval == (0.0, 0.0)
 
 
 def test_a_contact_that_is_missing_is_a_failure(touches: Touches) -> None:
@@ -40,6 +41,27 @@ def test_a_contact_that_is_missing_is_a_failure(touches: Touches) -> None:
     after_two = list(judge(found, touches))[1]
     assert after_two.success == pytest.approx(5 / 6)
     assert after_two.each == pytest.approx(11 / 12)
+    low, high = after_two.success_interval
+    assert low < 5 / 6 < high < 1.0
+
+
+def test_the_interval_of_an_error_covers_runs_that_are_drawn_again(touches: Touches) -> None:
+    found = answered(touches, (0, 1))
+    found.point_base[::2, :, 0, 2] += 0.03
+    one = next(judge(found, touches))
+    assert one.rmse == pytest.approx(0.03 / np.sqrt(2.0))
+    # Of six runs one to five are far, in nineteen of twenty draws.
+    low, high = one.rmse_interval
+    assert low == pytest.approx(0.03 / np.sqrt(6.0))
+    assert high == pytest.approx(0.03 * np.sqrt(5.0 / 6.0))
+
+
+def test_without_any_answer_the_error_is_infinite(touches: Touches) -> None:
+    found = answered(touches, (0, 1))
+    found.link[:] = -1
+    one = next(judge(found, touches))
+    assert one.rmse == np.inf
+    assert one.rmse_interval == (np.inf, np.inf)
 
 
 def test_far_is_no_success(touches: Touches) -> None:
