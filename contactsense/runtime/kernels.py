@@ -7,6 +7,7 @@ import numpy as np
 
 from contactsense.detection.thresholds import Usable
 from contactsense.residuals.equations_of_motion import wrench_difference
+from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Skin
@@ -38,11 +39,13 @@ from contactsense.sensors.stream_state import (
     usable_sensors_code,
 )
 from contactsense.tracking.contact_tracker import (
+    NONE,
     average_windows,
     choose_window,
     end_contact,
     update_phase,
 )
+from contactsense.tracking.resumed_contact import add_to_links, number_contact
 from contactsense.tracking.sliding import extrapolate_sliding
 
 NOT_FINITE, DOUBTFUL = -1, -2
@@ -115,7 +118,7 @@ def localize(
     """
     constants, state = buffer_views(buffers)
     track, stream = state.track, state.stream
-    dt = stream.clock[0].step
+    dt, begins = stream.clock[0].step, track.status[0].phase == NONE
     state.bias_filter.status[0].time_since_contact = 0.0
     average_windows(
         track,
@@ -135,6 +138,9 @@ def localize(
         use_residuals(state)
     usable = (has_base, has_torque, link_sensors)
     listed, _ = explain_sample(buffers, skin, usable, track.variance_ratio[window], gate, -1.0, rows)
+    if begins:
+        number_contact(track, constants.link_prior, state.link_probability, bandwidth)
+    add_to_links(track, state.statistics[NO_CONTACT], state.link_probability)
     if listed > 0:
         if has_base:
             extrapolate_sliding(track, state.motion, constants.sensors.depth[int(rows[0, 0])], rows[0])
