@@ -306,8 +306,9 @@ class MultiContactTracker:
         self._before_onset, self._onset_force = list(before), math.inf
         status = self._state.track.status[0]
         status.count += 1
-        self._members.append(Member(status.count, t, t, "new"))
-        self._events.append(Event("onset", status.count, t))
+        number = int(status.count)
+        self._members.append(Member(number, t, t, "new"))
+        self._events.append(Event("onset", number, t))
         self._set_prior(t, hypotheses)
         self._explained_time = t
 
