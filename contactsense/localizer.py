@@ -49,7 +49,7 @@ _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
 _NOT_FINITE = "time, positions or velocities are not finite or implausibly large: sample not used"
 _NO_VECTORS = (TypeError, ValueError, AttributeError, IndexError)
 """What is raised for a sample whose fields are no vectors of floats of the right size."""
-_EVENTS: dict[int, EventKind] = {NEW: "onset", HOLD: "hold", SLIDE: "slide"}
+_EVENTS: dict[int, EventKind] = {HOLD: "hold", SLIDE: "slide"}
 
 
 def kernels_of(scene: Scene, method: Method = "joint") -> tuple[Any, ...]:
@@ -109,7 +109,7 @@ class Localizer(StaticLocalizer):
         state.stream.usable[:] = 0
         restart_consistency(state.consistency, self.scene.force, self.scene.contacts == 1)
         end_contact(state.track)
-        state.track.status[0].number = 0
+        state.track.status[0].number = state.track.status[0].count = 0
         if self._multi_tracker is not None:
             self._multi_tracker.forget()
         self._screening.reset()
@@ -246,6 +246,7 @@ class Localizer(StaticLocalizer):
                 estimate, self._number = self._multi_tracker.step(
                     t, self._usable(), self._number, count > 0, reason
                 )
+                self._contact_number[0] = self._number
                 if estimate is not None:
                     return estimate
         if count < 0:
@@ -282,7 +283,8 @@ class Localizer(StaticLocalizer):
         if phase == NONE:
             return (), (Event("release", self._number, t),)
         if phase == NEW:
-            self._number = int(self._contact_number[0])
+            last, self._number = self._number, int(self._contact_number[0])
+            return ("onset" if self._number != last else "resume",), ()
         return (_EVENTS[phase],), ()
 
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:

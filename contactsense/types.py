@@ -10,7 +10,7 @@ import numpy as np
 Status = Literal["none", "contact", "ambiguous", "multiple", "degraded"]
 Phase = Literal["", "new", "hold", "slide"]
 """Phase of a contact of a stream: new, at a constant position, or sliding; empty without a stream."""
-EventKind = Literal["onset", "hold", "slide", "release", "weight"]
+EventKind = Literal["onset", "hold", "slide", "release", "resume", "weight"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +75,9 @@ class Event:
     """A change of a contact in this sample."""
 
     kind: EventKind
-    """`onset`: it began; `hold`: its position is constant; `slide`: it moves; `release`: it ended; `weight`:
-    it was a payload that was picked up or put down."""
+    """`onset`: it began; `hold`: its position is constant; `slide`: it moves; `release`: it ended; `resume`:
+    it has not ended after all, another `release` will follow; `weight`: it was a payload that was picked up
+    or put down."""
     contact: int
     """Its number, see `Contact.id`."""
     t: float

@@ -22,8 +22,9 @@ def report(recording: Path, scene: Scene) -> None:
     """Print each contact of a recording: when, where, how hard."""
     localizer = Localizer(scene)
     begun: dict[int, float] = {}  # number of the contact -> when it began [s]
+    ended: dict[int, float] = {}  # the same -> when it ended [s]; the last time, as a contact may resume
     strongest: dict[int, Contact] = {}  # the same -> its estimate under the largest force
-    # `run` starts a new stream and yields one estimate per sample; nothing is kept in memory.
+    # `run` starts a new stream and yields one estimate per sample, which need not be kept.
     for estimate in localizer.run(read(recording, scene).samples()):
         for contact in estimate.contacts[:1]:
             before = strongest.get(contact.id)
@@ -33,11 +34,13 @@ def report(recording: Path, scene: Scene) -> None:
             if event.kind == "onset":
                 begun[event.contact] = event.t
             elif event.kind == "release":
-                best = strongest[event.contact]
-                print(
-                    f"{begun[event.contact]:7.3f} to {event.t:7.3f} s  {best.link:10} "
-                    f"{force(best):5.1f} N at {np.round(best.point, 3)} m in the link's frame"
-                )
+                ended[event.contact] = event.t
+    for number, end in ended.items():
+        best = strongest[number]
+        print(
+            f"{begun[number]:7.3f} to {end:7.3f} s  {best.link:10} "
+            f"{force(best):5.1f} N at {np.round(best.point, 3)} m in the link's frame"
+        )
 
 
 def force(contact: Contact) -> float:

@@ -335,7 +335,7 @@ def _contacts(stream: Stream, localizer: Localizer, noise: Noise, wrong: bool) -
         np.array([sample.joint_torque for sample in each]),
         None if localizer.scene.base_wrench is None else np.array([sample.base_wrench for sample in each]),
     )
-    collector, at = ContactCollector(), 0
+    collector, at = ContactCollector(localizer.scene.bandwidth), 0
     for found in localizer.run_blocks([block]):
         part = slice(at, at + len(found))
         at = part.stop

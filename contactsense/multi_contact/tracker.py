@@ -105,7 +105,10 @@ class MultiContactTracker:
         self._prior_time = self._explained_time = self._next_search = -math.inf
 
     def end(self, t: float, number: int) -> tuple[Event, ...]:
-        """Release all contacts; returns the release events except that of contact `number`."""
+        """Release all contacts; returns the release events except that of contact `number`. Of several, none
+        resumes: an onset does not tell which."""
+        if self._members:
+            self._state.track.status[0].time_since_end = math.inf
         released = tuple(Event("release", m.number, t) for m in self._members if m.number != number)
         self.forget()
         return released
@@ -302,9 +305,10 @@ class MultiContactTracker:
         """Add a further contact, found in `hypotheses`, given the hypotheses `before` its onset."""
         self._before_onset, self._onset_force = list(before), math.inf
         status = self._state.track.status[0]
-        status.number += 1
-        self._members.append(Member(status.number, t, t, "new"))
-        self._events.append(Event("onset", status.number, t))
+        status.count += 1
+        number = int(status.count)
+        self._members.append(Member(number, t, t, "new"))
+        self._events.append(Event("onset", number, t))
         self._set_prior(t, hypotheses)
         self._explained_time = t
 

@@ -129,6 +129,7 @@ class BlockRunner:
             t=block.t,
             flags=self._flags[:count].copy(),
             phase=self._phases[:count, 0].copy(),
+            number=self._phases[:count, 1].copy(),
             energy=residuals[:, 0],
             consistency=residuals[:, 1:4],
             base_wrench=residuals[:, 4:10],

@@ -20,7 +20,7 @@ from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import join_inertia
 from contactsense.runtime.deviation_cells import deviation_cells
 from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
-from contactsense.runtime.link_prior import area_share, log_link_density
+from contactsense.runtime.link_prior import area_share, link_probability, log_link_density
 from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts, tool_in_last_link
 from contactsense.runtime.reading_limits import ReadingLimits, reading_limits
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
@@ -51,6 +51,8 @@ class Constants(NamedTuple):
     """Prior distribution of contacts."""
     touchable: Annotated[Integers, "links"]
     """1 for links that are searched, else 0."""
+    link_prior: Annotated[Floats, "links"]
+    """Probability of a contact on each link before any measurement."""
     left_out: LeftOutLinks
     """The other links that can be touched."""
     gravity: Annotated[Floats, "3"]
@@ -87,6 +89,7 @@ def build_constants(scene: Scene) -> Constants:
     surfaces = scene_surfaces(scene)
     unsearched = unsearched_surfaces(scene)
     samples, subsamples, area = sample_surface(surfaces, float(unsearched.area.sum()))
+    share = area_share(surfaces, samples, len(scene.link_names))
     return Constants(
         model=model_with_tool(scene),
         surfaces=surfaces,
@@ -102,9 +105,10 @@ def build_constants(scene: Scene) -> Constants:
             force=scene.force,
             clearance=scene.clearance,
             area=area,
-            log_link_density=log_link_density(scene, area_share(surfaces, samples, len(scene.link_names))),
+            log_link_density=log_link_density(scene, share),
         ),
         touchable=touchable_links(scene),
+        link_prior=link_probability(scene, share),
         left_out=left_out_links(scene, unsearched, area),
         gravity=scene.gravity_base,
         link_sensors=link_sensors(scene),

@@ -23,6 +23,7 @@ from contactsense.sensors.stream_state import (
     usable_sensors,
 )
 from contactsense.tracking.contact_tracker import NONE, end_contact
+from contactsense.tracking.resumed_contact import release_contact
 
 
 @inlined_kernel
@@ -101,7 +102,7 @@ def conclude(
         flags |= INCONSISTENT
     if touched:
         return flags | TOUCHED
-    end_contact(track)
+    release_contact(track, dt)
     if onset:
         track.status[0].above_onset = True
     else:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from contactsense.residuals.equations_of_motion import wrench_difference
+from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Skin
@@ -13,7 +14,8 @@ from contactsense.runtime.explanation import explain_sample
 from contactsense.runtime.residual_update import set_external, use_residuals
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import usable_sensors, usable_sensors_code
-from contactsense.tracking.contact_tracker import average_windows, choose_window, update_phase
+from contactsense.tracking.contact_tracker import NONE, average_windows, choose_window, update_phase
+from contactsense.tracking.resumed_contact import add_to_links, number_contact
 from contactsense.tracking.sliding import extrapolate_sliding
 
 
@@ -39,7 +41,7 @@ def localize(
     """
     constants, state = buffer_views(buffers)
     track, stream = state.track, state.stream
-    dt = stream.clock[0].step
+    dt, begins = stream.clock[0].step, track.status[0].phase == NONE
     state.bias_filter.status[0].time_since_contact = 0.0
     average_windows(
         track,
@@ -59,6 +61,9 @@ def localize(
         use_residuals(state)
     usable = (has_base, has_torque, link_sensors)
     listed, _ = explain_sample(buffers, skin, usable, track.variance_ratio[window], gate, -1.0, rows)
+    if begins:
+        number_contact(track, constants.link_prior, state.link_probability, bandwidth)
+    add_to_links(track, state.statistics[NO_CONTACT], state.link_probability)
     if listed > 0:
         if has_base:
             extrapolate_sliding(track, state.motion, constants.sensors.depth[int(rows[0, 0])], rows[0])

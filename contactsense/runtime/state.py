@@ -1,6 +1,7 @@
 """What changes with a sample: observers, poses, hypotheses and candidates, in arrays that are reused for
 every sample."""
 
+import math
 from typing import Annotated, NamedTuple
 
 from contactsense.isolation.link_hypotheses import Hypotheses, SensorRows
@@ -103,7 +104,7 @@ class State(NamedTuple):
 def empty_state(constants: Constants) -> State:
     """State before the first sample."""
     state = zeros(State, **sizes_of(constants))
-    state.track.status[0].last_body = -1
+    state.track.status[0].last_body, state.track.status[0].time_since_end = -1, math.inf
     restart(state.noise_scale, constants.sensors.base_covariance)
     return state._replace(
         model=Model(*(array.copy() for array in constants.model)),

@@ -54,7 +54,9 @@ class ContactStatus:
 
     phase: int
     number: int
-    """Id of the contact."""
+    """Id of the contact, or of the last one."""
+    count: int
+    """Ids given so far."""
     age: float
     """[s]"""
     time_since_slide: float
@@ -67,6 +69,8 @@ class ContactStatus:
     """Whether the last sample was above the onset threshold."""
     last_body: int
     """Index of the body of the last estimate; -1: there was none."""
+    time_since_end: float
+    """Time since the last contact ended [s]; infinite if it cannot resume."""
 
 
 class ContactTrack(NamedTuple):
@@ -91,20 +95,24 @@ class ContactTrack(NamedTuple):
     """Scratch: each window's point in the tangent plane [m] and its normal force [N]."""
     moment_covariance: Annotated[Floats, "3"]
     """Scratch: covariance of the moment about the last point, tangential components, as xx, xy, yy."""
+    link_weight: Annotated[Floats, "links"]
+    """Sum of each link's probability over the samples of the contact, or of the last one, weighted by their
+    energies."""
     status: Annotated[Records[ContactStatus], "1"]
 
 
 @kernel
 def end_contact(track: ContactTrack) -> None:
-    """End the contact; ids continue."""
+    """End the contact, which cannot resume; ids continue."""
     status = track.status[0]
     status.phase, status.window, status.above_onset, status.last_body = NONE, 0, False, -1
-    status.age, status.time_since_slide = 0.0, 0.0
+    status.age, status.time_since_slide, status.time_since_end = 0.0, 0.0, math.inf
 
 
 @kernel
 def restart_windows(track: ContactTrack) -> None:
-    """Restart all windows from the newest residual, after a change of contact."""
+    """Restart all windows from the newest residual and forget the links, after a change of contact."""
+    track.link_weight[:] = 0.0
     for i in range(1, WINDOWS):
         copy(track.mean[0], track.mean[i])
         track.variance_ratio[i] = track.variance_ratio[0]
@@ -366,7 +374,6 @@ def update_phase(track: ContactTrack, slid: bool, dt: float, bandwidth: float) -
     time_constant = 1.0 / (2.0 * math.pi * bandwidth)
     if status.phase == NONE:
         status.phase = NEW
-        status.number += 1
         status.age, status.time_since_slide = 0.0, 0.0
         return
     status.age += dt

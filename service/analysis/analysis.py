@@ -205,7 +205,7 @@ class AnalysisRun:
         self.residuals = statistics or ResidualStatistics(joints, *span)
         self.extent = Extent(problems=recording.problems if isinstance(recording, Recording) else ())
         first, last = own or (0, None)
-        collector = ContactCollector()
+        collector = ContactCollector(self.scene.bandwidth)
         at = 0
         for rows, block, found in self._blocks(recording, cuts):
             if first <= at and (last is None or at < last):
@@ -254,7 +254,8 @@ class AnalysisRun:
         if not self._smooth:
             return contact
         self._smoother = self._smoother or ContactSmoother(self.scene)
-        smoothed = self._smoother.smooth(history)
+        # After a pause the arm may only ring: that is no push at one place.
+        smoothed = self._smoother.smooth(history.strongest_stretch())
         return contact if smoothed is None else self._summarizer.with_place(contact, history, smoothed)
 
 

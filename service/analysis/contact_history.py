@@ -1,5 +1,6 @@
-"""The samples of an active contact, until it ends."""
+"""The samples of an active contact, until it ends and cannot resume any more."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from contactsense import BlockEstimates, SampleBlock
 from contactsense.runtime.result_rows import FORCE
-from contactsense.sensors.stream_state import REPEATED, RESTARTED, UNUSABLE
+from contactsense.sensors.stream_state import REPEATED, RESTARTED, SETTLING_TIME_CONSTANTS, UNUSABLE
 from contactsense.tracking.contact_tracker import NONE
 
 MAX_SAMPLES = 30_000
@@ -25,7 +26,7 @@ class ContactHistory:
     block: SampleBlock
     """The samples."""
     phase: np.ndarray
-    """Phase in each, shape (N,), int64."""
+    """Phase in each, shape (N,), int64: `NONE` in a pause after which the contact resumed."""
     energy: np.ndarray
     """Energy of "nothing touches", shape (N,)."""
     base_wrench: np.ndarray
@@ -55,22 +56,34 @@ class ContactHistory:
         """Times of the samples [s], shape (N,)."""
         return self.block.t
 
+    def strongest_stretch(self) -> "ContactHistory":
+        """The samples between two pauses, or all if there is none, that differ most from no contact: those
+        with the largest sum of energies."""
+        on = self.phase != NONE
+        if on.all():
+            return self
+        stretches = np.split(np.arange(len(on)), np.flatnonzero(np.diff(on.astype(np.int8))) + 1)
+        touched = [stretch for stretch in stretches if on[stretch[0]]]
+        return _taken(self, max(touched, key=lambda stretch: float(self.energy[stretch].sum())))
+
 
 class ContactCollector:
     """Splits a stream of blocks into contacts."""
 
-    def __init__(self) -> None:
-        """Start without a contact."""
+    def __init__(self, bandwidth: float) -> None:
+        """Start without a contact; `bandwidth`: of the observers [Hz]."""
+        self._settling_time = SETTLING_TIME_CONSTANTS / (2.0 * math.pi * bandwidth)
         self._open: list[ContactHistory] = []
-        self._count = 0
+        self._pause: list[ContactHistory] = []
+        self._count, self._number = 0, 0
 
     @property
     def is_open(self) -> bool:
-        """Whether a contact is active."""
+        """Whether a contact is active, or may resume."""
         return bool(self._open)
 
     def add(self, rows: np.ndarray, block: SampleBlock, found: BlockEstimates) -> Iterator[ContactHistory]:
-        """Add a block; yields the contacts that have ended in it.
+        """Add a block; yields the contacts that have ended for good in it.
 
         Args:
             rows: Rows of the file, shape (N,).
@@ -80,22 +93,43 @@ class ContactCollector:
         used = (found.flags & (REPEATED | UNUSABLE)) == 0
         on = (found.phase != NONE) & used
         cut = np.flatnonzero(found.flags & RESTARTED).tolist()
-        # A contact lasts while the phase is not "none"; samples that were not used do not end it.
+        # A contact pauses where the phase is "none"; samples that were not used do not end it.
         known = np.flatnonzero(used)
         edges = np.flatnonzero(np.diff(on[known].astype(np.int8)) != 0) + 1
         starts = sorted({0, *known[edges].tolist(), *cut})
         for first, last in zip(starts, [*starts[1:], len(found)], strict=True):
             here = np.flatnonzero(on[first:last]) + first
-            if first in cut or not (len(here) or not used[first:last].any()):
+            if first in cut:
                 yield from self._end(True)
             if len(here):
-                self._take(here, rows, block, found)
+                if self._pause and found.number[here[0]] != self._number:
+                    yield from self._end(True)
+                self._take(self._part(here, rows, block, found))
+                self._number = int(found.number[here[-1]])
+            elif self._open and used[first:last].any():
+                here = np.flatnonzero(used[first:last]) + first
+                begin = self._pause[0].t[0] if self._pause else block.t[here[0]]
+                if block.t[here[-1]] - begin > self._settling_time:
+                    yield from self._end(True)
+                else:
+                    self._pause.append(self._part(here, rows, block, found))
 
     def end(self) -> Iterator[ContactHistory]:
-        """End the recording; yields the contact that is still active."""
-        yield from self._end(False)
+        """End the recording; yields the contact that is still active, or may have resumed later."""
+        yield from self._end(bool(self._pause))
 
-    def _take(self, here: np.ndarray, rows: np.ndarray, block: SampleBlock, found: BlockEstimates) -> None:
+    def _take(self, part: ContactHistory) -> None:
+        """Add samples to the contact, and the pause before them."""
+        self._open += [*self._pause, part]
+        self._pause = []
+        if sum(len(part.row) for part in self._open) > MAX_SAMPLES:
+            joined = _join(self._open, False)
+            self._open = [_taken(joined, np.arange(0, len(joined.row), 2))]
+
+    def _part(
+        self, here: np.ndarray, rows: np.ndarray, block: SampleBlock, found: BlockEstimates
+    ) -> ContactHistory:
+        """The samples `here` of a block."""
         inside = np.flatnonzero((found.sample >= here[0]) & (found.sample <= here[-1]))
         if len(inside):
             strongest = np.linalg.norm(found.rows[inside][:, FORCE], axis=1)
@@ -103,31 +137,27 @@ class ContactCollector:
             order = np.lexsort((-strongest, found.sample[inside]))
             _, once = np.unique(found.sample[inside][order], return_index=True)
             inside = inside[order][once]
-        self._open.append(
-            ContactHistory(
-                contact=self._count + 1,
-                row=rows[here],
-                block=block[here],
-                phase=found.phase[here],
-                energy=found.energy[here],
-                base_wrench=found.base_wrench[here],
-                base_wrench_std=found.base_wrench_std[here],
-                joint_torque=found.joint_torque[here],
-                joint_torque_std=found.joint_torque_std[here],
-                sample=np.searchsorted(here, found.sample[inside]),
-                rows=found.rows[inside],
-                link_probability=found.link_probability[inside],
-                complete=False,
-            )
+        return ContactHistory(
+            contact=self._count + 1,
+            row=rows[here],
+            block=block[here],
+            phase=found.phase[here],
+            energy=found.energy[here],
+            base_wrench=found.base_wrench[here],
+            base_wrench_std=found.base_wrench_std[here],
+            joint_torque=found.joint_torque[here],
+            joint_torque_std=found.joint_torque_std[here],
+            sample=np.searchsorted(here, found.sample[inside]),
+            rows=found.rows[inside],
+            link_probability=found.link_probability[inside],
+            complete=False,
         )
-        if sum(len(part.row) for part in self._open) > MAX_SAMPLES:
-            self._open = [_thin(_join(self._open, False))]
 
     def _end(self, complete: bool) -> Iterator[ContactHistory]:
         if self._open:
             self._count += 1
             yield _join(self._open, complete)
-            self._open = []
+        self._open, self._pause = [], []
 
 
 def _join(parts: list[ContactHistory], complete: bool) -> ContactHistory:
@@ -153,10 +183,9 @@ def _join(parts: list[ContactHistory], complete: bool) -> ContactHistory:
     )
 
 
-def _thin(history: ContactHistory) -> ContactHistory:
-    """Every other sample."""
-    kept = np.arange(0, len(history.row), 2)
-    explained = np.flatnonzero(history.sample % 2 == 0)
+def _taken(history: ContactHistory, kept: np.ndarray) -> ContactHistory:
+    """Some of the samples; `kept`: which, ascending."""
+    explained = np.flatnonzero(np.isin(history.sample, kept))
     return ContactHistory(
         contact=history.contact,
         row=history.row[kept],
@@ -167,7 +196,7 @@ def _thin(history: ContactHistory) -> ContactHistory:
         base_wrench_std=history.base_wrench_std[kept],
         joint_torque=history.joint_torque[kept],
         joint_torque_std=history.joint_torque_std[kept],
-        sample=history.sample[explained] // 2,
+        sample=np.searchsorted(kept, history.sample[explained]),
         rows=history.rows[explained],
         link_probability=history.link_probability[explained],
         complete=history.complete,

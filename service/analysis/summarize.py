@@ -21,7 +21,7 @@ from contactsense.scene import Scene
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_summary import ContactSummary, ForceCurve
 from contactsense.service.analysis.smoothed_contact import SmoothedContact
-from contactsense.tracking.contact_tracker import SLIDE
+from contactsense.tracking.contact_tracker import NONE, SLIDE
 
 TRANSIENT_TIME = 0.5
 """Contacts longer than this are quasi-static, shorter ones transient [s]."""
@@ -60,6 +60,7 @@ class Summarizer:
         relative = turn @ turned.T
         point_base = here + relative @ (best[POINT_BASE] - there)
         times, early = t[history.sample], t[history.sample] - t[0] <= TRANSIENT_TIME
+        curve = _force_curve(history)
         return ContactSummary(
             **self._frame(history, recording),
             link=self._scene.link_names[link],
@@ -75,11 +76,11 @@ class Summarizer:
             peak_time=float(times[peak]),
             transient_force=float(np.max(force[early], initial=0.0)),
             quasi_static_force=float(np.max(force[~early], initial=0.0)),
-            impulse=float(np.trapezoid(force, times)),
+            impulse=float(np.trapezoid(curve.force, curve.t)),
             torsion=float(rows[peak, TORSION]),
             speed=self.speed(history.block.q[0], history.block.qd[0], link, best[POINT]),
             q=history.block.q[at_peak].copy(),
-            curve=_thinned(times, force),
+            curve=_thinned(curve.t, curve.force),
         )
 
     def with_place(
@@ -170,6 +171,15 @@ class Summarizer:
             q=history.block.q[peak].copy(),
             curve=_thinned(history.t, force),
         )
+
+
+def _force_curve(history: ContactHistory) -> ForceCurve:
+    """Force over time; in a pause of the contact it is zero."""
+    pause = np.flatnonzero(history.phase == NONE)
+    sample = np.concatenate((history.sample, pause))
+    force = np.concatenate((history.force, np.zeros(len(pause))))
+    order = np.argsort(sample)
+    return ForceCurve(history.t[sample[order]], force[order])
 
 
 def _thinned(t: np.ndarray, force: np.ndarray) -> ForceCurve:

@@ -5,15 +5,17 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 Kind = Literal[
-    "onset", "hold", "slide", "release", "weight", "collision", "acknowledged", "action", "expected"
-]
+    "onset", "hold", "slide", "release", "resume", "weight",
+    "collision", "acknowledged", "action", "expected",
+]  # fmt: skip
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class ContactEvent(BaseModel):
     """Something that happened to a contact, or a reaction to it.
 
-    `onset`, `hold`, `slide` and `release` summarize the contact from its onset to the time of the event.
+    `onset`, `hold`, `slide`, `release` and `resume` summarize the contact from its onset to the time of the
+    event.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -21,9 +23,10 @@ class ContactEvent(BaseModel):
     id: int = Field(0, description="Number in the journal. It rises; there may be gaps. 0: not in a journal.")
     kind: Kind = Field(
         description="onset: a contact began; hold: it keeps its place; slide: it moves; release: it ended; "
-        "weight: it was no contact but a weight that was picked up or put down; collision: a rule's "
-        "collision level was exceeded and latched; acknowledged: a latch was cleared; action: an action was "
-        "carried out or failed, see reason; expected: a window for an expected contact was opened or closed."
+        "resume: it has not ended after all, another release will follow; weight: it was no contact but a "
+        "weight that was picked up or put down; collision: a rule's collision level was exceeded and "
+        "latched; acknowledged: a latch was cleared; action: an action was carried out or failed, see "
+        "reason; expected: a window for an expected contact was opened or closed."
     )
     contact: int = Field(0, description="Number of the contact in its stream; 0 where there is none.")
     t: float = Field(0.0, description="Time on the robot's clock [s].")

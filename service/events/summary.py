@@ -1,9 +1,10 @@
 """Summaries of contacts from onset to release: events with link, point, force, impulse and duration.
 
-Pure functions: estimates in, events out. The point of a contact is the weighted mean of the points on the
-link over its samples; each weight is the point's probability divided by the trace of its covariance. The
-covariance of the mean point is the mean of the covariances with the same weights: neighbouring samples share
-filtered noise and the error of the surface model, so averaging must not reduce it.
+Pure functions: estimates in, events out. A contact that resumes is summarized from its onset on. The point
+of a contact is the weighted mean of the points on the link over its samples; each weight is the point's
+probability divided by the trace of its covariance. The covariance of the mean point is the mean of the
+covariances with the same weights: neighbouring samples share filtered noise and the error of the surface
+model, so averaging must not reduce it.
 """
 
 import math
@@ -105,6 +106,7 @@ class ContactSummaries:
 
     def __init__(self) -> None:
         self._open: dict[int, _OpenContact] = {}
+        self._released: _OpenContact | None = None
 
     def update(self, estimate: Estimate, time: str) -> list[ContactEvent]:
         """Return the events of this estimate, with the summaries of their contacts.
@@ -115,6 +117,9 @@ class ContactSummaries:
         """
         if not estimate.contacts and not estimate.events and not self._open:
             return []
+        for event in estimate.events:
+            if event.kind == "resume":
+                self._resume(event.contact)
         by_number: dict[int, list[Contact]] = {}
         for contact in estimate.contacts:
             by_number.setdefault(contact.id, []).append(contact)
@@ -130,7 +135,16 @@ class ContactSummaries:
     def _event(self, event: Event, time: str) -> ContactEvent:
         ended = event.kind in ("release", "weight")
         found = self._open.pop(event.contact, None) if ended else self._open.get(event.contact)
+        if event.kind == "release":
+            self._released = found
         return (found or _OpenContact(event.contact, event.t)).event(event, time)
+
+    def _resume(self, number: int) -> None:
+        """Open the contact that was released last again; in the pause there was no force."""
+        found, self._released = self._released, None
+        if found is not None and found.number == number:
+            found.best = None
+            self._open[number] = found
 
     def _lost(self, t: float, time: str) -> list[ContactEvent]:
         gone = [

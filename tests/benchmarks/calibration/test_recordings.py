@@ -37,10 +37,8 @@ def test_free_motion_has_no_alarms_and_every_touch_is_found() -> None:
             np.sum((touch["start"] - 0.05 < onsets) & (onsets < touch["stop"] + 0.05))
             for touch in found["touches"]
         ]
-        # A knock with its rebound, or a weak touch, may be reported as two.
-        assert min(per_touch) == 1
-        assert max(per_touch) <= 2
-        assert sum(per_touch) == len(onsets) <= count + 2
+        assert per_touch == [1] * count
+        assert len(onsets) == count
     # Several of these files end in a hard stop.
     for group in ("identification", "jointwise"):
         assert not any(result[group].values())

@@ -86,6 +86,26 @@ def test_all_contacts_can_be_released_at_once(localizer: Localizer) -> None:
     assert estimates[-1].status == "none"
 
 
+def test_the_contact_that_is_left_may_resume(localizer: Localizer) -> None:
+    """0.03 s after the second one has ended it begins again."""
+    again = replace(WRIST, start=1.93, stop=2.2)
+    estimates, _ = _run(localizer, [replace(FOREARM, stop=1.2), replace(WRIST, stop=1.8), again], 2.1, seed=4)
+    events = [(event.kind, event.contact) for e in estimates for event in e.events]
+    assert [event for event in events if event[0] not in ("hold", "slide")] == [
+        ("onset", 1), ("onset", 2), ("release", 1), ("release", 2), ("resume", 2),
+    ]  # fmt: skip
+    assert {contact.id for contact in estimates[-1].contacts} == {2}
+
+
+def test_of_several_contacts_that_end_at_once_none_resumes(localizer: Localizer) -> None:
+    again = replace(FOREARM, start=1.72, stop=2.0)
+    estimates, _ = _run(localizer, [FOREARM, replace(WRIST, stop=1.6), again], 1.8, seed=5)
+    begun = [(e.kind, e.contact) for estimate in estimates for e in estimate.events]
+    assert [event for event in begun if event[0] in ("onset", "resume")] == [
+        ("onset", 1), ("onset", 2), ("onset", 3),
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("speed", [0.0, 1.0])
 def test_a_slide_or_a_force_change_is_not_a_second_contact(localizer: Localizer, speed: float) -> None:
     def slide(t: float) -> float:

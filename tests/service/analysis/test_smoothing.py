@@ -22,7 +22,7 @@ SCENE = Scene(robot="ur5e")
 def histories() -> list[ContactHistory]:
     motion = demo()
     block = SampleBlock(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench)
-    collector, found, at = ContactCollector(), [], 0
+    collector, found, at = ContactCollector(SCENE.bandwidth), [], 0
     for part in Localizer(SCENE).run_blocks([block]):
         rows = np.arange(at, at + len(part))
         found += collector.add(rows, block[at : at + len(part)], part)
@@ -102,7 +102,7 @@ def test_a_contact_of_a_few_samples_keeps_its_live_answer(histories: list[Contac
     motion = demo()
     block = SampleBlock(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench)
     short = block[: histories[0].row[0] + 3]
-    collector = ContactCollector()
+    collector = ContactCollector(SCENE.bandwidth)
     (part,) = Localizer(SCENE).run_blocks([short])
     list(collector.add(np.arange(len(short)), short, part))
     (history,) = collector.end()

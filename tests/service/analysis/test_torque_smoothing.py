@@ -22,7 +22,7 @@ SCENE = Scene(robot="ur5e", base_wrench=None)
 def _histories(motion: Motion, localizer: Localizer) -> list[ContactHistory]:
     """The contacts found from the torques."""
     block = SampleBlock(motion.t, motion.q, motion.qd, motion.joint_torque)
-    collector, found, at = ContactCollector(), [], 0
+    collector, found, at = ContactCollector(SCENE.bandwidth), [], 0
     for part in localizer.run_blocks([block]):
         found += collector.add(np.arange(at, at + len(part)), block[at : at + len(part)], part)
         at += len(part)

@@ -101,3 +101,29 @@ def test_a_contact_that_vanishes_is_released(t: float) -> None:
 def test_an_event_without_a_known_contact() -> None:
     (release,) = ContactSummaries().update(estimate(1.0, event="release", number=5), "")
     assert (release.kind, release.contact, release.link, release.point) == ("release", 5, "", None)
+
+
+def test_a_contact_that_resumes_is_summed_up_from_its_onset_on() -> None:
+    summaries = ContactSummaries()
+    summaries.update(estimate(0.0, pushed(30.0), event="onset"), "")
+    for k in range(1, 11):
+        summaries.update(estimate(0.01 * k, pushed(30.0)), "")
+    (first,) = summaries.update(estimate(0.11, event="release"), "")
+    assert not summaries.update(estimate(0.14), "")
+    (resume,) = summaries.update(estimate(0.15, pushed(10.0), event="resume"), "")
+    assert (resume.duration, resume.peak_force) == (0.15, 30.0)
+    summaries.update(estimate(0.17, pushed(10.0)), "")
+    (release,) = summaries.update(estimate(0.18, event="release"), "")
+    assert (first.duration, release.duration) == (0.1, 0.17)
+    assert first.impulse == pytest.approx(30.0 * 0.1)
+    # In the pause there was no force.
+    assert release.impulse == pytest.approx(30.0 * 0.1 + 10.0 * 0.02)
+    assert release.peak_force == 30.0
+
+
+def test_only_the_contact_that_was_released_last_resumes() -> None:
+    summaries = ContactSummaries()
+    summaries.update(estimate(0.0, FOREARM, event="onset"), "")
+    summaries.update(estimate(0.1, event="release"), "")
+    (resume,) = summaries.update(estimate(0.15, replace(FOREARM, id=2), event="resume", number=2), "")
+    assert resume.duration == 0.0
