@@ -18,7 +18,7 @@ from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
 from contactsense.detection.thresholds import Usable
-from contactsense.localization.line_of_action_search import moment_variance
+from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
 from contactsense.robots.jit.kernel import kernel
 from contactsense.runtime.buffers import Buffers, buffer_views

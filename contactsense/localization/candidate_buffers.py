@@ -4,6 +4,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.localization.line_distance import SPHERES_LENGTH
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.solvers.posterior import SearchBuffers
@@ -62,6 +63,8 @@ class Candidates(NamedTuple):
     """Scratch: primitives that may cover the neighbourhood of one candidate."""
     near_distance: Annotated[Floats, "primitives"]
     """Scratch: their distances from the point above the candidate [m]."""
+    spheres: Annotated[Floats, f"{SPHERES_LENGTH}"]
+    """Scratch: block of spheres for `contactsense.localization.line_distance`."""
 
 
 @fused_kernel

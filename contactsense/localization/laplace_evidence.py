@@ -73,7 +73,6 @@ def find_modes(
     ratio_information, torsion_information = 1.0 / prior.friction_ratio**2, 1.0 / prior.torsion_lever**2
     for j in range(LANES):
         block[ACTIVE + j] = 1.0 if j < count else 0.0
-        block[LOG_FORCE + j] = math.log(block[FORCE + j] / prior.force)
     for step in range(MAX_ITERATIONS + 1):
         _gauss_newton_step(ratio_information, torsion_information, limit, step < MAX_ITERATIONS, block)
         active = 0.0
@@ -98,7 +97,7 @@ def laplace_evidence(
         the limit); most probable point (3) [m] and force (3) [N], link frame.
     """
     alpha, beta, v1, v2 = block[ALPHA + j], block[BETA + j], block[V1 + j], block[V2 + j]
-    F = prior.force * math.exp(block[LOG_FORCE + j])
+    F = block[FORCE + j]
     t1x, t1y, t1z = block[T1X + j], block[T1Y + j], block[T1Z + j]
     t2x, t2y, t2z = block[T2X + j], block[T2Y + j], block[T2Z + j]
     x, y, z = (
@@ -160,7 +159,10 @@ def _initial_values(prior: Prior, force_measured: bool, block: np.ndarray) -> No
         block[FORCE + j] = F
         block[ALPHA + j] = w1 / F if force_measured else 0.0
         block[BETA + j] = w2 / F if force_measured else 0.0
-        block[CHI + j], block[V1 + j], block[V2 + j] = 0.0, 0.0, 0.0
+        block[LOG_FORCE + j], block[CHI + j], block[V1 + j], block[V2 + j] = 0.0, 0.0, 0.0, 0.0
+    if force_measured:
+        for j in range(LANES):
+            block[LOG_FORCE + j] = math.log(block[FORCE + j] / prior.force)
 
 
 @fused_kernel

@@ -15,7 +15,20 @@ from contactsense.localization.accessibility import (
     is_mounting_face,
 )
 from contactsense.localization.candidate_buffers import Candidates, store_candidate
+from contactsense.localization.line_distance import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    OFFSET,
+    RADIUS,
+    SHIFT_ENERGY,
+    VARIANCE,
+    moment_variance,
+    shift_energies,
+    shift_energy,
+)
 from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell
+from contactsense.localization.simd_layout import LANES
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import dot, vector
@@ -152,7 +165,7 @@ def initial_guesses(
         Number of guesses.
     """
     ceiling = math.inf
-    count = 0
+    count, spheres = 0, candidates.spheres
     last_link, last_energy = -1, -math.inf
     for _ in range(touchable.shape[0]):
         # Links by rising energy: the first ones set a bound that excludes the last ones.
@@ -170,60 +183,54 @@ def initial_guesses(
         squared_force = fx * fx + fy * fy + fz * fz
         if squared_force <= 0.0:
             continue
-        for p in range(surfaces.start[link], surfaces.start[link + 1]):
-            ox, oy, oz = candidates.origin[p, 0], candidates.origin[p, 1], candidates.origin[p, 2]
-            mx, my, mz = w[3] - oy * fz + oz * fy, w[4] - oz * fx + ox * fz, w[5] - ox * fy + oy * fx
-            ax, ay, az = fy * mz - fz * my, fz * mx - fx * mz, fx * my - fy * mx
-            kind, size, radius = surfaces.kind[p], surfaces.size[p], surfaces.radius[p]
-            limit = ceiling + ENERGY_CUTOFF - link_energy
-            offset = prior.surface_deviation * deviations.largest[p]
-            sphere_distance = math.sqrt(ax * ax + ay * ay + az * az) / squared_force - radius
-            variance = moment_variance(P, ox, oy, oz) + offset * offset * squared_force
-            if sphere_distance > 0.0 and _shift_energy(sphere_distance, squared_force, variance) > limit:
-                continue
-            v, B = candidates.wrench[p], candidates.information[p]
-            to_body_frame(w, L, candidates.rotation[p], candidates.origin[p], v, B)
-            wrench = Wrench((v[0], v[1], v[2]), (v[3], v[4], v[5]))
-            distance, point, normal = enter_surface(kind, size, radius, wrench)
-            if distance > 0.0 and _shift_energy(distance, squared_force, variance) > limit:
-                continue
-            contact = Contact(point, normal, pushing_force(wrench.force, normal), 0.0)
-            cell = nearest_cell(deviations, p, point[0], point[1], point[2])
-            local = prior_in_cell(prior, deviations, cell)
-            inflation = inflate_by_surface_deviation(B, local, contact)
-            energy = link_energy + energy_at(v, B, local, inflation, contact)
-            ceiling = min(ceiling, energy)
-            candidates.point[p, 0], candidates.point[p, 1], candidates.point[p, 2] = point
-            candidates.normal[p, 0], candidates.normal[p, 1], candidates.normal[p, 2] = normal
-            candidates.score[p] = energy
-            candidates.deviation_cell[p] = cell
-            candidates.order[count] = p
-            count += 1
+        last = surfaces.start[link + 1]
+        for first in range(surfaces.start[link], last, LANES):
+            lanes = min(LANES, last - first)
+            _load_spheres(surfaces, deviations, prior, candidates, first, first + lanes)
+            shift_energies(w, P, squared_force, spheres)
+            # First those whose spheres the line meets: they set a bound that excludes most of the others.
+            for k in range(2 * lanes):
+                lane = k % lanes
+                energy_of_sphere = spheres[SHIFT_ENERGY + lane]
+                limit = ceiling + ENERGY_CUTOFF - link_energy
+                if (energy_of_sphere == 0.0) != (k < lanes) or energy_of_sphere > limit:
+                    continue
+                p = first + lane
+                kind, size, radius = surfaces.kind[p], surfaces.size[p], surfaces.radius[p]
+                v, B = candidates.wrench[p], candidates.information[p]
+                to_body_frame(w, L, candidates.rotation[p], candidates.origin[p], v, B)
+                wrench = Wrench((v[0], v[1], v[2]), (v[3], v[4], v[5]))
+                distance, point, normal = enter_surface(kind, size, radius, wrench)
+                if distance > 0.0 and shift_energy(distance, squared_force, spheres[VARIANCE + lane]) > limit:
+                    continue
+                contact = Contact(point, normal, pushing_force(wrench.force, normal), 0.0)
+                cell = nearest_cell(deviations, p, point[0], point[1], point[2])
+                local = prior_in_cell(prior, deviations, cell)
+                inflation = inflate_by_surface_deviation(B, local, contact)
+                energy = link_energy + energy_at(v, B, local, inflation, contact)
+                ceiling = min(ceiling, energy)
+                candidates.point[p, 0], candidates.point[p, 1], candidates.point[p, 2] = point
+                candidates.normal[p, 0], candidates.normal[p, 1], candidates.normal[p, 2] = normal
+                candidates.score[p] = energy
+                candidates.deviation_cell[p] = cell
+                candidates.order[count] = p
+                count += 1
     return count
 
 
 @fused_kernel
-def _shift_energy(distance: float, squared_force: float, variance: float) -> float:
-    """Approximate energy of moving the line of action by `distance` [m] towards a point.
-
-    The moment about the point must change by |f| times the distance. `squared_force`: |f|^2 [N^2]. `variance`
-    of the moment: of the measurement, and of the surface's offset times |f| [Nm^2].
-    """
-    return 0.5 * squared_force * distance * distance / variance
-
-
-@fused_kernel
-def moment_variance(P: np.ndarray, ox: float, oy: float, oz: float) -> float:
-    """Trace of the covariance of the moment about the point o [Nm^2].
-
-    P: covariance of the wrench about the origin, shape (6, 6). ox, oy, oz: the point [m].
-    """
-    cross = oz * (P[0, 4] - P[1, 3]) + oy * (P[2, 3] - P[0, 5]) + ox * (P[1, 5] - P[2, 4])
-    oo = ox * ox + oy * oy + oz * oz
-    oPo = (
-        ox * (P[0, 0] * ox + 2.0 * P[0, 1] * oy + 2.0 * P[0, 2] * oz)
-        + oy * (P[1, 1] * oy + 2.0 * P[1, 2] * oz)
-        + oz * oz * P[2, 2]
-    )
-    trace: float = P[3, 3] + P[4, 4] + P[5, 5] - 2.0 * cross + oo * (P[0, 0] + P[1, 1] + P[2, 2]) - oPo
-    return max(trace, 0.0)
+def _load_spheres(
+    surfaces: Surfaces,
+    deviations: DeviationCells,
+    prior: Prior,
+    candidates: Candidates,
+    first: int,
+    last: int,
+) -> None:
+    """Put the bounding spheres of primitives `first` to `last` - 1 into `candidates.spheres`, base frame."""
+    spheres = candidates.spheres
+    for p in range(first, last):
+        o, j = candidates.origin[p], p - first
+        spheres[CENTRE_X + j], spheres[CENTRE_Y + j], spheres[CENTRE_Z + j] = o[0], o[1], o[2]
+        spheres[RADIUS + j] = surfaces.radius[p]
+        spheres[OFFSET + j] = prior.surface_deviation * deviations.largest[p]

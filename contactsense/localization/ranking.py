@@ -17,7 +17,8 @@ from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_information import matvec
 from contactsense.localization.accessibility import Frames
 from contactsense.localization.candidate_buffers import Candidates
-from contactsense.localization.line_of_action_search import moment_variance, search_along_line_of_action
+from contactsense.localization.line_distance import moment_variance
+from contactsense.localization.line_of_action_search import search_along_line_of_action
 from contactsense.localization.none_of_these import none_of_these_evidence
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_cells import SurfaceCells

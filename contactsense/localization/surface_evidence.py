@@ -15,7 +15,16 @@ from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.energy_bound import exclude_cells
 from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
-from contactsense.localization.line_of_action_search import moment_variance
+from contactsense.localization.line_distance import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    OFFSET,
+    RADIUS,
+    SHIFT_ENERGY,
+    shift_energies,
+    spheres_to_base_frame,
+)
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.simd_layout import (
     BOUND,
@@ -36,7 +45,7 @@ from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.jit.array_views import copy
-from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
@@ -76,8 +85,9 @@ def evaluate_cells(
     surfaces, depth = scene.surfaces, scene.depth
     cells = arrays.cells
     rows, lowest_energy = _evaluate_samples(
-        scene.samples, scene.blocks, searched, depth, motion, hypotheses, wrench_measured, prior, cells
-    )
+        scene.samples, scene.blocks, searched, depth, motion, hypotheses, wrench_measured, prior, cells,
+        arrays.candidates.spheres,
+    )  # fmt: skip
     best = _best_score(cells, rows)
     divided = best > -math.inf and _count_above(cells, rows, best - SUBDIVIDE_WITHIN) <= MAX_SUBDIVIDED
     if divided:
@@ -99,9 +109,10 @@ def _evaluate_samples(
     wrench_measured: bool,
     prior: Prior,
     cells: SurfaceCells,
+    spheres: np.ndarray,
 ) -> tuple[int, float]:
     """Fill a row of `cells` for each sample that is not rejected; returns their number and the lowest
-    energy."""
+    energy. `spheres`: scratch block."""
     rows = 0
     lowest_energy = math.inf
     links = touchable.shape[0]
@@ -120,11 +131,15 @@ def _evaluate_samples(
         # The first link has no limit yet: no contact that is kept is that far above its link's energy.
         far_limit = min(limit, 2.0 * ENERGY_CUTOFF)
         queued = 0
-        for b in range(blocks.start[link], blocks.start[link + 1]):
-            if wrench_measured and _is_far_from_line_of_action(
-                w, P, R, o, blocks, b, prior, squared_force, far_limit
-            ):
-                continue
+        last = blocks.start[link + 1]
+        for b in range(blocks.start[link], last):
+            if wrench_measured and squared_force > 0.0:
+                lane = (b - blocks.start[link]) % LANES
+                if lane == 0:
+                    _load_spheres(blocks, b, min(b + LANES, last), R, o, prior.surface_deviation, spheres)
+                    shift_energies(w, P, squared_force, spheres)
+                if spheres[SHIFT_ENERGY + lane] > far_limit:
+                    continue
             if force_measured:
                 copy(blocks.cells[b], cells.bound_block[:BOUND])
                 exclude_cells(
@@ -318,30 +333,20 @@ def _best_score(cells: SurfaceCells, rows: int) -> float:
     return best
 
 
-@inlined_fused_kernel
-def _is_far_from_line_of_action(
-    w: np.ndarray,
-    P: np.ndarray,
+@fused_kernel
+def _load_spheres(
+    blocks: SurfaceBlocks,
+    first: int,
+    last: int,
     R: np.ndarray,
     o: np.ndarray,
-    blocks: SurfaceBlocks,
-    b: int,
-    prior: Prior,
-    squared_force: float,
-    limit: float,
-) -> bool:
-    """Whether the line of action passes so far from block b that the energy of all its cells is above the
-    limit."""
-    if squared_force == 0.0:
-        return False
-    c = blocks.centre[b]
-    x = o[0] + R[0, 0] * c[0] + R[0, 1] * c[1] + R[0, 2] * c[2]
-    y = o[1] + R[1, 0] * c[0] + R[1, 1] * c[1] + R[1, 2] * c[2]
-    z = o[2] + R[2, 0] * c[0] + R[2, 1] * c[1] + R[2, 2] * c[2]
-    mx, my, mz = w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0]
-    ax, ay, az = w[1] * mz - w[2] * my, w[2] * mx - w[0] * mz, w[0] * my - w[1] * mx
-    gap = math.sqrt(ax * ax + ay * ay + az * az) / squared_force - blocks.radius[b]
-    if gap <= 0.0:
-        return False
-    variance = moment_variance(P, x, y, z) + prior.surface_deviation * prior.surface_deviation * squared_force
-    return bool(0.5 * squared_force * gap * gap > limit * variance)
+    offset: float,
+    spheres: np.ndarray,
+) -> None:
+    """Put the spheres of blocks `first` to `last` - 1 of a link, of orientation R and origin o, into a block
+    of spheres, base frame; `offset`: standard deviation of the surface's offset [m]."""
+    for b in range(first, last):
+        c, j = blocks.centre[b], b - first
+        spheres[CENTRE_X + j], spheres[CENTRE_Y + j], spheres[CENTRE_Z + j] = c[0], c[1], c[2]
+        spheres[RADIUS + j], spheres[OFFSET + j] = blocks.radius[b], offset
+    spheres_to_base_frame(R, o, spheres)

@@ -15,7 +15,8 @@ from contactsense.runtime.state import State
 from contactsense.scene import Scene
 from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Status
 
-_new_estimate, _new_contact = mutable_twin(Estimate), mutable_twin(Contact)
+_MutableEstimate, _MutableContact = mutable_twin(Estimate), mutable_twin(Contact)
+_new = object.__new__
 NOT_EXPLAINED = "an external force acts on the arm, but no single push on a touchable link explains it well"
 
 
@@ -99,21 +100,16 @@ class EstimateBuilder:
             status = "degraded"
         if other > best:
             reason = f"{reason}; {NOT_EXPLAINED}" if reason else NOT_EXPLAINED
-        estimate = _new_estimate(
-            t,
-            status,
-            candidates,
-            link_probability,
-            wrench[0],
-            wrench[1:],
-            other if other > 0.0 else 0.0,
-            reason,
-            tuple([Event(kind, number, t, name) for kind in kinds]) if kinds else (),
-            (),
-            self.detectable,
-        )
+        estimate: Any = _new(_MutableEstimate)
+        estimate.t, estimate.status, estimate.contacts = t, status, candidates
+        estimate.link_probability = link_probability
+        estimate.wrench, estimate.covariance = wrench[0], wrench[1:]
+        estimate.other, estimate.reason = other if other > 0.0 else 0.0, reason
+        estimate.events = tuple([Event(kind, number, t, name) for kind in kinds]) if kinds else ()
+        estimate.explanations, estimate.detectable = (), self.detectable
         estimate.__class__ = Estimate
-        return estimate
+        filled: Estimate = estimate
+        return filled
 
     def contact(self, row: np.ndarray, number: int = 0, phase: Phase = "") -> Contact:
         """One contact from a row, see `contactsense.runtime.result_rows`; it keeps views of the row."""
@@ -128,38 +124,25 @@ class EstimateBuilder:
         if link > self._joints:
             # A tool's points are given in the flange frame, not in that of its body.
             point = (point - self._flange[1]) @ self._flange[0]
-        contact = _new_contact(
-            self._names[link],
-            link,
-            primitive,
-            numbers[2],
-            point,
-            point_base,
-            vectors[2],
-            force,
-            numbers[3],
-            covariance,
-            number,
-            phase,
-            body,
-        )
+        contact: Any = _new(_MutableContact)
+        contact.link, contact.link_index, contact.primitive = self._names[link], link, primitive
+        contact.probability, contact.torsion = numbers[2], numbers[3]
+        contact.point, contact.point_base = point, point_base
+        contact.normal_base, contact.force_base = vectors[2], force
+        contact.covariance, contact.body = covariance, body
+        contact.id, contact.phase = number, phase
         contact.__class__ = Contact
-        return contact
+        filled: Contact = contact
+        return filled
 
 
 def _without_contact(
     link_probability: np.ndarray, wrench: np.ndarray, covariance: np.ndarray
 ) -> Callable[[float, float], Estimate]:
-    """A function that creates estimates which differ in time and detectable force only: in half the time that
-    the twin of `contactsense.output.fast_dataclass` takes, whose arguments are all fields."""
-
-    class Filled:
-        __slots__ = Estimate.__slots__
-
-    new = object.__new__
+    """A function that creates estimates which differ in time and detectable force only."""
 
     def create(t: float, detectable: float) -> Estimate:
-        estimate: Any = new(Filled)
+        estimate: Any = _new(_MutableEstimate)
         estimate.t, estimate.status, estimate.contacts = t, "none", ()
         estimate.link_probability, estimate.wrench = link_probability, wrench
         estimate.covariance, estimate.other, estimate.reason = covariance, 0.0, ""

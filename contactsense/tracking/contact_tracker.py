@@ -22,10 +22,12 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
+from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.observers import Observers
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.vectors import vector
 
 WINDOWS = 6
 """Number of windows, including the observer's own."""
@@ -91,8 +93,9 @@ class ContactTrack(NamedTuple):
     """Point of the last estimate, in the frame of its body [m]."""
     last_normal: Annotated[Floats, "3"]
     """Its outward normal, in the same frame."""
-    window_point: Annotated[Floats, f"{WINDOWS}, 3"]
-    """Scratch: each window's point in the tangent plane [m] and its normal force [N]."""
+    window_point: Annotated[Floats, f"{WINDOWS}, 4"]
+    """Scratch: each window's point in the tangent plane [m], its normal force [N], and its variance ratio
+    over the square of that [1/N^2]."""
     moment_covariance: Annotated[Floats, "3"]
     """Scratch: covariance of the moment about the last point, tangential components, as xx, xy, yy."""
     link_weight: Annotated[Floats, "links"]
@@ -222,8 +225,7 @@ def choose_window(
     agreement = AGREE_HOLDING if status.phase == HOLD else AGREE
     if has_base:
         _position_covariance(sensors, motion, track)
-        for i in range(WINDOWS):
-            _window_position(track, i)
+        _window_positions(track)
     for i in range(1, WINDOWS):
         max_distance = -1.0
         for j in range(i):
@@ -275,24 +277,27 @@ def tangents(nx: float, ny: float, nz: float) -> tuple[float, float, float, floa
 
 
 @kernel
-def _window_position(track: ContactTrack, i: int) -> None:
-    """Intersection of window i's line of action with the tangent plane, and its normal force.
+def _window_positions(track: ContactTrack) -> None:
+    """Intersection of each window's line of action with the tangent plane, and its normal force.
 
     With r = m - c x f the moment about the point c, shifting the contact by v in the tangent plane changes r
     by -v x f; the tangential part of r vanishes at v = (n x r) / (f . n), n being the normal.
     """
-    c, n = track.last_point, track.last_normal
+    cx, cy, cz = vector(track.last_point)
+    nx, ny, nz = vector(track.last_normal)
     index = 6 * track.status[0].last_body
-    w = track.mean[i]
-    fx, fy, fz = w[index], w[index + 1], w[index + 2]
-    rx = w[index + 3] - c[1] * fz + c[2] * fy
-    ry = w[index + 4] - c[2] * fx + c[0] * fz
-    rz = w[index + 5] - c[0] * fy + c[1] * fx
-    ax, ay, az, bx, by, bz = tangents(n[0], n[1], n[2])
-    normal_force = fx * n[0] + fy * n[1] + fz * n[2]
-    track.window_point[i, 0] = -(bx * rx + by * ry + bz * rz) / normal_force
-    track.window_point[i, 1] = (ax * rx + ay * ry + az * rz) / normal_force
-    track.window_point[i, 2] = normal_force
+    ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
+    for i in range(WINDOWS):
+        w, point = track.mean[i], track.window_point[i]
+        fx, fy, fz = w[index], w[index + 1], w[index + 2]
+        rx = w[index + 3] - cy * fz + cz * fy
+        ry = w[index + 4] - cz * fx + cx * fz
+        rz = w[index + 5] - cx * fy + cy * fx
+        normal_force = fx * nx + fy * ny + fz * nz
+        point[0] = -(bx * rx + by * ry + bz * rz) / normal_force
+        point[1] = (ax * rx + ay * ry + az * rz) / normal_force
+        point[2] = normal_force
+        point[3] = track.variance_ratio[i] / (normal_force * normal_force)
 
 
 @kernel
@@ -304,16 +309,14 @@ def _position_covariance(sensors: SensorModel, motion: Motion, track: ContactTra
     cy = o[1] + R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2]
     cz = o[2] + R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2]
     t = tangents(normal[0], normal[1], normal[2])
-    C = sensors.base_covariance
-    track.moment_covariance[:] = 0.0
-    for k in range(3):
-        u = _moment_row(R, t, 1 if k < 2 else 0, cx, cy, cz)
-        v = _moment_row(R, t, 1 if k < 1 else 0, cx, cy, cz)
-        total = 0.0
-        for i in range(6):
-            for j in range(6):
-                total += u[i] * C[i, j] * v[j]
-        track.moment_covariance[k] = total if k != 1 else -total
+    a, b = _moment_row(R, t, 0, cx, cy, cz), _moment_row(R, t, 1, cx, cy, cz)
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for i in range(6):
+        Ca, Cb = dot6(sensors.base_covariance[i], a), dot6(sensors.base_covariance[i], b)
+        xx += b[i] * Cb
+        xy -= a[i] * Cb
+        yy += a[i] * Ca
+    track.moment_covariance[0], track.moment_covariance[1], track.moment_covariance[2] = xx, xy, yy
 
 
 @kernel
@@ -337,20 +340,14 @@ def _moment_row(
 def _position_distance(track: ContactTrack, i: int, j: int) -> float:
     """Distance between the positions of two windows, in the unit of `AGREE`; the noise is that of the less
     precise one."""
-    normal_force = track.window_point[j, 2]
-    if not normal_force < 0.0 or not track.window_point[i, 2] < 0.0:
+    first, second = track.window_point[i], track.window_point[j]
+    if not second[2] < 0.0 or not first[2] < 0.0:
         return 0.5 * (AGREE + DISAGREE)  # no force into the surface: the position is undefined
-    weight = max(
-        track.variance_ratio[j] / (normal_force * normal_force),
-        track.variance_ratio[i] / (track.window_point[i, 2] * track.window_point[i, 2]),
-    )
+    weight = max(second[3], first[3])
     xx = weight * track.moment_covariance[0] + POSITION_TOLERANCE * POSITION_TOLERANCE
     xy = weight * track.moment_covariance[1]
     yy = weight * track.moment_covariance[2] + POSITION_TOLERANCE * POSITION_TOLERANCE
-    dx, dy = (
-        track.window_point[i, 0] - track.window_point[j, 0],
-        track.window_point[i, 1] - track.window_point[j, 1],
-    )
+    dx, dy = first[0] - second[0], first[1] - second[1]
     squared_distance = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
     return float(0.5 * (squared_distance - 2.0))
 

@@ -169,20 +169,19 @@ def half_squared_norm(C: np.ndarray, w: np.ndarray) -> float:
 
 @fused_kernel
 def invert_spd(C: np.ndarray, out: np.ndarray) -> None:
-    """Fill `out` with the inverse of a positive definite matrix, by Gauss-Jordan elimination without
-    pivoting."""
-    n = C.shape[0]
-    for i in range(n):
-        for k in range(n):
+    """Fill `out` with the inverse of a positive definite matrix, shape (6, 6), by Gauss-Jordan elimination
+    without pivoting."""
+    for i in range(6):
+        for k in range(6):
             out[i, k] = C[i, k]
-    for p in range(n):
+    for p in range(6):
         pivot = 1.0 / out[p, p]
         out[p, p] = 1.0
-        for k in range(n):
+        for k in range(6):
             out[p, k] *= pivot
-        for i in range(n):
+        for i in range(6):
             if i != p:
                 factor = out[i, p]
                 out[i, p] = 0.0
-                for k in range(n):
+                for k in range(6):
                     out[i, k] -= factor * out[p, k]
