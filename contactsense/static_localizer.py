@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from contactsense.detection.thresholds import SampleThresholds, Usable
+from contactsense.kinematics.simd_kinematics import empty_lanes
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.output.batch import Batch, batch_of
@@ -243,7 +244,7 @@ class StaticLocalizer:
         for s, name in enumerate(self._link_sensors):
             link_wrench[:, s] = link_rows.get(name, 0.0)
         no_contact_energy, link_probability = np.empty(n), np.empty((n, self._links))
-        best = np.empty((n, WIDTH))
+        best, still = np.empty((n, WIDTH)), np.zeros(q.shape)
 
         def explain(buffers: Buffers, part: slice) -> None:
             measured = (q[part], torque[part], base[part], link_wrench[part])
@@ -251,8 +252,10 @@ class StaticLocalizer:
             if self._intrinsic:
                 batch_intrinsic(buffers, self._skin, measured, external, *usable[1:], *found)
             else:
-                rows = np.zeros_like(self._rows)
-                batch(buffers, self._skin, measured, external, usable, self._gate, *found, rows)
+                lanes = empty_lanes(self._joints)
+                batch(
+                    buffers, self._skin, measured, still[part], external, usable, self._gate, found, lanes
+                )  # fmt: skip
 
         kernel = batch_intrinsic if self._intrinsic else batch
         with nullcontext() if loaded(kernel) else shown_compilation((kernel,), self._progress):

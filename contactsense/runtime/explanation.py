@@ -35,14 +35,26 @@ def take_static_sample(
     measured: Measured,
     external: bool,
 ) -> None:
-    """Fill `state` from one sample of an arm at rest: poses and residuals.
+    """Fill `state` from one sample of an arm at rest: poses and `take_static_residuals`."""
+    q = measured[0]
+    kinematics_and_momenta(constants.model, q, state.zero_velocity, constants.gravity, state.motion)
+    take_static_residuals(constants, state, measured, external)
+
+
+@inlined_kernel
+def take_static_residuals(
+    constants: Constants,
+    state: State,
+    measured: Measured,
+    external: bool,
+) -> None:
+    """Fill `state` with the residuals of one sample of an arm at rest, whose poses it has.
 
     With `external` the arm's weight has been subtracted from the measurements already; joint torques keep the
     actuator's sign, so that a contact wrench w adds -s_j . w to them.
     """
     motion = state.motion
     q, torque, base_wrench, link_wrench = measured
-    kinematics_and_momenta(constants.model, q, state.zero_velocity, constants.gravity, motion)
     update_link_sensors(constants, state)
     for j in range(q.shape[0]):
         model_torque = constants.torque_model.bias[j] - constants.torque_model.gravity * dot6(

@@ -1,16 +1,19 @@
 """The compiled functions that Python calls, once per sample or once per batch. Each first makes views of the
 flat buffers."""
 
+from typing import TypeAlias
+
 import numpy as np
 
 from contactsense.detection.thresholds import Usable
+from contactsense.kinematics.simd_kinematics import LANES, kinematics_in_lanes, motion_of_lane
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.best_answer import store_best
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.detection import conclude, decide
-from contactsense.runtime.explanation import Measured, explain_sample, take_static_sample
+from contactsense.runtime.explanation import Measured, explain_sample, take_static_residuals
 from contactsense.runtime.measurement import Measurement, take_measurement
 from contactsense.runtime.newest_sample import localize
 from contactsense.runtime.reading_limits import is_sample_plausible
@@ -26,6 +29,11 @@ from contactsense.sensors.stream_state import (
     store_sample,
 )
 from contactsense.tracking.contact_tracker import end_contact
+
+BatchOutputs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Of each of N measurements: energy of the no-contact hypothesis, shape (N,); probability of each link, shape
+(N, links); row of the most probable candidate, shape (N, WIDTH), whose first number is -1 if there is none,
+see `contactsense.runtime.result_rows`."""
 
 
 @kernel
@@ -113,24 +121,34 @@ def batch(
     buffers: Buffers,
     skin: Skin,
     measured: Measured,
+    still: np.ndarray,
     external: bool,
     usable: Usable,
     gate: bool,
-    no_contact_energy: np.ndarray,
-    link_probability: np.ndarray,
-    best: np.ndarray,
-    rows: np.ndarray,
+    found: BatchOutputs,
+    lanes: np.ndarray,
 ) -> None:
-    """`explain` for N measurements, whose arrays have a leading axis. The best candidate of each is written
-    to a row of `best`, whose first number is -1 if there is none."""
+    """`explain` for N measurements, whose arrays have a leading axis.
+
+    Args:
+        buffers, skin, usable, gate: As for `contactsense.runtime.explanation.explain_sample`.
+        measured, external: As for `contactsense.runtime.explanation.take_static_sample`.
+        still: Zeros, the joint velocities, shape (N, n).
+        found: Filled.
+        lanes: Scratch, see `contactsense.kinematics.simd_kinematics.empty_lanes`.
+    """
     constants, state = buffer_views(buffers)
     q, torque, base_wrench, link_wrench = measured
+    no_contact_energy, link_probability, best = found
     for i in range(q.shape[0]):
-        take_static_sample(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), external)
-        listed, no_contact_energy[i] = explain_sample(buffers, skin, usable, 1.0, gate, -1.0, rows[:1])
+        lane = i % LANES
+        if lane == 0:
+            kinematics_in_lanes(constants.model, constants.gravity, q, still, i, lanes)
+        motion_of_lane(lanes, lane, state.motion)
+        take_static_residuals(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), external)
+        row = best[i : i + 1]
+        listed, no_contact_energy[i] = explain_sample(buffers, skin, usable, 1.0, gate, -1.0, row)
         copy(state.link_probability, link_probability[i])
-        if listed > 0:
-            copy(rows[0], best[i])
-        else:
-            best[i] = 0.0
-            best[i, 0] = -1.0
+        if listed == 0:
+            row[0] = 0.0
+            row[0, 0] = -1.0
