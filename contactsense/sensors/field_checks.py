@@ -11,6 +11,20 @@ _UNION_BRANCH = re.compile(r"^(constrained-|literal\[|tuple\[|dict\[|float$|str$
 """Parts of pydantic's locations that name a branch of a union of types, not a field."""
 
 
+_WORDS = {
+    "missing": "expected a value, the field is missing",
+    "extra_forbidden": "unknown field",
+    "model_type": "expected fields",
+    "model_attributes_type": "expected an object with fields",
+}
+"""Type of one of pydantic's errors -> message, where pydantic's own does not speak of fields."""
+
+
+def reason(kind: str, message: str) -> str:
+    """Message of one of pydantic's errors, of type `kind`."""
+    return _WORDS.get(kind) or message.removeprefix("Value error, ")
+
+
 def within_one_turn(rpy: Vector) -> Vector:
     """Roll, pitch, yaw [rad] as they are.
 
@@ -36,7 +50,7 @@ def describe(error: ValidationError) -> str:
         place = tuple(str(key) for key in item["loc"] if not _UNION_BRANCH.match(str(key)))
         got = "" if item["type"] in {"missing", "value_error"} else f", got {item['input']!r}"
         messages, _ = found.setdefault(place, ([], got))
-        messages.append(item["msg"].removeprefix("Value error, "))
+        messages.append(reason(item["type"], item["msg"]))
     deepest = {
         place: entry
         for place, entry in found.items()

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-import yaml
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -15,6 +14,8 @@ from pydantic import (
     model_validator,
 )
 
+from contactsense.robots.yaml_fields import fields_in
+from contactsense.sensors.field_checks import reason
 from contactsense.service.mock.obstacles import Obstacle
 
 Vector = tuple[float, float, float]
@@ -193,12 +194,9 @@ class Script(_Part):
                 `name` identifies the script in messages.
         """
         try:
-            data = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            raise ScriptError(f"{name}: not YAML: {' '.join(str(error).split())}") from None
-        if not isinstance(data, dict):
-            got = type(data).__name__
-            raise ScriptError(f"{name}: expected a mapping with robot, trajectory, contacts, got {got}")
+            data = fields_in(text, name, "robot: ur5e")
+        except ValueError as error:
+            raise ScriptError(str(error)) from None
         try:
             return cls.model_validate(data)
         except ValidationError as error:
@@ -231,7 +229,7 @@ def explain(error: ValidationError) -> str:
         where = ""
         for step in issue["loc"]:
             where += f"[{step}]" if isinstance(step, int) else f".{step}" if where else str(step)
-        message = issue["msg"].removeprefix("Value error, ")
+        message = reason(issue["type"], issue["msg"])
         own = issue["type"] == "value_error"  # these messages already contain the given value
         got = "" if own or issue["type"] == "missing" else f", got {issue['input']!r:.60}"
         parts.append(f"{where}: {message}{got}" if where else f"{message}{got}")
