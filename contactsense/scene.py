@@ -28,7 +28,7 @@ from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.yaml_fields import read_fields
-from contactsense.sensors.field_checks import describe, within_one_turn
+from contactsense.sensors.field_checks import describe, in_metres, within_one_turn
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
 if TYPE_CHECKING:
@@ -208,6 +208,11 @@ class Scene(BaseModel):
         joints = len(self.robot.joints)
         if self.base_wrench is None and self.joint_torque is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two sensors, got none")
+        if self.tool is not None:
+            try:
+                in_metres(self.tool.com)
+            except ValueError as error:
+                raise ValueError(f"tool.com: {error}") from None
         for name in self.touchable or ():
             if name not in self.link_names:
                 raise ValueError(f"touchable: expected links of {', '.join(self.link_names)}, got {name!r}")

@@ -11,6 +11,8 @@ _UNION_BRANCH = re.compile(r"^(constrained-|literal\[|tuple\[|dict\[|float$|str$
 """Parts of pydantic's locations that name a branch of a union of types, not a field."""
 
 
+FURTHEST = 5.0
+"""Largest coordinate of a sensor's origin or of a tool's centre of mass [m]."""
 _WORDS = {
     "missing": "expected a value, the field is missing",
     "extra_forbidden": "unknown field",
@@ -38,6 +40,20 @@ def within_one_turn(rpy: Vector) -> Vector:
             f"{list(rpy)}; if these are degrees: [{in_radians}]"
         )
     return rpy
+
+
+def in_metres(place: Vector) -> Vector:
+    """A place on the arm [m] as it is.
+
+    Raises:
+        ValueError: a coordinate is beyond any arm, as coordinates in mm are.
+    """
+    if max(map(abs, place)) > FURTHEST:
+        raise ValueError(
+            f"expected x, y, z in m, none above {FURTHEST:g}, got {list(place)}; "
+            f"if these are mm: [{', '.join(f'{1e-3 * x:.4g}' for x in place)}]"
+        )
+    return place
 
 
 def describe(error: ValidationError) -> str:

@@ -1,7 +1,7 @@
 """Scripts of the simulated arm in YAML: its motion, the contacts on it, and its sensors' noise."""
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -14,7 +14,7 @@ from pydantic import (
     model_validator,
 )
 
-from contactsense.robots.yaml_fields import fields_in
+from contactsense.robots.yaml_fields import fields_in, read_fields
 from contactsense.sensors.field_checks import reason
 from contactsense.service.mock.obstacles import Obstacle
 
@@ -194,11 +194,14 @@ class Script(_Part):
                 `name` identifies the script in messages.
         """
         try:
-            data = fields_in(text, name, "robot: ur5e")
+            return cls._of_fields(fields_in(text, name, "robot: ur5e"), name)
         except ValueError as error:
             raise ScriptError(str(error)) from None
+
+    @classmethod
+    def _of_fields(cls, fields: dict[str, Any], name: str) -> "Script":
         try:
-            return cls.model_validate(data)
+            return cls.model_validate(fields)
         except ValidationError as error:
             raise ScriptError(f"{name}: {explain(error)}") from None
 
@@ -209,12 +212,10 @@ class Script(_Part):
         Raises:
             ScriptError: The file cannot be read or its content is wrong.
         """
-        path = Path(path)
         try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ScriptError(f"{path}: {error}") from None
-        return cls.parse(text, str(path))
+            return cls._of_fields(read_fields(path, "the script", "robot: ur5e"), str(path))
+        except ValueError as error:
+            raise ScriptError(str(error)) from None
 
     @classmethod
     def demo(cls) -> "Script":

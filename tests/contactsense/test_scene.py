@@ -117,6 +117,14 @@ def test_a_name_is_no_scene() -> None:
         ("- ur5e", r"expected fields such as `robot: ur5e`, got \['ur5e'\]"),
         ("", "expected fields such as `robot: ur5e`, got nothing"),
         ("robot: ur5e\nmounting: table\nrobot: ur10e", "robot: expected once, got in line 1 and in line 3"),
+        (
+            "robot: ur5e\ntool: {mass: 1, com: [0, 0, 60]}",
+            r"tool.com: expected x, y, z in m, none above 5, got .*; if these are mm: \[0, 0, 0.06\]",
+        ),
+        (
+            "robot: ur5e\nbase_wrench: {translation: [0, 0, -35]}",
+            "base_wrench.translation: expected x, y, z in m",
+        ),
         ("robot: [", "not YAML"),
     ],
 )

@@ -96,6 +96,7 @@ def test_without_rules() -> None:
     with serving(create_app(Settings())) as place:
         assert http.get(f"http://{place}/v1/reactions").json()["status"] == "off"
         assert http.post(f"http://{place}/v1/reactions/acknowledge").status_code == 503
+        assert http.post(f"http://{place}/v1/reactions/expected", json={"name": "insert"}).status_code == 503
 
 
 def test_rules_that_do_not_fit_are_refused_at_the_start(tmp_path: Path) -> None:

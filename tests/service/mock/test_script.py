@@ -63,7 +63,7 @@ def test_not_a_script(text: str, complaint: str) -> None:
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(ScriptError, match=r"none\.yaml"):
+    with pytest.raises(ScriptError, match=r"none\.yaml: cannot read the script: No such file"):
         Script.load(tmp_path / "none.yaml")
 
 
