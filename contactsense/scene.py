@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 import numpy as np
-import yaml
 from pydantic import (
     BaseModel,
     BeforeValidator,
@@ -28,7 +27,8 @@ from contactsense.robots.robot import NO_MASS, Inertia
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
-from contactsense.sensors.field_checks import describe, within_one_turn
+from contactsense.robots.yaml_fields import read_fields
+from contactsense.sensors.field_checks import describe, in_metres, within_one_turn
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
 if TYPE_CHECKING:
@@ -208,6 +208,11 @@ class Scene(BaseModel):
         joints = len(self.robot.joints)
         if self.base_wrench is None and self.joint_torque is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two sensors, got none")
+        if self.tool is not None:
+            try:
+                in_metres(self.tool.com)
+            except ValueError as error:
+                raise ValueError(f"tool.com: {error}") from None
         for name in self.touchable or ():
             if name not in self.link_names:
                 raise ValueError(f"touchable: expected links of {', '.join(self.link_names)}, got {name!r}")
@@ -243,13 +248,9 @@ class Scene(BaseModel):
             SceneError: the file is missing or not YAML, or a field is invalid; the message names it.
         """
         try:
-            content: Any = yaml.safe_load(Path(path).read_text())
-        except OSError as error:
-            raise SceneError(f"{path}: cannot read the scene: {error.strerror}") from None
-        except yaml.YAMLError as error:
-            raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
-        if not isinstance(content, dict):
-            raise SceneError(f"{path}: expected fields such as `robot: ur5e`, got {type(content).__name__}")
+            content = read_fields(path, "the scene", "robot: ur5e")
+        except ValueError as error:
+            raise SceneError(str(error)) from None
         try:
             return cls(**content)
         except SceneError as error:

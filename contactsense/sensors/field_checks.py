@@ -11,6 +11,22 @@ _UNION_BRANCH = re.compile(r"^(constrained-|literal\[|tuple\[|dict\[|float$|str$
 """Parts of pydantic's locations that name a branch of a union of types, not a field."""
 
 
+FURTHEST = 5.0
+"""Largest coordinate of a sensor's origin or of a tool's centre of mass [m]."""
+_WORDS = {
+    "missing": "expected a value, the field is missing",
+    "extra_forbidden": "unknown field",
+    "model_type": "expected fields",
+    "model_attributes_type": "expected an object with fields",
+}
+"""Type of one of pydantic's errors -> message, where pydantic's own does not speak of fields."""
+
+
+def reason(kind: str, message: str) -> str:
+    """Message of one of pydantic's errors, of type `kind`."""
+    return _WORDS.get(kind) or message.removeprefix("Value error, ")
+
+
 def within_one_turn(rpy: Vector) -> Vector:
     """Roll, pitch, yaw [rad] as they are.
 
@@ -26,6 +42,20 @@ def within_one_turn(rpy: Vector) -> Vector:
     return rpy
 
 
+def in_metres(place: Vector) -> Vector:
+    """A place on the arm [m] as it is.
+
+    Raises:
+        ValueError: a coordinate is beyond any arm, as coordinates in mm are.
+    """
+    if max(map(abs, place)) > FURTHEST:
+        raise ValueError(
+            f"expected x, y, z in m, none above {FURTHEST:g}, got {list(place)}; "
+            f"if these are mm: [{', '.join(f'{1e-3 * x:.4g}' for x in place)}]"
+        )
+    return place
+
+
 def describe(error: ValidationError) -> str:
     """All errors in one line: field, expected value, given value.
 
@@ -36,7 +66,7 @@ def describe(error: ValidationError) -> str:
         place = tuple(str(key) for key in item["loc"] if not _UNION_BRANCH.match(str(key)))
         got = "" if item["type"] in {"missing", "value_error"} else f", got {item['input']!r}"
         messages, _ = found.setdefault(place, ([], got))
-        messages.append(item["msg"].removeprefix("Value error, "))
+        messages.append(reason(item["type"], item["msg"]))
     deepest = {
         place: entry
         for place, entry in found.items()

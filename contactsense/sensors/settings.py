@@ -16,7 +16,7 @@ from pydantic import (
 from contactsense.robots import Inertia
 from contactsense.robots.primitives import Vector
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.sensors.field_checks import within_one_turn
+from contactsense.sensors.field_checks import in_metres, within_one_turn
 
 JointTorqueSignal = Literal[
     "actual_current_as_torque",
@@ -80,7 +80,7 @@ class WrenchSensor(Part):
     """Standard deviation of each moment component of one sample, about the sensor's origin [Nm]."""
     rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
     """Orientation of the sensor's frame in the base frame: roll, pitch, yaw about fixed x, y, z [rad]."""
-    translation: Vector = (0.0, 0.0, 0.0)
+    translation: Annotated[Vector, AfterValidator(in_metres)] = (0.0, 0.0, 0.0)
     """Origin of the sensor's frame in the base frame [m]."""
     sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor"
     """Which side's push is counted as positive: with `arm_on_sensor` a table-mounted arm at rest reads a
@@ -120,7 +120,7 @@ class LinkWrenchSensor(WrenchSensor):
     rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
     """Orientation of the sensor's frame in the frame of `link`: roll, pitch, yaw about fixed x, y, z
     [rad]."""
-    translation: Vector = (0.0, 0.0, 0.0)
+    translation: Annotated[Vector, AfterValidator(in_metres)] = (0.0, 0.0, 0.0)
     """Origin of the sensor's frame in the frame of `link` [m]."""
     sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor"
     """Which side's push is counted as positive: with `arm_on_sensor` the weight of what the sensor carries

@@ -61,6 +61,12 @@ class Analysis:
             f"{len(self.contacts)} contacts>"
         )
 
+    @property
+    def judged(self) -> bool:
+        """Whether any sample could be used. If none could, no contacts does not mean that nothing touched the
+        arm."""
+        return bool(self.contacts) or self.residuals.free > 0
+
     def to_arrow(self) -> pa.Table:
         """The contacts as an Arrow table, see `contactsense.service.analysis.contact_table.SCHEMA`."""
         return contact_table(self.contacts)

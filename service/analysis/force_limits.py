@@ -2,11 +2,11 @@
 not a conformity test."""
 
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
+from contactsense.robots.yaml_fields import read_fields
 from contactsense.scene import describe
 from contactsense.service.analysis.contact_summary import ContactSummary
 
@@ -58,13 +58,9 @@ class ForceLimits(BaseModel):
             LimitsError: the file is missing or is not valid YAML, or a field is wrong; the message names it.
         """
         try:
-            content: Any = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise LimitsError(f"{path}: cannot read the limits: {error.strerror}") from None
-        except yaml.YAMLError as error:
-            raise LimitsError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
-        if not isinstance(content, dict):
-            raise LimitsError(f"{path}: expected provenance and regions, got {type(content).__name__}")
+            content = read_fields(path, "the limits", "regions:")
+        except ValueError as error:
+            raise LimitsError(str(error)) from None
         try:
             return cls(**content)
         except ValidationError as error:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from contactsense.sensors.timing import LONGEST_GAP
 from contactsense.service.analysis.analysis import Analysis
 
 TOO_LARGE = 1.3
@@ -39,6 +40,15 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
         groups.append(("base_wrench", _COMPONENTS, found.base_ratio))
     if scene.joint_torque is not None:
         groups.append(("joint_torque", tuple(joint.name for joint in scene.robot.joints), found.joint_ratio))
+    step = analysis.duration / max(analysis.samples - 1, 1)
+    if not analysis.judged and step > LONGEST_GAP:
+        findings.append(
+            (
+                False,
+                f"timestamp: expected samples at most {LONGEST_GAP:g} s apart, got {step:.3g} s on average; "
+                "is another unit meant (--columns time_unit=ms)?",
+            )
+        )
     if found.free == 0:
         findings.append((False, "No sample is free of contact: model and noise cannot be checked."))
         return findings
@@ -51,4 +61,5 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
 
 
 def _share(part: int, whole: int) -> str:
-    return f"{100.0 * part / whole:.2g} %"
+    percent = 100.0 * part / whole
+    return f"{percent:.0f} %" if percent >= 10.0 else f"{percent:.2g} %"

@@ -1,6 +1,7 @@
 """HTTP routes for clips of the last minutes and for recordings on request."""
 
 import itertools
+import logging
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends
@@ -13,6 +14,7 @@ from contactsense.service.api.messages import ErrorOut
 from contactsense.service.recordings.clip_listener import RecordingSettings
 
 router = APIRouter()
+log = logging.getLogger("contactsense")
 _MOST = 1000
 _NO_FOLDER: Responses = {
     409: {"model": ErrorOut, "description": "The service has no folder for recordings."},
@@ -37,8 +39,11 @@ class ClipOut(BaseModel):
 
     number: int = Field(description="Number of the clip since the service began.")
     reason: str = Field("", description="Why it was asked for.")
-    file: str | None = Field(None, description="Name of the file; null while it is still being recorded.")
+    file: str | None = Field(
+        None, description="Name of the file; null while it is still being recorded, and if it failed."
+    )
     samples: int | None = Field(None, description="Samples in it.")
+    error: str = Field("", description="Why it could not be written.")
 
 
 class ClipsOut(BaseModel):
@@ -86,7 +91,9 @@ class Clips:
         """Process a report of the pipeline."""
         if report["type"] == "clip" and report["number"] in self.clips:
             clip = self.clips[report["number"]]
-            clip.file, clip.samples = report["file"], report["samples"]
+            clip.file, clip.samples, clip.error = report["file"], report["samples"], report["error"]
+            if clip.error:
+                log.error("clip %d (%s) was not written: %s", clip.number, clip.reason, clip.error)
         elif report["type"] == "recording":
             self.recording.on, self.recording.error = report["on"], report["error"]
             self.recording.rows = report["rows"] or self.recording.rows

@@ -8,6 +8,7 @@ from fastapi.exceptions import RequestValidationError, WebSocketRequestValidatio
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
+from contactsense.sensors.field_checks import reason
 from contactsense.service.api.messages import ErrorOut, FieldError
 
 Responses = dict[int | str, dict[str, Any]]
@@ -70,12 +71,14 @@ def _field_errors(error: RequestValidationError | WebSocketRequestValidationErro
                 field += f"[{step}]"
             elif step not in ("body", "query", "one", "many"):
                 field += f".{step}" if field else str(step)
-        reason = issue["msg"].removeprefix("Value error, ")
+        text = reason(issue["type"], issue["msg"])
         if isinstance(issue["input"], str | int | float):
-            reason += f", got {issue['input']!r:.40}"
+            text += f", got {issue['input']!r:.40}"
+        if issue["loc"] == ("body",) and issue["type"] == "missing":
+            text = "expected a body in JSON, got none"
         if issue["type"] == "json_invalid":
-            field, reason = "", f"not JSON: {issue['ctx']['error']} at character {issue['loc'][-1]}"
-        errors.append(FieldError(field=field, reason=reason))
+            field, text = "", f"not JSON: {issue['ctx']['error']} at character {issue['loc'][-1]}"
+        errors.append(FieldError(field=field, reason=text))
     return errors
 
 
@@ -94,12 +97,15 @@ async def _refuse_stream(websocket: WebSocket, error: Exception) -> None:
     errors = _field_errors(error)
     await websocket.accept()
     await websocket.send_text(ErrorOut(errors=errors).model_dump_json())
-    reason = "; ".join(f"{issue.field}: {issue.reason}" for issue in errors)
-    room = reason.encode()[:123]  # of a close frame
+    text = "; ".join(f"{issue.field}: {issue.reason}" for issue in errors)
+    room = text.encode()[:123]  # of a close frame
     await websocket.close(1008, room.decode(errors="ignore"))
 
 
 async def _http_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     # With 405 the headers contain the allowed methods.
-    return _errors(error.status_code, [FieldError(field="", reason=str(error.detail))], error.headers)
+    text = str(error.detail)
+    if error.status_code == 404 and text == "Not Found":
+        text = f"there is no {request.url.path:.80}; GET /docs describes the interface"
+    return _errors(error.status_code, [FieldError(field="", reason=text)], error.headers)

@@ -10,6 +10,7 @@ from starlette.requests import HTTPConnection
 from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Responses
 from contactsense.service.api.messages import ErrorOut
 from contactsense.service.reactions.health import ReactionsOut
+from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
 
 router = APIRouter()
@@ -54,9 +55,9 @@ async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> R
     """Clear latched collisions. A force that is still above its level latches and starts its actions
     again."""
     rule = None if request is None else request.rule
-    known = [] if shared.rules is None else [r.name for r in shared.rules.rules]
+    known = [known.name for known in _rules(shared).rules]
     if rule is not None and rule not in known:
-        raise FieldRefusedError("rule", f"expected a rule of {', '.join(known) or 'none'}, got {rule!r}")
+        raise FieldRefusedError("rule", f"expected one of {', '.join(known)}, got {rule!r}")
     await _carry_out(shared, {"type": "acknowledge", "rule": rule, "by": "POST /v1/reactions/acknowledge"})
     return shared.out()
 
@@ -64,17 +65,21 @@ async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> R
 @router.post("/v1/reactions/expected", responses={**BODY_REFUSALS, **_NOT_POSSIBLE})
 async def expected(shared: Shared, request: ExpectedIn) -> ReactionsOut:
     """Open or close the window of an expected contact; the rules file defines its point and force."""
-    known = [] if shared.rules is None else [window.name for window in shared.rules.expected]
+    known = [window.name for window in _rules(shared).expected]
+    if not known:
+        raise FieldRefusedError("name", f"the rules have no expected contacts, got {request.name!r}")
     if request.name not in known:
-        raise FieldRefusedError(
-            "name", f"expected a contact of {', '.join(known) or 'none'}, got {request.name!r}"
-        )
+        raise FieldRefusedError("name", f"expected one of {', '.join(known)}, got {request.name!r}")
     await _carry_out(shared, {"type": "announce" if request.open else "withdraw", "name": request.name})
     return shared.out()
 
 
-async def _carry_out(shared: Reactions, command: dict[str, str | None]) -> None:
+def _rules(shared: Reactions) -> ReactionRules:
     if shared.rules is None:
         raise HTTPException(503, "there are no rules: start the service with --reactions FILE")
+    return shared.rules
+
+
+async def _carry_out(shared: Reactions, command: dict[str, str | None]) -> None:
     if not await shared.request(command):
         raise HTTPException(503, "no pipeline runs that could carry it out")

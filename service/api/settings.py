@@ -3,6 +3,7 @@
 import ipaddress
 import json
 import os
+import tempfile
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -255,9 +256,23 @@ class Settings(BaseModel):
             raise SettingsError(str(error.args[0] if error.args else error)) from None
 
     def listeners(self) -> tuple[Callable[[Scene], Listener], ...]:
-        """Factories of the pipeline's listeners, picklable."""
-        if self.recording.folder is None:
+        """Factories of the pipeline's listeners, picklable.
+
+        Raises:
+            SettingsError: The folder for recordings cannot be written to.
+        """
+        folder = self.recording.folder
+        if folder is None:
             return ()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            raise SettingsError(
+                f"recording.folder (--recordings): {folder}: expected a folder that can be written to, "
+                f"got: {error.strerror}"
+            ) from None
         return (partial(ClipListener, settings=self.recording, rate=self.robot_rate),)
 
     def open_source(self, scene: Scene) -> Callable[[Scene], LiveSource | PushSource] | None:

@@ -66,7 +66,8 @@ def analyze(
     """Find what touched the arm in recordings, and write tables and a report.
 
     Writes contacts.parquet, contacts.csv, report.html and report.md to OUT; with several FILES, to one folder
-    for each. A file that cannot be read is reported and skipped; the exit status is then 1.
+    for each. A file that cannot be read is reported and skipped; the exit status is then 1, as for a file
+    without a usable sample.
 
     With a folder, --workers or --scheduler, analyses a dataset and writes contacts/robot=NAME/date=DATE/,
     robots.parquet, days.parquet, fleet.html and fleet.md to OUT. Segments that an earlier run completed are
@@ -90,6 +91,7 @@ def analyze(
     folders = _folders(files, out)
     results: list[dict[str, Any]] = []
     skipped = 0
+    unjudged: list[Path] = []
     for path, folder in zip(files, folders, strict=True):
         try:
             own = scene_in(path) if scene is None else scene
@@ -106,14 +108,23 @@ def analyze(
             continue
         except OSError as error:
             raise click.ClickException(f"{error.filename}: cannot write: {error.strerror}") from None
+        if not found.judged:
+            unjudged.append(path)
         if as_json:
             results.append(_as_plain(found))
         else:
             _print(found, folder)
     if as_json:
         click.echo(json.dumps(results, indent=1))
+    for path in unjudged:
+        click.echo(
+            f"contactsense: {path}: no sample could be used: whether anything touched the arm is not known",
+            err=True,
+        )
     if skipped:
         raise click.ClickException(f"{skipped} of {len(files)} recordings were skipped")
+    if unjudged:
+        sys.exit(1)
 
 
 def _folders(files: tuple[Path, ...], out: Path) -> list[Path]:
@@ -185,7 +196,7 @@ def _print(found: Analysis, folder: Path) -> None:
         )
     if found.contacts:
         console.print(table)
-    else:
+    elif found.judged:
         console.print(f"{found.recording}: {found.duration:.1f} s, nothing touched the arm", soft_wrap=True)
     for well, text in health(found):
         if not well:

@@ -73,4 +73,6 @@ def _call(place: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
             raise click.ClickException(f"{place}: {json.load(error)['errors'][0]['reason']}") from None
         raise click.ClickException(f"{place}: {error.code} {error.reason}") from None
     except (urllib.error.URLError, TimeoutError, ValueError) as error:
-        raise click.ClickException(f"{place}: no answer from a service: {error}") from None
+        raise click.ClickException(
+            f"{place}: no answer from a service: {getattr(error, 'reason', error)}"
+        ) from None

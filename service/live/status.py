@@ -65,7 +65,7 @@ def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
     if facts.estimate_age is None or facts.estimate_age > STALE:
         age = "yet" if facts.estimate_age is None else f"for {facts.estimate_age:.1f} s"
         return "failing", (
-            f"samples arrive but no estimate has {age}; is this computer overloaded?",
+            f"samples arrive, but no estimate {age}; is this computer overloaded?",
             *facts.others,
         )
     estimate = (f"the latest estimate is degraded: {facts.estimate}",) if facts.estimate else ()

@@ -1,9 +1,8 @@
 """Scripts of the simulated arm in YAML: its motion, the contacts on it, and its sensors' noise."""
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-import yaml
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -15,6 +14,8 @@ from pydantic import (
     model_validator,
 )
 
+from contactsense.robots.yaml_fields import fields_in, read_fields
+from contactsense.sensors.field_checks import reason
 from contactsense.service.mock.obstacles import Obstacle
 
 Vector = tuple[float, float, float]
@@ -193,14 +194,14 @@ class Script(_Part):
                 `name` identifies the script in messages.
         """
         try:
-            data = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            raise ScriptError(f"{name}: not YAML: {' '.join(str(error).split())}") from None
-        if not isinstance(data, dict):
-            got = type(data).__name__
-            raise ScriptError(f"{name}: expected a mapping with robot, trajectory, contacts, got {got}")
+            return cls._of_fields(fields_in(text, name, "robot: ur5e"), name)
+        except ValueError as error:
+            raise ScriptError(str(error)) from None
+
+    @classmethod
+    def _of_fields(cls, fields: dict[str, Any], name: str) -> "Script":
         try:
-            return cls.model_validate(data)
+            return cls.model_validate(fields)
         except ValidationError as error:
             raise ScriptError(f"{name}: {explain(error)}") from None
 
@@ -211,12 +212,10 @@ class Script(_Part):
         Raises:
             ScriptError: The file cannot be read or its content is wrong.
         """
-        path = Path(path)
         try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ScriptError(f"{path}: {error}") from None
-        return cls.parse(text, str(path))
+            return cls._of_fields(read_fields(path, "the script", "robot: ur5e"), str(path))
+        except ValueError as error:
+            raise ScriptError(str(error)) from None
 
     @classmethod
     def demo(cls) -> "Script":
@@ -231,7 +230,7 @@ def explain(error: ValidationError) -> str:
         where = ""
         for step in issue["loc"]:
             where += f"[{step}]" if isinstance(step, int) else f".{step}" if where else str(step)
-        message = issue["msg"].removeprefix("Value error, ")
+        message = reason(issue["type"], issue["msg"])
         own = issue["type"] == "value_error"  # these messages already contain the given value
         got = "" if own or issue["type"] == "missing" else f", got {issue['input']!r:.60}"
         parts.append(f"{where}: {message}{got}" if where else f"{message}{got}")

@@ -1,9 +1,8 @@
 """The rules file, `reactions.yaml`: which force on which link leads to which actions."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-import yaml
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -14,6 +13,7 @@ from pydantic import (
     model_validator,
 )
 
+from contactsense.robots.yaml_fields import read_fields
 from contactsense.scene import Scene, describe
 from contactsense.service.reactions.actions import Action
 
@@ -177,14 +177,9 @@ class ReactionRules(_Part):
             RulesError: The file is missing, is not YAML, or a field is wrong; the message names it.
         """
         try:
-            content: Any = yaml.safe_load(Path(path).read_text())
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "not text"
-            raise RulesError(f"{path}: cannot read the rules: {reason}") from None
-        except yaml.YAMLError as error:
-            raise RulesError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
-        if not isinstance(content, dict):
-            raise RulesError(f"{path}: expected fields such as `rules:`, got {type(content).__name__}")
+            content = read_fields(path, "the rules", "rules:")
+        except ValueError as error:
+            raise RulesError(str(error)) from None
         try:
             return cls.model_validate(content)
         except ValidationError as error:

@@ -56,7 +56,7 @@ class ClipListener:
     """A listener of the pipeline that writes clips and recordings.
 
     Commands: `{"type": "clip", "number", "before", "after", "reason"}` and
-    `{"type": "record", "on": true}`. Reports: `{"type": "clip", "number", "file", "samples"}` and
+    `{"type": "record", "on": true}`. Reports: `{"type": "clip", "number", "file", "samples", "error"}` and
     `{"type": "recording", "on", "rows", "error"}`.
     """
 
@@ -134,7 +134,7 @@ class ClipListener:
             kind, value = self._work.get()
             try:
                 if kind == "clip":
-                    self._write_clip(*value)
+                    self._report_clip(*value)
                 elif kind == "rows":
                     if writer is None:
                         limit = Rotation(disk_megabytes=self._settings.disk_megabytes)
@@ -157,7 +157,23 @@ class ClipListener:
             if kind == "end":
                 return
 
-    def _write_clip(self, wanted: _Wanted, rows: np.ndarray) -> None:
+    def _report_clip(self, wanted: _Wanted, rows: np.ndarray) -> None:
+        """Write a clip; one that fails is reported, and ends no recording."""
+        report: dict[str, Any] = {
+            "type": "clip",
+            "number": wanted.number,
+            "file": None,
+            "samples": None,
+            "error": "",
+        }
+        try:
+            report |= {"file": self._write_clip(wanted, rows), "samples": len(rows)}
+        except (OSError, ValueError, pa.ArrowException) as error:
+            report["error"] = str(error)
+        self._reports.append(report)
+
+    def _write_clip(self, wanted: _Wanted, rows: np.ndarray) -> str:
+        """Write a clip; returns the name of its file."""
         self._folder.mkdir(parents=True, exist_ok=True)
         stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(wanted.end))
         path = self._folder / f"clip-{stamp}-{wanted.number:06d}.parquet"
@@ -170,6 +186,4 @@ class ClipListener:
             compression="zstd",
         )
         part.replace(path)
-        self._reports.append(
-            {"type": "clip", "number": wanted.number, "file": path.name, "samples": len(rows)}
-        )
+        return path.name

@@ -1,13 +1,12 @@
 """Mapping from columns or topics of a recording to signals, with their units."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
+from contactsense.robots.yaml_fields import read_fields
 from contactsense.scene import describe
 from contactsense.sensors.link_values import column_of
 
@@ -105,15 +104,9 @@ class ColumnMapping(BaseModel):
                     fields[group] = value.strip()
         else:
             try:
-                fields = yaml.safe_load(Path(text).read_text(encoding="utf-8"))
-            except OSError as error:
-                raise MappingError(f"{text}: cannot read the column mapping: {error.strerror}") from None
-            except yaml.YAMLError as error:
-                raise MappingError(f"{text}: not YAML: {' '.join(str(error).split())}") from None
-            if not isinstance(fields, dict):
-                raise MappingError(
-                    f"{text}: expected fields such as `q: joint_`, got {type(fields).__name__}"
-                )
+                fields = read_fields(text, "the column mapping", "q: joint_")
+            except ValueError as error:
+                raise MappingError(str(error)) from None
         try:
             return cls.model_validate(fields)
         except ValidationError as error:

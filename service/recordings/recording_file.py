@@ -191,7 +191,11 @@ class RecordingFile:
             held.add("joint_torque", values, qd)
             torque = values if self._torque_map is None else self._signal(values, self._torque_map)
             checker.report(
-                ~np.isfinite(torque).all(axis=1), first, "not_finite", "joint torques are not finite", rows
+                ~np.isfinite(torque).all(axis=1),
+                first,
+                "not_finite",
+                "joint torques are missing or not finite",
+                rows,
             )
         if self._base:
             assert self._base_map is not None
@@ -199,7 +203,11 @@ class RecordingFile:
             held.add("base_wrench", values, qd)
             base = self._base_map.wrench(values)
             checker.report(
-                ~np.isfinite(base).all(axis=1), first, "not_finite", "base_wrench is not finite", rows
+                ~np.isfinite(base).all(axis=1),
+                first,
+                "not_finite",
+                "base_wrench is missing or not finite",
+                rows,
             )
         wrenches = {}
         for field, link in self._links.items():
@@ -207,7 +215,7 @@ class RecordingFile:
             held.add(field, values, qd)
             wrenches[field] = link.frame.wrenches(q, values)
             finite = np.isfinite(wrenches[field]).all(axis=1)
-            checker.report(~finite, first, "not_finite", f"{field} is not finite", rows)
+            checker.report(~finite, first, "not_finite", f"{field} is missing or not finite", rows)
         links = as_fields(wrenches)
         return Recording(
             self.name, t[rows], q, qd, torque, base, links["wrist_wrench"], first + rows.astype(np.int64),

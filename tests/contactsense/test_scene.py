@@ -46,9 +46,9 @@ def test_a_scene_file_gives_the_same_scene(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({}, "^robot: Field required$"),
+        ({}, "^robot: expected a value, the field is missing$"),
         ({"robot": "ur5e", "friction": -1}, "^friction: Input should be greater than 0, got -1$"),
-        ({"robot": "ur5e", "frictoin": 0.5}, "^frictoin: Extra inputs are not permitted, got 0.5$"),
+        ({"robot": "ur5e", "frictoin": 0.5}, "^frictoin: unknown field, got 0.5$"),
         (
             {"robot": "ur5e", "mounting": "floor"},
             "^mounting: expected table, ceiling, wall or roll, pitch, yaw in rad, got 'floor'$",
@@ -104,9 +104,9 @@ def test_a_name_is_no_scene() -> None:
     ("text", "message"),
     [
         ("robot: ur55", "robot: .*ur55"),
-        ("mounting: table", "robot: Field required"),
+        ("mounting: table", "robot: expected a value, the field is missing"),
         ("robot: ur5e\nfriction: -1", "friction: Input should be greater than 0, got -1"),
-        ("robot: ur5e\nfrictoin: 0.5", "frictoin: Extra inputs are not permitted"),
+        ("robot: ur5e\nfrictoin: 0.5", "frictoin: unknown field"),
         ("robot: ur5e\nmounting: floor", "mounting"),
         ("robot: ur5e\nroom: 0.01", "room: this field is now named clearance"),
         ("robot: ur5e\ntouchable: [elbow]", "touchable: expected links of base, shoulder, .*got 'elbow'"),
@@ -114,7 +114,17 @@ def test_a_name_is_no_scene() -> None:
         ("robot: ur5e\nbase_wrench: null\njoint_torque: null", "expected at least one of the two sensors"),
         ("robot: ur5e\nwrist_wrench: {}", "expected a tool beyond the wrist sensor"),
         ("robot: ur5e\nbase_wrench: {force_noise: .nan}", "base_wrench.force_noise: .*got nan"),
-        ("- ur5e", "expected fields such as `robot: ur5e`, got list"),
+        ("- ur5e", r"expected fields such as `robot: ur5e`, got \['ur5e'\]"),
+        ("", "expected fields such as `robot: ur5e`, got nothing"),
+        ("robot: ur5e\nmounting: table\nrobot: ur10e", "robot: expected once, got in line 1 and in line 3"),
+        (
+            "robot: ur5e\ntool: {mass: 1, com: [0, 0, 60]}",
+            r"tool.com: expected x, y, z in m, none above 5, got .*; if these are mm: \[0, 0, 0.06\]",
+        ),
+        (
+            "robot: ur5e\nbase_wrench: {translation: [0, 0, -35]}",
+            "base_wrench.translation: expected x, y, z in m",
+        ),
         ("robot: [", "not YAML"),
     ],
 )

@@ -84,7 +84,9 @@ def test_a_touch_becomes_a_register_an_event_and_a_latch(served: tuple[MockServe
     assert until(lambda: inputs["input_int_register_47"] == (0,))
     opened = http.post(f"{url}/v1/reactions/expected", json={"name": "insert"})
     assert opened.json()["expected"] == ["insert"]
-    assert http.post(f"{url}/v1/reactions/expected", json={"name": "remove"}).status_code == 422
+    refused = http.post(f"{url}/v1/reactions/expected", json={"name": "remove"})
+    assert refused.status_code == 422
+    assert refused.json() == {"errors": [{"field": "name", "reason": "expected one of insert, got 'remove'"}]}
     assert http.post(f"{url}/v1/reactions/acknowledge", json={"rule": "leg"}).status_code == 422
     kinds = [e["kind"] for e in http.get(f"{url}/v1/events").json()["events"]]
     assert {"onset", "collision", "action", "acknowledged", "expected"} <= set(kinds)
@@ -94,6 +96,7 @@ def test_without_rules() -> None:
     with serving(create_app(Settings())) as place:
         assert http.get(f"http://{place}/v1/reactions").json()["status"] == "off"
         assert http.post(f"http://{place}/v1/reactions/acknowledge").status_code == 503
+        assert http.post(f"http://{place}/v1/reactions/expected", json={"name": "insert"}).status_code == 503
 
 
 def test_rules_that_do_not_fit_are_refused_at_the_start(tmp_path: Path) -> None:

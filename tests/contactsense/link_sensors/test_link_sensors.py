@@ -248,7 +248,7 @@ def test_arguments_are_checked(localizer: Localizer) -> None:
         ({"name": "a", "link": "base"}, r"^link_wrenches\.0\.link: expected one of shoulder"),
         ({"name": "wrist", "link": "forearm"}, r"^link_wrenches\.0\.name: expected a name other than base"),
         ({"name": "A b", "link": "forearm"}, r"^link_wrenches\.0\.name: "),
-        ({"link": "forearm"}, r"^link_wrenches\.0\.name: Field required"),
+        ({"link": "forearm"}, r"^link_wrenches\.0\.name: expected a value, the field is missing"),
     ],
 )
 def test_wrong_scenes_are_explained(sensor: dict[str, object], message: str) -> None:

@@ -122,8 +122,8 @@ def test_forces_are_compared_with_the_users_own_limits(analysis: Analysis, tmp_p
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("regions: []", "provenance: Field required"),
-        ("[1]", "expected provenance and regions, got list"),
+        ("regions: []", "provenance: expected a value, the field is missing"),
+        ("[1]", "expected fields such as `regions:`, got [1]"),
         ("provenance: x\nregions: [{name: hand, quasi_static: -1, transient: 2}]", "regions.0.quasi_static"),
         ("a: [", "not YAML"),
     ],

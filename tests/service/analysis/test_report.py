@@ -49,6 +49,36 @@ def test_all_files_are_written(folder: Path) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("columns", "scale", "complaint"),
+    [
+        (["timestamp"], 1000.0, "timestamp: expected samples at most 0.05 s apart, got 2 s on average"),
+        ([f"actual_q_{i}" for i in range(6)], 180.0 / np.pi, "are they in degrees?"),
+    ],
+)
+def test_unusable_samples_are_not_said_to_be_free_of_contact(
+    tmp_path: Path, columns: list[str], scale: float, complaint: str
+) -> None:
+    path = write_motion(demo(), tmp_path / "wrong.parquet", last=500)
+    table = pa_parquet.read_table(path)
+    for name in columns:
+        values = table[name].to_numpy() * scale
+        table = table.set_column(table.column_names.index(name), name, [values])
+    pa_parquet.write_table(table, path)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    result = CliRunner().invoke(
+        analyze, [str(path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]
+    )
+    assert result.exit_code == 1
+    assert complaint in result.output
+    assert "no sample could be used: whether anything touched the arm is not known" in result.output
+    assert "nothing touched" not in result.output
+    for name in ("report.md", "report.html"):
+        text = (tmp_path / "out" / name).read_text()
+        assert "No sample could be used" in text
+        assert "Nothing touched" not in text
+
+
 def test_the_report_needs_nothing_from_elsewhere(folder: Path) -> None:
     text = (folder / "out" / "report.html").read_text()
     assert not re.findall(r"""(?:src|href)\s*=|url\(|@import|https?://""", text)

@@ -139,19 +139,19 @@ GOOD = {"q": POSTURE, "base_wrench": ZERO6}
         (json.dumps(GOOD).replace("-1.3, ", ""), "q", "expected 6 numbers, one per joint of ur5e, got 5"),
         (json.dumps({**GOOD, "base_wrench": [0.0]}), "base_wrench", "at least 6 items"),
         (json.dumps({**GOOD, "joint_torque": [0.0]}), "joint_torque", "expected 6 numbers"),
-        (json.dumps({**GOOD, "torque": 1}), "torque", "not permitted"),
+        (json.dumps({**GOOD, "torque": 1}), "torque", "unknown field, got 1"),
         (json.dumps({**GOOD, "external": "no"}), "external", "boolean"),
         (json.dumps({**GOOD, "wrist_wrench": ZERO6}), "wrist_wrench", "the scene has no such sensor"),
         (json.dumps({"q": POSTURE}), "base_wrench", "got neither"),
-        (json.dumps({"base_wrench": ZERO6}), "q", "required"),
+        (json.dumps({"base_wrench": ZERO6}), "q", "the field is missing"),
         (json.dumps({"samples": []}), "samples", "at least 1 item"),
         (json.dumps({"samples": [GOOD, {**GOOD, "q": [0.0]}]}), "samples[1].q", "expected 6 numbers"),
         (json.dumps({"samples": [GOOD, {**GOOD, "q": None}]}), "samples[1].q", "list"),
         (json.dumps({**GOOD, "\ud800": 1}), "", "unicode"),
         (json.dumps({**GOOD, "q": "\ud800"}), "q", "list"),
         ("{", "", "not JSON"),
-        ("[]", "", "dictionary"),
-        ("", "", "required"),
+        ("[]", "", "expected an object with fields"),
+        ("", "", "expected a body in JSON, got none"),
     ],
 )
 def test_bad_input_is_named(idle: httpx.Client, body: str, field: str, reason: str) -> None:
@@ -163,7 +163,9 @@ def test_bad_input_is_named(idle: httpx.Client, body: str, field: str, reason: s
 
 
 def test_other_errors_have_the_same_form(idle: httpx.Client) -> None:
-    assert idle.get("/v1/nothing").json() == {"errors": [{"field": "", "reason": "Not Found"}]}
+    assert idle.get("/v1/nothing").json() == {
+        "errors": [{"field": "", "reason": "there is no /v1/nothing; GET /docs describes the interface"}]
+    }
     assert idle.get("/v1/locate").status_code == 405
 
 

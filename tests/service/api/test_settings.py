@@ -36,6 +36,19 @@ def test_a_wrong_value_is_named(name: str, value: str, complaint: str) -> None:
         Settings.from_environment({f"CONTACTSENSE_{name}": value})
 
 
+def test_a_folder_that_cannot_be_written_to_is_refused_at_the_start(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        settings = Settings.model_validate({"recording": {"folder": folder}})
+        with pytest.raises(
+            SettingsError, match=r"--recordings\): .*file.*: expected a folder that can be writ"
+        ):
+            settings.listeners()
+    settings = Settings.model_validate({"recording": {"folder": tmp_path / "new"}})
+    assert len(settings.listeners()) == 1
+    assert list((tmp_path / "new").iterdir()) == []
+
+
 def test_an_unknown_robot_is_told_the_names() -> None:
     with pytest.raises(SettingsError, match=r"ur5 .*ur5e|ur5e"):
         Settings(robot="ur5").load_scene()

@@ -65,10 +65,10 @@ def test_links_of_groups(tmp_path: Path) -> None:
         ("type: registers", "type: registers, code: 48", "code: Input should be less than or equal to 47"),
         ("type: registers", "type: registers, link: 47", "expected different registers, got input_int_re"),
         ("while: moving", "while: flying", "while: Input should be 'moving', 'rest' or 'any'"),
-        ("while: moving", "wile: moving", "wile: Extra inputs are not permitted"),
+        ("while: moving", "wile: moving", "wile: unknown field"),
         ("wrist_1]", "wrist_9]", "rules: arm: links: expected some of base, shoulder"),
         ("wrist_1]", "tool]", "got 'tool'; the scene has no tool with a surface"),
-        ("rules:", "rule:", "rules: Field required"),
+        ("rules:", "rule:", "rules: expected a value, the field is missing"),
         ("groups:", "- groups:", "not YAML"),
     ],
 )

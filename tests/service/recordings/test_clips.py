@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from contactsense import Estimate, Sample, Scene
 from contactsense.service.api.app import create_app
+from contactsense.service.api.clips import Clips
 from contactsense.service.api.settings import Settings
 from contactsense.service.cli.record import record
 from contactsense.service.mock.script import Script
@@ -44,6 +45,30 @@ def test_the_ring_keeps_the_newest_rows(pushed: int) -> None:
     kept = ring.between(0, -1.0, 1e9)[:, 0]
     np.testing.assert_array_equal(kept, np.arange(max(0, pushed - 10), pushed))
     np.testing.assert_array_equal(ring.between(0, 4.0, 6.0)[:, 0], [k for k in kept if 4 <= k <= 6])
+
+
+def test_a_clip_that_cannot_be_written_is_reported_and_ends_no_recording(tmp_path: Path) -> None:
+    listener = ClipListener(SCENE, RecordingSettings(folder=tmp_path, minutes=0.1), 500.0)
+    listener.command({"type": "record", "on": True})
+    for i in range(1000):
+        listener.receive(sample(i), estimate(i))
+    assert until(lambda: any(report["type"] == "recording" for report in listener._reports))
+    listener._folder = tmp_path / "file"
+    (tmp_path / "file").write_text("")
+    listener.command({"type": "clip", "number": 7, "before": 1.0, "after": 0.001, "reason": "test"})
+    time.sleep(0.01)
+    listener.tick(time.monotonic())
+    assert until(lambda: any(report["type"] == "clip" for report in listener._reports))
+    (report,) = [report for report in listener.take_reports() if report["type"] == "clip"]
+    assert (report["number"], report["file"]) == (7, None)
+    assert "File exists" in report["error"]
+    listener.close()
+    *_, ended = listener.take_reports()
+    assert (ended["on"], ended["rows"], ended["error"]) == (False, 1000, "")
+    clips = Clips(RecordingSettings(folder=tmp_path))
+    clips.request(None, None, "test")
+    clips.handle_report({**report, "number": 1})
+    assert "File exists" in clips.clips[1].error
 
 
 def test_a_clip_reaches_back_and_goes_on(tmp_path: Path) -> None:

@@ -1,0 +1,71 @@
+"""Fields of a YAML file that a user has written."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+
+class _Loader(yaml.SafeLoader):
+    """Refuses a key that is given twice: YAML would silently use the last one."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            if key.value in lines:
+                raise _RepeatedKeyError(
+                    f"{key.value}: expected once, got in line {lines[key.value]} and in line {line}"
+                )
+            lines[key.value] = line
+        return super().construct_mapping(node, deep)
+
+
+class _RepeatedKeyError(Exception):
+    pass
+
+
+def read_fields(path: str | Path, what: str, example: str) -> dict[str, Any]:
+    """Fields of the YAML file at `path`.
+
+    Args:
+        path: The file.
+        what: What the file contains, for messages, such as `the scene`.
+        example: A field that it may have, for messages, such as `robot: ur5e`.
+
+    Raises:
+        ValueError: The file cannot be read, is not YAML, has no fields, or has one twice; the message names
+            it.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise ValueError(f"{path}: cannot read {what}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: cannot read {what}: expected text in UTF-8") from None
+    return fields_in(text, str(path), example)
+
+
+def fields_in(text: str, name: str, example: str) -> dict[str, Any]:
+    """Fields of YAML text.
+
+    Args:
+        text: The text.
+        name: Where it comes from, for messages.
+        example: A field that it may have, for messages.
+
+    Raises:
+        ValueError: The text is not YAML, has no fields, or has one twice; the message names it.
+    """
+    try:
+        content: Any = yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise ValueError(f"{name}: not YAML: {' '.join(str(error).split())}") from None
+    except _RepeatedKeyError as error:
+        raise ValueError(f"{name}: {error}") from None
+    if not isinstance(content, dict):
+        got = "nothing" if content is None else f"{content!r:.40}"
+        raise ValueError(f"{name}: expected fields such as `{example}`, got {got}")
+    return content

@@ -1,0 +1,36 @@
+"""Files of fields that a user has written: whatever cannot be used is said in one line."""
+
+from pathlib import Path
+
+import pytest
+
+from contactsense.robots.yaml_fields import fields_in, read_fields
+
+
+def test_fields_are_those_of_yaml() -> None:
+    text = "base: &base {a: 1}\nmore:\n  <<: *base\n  a: 2\n  1: one\n"
+    assert fields_in(text, "file", "a: 1") == {"base": {"a": 1}, "more": {"a": 2, 1: "one"}}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "file.yaml: expected fields such as `robot: ur5e`, got nothing"),
+        (b"# a comment", "file.yaml: expected fields such as `robot: ur5e`, got nothing"),
+        (b"- 1", "file.yaml: expected fields such as `robot: ur5e`, got [1]"),
+        (b"\xb2\xff\x00", "file.yaml: cannot read the scene: expected text in UTF-8"),
+        (b"a: 1\nb: {c: 1,\n c: 2}", "file.yaml: c: expected once, got in line 2 and in line 3"),
+        (b"a: [", "file.yaml: not YAML: "),
+        (b"a: \x01", "file.yaml: not YAML: "),
+        (None, "file.yaml: cannot read the scene: No such file or directory"),
+    ],
+)
+def test_what_cannot_be_used_is_named(tmp_path: Path, content: bytes | None, message: str) -> None:
+    path = tmp_path / "file.yaml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"file\.yaml") as refused:
+        read_fields(path, "the scene", "robot: ur5e")
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert type(refused.value) is ValueError
