@@ -85,6 +85,7 @@ class Localizer(StaticLocalizer):
         super().__init__(scene, method, progress)
         self._screening = StreamScreening(scene, self._plausible)
         self._start = StreamStart(scene.bandwidth)
+        # For each sample: one look-up instead of two.
         self._arguments = self._buffers.arguments
         self._fields, self._relevant_flags = self._sample_fields.fields, self._sample_fields.relevant_flags
         self._no_contact = self._estimate_builder.no_contact
@@ -223,7 +224,7 @@ class Localizer(StaticLocalizer):
         count = -1
         if flags & TOUCHED:
             count, _ = self._explain(
-                *self._kernel_args, self._bandwidth, self._gate, self._no_measurement, self._rows
+                *self._kernel_args, True, self._bandwidth, self._gate, self._no_measurement, self._rows
             )
             if self._intrinsic:
                 base = self._usable()[0]

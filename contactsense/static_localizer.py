@@ -184,17 +184,19 @@ class StaticLocalizer:
         args, gate, rows = self._kernel_args, self._gate, self._rows
         if self._sample_fields.are_vectors(values):
             measurement = (values, external, usable, threshold, check)
-            found = self._explain(*args, 0.0, gate, measurement, rows)
+            found = self._explain(*args, False, 0.0, gate, measurement, rows)
             if found[0] != NOT_FINITE:
                 return found
         measurement = (self._sample_fields.checked(*values), external, usable, threshold, check)
-        return self._explain(*args, 0.0, gate, measurement, rows)
+        return self._explain(*args, False, 0.0, gate, measurement, rows)
 
     def _compile_explain(self) -> None:
         """Compile or load the kernel for measurements and streams."""
         values = self._sample_fields.values(self._sample_fields.compile_sample().q)
         self._no_measurement: Measurement = (values, False, (True, True, 0), 0.0, False)
-        self._explain = direct_call(explain, *self._kernel_args, 0.0, False, self._no_measurement, self._rows)
+        self._explain = direct_call(
+            explain, *self._kernel_args, False, 0.0, False, self._no_measurement, self._rows
+        )
 
     def _locate_once_intrinsic(self, values: Measured, external: bool, usable: Usable) -> tuple[int, float]:
         q, torque, base, link_wrench = self._sample_fields.checked(*values)

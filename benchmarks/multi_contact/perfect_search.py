@@ -70,7 +70,7 @@ class Oracle:
         present = (True, True, 0)
         measured = (q, joint_torque, base_wrench, np.zeros((0, 6)))
         measurement = (measured, True, present, -1.0, False)
-        listed, _ = explain(*self._arguments, 0.0, False, measurement, self._rows)
+        listed, _ = explain(*self._arguments, False, 0.0, False, measurement, self._rows)
         if contacts > 1:
             estimate = self._sets.explain(present, contacts, known, drift)
             found = self._sets.explanations

@@ -84,6 +84,7 @@ def detect(
 def explain(
     buffers: Buffers,
     skin: Skin,
+    stream: bool,
     bandwidth: float,
     gate: bool,
     measurement: Measurement,
@@ -96,15 +97,16 @@ def explain(
 
     Args:
         buffers, skin, gate, rows: As for `localize`.
-        bandwidth: Cut-off frequency of the observers [Hz]; 0 for the measurement.
-        measurement: Any values for the stream.
+        stream: Whether it is the stream.
+        bandwidth: For the stream: cut-off frequency of the observers [Hz].
+        measurement: For the measurement; any values for the stream.
 
     Returns:
         For the stream, the number of candidates in `rows` and 0. For the measurement, the number of
         candidates, or what `take_measurement` returns if that is not 0; and the energy of the no-contact
         hypothesis.
     """
-    if bandwidth > 0.0:
+    if stream:
         return localize(buffers, skin, bandwidth, gate, rows), 0.0
     constants, state = buffer_views(buffers)
     unusable = take_measurement(constants, state, measurement)

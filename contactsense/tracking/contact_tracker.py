@@ -310,6 +310,7 @@ def _position_covariance(sensors: SensorModel, motion: Motion, track: ContactTra
     cz = o[2] + R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2]
     t = tangents(normal[0], normal[1], normal[2])
     a, b = _moment_row(R, t, 0, cx, cy, cz), _moment_row(R, t, 1, cx, cy, cz)
+    # Along the tangents a and b, n x r has the components -b . r and a . r.
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(6):
         Ca, Cb = dot6(sensors.base_covariance[i], a), dot6(sensors.base_covariance[i], b)
