@@ -333,7 +333,7 @@ def _as_message(health: source_health.SourceHealth) -> SourceHealth:
 
     return SourceHealth(
         connected=health.robot.state == "streaming",
-        trouble=health.trouble,
+        trouble=health.trouble_while_running,
         without_wrench=health.without_wrench,
         robot=sensor(health.robot),
         base_wrench=None if health.wrench is None else sensor(health.wrench),
