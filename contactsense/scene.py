@@ -21,6 +21,7 @@ from pydantic import (
 
 from contactsense import robots
 from contactsense.robots import Robot
+from contactsense.robots.field_errors import describe
 from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
 from contactsense.robots.robot import NO_MASS, Inertia
@@ -28,7 +29,7 @@ from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.yaml_fields import read_fields
-from contactsense.sensors.field_checks import describe, in_metres, within_one_turn
+from contactsense.sensors.field_checks import in_metres, within_one_turn
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ class Scene(BaseModel):
         try:
             super().__init__(**fields)
         except ValidationError as error:
-            raise SceneError(describe(error)) from None
+            raise SceneError(describe(error, Scene)) from None
 
     @field_validator("mounting", mode="before")
     @classmethod

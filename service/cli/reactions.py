@@ -72,7 +72,7 @@ def _scene(file: Path | None, robot: str) -> Scene:
     try:
         return Scene.model_validate({"robot": robot})
     except ValidationError as error:
-        raise SceneError(describe(error)) from None
+        raise SceneError(describe(error, Scene)) from None
     except LookupError as error:
         raise SceneError(str(error.args[0] if error.args else error)) from None
 
