@@ -22,8 +22,8 @@ _WORDS = {
     "greater_than_equal": "expected a number of at least {ge:.10g}",
     "less_than": "expected a number below {lt:.10g}",
     "less_than_equal": "expected a number of at most {le:.10g}",
-    "too_short": "expected at least {min_length} values, there are {actual_length}",
-    "too_long": "expected at most {max_length} values, there are {actual_length}",
+    "too_short": "expected at least {min_length}, there are {actual_length}",
+    "too_long": "expected at most {max_length}, there are {actual_length}",
     "string_too_short": "expected at least {min_length} characters",
     "string_too_long": "expected at most {max_length} characters",
 }

@@ -58,7 +58,7 @@ def test_a_scene_file_gives_the_same_scene(tmp_path: Path) -> None:
         ),
         (
             {"robot": "ur5e", "joint_torque": {"noise": [1, -2, 1, 1, 1, 1]}},
-            r"^joint_torque\.noise\.1: .*got -2$",
+            r"^joint_torque\.noise\[1\]: .*got -2$",
         ),
         (
             {"robot": "ur5e", "base_wrench": {"range": [1, 2, 3]}},

@@ -52,7 +52,7 @@ class Whole(Part):
             {"parts": [{"kind": "slab", "thickness": 6}]},
             "parts[0].slab.thickness: expected a number of at most 5, got 6",
         ),
-        ({"long": [1]}, "long: expected at least 2 values, there are 1"),
+        ({"long": [1]}, "long: expected at least 2, there are 1"),
         ({"place": [1]}, "place[1]: expected a value, the field is missing"),
         (
             {"place": [1, "x"]},

@@ -108,7 +108,18 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
     [
         (("serve", "--robot", "ur5"), "unknown robot 'ur5'"),
         (("serve", "--scene", "none.yaml"), "none.yaml"),
-        (("serve", "--robot-host", "192.0.2.1"), "expected either its address (ft_host)"),
+        (("serve", "--robot-host", "192.0.2.1"), "expected either its address (--ft-host)"),
+        (
+            ("serve", "--ft-host", "192.0.2.2"),
+            "--ft-host is read together with the robot: expected --robot-h",
+        ),
+        (
+            ("serve", "--ft-counts", "5"),
+            "serve: --ft-counts: expected two numbers, counts per N and per Nm, such",
+        ),
+        (("serve", "--port", "70000"), "serve: --port: expected a number of at most 65535, got 70000"),
+        (("serve", "--xmlrpc-port", "-2"), "serve: --xmlrpc-port: expected a number of at least 0, got -2"),
+        (("serve", "--tls-key", "key.pem"), "expected both --tls-certificate and --tls-key"),
         (("mock", "--script", "none.yaml"), "none.yaml"),
         (("demo", "--script", "none.yaml"), "none.yaml"),
     ],
