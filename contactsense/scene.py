@@ -295,12 +295,12 @@ class Scene(BaseModel):
         for index, sensor in enumerate(self.link_wrenches):
             if sensor.link not in self.robot.link_names[1:]:
                 raise ValueError(
-                    f"link_wrenches.{index}.link: expected one of {', '.join(self.robot.link_names[1:])}, "
+                    f"link_wrenches[{index}].link: expected one of {', '.join(self.robot.link_names[1:])}, "
                     f"got {sensor.link!r}"
                 )
             if names.index(sensor.name) < index:
                 raise ValueError(
-                    f"link_wrenches.{index}.name: expected a name that no other sensor has, "
+                    f"link_wrenches[{index}].name: expected a name that no other sensor has, "
                     f"got {sensor.name!r}"
                 )
 
@@ -310,18 +310,18 @@ class Scene(BaseModel):
         for index, body in enumerate(self.bodies):
             if body.name in names:
                 raise ValueError(
-                    f"bodies.{index}.name: expected a name that no link and no other body has, "
+                    f"bodies[{index}].name: expected a name that no link and no other body has, "
                     f"got {body.name!r}"
                 )
             if body.role == "pedestal" and self.base_wrench is None:
                 raise ValueError(
-                    f"bodies.{index}.role: pedestal: expected a base_wrench below it, got none; "
+                    f"bodies[{index}].role: pedestal: expected a base_wrench below it, got none; "
                     "a body below the sensor is a cover"
                 )
             try:
                 within_one_turn(body.rpy)
             except ValueError as error:
-                raise ValueError(f"bodies.{index}.rpy: {error}") from None
+                raise ValueError(f"bodies[{index}].rpy: {error}") from None
             names.append(body.name)
 
     @property

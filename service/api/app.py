@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator, Callable
 from importlib.metadata import version
 
 from fastapi import Depends, FastAPI
+from fastapi.responses import RedirectResponse
 from fastapi_offline import FastAPIOffline
 
 from contactsense import Scene
@@ -58,7 +59,7 @@ come for too long.
 
 **Token.** Where the service has one, each request sends it as `Authorization: Bearer TOKEN`. A WebSocket
 may send it instead as the subprotocols `contactsense, bearer.TOKEN`, as browsers can, or as `?token=TOKEN`.
-`/v1/ready`, `/docs` and `/openapi.json` need none.
+`/`, `/v1/ready`, `/docs` and `/openapi.json` need none.
 
 This software is not a safety function.
 """
@@ -102,9 +103,16 @@ def create_app(
     )
     app.state.service = service
     app.router.responses.update(errors.COMMON_REFUSALS)
+    app.add_api_route("/", _to_description, include_in_schema=False)
     for module in ROUTERS:
         app.include_router(module.router, dependencies=[Depends(refuse_unknown_parameters)])
     errors.install(app)
     app.add_middleware(Limits, limits=service.limits, refused=service.refused)
     app.add_middleware(Access, rules=settings.access_rules())
     return app
+
+
+async def _to_description() -> RedirectResponse:
+    """Lead whoever opens the address in a browser to the description; relative, for proxies that add a
+    path."""
+    return RedirectResponse("docs")

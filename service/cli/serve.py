@@ -125,7 +125,9 @@ def serve(**options: Any) -> int:
         ) from None
     with listener:
         scheme = "http" if settings.tls_certificate is None else "https"
-        click.echo(f"{READY}{scheme}://{settings.host}:{listener.getsockname()[1]}")
+        url = f"{scheme}://{settings.host}:{listener.getsockname()[1]}"
+        click.echo(f"{READY}{url}")
+        click.echo(f"interface: {url}/docs; viewer: contactsense view --url {url}")
         limits = app.state.service.connections
         config = uvicorn.Config(
             app,

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactsense import Scene
-from contactsense.service.reactions.explain import explain
+from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from tests.service.reactions.estimates import SCENE
 
@@ -38,12 +38,15 @@ def test_a_rule_in_words(tmp_path: Path) -> None:
     for part in (
         "arm: on arm, wrist_1 while a joint is faster than 0.02 rad/s",
         "for forces within 29 degrees of (0, 0, -1) in base axes",
-        "contact above 15 N with probability 0.9: tell (write input_int_register_47",
-        "slow (set the speed slider to 10 %, it stays there), until the force has gone",
+        "contact above 15 N with probability 0.9: tell, slow, until the force has gone",
         "collision above 60 N with probability 0.95 for 10 ms",
         "latched until it is acknowledged",
     ):
         assert part in words, words
+    actions = explain_actions(rules)
+    assert list(actions) == ["tell", "slow"]
+    assert actions["tell"].startswith("write input_int_register_47")
+    assert actions["slow"] == "set the speed slider to 10 %, it stays there"
 
 
 def test_links_of_groups(tmp_path: Path) -> None:
