@@ -17,10 +17,10 @@ def as_options(grouped: Grouped = ()) -> Callable[[Place], str]:
         grouped: Options of the command that belong to a group of settings.
     """
     options = {option.name: option.opts[0] for option in click.get_current_context().command.params}
-    members = {(group, field): option for option, group, field in grouped}
+    members: dict[Place, str] = {(group, field): option for option, group, field in grouped}
 
     def spelled(place: Place) -> str:
-        option = members.get(place[:2])  # type: ignore[call-overload]
+        option = members.get(place[:2])
         if option is not None:
             return joined((options[option], *place[2:]))
         return joined((options.get(str(place[0]), str(place[0])), *place[1:]))

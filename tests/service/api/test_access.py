@@ -140,6 +140,11 @@ def test_a_method_that_is_not_allowed_names_those_that_are(locked: str) -> None:
     assert (answer.status_code, answer.headers["allow"]) == (405, "POST")
 
 
+def test_the_root_leads_to_the_description_without_a_token(locked: str) -> None:
+    answer = http.get(f"http://{locked}/")
+    assert (answer.status_code, answer.headers["location"]) == (307, "docs")
+
+
 @pytest.mark.parametrize(
     ("settings", "complaint"),
     [
