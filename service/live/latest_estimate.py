@@ -2,6 +2,8 @@
 
 import json
 
+from contactsense.runtime.stream_start import FROM_START
+
 LONE = 0.5
 """Estimates that merely lack a reading are told after this time without any other [s]. The source of the
 samples tells how many lack it; a single one that happens to be the latest would make the status flap."""
@@ -28,5 +30,6 @@ class LatestEstimate:
         if self._bad_since is None:
             return ""
         reason = str(json.loads(self.payload)["reason"])
-        lacks_only = all(part.endswith(" is missing") for part in reason.split("; "))
+        of_sample = reason.removesuffix(f"; {FROM_START}")  # which is told as a doubt about the scene
+        lacks_only = all(part.endswith(" is missing") for part in of_sample.split("; "))
         return "" if lacks_only and now - self._bad_since < LONE else reason

@@ -2,6 +2,7 @@
 
 import json
 
+from contactsense.runtime.stream_start import FROM_START
 from contactsense.service.live.latest_estimate import LONE, LatestEstimate
 
 
@@ -16,6 +17,12 @@ def test_what_lacks_a_reading_now_and_then_is_not_told() -> None:
     for i in range(100):
         latest.take(0.002 * i, estimate("base_wrench is missing" if i % 10 else ""))
         assert latest.degraded(0.002 * i) == ""
+
+
+def test_a_doubt_about_the_scene_does_not_change_that() -> None:
+    latest = LatestEstimate()
+    latest.take(1.0, estimate(f"base_wrench is missing; {FROM_START}"))
+    assert latest.degraded(1.0) == ""
 
 
 def test_what_lacks_a_reading_for_longer_is_told() -> None:
