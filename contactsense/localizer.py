@@ -166,7 +166,8 @@ class Localizer(StaticLocalizer):
         says so.
 
         Raises:
-            ValueError: a field has the wrong shape; the message names it.
+            ValueError: a field has the wrong shape or is no number; the message names it.
+            TypeError: it is no `Sample`.
         """
         screening, flags = self._screening, SUSPECT
         if screening.by_kernel:
@@ -203,7 +204,8 @@ class Localizer(StaticLocalizer):
             The converted sample, and its flags.
 
         Raises:
-            ValueError: a field has the wrong shape; the message names it.
+            ValueError: a field has the wrong shape or is no number; the message names it.
+            TypeError: it is no sample.
         """
         screen, fields = self._screening.screened, self._fields
         flags, arguments = WRONG_SIZE, (self._arguments, self._bandwidth)

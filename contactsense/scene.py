@@ -21,6 +21,7 @@ from pydantic import (
 
 from contactsense import robots
 from contactsense.robots import Robot
+from contactsense.robots.field_errors import describe
 from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
 from contactsense.robots.robot import NO_MASS, Inertia
@@ -28,7 +29,7 @@ from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.yaml_fields import read_fields
-from contactsense.sensors.field_checks import describe, in_metres, within_one_turn
+from contactsense.sensors.field_checks import in_metres, within_one_turn
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ class Scene(BaseModel):
         try:
             super().__init__(**fields)
         except ValidationError as error:
-            raise SceneError(describe(error)) from None
+            raise SceneError(describe(error, Scene)) from None
 
     @field_validator("mounting", mode="before")
     @classmethod
@@ -294,12 +295,12 @@ class Scene(BaseModel):
         for index, sensor in enumerate(self.link_wrenches):
             if sensor.link not in self.robot.link_names[1:]:
                 raise ValueError(
-                    f"link_wrenches.{index}.link: expected one of {', '.join(self.robot.link_names[1:])}, "
+                    f"link_wrenches[{index}].link: expected one of {', '.join(self.robot.link_names[1:])}, "
                     f"got {sensor.link!r}"
                 )
             if names.index(sensor.name) < index:
                 raise ValueError(
-                    f"link_wrenches.{index}.name: expected a name that no other sensor has, "
+                    f"link_wrenches[{index}].name: expected a name that no other sensor has, "
                     f"got {sensor.name!r}"
                 )
 
@@ -309,18 +310,18 @@ class Scene(BaseModel):
         for index, body in enumerate(self.bodies):
             if body.name in names:
                 raise ValueError(
-                    f"bodies.{index}.name: expected a name that no link and no other body has, "
+                    f"bodies[{index}].name: expected a name that no link and no other body has, "
                     f"got {body.name!r}"
                 )
             if body.role == "pedestal" and self.base_wrench is None:
                 raise ValueError(
-                    f"bodies.{index}.role: pedestal: expected a base_wrench below it, got none; "
+                    f"bodies[{index}].role: pedestal: expected a base_wrench below it, got none; "
                     "a body below the sensor is a cover"
                 )
             try:
                 within_one_turn(body.rpy)
             except ValueError as error:
-                raise ValueError(f"bodies.{index}.rpy: {error}") from None
+                raise ValueError(f"bodies[{index}].rpy: {error}") from None
             names.append(body.name)
 
     @property

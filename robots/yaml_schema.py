@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
+from contactsense.robots.field_errors import joined, reason, says_what_was_given
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import Inertia, Joint, Link, LocalDeviation, Robot
 from contactsense.robots.rotations import rotation_from_rpy, symmetric
@@ -195,9 +196,10 @@ def check(entry: type[Entry], content: Any, path: Path) -> Entry:
         return entry.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "file"
+        place = joined(first["loc"]) or "file"
+        got = "" if says_what_was_given(first) else f", got {first['input']!r:.60}"
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise RobotError(f"{path}: {place}: {first['msg']}{more}") from error
+        raise RobotError(f"{path}: {place}: {reason(first, entry)}{got}{more}") from error
 
 
 def robot(path: Path) -> Robot:

@@ -128,11 +128,14 @@ class SampleFields:
         """The same sample as arrays of floats that the kernels accept.
 
         Raises:
-            ValueError: a field has the wrong shape; the message names it.
+            ValueError: a field has the wrong shape or is no number; the message names it.
+            TypeError: it is no sample.
         """
+        if not isinstance(sample, Sample):
+            raise TypeError(f"sample: expected a Sample, got {type(sample).__name__}")
         n = self._joints
         shaped = Sample(
-            float(sample.t),
+            _number("t", sample.t),
             _shaped("q", sample.q, n),
             _shaped("qd", sample.qd, n),
             None if sample.joint_torque is None else _shaped("joint_torque", sample.joint_torque, n),
@@ -153,6 +156,13 @@ def _placeholder(size: int) -> np.ndarray:
     array = np.zeros(2 * size)[::2]
     array.setflags(write=False)
     return array
+
+
+def _number(name: str, value: object) -> float:
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected a number, got {value!r:.60}") from None
 
 
 def _shaped(name: str, value: object, size: int) -> np.ndarray:

@@ -64,7 +64,7 @@ class ForceLimits(BaseModel):
         try:
             return cls(**content)
         except ValidationError as error:
-            raise LimitsError(f"{path}: {describe(error)}") from None
+            raise LimitsError(f"{path}: {describe(error, cls)}") from None
 
     def exceeded(self, contact: ContactSummary) -> list[str]:
         """Regions whose limits the contact exceeds, one phrase each."""

@@ -20,7 +20,8 @@ SUBPROTOCOL = "contactsense"
 TOKEN_PREFIX = "bearer."
 """Prefix of the token in a WebSocket subprotocol."""
 OPEN_PATHS = ("/v1/ready", "/docs", "/openapi.json")
-"""Paths that need no token: whether the service is ready, and the description of the interface."""
+"""Beginnings of paths that need no token: whether the service is ready, and the description of the
+interface. The root only leads there."""
 _LINGER = 2.0
 """Longest time for which the body of a refused request is read and discarded [s]."""
 
@@ -77,7 +78,7 @@ class Access:
                 "Origin",
                 f"expected a page of this service or one given by --allowed-origin, got {origin!r:.80}",
             )
-        if self._rules.token is None or scope["path"].startswith(OPEN_PATHS):
+        if self._rules.token is None or scope["path"] == "/" or scope["path"].startswith(OPEN_PATHS):
             return None
         token = _token(scope, headers)
         if token is None:

@@ -8,7 +8,8 @@ import contextlib
 from collections.abc import AsyncIterator, Callable
 from importlib.metadata import version
 
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI
+from fastapi.responses import RedirectResponse
 from fastapi_offline import FastAPIOffline
 
 from contactsense import Scene
@@ -25,6 +26,7 @@ from contactsense.service.api import (
     xmlrpc,
 )
 from contactsense.service.api.access import Access
+from contactsense.service.api.known_parameters import refuse_unknown_parameters
 from contactsense.service.api.limits import Limits
 from contactsense.service.api.service import Service
 from contactsense.service.api.settings import Settings
@@ -51,13 +53,13 @@ receives their number, `{"lost": n}`; one that takes nothing for 10 s is dropped
 | `WS /v1/events` | `since` (number of an event) | an event as `GET /v1/events` lists them | 1008, 1012 |
 | `WS /v1/track` | | an `EstimateOut` for each sample sent, or `ErrorOut` | 1000, 1008, 1011, 1012, 1013 |
 
-Code 1008 follows an `ErrorOut` where a parameter is wrong. 1012: the service ends or is started again; 1013:
-another connection must end first; 1011: the localizer's process has ended; 1000: nothing has come for too
-long.
+Code 1008 follows an `ErrorOut` where a parameter is wrong or unknown. 1012: the service ends or is started
+again; 1013: another connection must end first; 1011: the localizer's process has ended; 1000: nothing has
+come for too long.
 
 **Token.** Where the service has one, each request sends it as `Authorization: Bearer TOKEN`. A WebSocket
 may send it instead as the subprotocols `contactsense, bearer.TOKEN`, as browsers can, or as `?token=TOKEN`.
-`/v1/ready`, `/docs` and `/openapi.json` need none.
+`/`, `/v1/ready`, `/docs` and `/openapi.json` need none.
 
 This software is not a safety function.
 """
@@ -101,9 +103,16 @@ def create_app(
     )
     app.state.service = service
     app.router.responses.update(errors.COMMON_REFUSALS)
+    app.add_api_route("/", _to_description, include_in_schema=False)
     for module in ROUTERS:
-        app.include_router(module.router)
+        app.include_router(module.router, dependencies=[Depends(refuse_unknown_parameters)])
     errors.install(app)
     app.add_middleware(Limits, limits=service.limits, refused=service.refused)
     app.add_middleware(Access, rules=settings.access_rules())
     return app
+
+
+async def _to_description() -> RedirectResponse:
+    """Lead whoever opens the address in a browser to the description; relative, for proxies that add a
+    path."""
+    return RedirectResponse("docs")

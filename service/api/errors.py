@@ -8,7 +8,7 @@ from fastapi.exceptions import RequestValidationError, WebSocketRequestValidatio
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
-from contactsense.sensors.field_checks import reason
+from contactsense.robots.field_errors import joined, reason, says_what_was_given
 from contactsense.service.api.messages import ErrorOut, FieldError
 
 Responses = dict[int | str, dict[str, Any]]
@@ -24,6 +24,7 @@ COMMON_REFUSALS = _documented(
         401: "A token is missing or wrong.",
         403: "The request comes from a foreign web page.",
         413: "The body is too large.",
+        422: "A parameter or the body cannot be used: field and reason.",
         429: "Too many requests a second from one address.",
         503: "There are too many connections.",
     }
@@ -33,12 +34,9 @@ BODY_REFUSALS = _documented(
     {
         400: "The body is not text in UTF-8, or the Host is not one of the service's.",
         408: "The body did not arrive in time.",
-        422: "The request cannot be used: field and reason.",
     }
 )
 """Additional error responses of a route with a body."""
-PARAMETER_REFUSALS = _documented({422: "A parameter cannot be used: field and reason."})
-"""Additional error responses of a route with parameters."""
 
 
 class FieldRefusedError(Exception):
@@ -65,14 +63,9 @@ def _field_errors(error: RequestValidationError | WebSocketRequestValidationErro
     """Convert Pydantic's errors to field and reason; received values become text, since they may be NaN."""
     errors = []
     for issue in error.errors():
-        field = ""
-        for step in issue["loc"]:
-            if isinstance(step, int):
-                field += f"[{step}]"
-            elif step not in ("body", "query", "one", "many"):
-                field += f".{step}" if field else str(step)
-        text = reason(issue["type"], issue["msg"])
-        if isinstance(issue["input"], str | int | float):
+        field = joined(step for step in issue["loc"] if step not in ("body", "query", "one", "many"))
+        text = reason(issue)
+        if isinstance(issue["input"], str | int | float) and not says_what_was_given(issue):
             text += f", got {issue['input']!r:.40}"
         if issue["loc"] == ("body",) and issue["type"] == "missing":
             text = "expected a body in JSON, got none"

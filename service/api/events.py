@@ -9,7 +9,6 @@ from fastapi import APIRouter, Depends, Query, Response, WebSocket, WebSocketDis
 from pydantic import BaseModel, Field
 from starlette.requests import HTTPConnection
 
-from contactsense.service.api.errors import PARAMETER_REFUSALS
 from contactsense.service.events.journal import Journal
 from contactsense.service.events.model import ContactEvent, Kind
 
@@ -36,7 +35,7 @@ def _body(events: Sequence[str], last: int) -> str:
     return f'{{"events":[{",".join(events)}],"last":{last}}}'
 
 
-@router.get("/v1/events", response_model=EventsOut, responses=PARAMETER_REFUSALS)
+@router.get("/v1/events", response_model=EventsOut)
 async def events(
     journal: SharedJournal,
     since: Annotated[int, Query(ge=0, le=2**62)] = 0,

@@ -1,5 +1,6 @@
 """Settings of the service: from the command line, or from environment variables for `uvicorn --factory`."""
 
+import contextlib
 import ipaddress
 import json
 import os
@@ -19,6 +20,7 @@ from pydantic import (
     ValidationError,
 )
 
+from contactsense.robots.field_errors import Place, joined
 from contactsense.scene import Scene, SceneError, describe
 from contactsense.service.api.access import AccessRules
 from contactsense.service.controllers.push_source import PushSource
@@ -55,15 +57,39 @@ def _split(value: Any) -> Any:
     return tuple(part.strip() for part in value.split(",")) if isinstance(value, str) else value
 
 
+def _counts(value: Any) -> Any:
+    """Split the text of an option or variable; values of other types are left to Pydantic."""
+    if not isinstance(value, str):
+        return value
+    with contextlib.suppress(ValueError):
+        numbers = tuple(float(part) for part in value.split(","))
+        if len(numbers) == 2 and min(numbers) > 0.0:
+            return numbers
+    raise ValueError(f"expected two numbers, counts per N and per Nm, such as 1000000,1000000, got {value!r}")
+
+
+def _six_names(value: Any) -> Any:
+    """The same for six fields."""
+    names = _split(value)
+    if isinstance(value, str) and (len(names) != 6 or not all(names)):
+        raise ValueError(f"expected six names of RTDE fields, separated by commas, got {value!r}")
+    return names
+
+
+def _as_variable(place: Place) -> str:
+    """The environment variable of a setting, and a field within it."""
+    return joined((PREFIX + str(place[0]).upper(), *place[1:]))
+
+
 def _from_json(value: Any) -> Any:
     """Parse a group of settings from an environment variable."""
     return json.loads(value) if isinstance(value, str) and value.lstrip().startswith("{") else value
 
 
 Port = Annotated[int, Field(ge=0, le=65535)]
-Counts = Annotated[tuple[PositiveFloat, PositiveFloat], BeforeValidator(_split)]
+Counts = Annotated[tuple[PositiveFloat, PositiveFloat], BeforeValidator(_counts)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_split)]
-Fields = Annotated[tuple[str, ...], BeforeValidator(_split), Field(min_length=6, max_length=6)]
+Fields = Annotated[tuple[str, ...], BeforeValidator(_six_names), Field(min_length=6, max_length=6)]
 
 
 class LinkWrenchSettings(BaseModel):
@@ -178,11 +204,22 @@ class Settings(BaseModel):
             SettingsError: A value cannot be used.
         """
         names = {PREFIX + name.upper(): name for name in cls.model_fields}
-        return cls.checked({names[key]: value for key, value in environment.items() if key in names}, PREFIX)
+        given = {names[key]: value for key, value in environment.items() if key in names}
+        return cls.checked(given, "environment", _as_variable)
 
     @classmethod
-    def checked(cls, values: Mapping[str, object], name: str = "settings") -> "Settings":
-        """Validate values and create settings; `name` identifies their source in error messages.
+    def checked(
+        cls,
+        values: Mapping[str, object],
+        name: str = "settings",
+        spelled: Callable[[Place], str] = joined,
+    ) -> "Settings":
+        """Validate values and create settings.
+
+        Args:
+            values: By name of the setting.
+            name: Their source, for error messages.
+            spelled: How the user writes a setting.
 
         Raises:
             SettingsError: A value cannot be used.
@@ -190,7 +227,7 @@ class Settings(BaseModel):
         try:
             return cls.model_validate(dict(values))
         except ValidationError as error:
-            raise SettingsError(f"{name}: {describe(error)}") from None
+            raise SettingsError(f"{name}: {describe(error, cls, spelled)}") from None
 
     def access_rules(self) -> AccessRules:
         """Return the rules of access.
@@ -204,11 +241,11 @@ class Settings(BaseModel):
                 token = self.token_file.read_text().strip()
             except (OSError, UnicodeDecodeError) as error:
                 raise SettingsError(
-                    f"token_file: {self.token_file} cannot be read: {getattr(error, 'strerror', error)}"
+                    f"--token-file: {self.token_file} cannot be read: {getattr(error, 'strerror', error)}"
                 ) from None
             if len(token) < 16:
                 raise SettingsError(
-                    f"token_file: expected a token of at least 16 characters in {self.token_file}, "
+                    f"--token-file: expected a token of at least 16 characters in {self.token_file}, "
                     f"got {len(token)}"
                 )
         hosts = (*self.allowed_hosts, self.host) if self.host else self.allowed_hosts
@@ -222,18 +259,18 @@ class Settings(BaseModel):
             SettingsError: The token or TLS is missing; the message states which.
         """
         if (self.tls_certificate is None) != (self.tls_key is None):
-            raise SettingsError("expected both tls_certificate and tls_key, or neither, got one")
+            raise SettingsError("expected both --tls-certificate and --tls-key, or neither, got one")
         if is_loopback(self.host):
             return
         if self.access_rules().token is None:
             raise SettingsError(
-                f"host {self.host} is reached by other computers: expected a token (CONTACTSENSE_TOKEN or "
-                "token_file), got none"
+                f"--host {self.host} is reached by other computers: expected a token (CONTACTSENSE_TOKEN or "
+                "--token-file), got none"
             )
         if self.tls_certificate is None and not self.insecure_no_tls:
             raise SettingsError(
-                f"host {self.host} is reached by other computers: expected tls_certificate and tls_key, or "
-                "--insecure-no-tls for a network that you trust, got neither"
+                f"--host {self.host} is reached by other computers: expected --tls-certificate and "
+                "--tls-key, or --insecure-no-tls for a network that you trust, got neither"
             )
 
     def load_scene(self) -> Scene:
@@ -251,7 +288,7 @@ class Settings(BaseModel):
         except SceneError as error:
             raise SettingsError(str(error)) from None
         except ValidationError as error:
-            raise SettingsError(describe(error)) from None
+            raise SettingsError(describe(error, Scene)) from None
         except LookupError as error:
             raise SettingsError(str(error.args[0] if error.args else error)) from None
 
@@ -270,8 +307,7 @@ class Settings(BaseModel):
                 pass
         except OSError as error:
             raise SettingsError(
-                f"recording.folder (--recordings): {folder}: expected a folder that can be written to, "
-                f"got: {error.strerror}"
+                f"--recordings: {folder}: expected a folder that can be written to, got: {error.strerror}"
             ) from None
         return (partial(ClipListener, settings=self.recording, rate=self.robot_rate),)
 
@@ -284,12 +320,18 @@ class Settings(BaseModel):
         if self.controllers.source == "push":
             return partial(PushSource, path=self.controllers.socket_path)
         if self.robot_host is None:
+            if self.ft_host is not None or self.ft_fields is not None:
+                raise SettingsError(
+                    f"{'--ft-host' if self.ft_host else '--ft-fields'} is read together with the robot: "
+                    "expected --robot-host too, got none"
+                )
             return None
         if scene.base_wrench is not None and (self.ft_host is None) == (self.ft_fields is None):
             raise SettingsError(
-                "the scene has a force/torque sensor under the base: expected either its address (ft_host) "
-                f"or six RTDE fields (ft_fields), got {'both' if self.ft_host else 'neither'}; set "
-                "base_wrench: null in the scene to run without it"
+                "the scene has a force/torque sensor under the base: expected either its address "
+                "(--ft-host) or six RTDE fields (--ft-fields), got "
+                f"{'both' if self.ft_host else 'neither'}; set base_wrench: null in the scene to run without "
+                "it"
             )
         settings = SourceSettings(
             robot_host=self.robot_host,

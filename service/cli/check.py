@@ -14,6 +14,7 @@ from rich.table import Table
 from contactsense.calibration import FreeMotion
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
@@ -70,7 +71,7 @@ def check(
             if recordings:
                 parts = _recorded(scene, recordings, columns, errors)
             else:
-                settings = Settings.checked({**given, "scene": scene_file}, "check")
+                settings = Settings.checked({**given, "scene": scene_file}, "check", as_options())
                 opener = settings.open_source(scene)
                 assert isinstance(opener, partial)
                 parts = [

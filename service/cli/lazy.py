@@ -17,14 +17,37 @@ def missing(command: str, package: str) -> str:
 class LazyGroup(click.Group):
     """Imports its commands by name and import path when they are called."""
 
-    def __init__(self, places: Mapping[str, str], **attributes: object) -> None:
-        """`places`: command name -> "module:attribute" of its command, in the order of the help text."""
+    def __init__(
+        self, places: Mapping[str, str], sections: Mapping[str, str] | None = None, **attributes: object
+    ) -> None:
+        """Create the group.
+
+        Args:
+            places: Command name -> "module:attribute" of its command, in the order of the help text.
+            sections: Heading in the help text -> the first command below it; None: one for all.
+            attributes: Of the group, see click.
+        """
         super().__init__(**attributes)  # type: ignore[arg-type]
         self._places = places
+        self._headings = {first: heading for heading, first in (sections or {}).items()}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all commands, in the order of the help text."""
         return list(self._places)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands below their headings, with descriptions in one column."""
+        parts: dict[str, list[tuple[str, str]]] = {}
+        heading, width = "Commands", max(map(len, self._places))
+        limit = formatter.width - width - 6
+        for name in self._places:
+            heading = self._headings.get(name, heading)
+            command = self.get_command(ctx, name)
+            assert command is not None
+            parts.setdefault(heading, []).append((name.ljust(width), command.get_short_help_str(limit)))
+        for heading, rows in parts.items():
+            with formatter.section(heading):
+                formatter.write_dl(rows)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return the click command of that name; None if there is none."""

@@ -8,27 +8,34 @@ from contactsense.service.cli.lazy import LazyGroup
 
 COMMANDS = {
     "demo": "contactsense.service.cli.demo:demo",
-    "view": "contactsense.service.cli.view:view",
-    "serve": "contactsense.service.cli.serve:serve",
-    "mock": "contactsense.service.cli.mock:mock",
-    "reactions": "contactsense.service.cli.reactions:reactions",
-    "scene": "contactsense.service.cli.scene:scene",
     "robots": "contactsense.service.cli.robots:robots",
-    "bench": "contactsense.service.cli.bench:bench",
-    "analyze": "contactsense.service.cli.analyze:analyze",
+    "scene": "contactsense.service.cli.scene:scene",
     "check": "contactsense.service.cli.check:check",
-    "calibrate": "contactsense.service.cli.calibrate:calibrate",
-    "record": "contactsense.service.cli.record:record",
     "excite": "contactsense.service.cli.excite:excite",
-    "decompose": "contactsense.service.cli.decompose:decompose",
+    "calibrate": "contactsense.service.cli.calibrate:calibrate",
     "map": "contactsense.service.cli.map:surface_map",
+    "decompose": "contactsense.service.cli.decompose:decompose",
+    "serve": "contactsense.service.cli.serve:serve",
+    "view": "contactsense.service.cli.view:view",
+    "reactions": "contactsense.service.cli.reactions:reactions",
+    "mock": "contactsense.service.cli.mock:mock",
+    "record": "contactsense.service.cli.record:record",
+    "analyze": "contactsense.service.cli.analyze:analyze",
     "paper": "contactsense.benchmarks.solvers.paper_command:paper",
+    "bench": "contactsense.service.cli.bench:bench",
 }
-"""Command name -> import path of its click command."""
+"""Command name -> import path of its click command, in the order in which a user needs them."""
 
 
 cli = LazyGroup(
     COMMANDS,
+    sections={
+        "First steps": "demo",
+        "Your cell": "scene",
+        "Live": "serve",
+        "Recordings": "record",
+        "Evidence": "paper",
+    },
     name="contactsense",
     help="Estimate where a robot arm is being touched.",
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -13,7 +13,7 @@ from contactsense import Localizer, Scene, SceneError
 from contactsense.scene import describe
 from contactsense.service.reactions.decision import Decision
 from contactsense.service.reactions.engine import Engine
-from contactsense.service.reactions.explain import explain
+from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from contactsense.service.recordings import Recording, RecordingError, read
 
@@ -32,7 +32,7 @@ def reactions() -> None:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def check(file: Path, scene_file: Path | None, robot: str, replay: Path | None, as_json: bool) -> int:
-    """Check the rules in FILE and describe each in words.
+    """Check the rules in FILE and describe each in words, then each action.
 
     With --replay, no contact is announced. A latched collision is acknowledged as soon as nothing touches the
     arm, so that each time at which a collision level would have been exceeded is shown.
@@ -48,13 +48,18 @@ def check(file: Path, scene_file: Path | None, robot: str, replay: Path | None, 
     except (RulesError, SceneError, RecordingError) as error:
         raise click.ClickException(str(error)) from None
     if as_json:
-        report: dict[str, Any] = {"rules": [explain(rules, rule) for rule in rules.rules]}
+        report: dict[str, Any] = {
+            "rules": [explain(rules, rule) for rule in rules.rules],
+            "actions": explain_actions(rules),
+        }
         if fired is not None:
             report["fired"] = [decision.as_dict() for decision in fired]
         click.echo(json.dumps(report))
         return 0
     for rule in rules.rules:
         click.echo(explain(rules, rule))
+    for name, text in explain_actions(rules).items():
+        click.echo(f"action {name}: {text}.")
     for window in rules.expected:
         place = "" if window.point is None else f" within {window.radius:g} m of {window.point}"
         click.echo(
@@ -72,7 +77,7 @@ def _scene(file: Path | None, robot: str) -> Scene:
     try:
         return Scene.model_validate({"robot": robot})
     except ValidationError as error:
-        raise SceneError(describe(error)) from None
+        raise SceneError(describe(error, Scene)) from None
     except LookupError as error:
         raise SceneError(str(error.args[0] if error.args else error)) from None
 

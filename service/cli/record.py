@@ -13,6 +13,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.record_by_service import ended_by_signals, record_by_service
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read
@@ -81,7 +82,7 @@ def record(
         if origin is not None:
             _convert(origin, out, given.get("scene"), columns)
             return
-        settings = Settings.checked({**_inherited(), **given}, "record")
+        settings = Settings.checked({**_inherited(), **given}, "record", as_options())
         scene = settings.load_scene()
         opener = settings.open_source(scene)
         if opener is None:

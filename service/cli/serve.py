@@ -17,6 +17,7 @@ from contactsense.service import logs
 from contactsense.service.api.app import create_app
 from contactsense.service.api.connections import http_protocol, websocket_protocol
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.controllers.robot_program_servers import PortError
 from contactsense.service.live.scheduling import favour_latency, hurry
@@ -105,7 +106,7 @@ def serve(**options: Any) -> int:
         for option, group, field in GROUPED:
             if option in given:
                 groups.setdefault(group, dict(inherited.get(group, {})))[field] = given.pop(option)
-        settings = Settings.checked({**inherited, **given, **groups}, "serve")
+        settings = Settings.checked({**inherited, **given, **groups}, "serve", as_options(GROUPED))
         settings.check_exposure()
         logs.configure(settings.log_level, settings.log_format, settings.log_file)
         app = create_app(settings, on_loading=bar.update)
@@ -115,7 +116,7 @@ def serve(**options: Any) -> int:
     except (SettingsError, PortError) as error:
         raise click.ClickException(str(error)) from None
     except OSError as error:
-        raise click.ClickException(f"log_file: {settings.log_file}: {error.strerror}") from None
+        raise click.ClickException(f"--log-file: {settings.log_file}: {error.strerror}") from None
     try:
         listener = listen(settings.host, settings.port)
     except OSError as error:
@@ -124,7 +125,9 @@ def serve(**options: Any) -> int:
         ) from None
     with listener:
         scheme = "http" if settings.tls_certificate is None else "https"
-        click.echo(f"{READY}{scheme}://{settings.host}:{listener.getsockname()[1]}")
+        url = f"{scheme}://{settings.host}:{listener.getsockname()[1]}"
+        click.echo(f"{READY}{url}")
+        click.echo(f"interface: {url}/docs; viewer: contactsense view --url {url}")
         limits = app.state.service.connections
         config = uvicorn.Config(
             app,

@@ -72,7 +72,7 @@ class PushSource:
             health.error = f"the controller at WS /v1/track has sent no sample for {_SILENT:g} s"
         else:
             health.state = "streaming"
-        return SourceHealth(health, None, self._unusable, self._without_wrench, 0.0)
+        return SourceHealth(health, None, self._unusable, self._without_wrench, 0.0, reconnects=False)
 
     def close(self) -> None:
         """Close all sockets."""

@@ -45,7 +45,7 @@ def make_scene(fields: Any) -> Scene:
     try:
         return Scene.model_validate(given)
     except ValidationError as error:
-        raise MessageError("scene", describe(error)[:1000]) from None
+        raise MessageError("scene", describe(error, Scene)[:1000]) from None
 
 
 def _text(name: str, value: Any) -> str:

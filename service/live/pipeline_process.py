@@ -8,7 +8,6 @@ oldest are dropped and counted.
 
 import contextlib
 import json
-import signal
 import socket
 import struct
 import sys
@@ -26,6 +25,7 @@ from contactsense.robots.jit.compilation import Compilation
 from contactsense.service.api.estimate_json import estimate_json
 from contactsense.service.api.messages import PipelineHealth, SensorHealth, SourceHealth
 from contactsense.service.events.summary import ContactSummaries
+from contactsense.service.group_signals import leave_to_parent
 from contactsense.service.live.listener import Listener, Reporter
 from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry
 from contactsense.service.live.step_times import StepTimes
@@ -204,9 +204,7 @@ def work(
         open_source: Creates the source of samples.
         factories: Create the listeners.
     """
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C reaches the whole group; the service shuts this process down in order
+    leave_to_parent()
     outbox = Outbox(connection)
     with connection, contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the service has ended
         try:
@@ -333,7 +331,7 @@ def _as_message(health: source_health.SourceHealth) -> SourceHealth:
 
     return SourceHealth(
         connected=health.robot.state == "streaming",
-        trouble=health.trouble,
+        trouble=health.trouble_while_running,
         without_wrench=health.without_wrench,
         robot=sensor(health.robot),
         base_wrench=None if health.wrench is None else sensor(health.wrench),

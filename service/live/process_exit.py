@@ -18,16 +18,15 @@ async def exit_code(process: BaseProcess) -> int | None:
 
 
 async def end(process: BaseProcess, *, at_once: bool) -> None:
-    """End a process and wait for it.
+    """Wait for the end of a process that has been told to end, and kill it if it does not.
 
     Args:
         process: The process; nothing happens if it was never started.
-        at_once: Kill it without asking it to end: it hangs.
+        at_once: Kill it without waiting: it hangs.
     """
     if process.pid is None:
         return
-    if not at_once and await exit_code(process) is None:
-        process.terminate()
+    if not at_once:
         await exit_code(process)
     while process.exitcode is None:
         process.kill()

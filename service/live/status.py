@@ -54,12 +54,12 @@ def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
         return "failing", (text, *facts.others)
     if not facts.connected:
         found = facts.trouble or ("no data from the robot yet",)
-        return "waiting", (*_retried(found), *facts.others)
+        return "waiting", (*found, *facts.others)
     if facts.sample_age is None or facts.sample_age > STALE:
         age = "yet" if facts.sample_age is None else f"for {facts.sample_age:.1f} s"
         return "waiting", (
             f"no usable sample from the robot {age}",
-            *_retried(facts.trouble),
+            *facts.trouble,
             *facts.others,
         )
     if facts.estimate_age is None or facts.estimate_age > STALE:
@@ -73,12 +73,7 @@ def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
         # Most degraded estimates follow from the trouble; a value that cannot be has a cause of its own.
         own = estimate if ": expected " in facts.estimate else ()
         doubt = (facts.doubt,) if facts.doubt and not own else ()
-        return "degraded", (*_retried(facts.trouble), *facts.others, *own, *doubt)
+        return "degraded", (*facts.trouble, *facts.others, *own, *doubt)
     if estimate or facts.doubt:
         return "degraded", estimate or (facts.doubt,)
     return "ok", ("samples arrive and are estimated",)
-
-
-def _retried(trouble: tuple[str, ...]) -> tuple[str, ...]:
-    """Add to the last sentence that the service tries again by itself."""
-    return (*trouble[:-1], f"{trouble[-1]}; trying again all the time") if trouble else ()

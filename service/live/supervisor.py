@@ -21,6 +21,7 @@ from typing import Any, Literal
 from contactsense import Scene
 from contactsense.runtime.stream_start import FROM_START
 from contactsense.service.api.messages import PipelineHealth, SourceHealth
+from contactsense.service.live.latest_estimate import LatestEstimate
 from contactsense.service.live.loading import Loading, OnLoading
 from contactsense.service.live.pipeline_process import (
     ESTIMATE,
@@ -91,7 +92,7 @@ class Runner:
         self._process: Literal["none", "starting", "running", "ended"] = "starting"
         self._end_reason = ""
         self._reported = self._estimated = 0.0
-        self._latest: bytes = b""
+        self._latest = LatestEstimate()
         self._lag = 0.0
         self._restart = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -257,7 +258,8 @@ class Runner:
                 self.loading.end()
                 self.loaded.set()
                 if kind == ESTIMATE:
-                    self._estimated, self._latest = self._reported, payload
+                    self._estimated = self._reported
+                    self._latest.take(self._estimated, payload)
                     self.estimates += 1
                     self._on_estimate(t, payload)
                 elif kind == HEALTH:
@@ -346,8 +348,9 @@ class Runner:
                 estimate_age=self.estimate_age,
                 connected=self.source.connected,
                 trouble=(self.source.trouble,) if self.source.trouble else (),
-                estimate=_degraded(self._latest),
-                doubt=FROM_START if FROM_START.encode() in self._latest else "",
+                # Where the latest one is old, its age is what counts.
+                estimate=self._latest.degraded(self._estimated + (self.estimate_age or 0.0)),
+                doubt=FROM_START if FROM_START.encode() in self._latest.payload else "",
                 others=(
                     *(f"{task.name} had to be started again: {task.error}" for task in failing),
                     *self.others(),
@@ -365,13 +368,6 @@ class Runner:
             level = logging.INFO if status in ("ok", "starting", "idle") else logging.WARNING
             log.log(level, "%s: %s", status, message)
         return found
-
-
-def _degraded(estimate: bytes) -> str:
-    """Return why an estimate is degraded; empty if it is not."""
-    if b'"status":"degraded"' not in estimate[:200]:
-        return ""
-    return str(json.loads(estimate)["reason"])
 
 
 def _advice(error: OSError) -> str:

@@ -14,8 +14,8 @@ from pydantic import (
     model_validator,
 )
 
+from contactsense.robots.field_errors import describe
 from contactsense.robots.yaml_fields import fields_in, read_fields
-from contactsense.sensors.field_checks import reason
 from contactsense.service.mock.obstacles import Obstacle
 
 Vector = tuple[float, float, float]
@@ -203,7 +203,7 @@ class Script(_Part):
         try:
             return cls.model_validate(fields)
         except ValidationError as error:
-            raise ScriptError(f"{name}: {explain(error)}") from None
+            raise ScriptError(f"{name}: {describe(error, cls)}") from None
 
     @classmethod
     def load(cls, path: str | Path) -> "Script":
@@ -221,17 +221,3 @@ class Script(_Part):
     def demo(cls) -> "Script":
         """The script of the demonstration: a UR5e, eight contacts on five links."""
         return cls.load(SCRIPTS / "demo.yaml")
-
-
-def explain(error: ValidationError) -> str:
-    """All errors of a validation in one line: field, what was expected, what was given."""
-    parts = []
-    for issue in error.errors():
-        where = ""
-        for step in issue["loc"]:
-            where += f"[{step}]" if isinstance(step, int) else f".{step}" if where else str(step)
-        message = reason(issue["type"], issue["msg"])
-        own = issue["type"] == "value_error"  # these messages already contain the given value
-        got = "" if own or issue["type"] == "missing" else f", got {issue['input']!r:.60}"
-        parts.append(f"{where}: {message}{got}" if where else f"{message}{got}")
-    return "; ".join(parts)

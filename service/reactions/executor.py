@@ -8,7 +8,6 @@ others. The process ends when its standard input is closed, that is, when the pi
 import json
 import os
 import queue
-import signal
 import sys
 import threading
 import time
@@ -16,6 +15,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from contactsense.service.group_signals import leave_to_parent
 from contactsense.service.reactions.actions import Action
 from contactsense.service.reactions.actions.base import ActionError, ExecutedAction
 
@@ -47,7 +47,7 @@ def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[di
 
 def main() -> None:
     """Run until standard input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    leave_to_parent()
     if sys.platform == "linux":  # users' commands must not inherit real-time priority
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     setup = json.loads(sys.stdin.readline())

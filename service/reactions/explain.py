@@ -12,14 +12,19 @@ _DEGRADED = {
 
 
 def explain(rules: ReactionRules, rule: Rule) -> str:
-    """Describe one rule."""
+    """Describe one rule; its actions are named, see `explain_actions`."""
     links = "any link" if ANY in rule.links else ", ".join(rule.links)
     parts = [f"{rule.name}: on {links}{_when(rules, rule)}{_where(rule)}:"]
     if rule.contact is not None:
-        parts.append(f"contact {_level(rules, rule.contact)}, until the force has gone.")
+        parts.append(f"contact {_level(rule.contact)}, until the force has gone.")
     if rule.collision is not None:
-        parts.append(f"collision {_level(rules, rule.collision)}, latched until it is acknowledged.")
+        parts.append(f"collision {_level(rule.collision)}, latched until it is acknowledged.")
     return " ".join([*parts, _DEGRADED[rule.on_degraded]])
+
+
+def explain_actions(rules: ReactionRules) -> dict[str, str]:
+    """Describe each action once, by name; those that no rule uses as well."""
+    return {name: action.describe() for name, action in rules.actions.items()}
 
 
 def _when(rules: ReactionRules, rule: Rule) -> str:
@@ -42,10 +47,9 @@ def _where(rule: Rule) -> str:
     )
 
 
-def _level(rules: ReactionRules, level: Level) -> str:
+def _level(level: Level) -> str:
     held = f" for {1e3 * level.duration:g} ms" if level.duration > 0.0 else ""
-    does = [f"{name} ({rules.actions[name].describe()})" for name in level.actions]
     return (
         f"above {level.force:g} N with probability {level.probability:g}{held}: "
-        f"{'; '.join(does) if does else 'no action'}"
+        f"{', '.join(level.actions) or 'no action'}"
     )

@@ -41,7 +41,8 @@ class ReactionsOut(BaseModel):
     """State of the rules."""
 
     status: Literal["off", "ok", "failing"] = "off"
-    rules: list[str] = Field([], description="Each rule in words.")
+    rules: list[str] = Field([], description="Each rule in words; its actions are named.")
+    does: dict[str, str] = Field({}, description="What each action does, in words, by name.")
     active: list[dict[str, Any]] = Field([], description="Levels that have begun and not ended.")
     latched: list[LatchOut] = []
     expected: list[str] = Field([], description="Expected contacts whose windows are open.")

@@ -183,7 +183,7 @@ class ReactionRules(_Part):
         try:
             return cls.model_validate(content)
         except ValidationError as error:
-            raise RulesError(f"{path}: {describe(error)}") from None
+            raise RulesError(f"{path}: {describe(error, cls)}") from None
 
     def links_of(self, names: tuple[str, ...], scene: Scene) -> frozenset[str]:
         """Return the links of the scene for names of links and groups, `tool` and `any`.

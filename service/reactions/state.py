@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 from contactsense.scene import Scene
 from contactsense.service.events.model import ContactEvent
 from contactsense.service.reactions.actions.webhook import WebhookAction
-from contactsense.service.reactions.explain import explain
+from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.health import ActionHealth, LatchOut, ReactionsHealth, ReactionsOut
 from contactsense.service.reactions.listener import ReactionListener
 from contactsense.service.reactions.rules import ReactionRules, RulesError
@@ -204,6 +204,7 @@ class Reactions:
         return ReactionsOut(
             status=health.status,
             rules=[explain(self.rules, rule) for rule in self.rules.rules],
+            does=explain_actions(self.rules),
             active=self._report["active"],
             latched=self.latches,
             expected=self._report["expected"],

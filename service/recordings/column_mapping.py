@@ -110,7 +110,7 @@ class ColumnMapping(BaseModel):
         try:
             return cls.model_validate(fields)
         except ValidationError as error:
-            raise MappingError(f"column mapping: {describe(error)}") from None
+            raise MappingError(f"column mapping: {describe(error, cls)}") from None
 
 
 def expand(names: Sequence[str], count: int, available: Sequence[str]) -> list[str]:

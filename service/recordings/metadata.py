@@ -51,5 +51,5 @@ def scene_of_meta(meta: Mapping[str, str], name: str) -> Scene:
     try:
         return Scene.model_validate(yaml.safe_load(text))
     except (ValidationError, yaml.YAMLError) as error:
-        reason = describe(error) if isinstance(error, ValidationError) else str(error)
+        reason = describe(error, Scene) if isinstance(error, ValidationError) else str(error)
         raise RecordingError(f"{name}: its scene cannot be used: {reason}") from None

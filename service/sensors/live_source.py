@@ -21,7 +21,7 @@ from contactsense.service.sensors.plausibility import (
     RecentCounts,
     RobotCheck,
 )
-from contactsense.service.sensors.recent_trouble import describe_recent
+from contactsense.service.sensors.recent_trouble import RecentTrouble
 from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError
 from contactsense.service.sensors.rtde_client import RtdeStream
 from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
@@ -115,6 +115,7 @@ class LiveSource:
     def __init__(self, scene: Scene, settings: SourceSettings) -> None:
         self._torque = TorqueMap.of(scene)
         self._recent = RecentCounts()
+        self._trouble = RecentTrouble()
         self._checked = not settings.constant_readings
         sources = _sources(scene, settings)
         fields = ["actual_q", "actual_qd", *(() if self._torque is None else self._torque.names)]
@@ -168,7 +169,8 @@ class LiveSource:
     def health(self) -> SourceHealth:
         """Current counters and latest problems of all sensors."""
         robot = replace(self._robot.health)
-        recent = describe_recent(self._recent.totals(time.monotonic()), self._period)
+        now = time.monotonic()
+        recent = self._trouble.describe(now, self._recent.totals(now), self._period)
         links = {
             name: reader.network.stream.health
             for name, reader in self._wrenches.items()

@@ -1,7 +1,9 @@
 """Problems with the readings of the last second, as messages for the operator."""
 
 from collections import Counter
+from collections.abc import Hashable
 
+from contactsense.service.sensors.held_share import HeldShare
 from contactsense.service.sensors.plausibility import Event, SensorEvent
 
 SHARE = 0.02
@@ -37,33 +39,45 @@ _OF_SENSOR = {
 }
 """The same of each force/torque sensor."""
 _SHARES = {
-    "lost": "{share:.0%} of the robot's packets were lost within the last second; check the network and the "
+    "lost": "up to {share:.0%} of the robot's packets within a second were lost; check the network and the "
     "load of this computer",
-    "duplicates": "{share:.0%} of the robot's packets within the last second repeat the time stamp of the "
-    "one before",
-    "out_of_order": "{share:.0%} of the robot's packets within the last second arrived in the wrong order; "
+    "duplicates": "up to {share:.0%} of the robot's packets within a second repeat the time stamp of the one "
+    "before",
+    "out_of_order": "up to {share:.0%} of the robot's packets within a second arrived in the wrong order; "
     "late ones are ignored",
 }
-_LACKING = "{share:.0%} of the samples within the last second lack the force/torque reading"
+_LACKING = "up to {share:.0%} of the samples within a second lack the force/torque reading"
 
 
-def describe_recent(counts: Counter[Event], period: float) -> tuple[str, ...]:
-    """One line for each problem; those of a force/torque sensor begin with its field of the scene.
+class RecentTrouble:
+    """Tells the problems of the last second; shares as long as `HeldShare` holds them."""
 
-    Args:
-        counts: Number of occurrences of each problem within the last second.
-        period: Time between two packets of the robot [s].
-    """
-    found = [text for name, text in _ALWAYS.items() if counts[name] > 2]
-    expected = max(counts["packets"], 0.5 / period)
-    for field in sorted({event.field for event in counts if isinstance(event, SensorEvent)}):
-        said = [text for what, text in _OF_SENSOR.items() if counts[SensorEvent(field, what)] > 2]
-        share = min(1.0, counts[SensorEvent(field, "lacking")] / expected)
-        if not said and share > WITHOUT_WRENCH:
-            said = [_LACKING.format(share=share)]
-        found += [f"{field}: {text}" for text in said]
-    for name, text in _SHARES.items():
-        share = min(1.0, counts[name] / expected)
-        if share > SHARE:
-            found.append(text.format(share=share))
-    return tuple(found)
+    def __init__(self) -> None:
+        self._shares: dict[Hashable, HeldShare] = {}
+
+    def describe(self, now: float, counts: Counter[Event], period: float) -> tuple[str, ...]:
+        """One line for each problem; those of a force/torque sensor begin with its field of the scene.
+
+        Args:
+            now: Time on the host's monotonic clock [s].
+            counts: Number of occurrences of each problem within the last second.
+            period: Time between two packets of the robot [s].
+        """
+        found = [text for name, text in _ALWAYS.items() if counts[name] > 2]
+        expected = max(counts["packets"], 0.5 / period)
+
+        def held(event: Event, limit: float) -> float:
+            share = min(1.0, counts[event] / expected)
+            return self._shares.setdefault(event, HeldShare(limit)).update(now, share)
+
+        events = {event for event in (*counts, *self._shares) if isinstance(event, SensorEvent)}
+        for field in sorted({event.field for event in events}):
+            said = [text for what, text in _OF_SENSOR.items() if counts[SensorEvent(field, what)] > 2]
+            share = held(SensorEvent(field, "lacking"), WITHOUT_WRENCH)
+            if not said and share:
+                said = [_LACKING.format(share=share)]
+            found += [f"{field}: {text}" for text in said]
+        for name, text in _SHARES.items():
+            if share := held(name, SHARE):
+                found.append(text.format(share=share))
+        return tuple(found)

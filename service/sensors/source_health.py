@@ -25,11 +25,14 @@ class SourceHealth:
     links: Mapping[str, WrenchHealth] = field(default_factory=dict)
     """Networked sensors within the arm, by field of the scene."""
     recent: tuple[str, ...] = ()
-    """Problems with the readings in the last second, one readable line each."""
+    """Problems with the readings in the last seconds, one readable line each."""
+    reconnects: bool = True
+    """Whether lost connections are tried again from here; a controller that pushes its samples connects by
+    itself."""
 
     @property
-    def trouble(self) -> str:
-        """Current problem in one readable line; empty if there is none."""
+    def faults(self) -> tuple[str, ...]:
+        """Sensors that are not connected, one readable line each."""
         found = []
         if self.robot.state != "streaming":
             found.append(self.robot.error or "no data from the robot yet")
@@ -38,5 +41,15 @@ class SourceHealth:
         for name, sensor in self.links.items():
             if sensor.state != "streaming":
                 found.append(f"{name}: {sensor.error or 'no data from the sensor yet'}")
-        found += self.recent
-        return "; ".join(found)
+        return tuple(found)
+
+    @property
+    def trouble(self) -> str:
+        """Current problem in one readable line; empty if there is none."""
+        return "; ".join((*self.faults, *self.recent))
+
+    @property
+    def trouble_while_running(self) -> str:
+        """The same for somebody who may wait: it says which problems are being worked on."""
+        retried = ("it keeps trying",) if self.faults and self.reconnects else ()
+        return "; ".join((*self.faults, *retried, *self.recent))

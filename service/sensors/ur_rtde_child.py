@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from contactsense.service.group_signals import leave_to_parent
+
 GETTERS = {
     "actual_q": "getActualQ",
     "actual_qd": "getActualQd",
@@ -51,7 +53,7 @@ def main(arguments: Sequence[str]) -> None:
     if sys.platform == "linux":
         # A child that hangs inside ur_rtde would not notice that its parent has exited.
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    leave_to_parent()
     channel = socket.socket(fileno=int(arguments[0]))
     host, frequency, fields = arguments[1], float(arguments[2]), arguments[3:]
     from rtde_receive import RTDEReceiveInterface

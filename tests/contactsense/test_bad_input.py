@@ -43,6 +43,30 @@ def test_wrong_shapes_are_named(precise: Localizer) -> None:
 
 
 @pytest.mark.parametrize(
+    ("given", "kind", "message"),
+    [
+        ({"t": 0.0}, TypeError, "^sample: expected a Sample, got dict$"),
+        (None, TypeError, "^sample: expected a Sample, got NoneType$"),
+        (Sample("x", Q, np.zeros(6)), ValueError, "^t: expected a number, got 'x'$"),  # type: ignore[arg-type]
+        (Sample(None, Q, np.zeros(6)), ValueError, "^t: expected a number, got None$"),  # type: ignore[arg-type]
+    ],
+    ids=["dict", "None", "time in words", "no time"],
+)
+def test_what_is_no_sample_is_refused(
+    ordinary: Localizer, given: Any, kind: type[Exception], message: str
+) -> None:
+    """Also within a stream, which goes on afterwards."""
+    torque, wrench = weight(ordinary.scene, Q)
+    samples = [Sample(0.002 * i, Q, np.zeros(6), torque, wrench) for i in range(60)]
+    with pytest.raises(kind, match=message):
+        list(ordinary.run([given]))
+    assert [estimate.t for estimate in ordinary.run(samples)][-1] == samples[-1].t
+    with pytest.raises(kind, match=message):
+        ordinary.step(given)
+    assert ordinary.step(Sample(0.12, Q, np.zeros(6), torque, wrench)).status == "none"
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"base_wrench": [0.0] * 5}, r"base_wrench: expected shape \(6,\)"),

@@ -122,26 +122,29 @@ def test_a_push_from_elsewhere_is_not_the_table() -> None:
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"bodies": [{"name": "table", "primitives": []}]}, r"^bodies\.0\.primitives: .*at least 1 item"),
+        (
+            {"bodies": [{"name": "table", "primitives": []}]},
+            r"^bodies\[0\]\.primitives: .*at least 1, there are 0",
+        ),
         (
             {
                 "bodies": [
                     {"name": "base", "primitives": [{"kind": "sphere", "center": [0, 0, 0], "radius": 1}]}
                 ]
             },
-            r"^bodies\.0\.name: expected a name that no link and no other body has, got 'base'$",
+            r"^bodies\[0\]\.name: expected a name that no link and no other body has, got 'base'$",
         ),
         (
             {"base_wrench": None, "bodies": [Body(name="post", role="pedestal", primitives=(COLUMN,))]},
-            r"^bodies\.0\.role: pedestal: expected a base_wrench below it, got none",
+            r"^bodies\[0\]\.role: pedestal: expected a base_wrench below it, got none",
         ),
         (
             {"bodies": [Body(name="post", rpy=(0.0, 0.0, 90.0), primitives=(COLUMN,))]},
-            r"^bodies\.0\.rpy: expected roll, pitch, yaw in rad",
+            r"^bodies\[0\]\.rpy: expected roll, pitch, yaw in rad",
         ),
         (
             {"bodies": [{"name": "post", "role": "fence", "primitives": [COLUMN]}]},
-            r"^bodies\.0\.role: .*'fence'$",
+            r"^bodies\[0\]\.role: .*'fence'$",
         ),
     ],
 )

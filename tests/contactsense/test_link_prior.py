@@ -172,7 +172,7 @@ def test_the_map_names_a_link_more_often_if_it_is_more_probable() -> None:
         ({"link_prior": {"forearm": 1.0}, "touchable": ("forearm", "wrist_1")},
          "link_prior: expected a weight of each touchable link, got none of wrist_1"),
         ({"link_prior": {**WEIGHTS, "forearm": -1}},
-         "link_prior.forearm: Input should be greater than or equal to 0, got -1"),
+         "link_prior.forearm: expected a number of at least 0, got -1"),
         ({"link_prior": {**WEIGHTS, "forearm": float("nan")}}, "link_prior.forearm: .*got nan"),
         ({"link_prior": {**WEIGHTS, "forearm": "often"}}, "link_prior.forearm: .*got 'often'"),
         ({"link_prior": dict.fromkeys(LINKS, 0.0)}, "link_prior: expected a weight above 0, got none"),

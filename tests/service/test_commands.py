@@ -12,6 +12,7 @@ import pytest
 from contactsense.service.cli.main import main
 from contactsense.service.demo.child_process import ChildError, child
 from tests.service import http
+from tests.service.loopback import until
 
 SHORT = """
 robot: ur5e
@@ -96,6 +97,8 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
     line = process.stdout.readline()
     assert line.startswith("serving at http://127.0.0.1:")
     url = line.removeprefix("serving at ").strip()
+    second = process.stdout.readline()
+    assert second == f"interface: {url}/docs; viewer: contactsense view --url {url}\n"
     assert http.get(f"{url}/v1/health", timeout=60).json()["status"] == "idle"
     process.send_signal(number)
     _, err = process.communicate(timeout=30)
@@ -108,7 +111,18 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
     [
         (("serve", "--robot", "ur5"), "unknown robot 'ur5'"),
         (("serve", "--scene", "none.yaml"), "none.yaml"),
-        (("serve", "--robot-host", "192.0.2.1"), "expected either its address (ft_host)"),
+        (("serve", "--robot-host", "192.0.2.1"), "expected either its address (--ft-host)"),
+        (
+            ("serve", "--ft-host", "192.0.2.2"),
+            "--ft-host is read together with the robot: expected --robot-h",
+        ),
+        (
+            ("serve", "--ft-counts", "5"),
+            "serve: --ft-counts: expected two numbers, counts per N and per Nm, such",
+        ),
+        (("serve", "--port", "70000"), "serve: --port: expected a number of at most 65535, got 70000"),
+        (("serve", "--xmlrpc-port", "-2"), "serve: --xmlrpc-port: expected a number of at least 0, got -2"),
+        (("serve", "--tls-key", "key.pem"), "expected both --tls-certificate and --tls-key"),
         (("mock", "--script", "none.yaml"), "none.yaml"),
         (("demo", "--script", "none.yaml"), "none.yaml"),
     ],
@@ -128,6 +142,47 @@ def test_what_cannot_be_used_is_one_line_on_stderr(
     assert out == ""
     assert complaint in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_a_signal_to_the_whole_group_is_no_failure(tmp_path: Path) -> None:
+    """Service managers send SIGTERM to all processes of a service at once."""
+    log = tmp_path / "log"
+    sensors = (
+        "--robot-host",
+        "127.0.0.1",
+        "--robot-port",
+        "1",
+        "--ft-host",
+        "127.0.0.1",
+        "--ft-counts",
+        "1,1",
+    )
+    with child("serve", "--port", "0", "--log-file", str(log), *sensors) as service:
+        url = service.wait_for("serving at ")
+        waiting = lambda: http.get(f"{url}/v1/health").json()["status"] == "waiting"  # noqa: E731
+        assert until(waiting, 280.0, step=0.1)  # kernels may have to be compiled
+        os.killpg(service.pid, signal.SIGTERM)
+        with pytest.raises(ChildError, match="exit status 0"):
+            assert until(lambda: service.check(), 20.0)
+    told = log.read_text()
+    assert "it keeps trying" in told
+    assert "failing" not in told, told
+    assert "exit code" not in told, told
+
+
+def test_commands_are_listed_in_the_order_of_their_use(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["contactsense", "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    out = capsys.readouterr().out
+    order = ["First steps:", " demo ", "Your cell:", " scene ", " check ", " calibrate ", "Live:", " serve "]
+    places = [
+        out.index(name) for name in (*order, " mock ", "Recordings:", " record ", " analyze ", " bench ")
+    ]
+    assert places == sorted(places)
 
 
 @pytest.mark.slow

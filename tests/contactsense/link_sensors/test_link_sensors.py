@@ -244,11 +244,14 @@ def test_arguments_are_checked(localizer: Localizer) -> None:
 @pytest.mark.parametrize(
     ("sensor", "message"),
     [
-        ({"name": "a", "link": "elbow"}, r"^link_wrenches\.0\.link: expected one of shoulder, .*got 'elbow'"),
-        ({"name": "a", "link": "base"}, r"^link_wrenches\.0\.link: expected one of shoulder"),
-        ({"name": "wrist", "link": "forearm"}, r"^link_wrenches\.0\.name: expected a name other than base"),
-        ({"name": "A b", "link": "forearm"}, r"^link_wrenches\.0\.name: "),
-        ({"link": "forearm"}, r"^link_wrenches\.0\.name: expected a value, the field is missing"),
+        (
+            {"name": "a", "link": "elbow"},
+            r"^link_wrenches\[0\]\.link: expected one of shoulder, .*got 'elbow'",
+        ),
+        ({"name": "a", "link": "base"}, r"^link_wrenches\[0\]\.link: expected one of shoulder"),
+        ({"name": "wrist", "link": "forearm"}, r"^link_wrenches\[0\]\.name: expected a name other than base"),
+        ({"name": "A b", "link": "forearm"}, r"^link_wrenches\[0\]\.name: "),
+        ({"link": "forearm"}, r"^link_wrenches\[0\]\.name: expected a value, the field is missing"),
     ],
 )
 def test_wrong_scenes_are_explained(sensor: dict[str, object], message: str) -> None:
@@ -257,7 +260,7 @@ def test_wrong_scenes_are_explained(sensor: dict[str, object], message: str) -> 
 
 
 def test_names_are_given_once() -> None:
-    with pytest.raises(SceneError, match=r"^link_wrenches\.1\.name: expected a name that no other sensor"):
+    with pytest.raises(SceneError, match=r"^link_wrenches\[1\]\.name: expected a name that no other sensor"):
         Scene(robot=ARM, link_wrenches=[SENSOR, SENSOR])
 
 

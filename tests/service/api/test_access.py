@@ -140,12 +140,17 @@ def test_a_method_that_is_not_allowed_names_those_that_are(locked: str) -> None:
     assert (answer.status_code, answer.headers["allow"]) == (405, "POST")
 
 
+def test_the_root_leads_to_the_description_without_a_token(locked: str) -> None:
+    answer = http.get(f"http://{locked}/")
+    assert (answer.status_code, answer.headers["location"]) == (307, "docs")
+
+
 @pytest.mark.parametrize(
     ("settings", "complaint"),
     [
         ({"host": "0.0.0.0"}, "expected a token"),
         ({"host": "0.0.0.0", "token": TOKEN}, "--insecure-no-tls"),
-        ({"host": "192.0.2.1", "token": TOKEN, "tls_key": "k"}, "both tls_certificate and tls_key"),
+        ({"host": "192.0.2.1", "token": TOKEN, "tls_key": "k"}, "both --tls-certificate and --tls-key"),
     ],
 )
 def test_other_computers_only_with_token_and_tls(settings: dict[str, object], complaint: str) -> None:

@@ -26,9 +26,13 @@ def test_from_the_environment() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "complaint"),
     [
-        ("PORT", "70000", "port"),
-        ("ROBOT_CLIENT", "other", "robot_client.*'rtde' or 'ur_rtde'"),
-        ("FT_FIELDS", "a,b", "ft_fields"),
+        ("PORT", "70000", "^environment: CONTACTSENSE_PORT: expected a number of at most 65535"),
+        ("ROBOT_CLIENT", "other", "CONTACTSENSE_ROBOT_CLIENT: expected 'rtde' or 'ur_rtde', got 'other'"),
+        ("FT_FIELDS", "a,b", "CONTACTSENSE_FT_FIELDS: expected six names of RTDE fields.* got 'a,b'"),
+        ("FT_COUNTS", "5", "CONTACTSENSE_FT_COUNTS: expected two numbers.* 1000000,1000000, got '5'"),
+        ("FT_COUNTS", "5,x", "expected two numbers.* got '5,x'"),
+        ("FT_COUNTS", "5,-1", "expected two numbers.* got '5,-1'"),
+        ("EVENTS", '{"pth": "a"}', r"CONTACTSENSE_EVENTS.pth: unknown field \(did you mean path\?\)"),
     ],
 )
 def test_a_wrong_value_is_named(name: str, value: str, complaint: str) -> None:
@@ -41,7 +45,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_at_the_start(tmp_path: Pa
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
         settings = Settings.model_validate({"recording": {"folder": folder}})
         with pytest.raises(
-            SettingsError, match=r"--recordings\): .*file.*: expected a folder that can be writ"
+            SettingsError, match=r"--recordings: .*file.*: expected a folder that can be writ"
         ):
             settings.listeners()
     settings = Settings.model_validate({"recording": {"folder": tmp_path / "new"}})
@@ -66,7 +70,14 @@ def test_no_robot_no_source() -> None:
 
 def test_a_base_sensor_must_be_somewhere() -> None:
     settings = Settings(robot_host="192.0.2.1")
-    with pytest.raises(SettingsError, match=r"ft_host.*ft_fields.*neither"):
+    with pytest.raises(SettingsError, match=r"--ft-host.*--ft-fields.*neither"):
+        settings.open_source(settings.load_scene())
+
+
+@pytest.mark.parametrize("given", [{"ft_host": "192.0.2.2"}, {"ft_fields": "a,b,c,d,e,f"}])
+def test_a_sensor_without_a_robot_is_refused(given: dict[str, str]) -> None:
+    settings = Settings.model_validate(given)
+    with pytest.raises(SettingsError, match=r"^--ft-\w+ is read together with the robot: expected --robot-h"):
         settings.open_source(settings.load_scene())
 
 

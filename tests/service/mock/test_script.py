@@ -29,7 +29,7 @@ def test_a_good_script() -> None:
             "robott: ur5e",
             ["robot: expected a value, the field is missing", "robott: unknown field"],
         ),
-        ("push: 20", "push: -20", ["contacts[0].push", "greater than 0", "got -20"]),
+        ("push: 20", "push: -20", ["contacts[0].push", "a number above 0", "got -20"]),
         ("push: 20", "push: .nan", ["contacts[0].push", "finite"]),
         ("push: 20", "torsion: 1", ["contacts[0]", "exactly one of push, force_link, force_base", "none"]),
         ("push: 20", "push: 20, force_base: [1, 0, 0]", ["got ['push', 'force_base']"]),

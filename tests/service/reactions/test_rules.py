@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactsense import Scene
-from contactsense.service.reactions.explain import explain
+from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from tests.service.reactions.estimates import SCENE
 
@@ -38,12 +38,15 @@ def test_a_rule_in_words(tmp_path: Path) -> None:
     for part in (
         "arm: on arm, wrist_1 while a joint is faster than 0.02 rad/s",
         "for forces within 29 degrees of (0, 0, -1) in base axes",
-        "contact above 15 N with probability 0.9: tell (write input_int_register_47",
-        "slow (set the speed slider to 10 %, it stays there), until the force has gone",
+        "contact above 15 N with probability 0.9: tell, slow, until the force has gone",
         "collision above 60 N with probability 0.95 for 10 ms",
         "latched until it is acknowledged",
     ):
         assert part in words, words
+    actions = explain_actions(rules)
+    assert list(actions) == ["tell", "slow"]
+    assert actions["tell"].startswith("write input_int_register_47")
+    assert actions["slow"] == "set the speed slider to 10 %, it stays there"
 
 
 def test_links_of_groups(tmp_path: Path) -> None:
@@ -55,17 +58,17 @@ def test_links_of_groups(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "after", "complaint"),
     [
-        ("force: 15", "force: -15", "rules.0.contact.force: Input should be greater than 0"),
+        ("force: 15", "force: -15", "rules[0].contact.force: expected a number above 0"),
         ("force: 60", "force: 10", "collision.force: expected at least contact.force (15 N), got 10 N"),
-        ("half_angle: 0.5", "half_angle: 30", "half_angle: Input should be less than or equal to 3.14"),
+        ("half_angle: 0.5", "half_angle: 30", "half_angle: expected a number of at most 3.14"),
         ("[0, 0, -1]", "[0, 0, 0]", "axis: expected a direction, got three zeros"),
         ("[tell]", "[call]", "rules: arm: expected actions of tell, slow, got 'call'"),
-        ("fraction: 0.1", "fraction: 0.0", "fraction: Input should be greater than or equal to 0.01"),
-        ("type: registers", "type: telepathy", "actions.tell: Input tag 'telepathy'"),
-        ("type: registers", "type: registers, code: 48", "code: Input should be less than or equal to 47"),
+        ("fraction: 0.1", "fraction: 0.0", "fraction: expected a number of at least 0.01"),
+        ("type: registers", "type: telepathy", "actions.tell: expected 'type' to be one of"),
+        ("type: registers", "type: registers, code: 48", "code: expected a number of at most 47"),
         ("type: registers", "type: registers, link: 47", "expected different registers, got input_int_re"),
-        ("while: moving", "while: flying", "while: Input should be 'moving', 'rest' or 'any'"),
-        ("while: moving", "wile: moving", "wile: unknown field"),
+        ("while: moving", "while: flying", "while: expected 'moving', 'rest' or 'any'"),
+        ("while: moving", "wile: moving", "wile: unknown field (did you mean while?)"),
         ("wrist_1]", "wrist_9]", "rules: arm: links: expected some of base, shoulder"),
         ("wrist_1]", "tool]", "got 'tool'; the scene has no tool with a surface"),
         ("rules:", "rule:", "rules: expected a value, the field is missing"),
@@ -91,8 +94,8 @@ def test_a_missing_file_is_named() -> None:
         ("{type: webhook, url: 'http://h/'}", "expected either secret or secret_file, got neither"),
         ("{type: webhook, url: 'http://h/', secret: hunter2}", "secret: expected whsec_"),
         ("{type: webhook, url: 'ftp://h/', secret_file: f}", "url: String should match"),
-        ("{type: command, command: []}", "command: Tuple should have at least 1 item"),
-        ("{type: dashboard, command: unlock protective stop}", "command: Input should be"),
+        ("{type: command, command: []}", "command: expected at least 1, there are 0"),
+        ("{type: dashboard, command: unlock protective stop}", "command: expected"),
         ('{type: dashboard, command: popup, text: "a\\nplay"}', "text: String should match"),
     ],
 )

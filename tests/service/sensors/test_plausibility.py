@@ -13,7 +13,7 @@ from contactsense.service.sensors.plausibility import (
     RobotCheck,
     SensorEvent,
 )
-from contactsense.service.sensors.recent_trouble import describe_recent
+from contactsense.service.sensors.recent_trouble import RecentTrouble
 
 TIMES = np.arange(0.0, 0.2, 0.002)
 LIMITS = np.full(6, np.pi)
@@ -91,15 +91,15 @@ def test_what_was_wrong_is_told_in_words():
     recent = RecentCounts()
     recent.add(5.0, "packets", 450)
     recent.add(5.0, "lost", 45)
-    assert describe_recent(recent.totals(5.0), 0.002) == (
-        "10% of the robot's packets were lost within the last second; check the network and the load of this "
+    assert RecentTrouble().describe(5.0, recent.totals(5.0), 0.002) == (
+        "up to 10% of the robot's packets within a second were lost; check the network and the load of this "
         "computer",
     )
     for field in ("wrist_wrench", "base_wrench"):
         recent.add(5.0, SensorEvent(field, "lacking"), 100)
     recent.add(5.0, SensorEvent("wrist_wrench", "frozen"), 900)
-    base, wrist, last = describe_recent(recent.totals(5.0), 0.002)
-    assert base == "base_wrench: 22% of the samples within the last second lack the force/torque reading"
+    base, wrist, last = RecentTrouble().describe(5.0, recent.totals(5.0), 0.002)
+    assert base == "base_wrench: up to 22% of the samples within a second lack the force/torque reading"
     assert wrist.startswith("wrist_wrench: the force/torque sensor repeats the same reading")
     assert "lost" in last  # and the samples without a reading of the wrist are explained already
 
@@ -125,4 +125,4 @@ def test_a_rare_loss_is_not_worth_a_word():
     recent = RecentCounts()
     recent.add(5.0, "packets", 499)
     recent.add(5.0, "lost", 1)
-    assert describe_recent(recent.totals(5.0), 0.002) == ()
+    assert RecentTrouble().describe(5.0, recent.totals(5.0), 0.002) == ()

@@ -1,0 +1,79 @@
+"""Errors of fields in words that name what was expected, what was given, and the field that was meant."""
+
+from typing import Annotated, Any, Literal
+
+import pytest
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError
+
+from contactsense.robots.field_errors import describe, joined
+from contactsense.robots.near_names import did_you_mean, fields_at
+
+
+class Part(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Ball(Part):
+    kind: Literal["ball"] = "ball"
+    radius: PositiveFloat = 1.0
+
+
+class Slab(Part):
+    kind: Literal["slab"] = "slab"
+    thickness: float = Field(1.0, le=5.0)
+
+
+class Whole(Part):
+    parts: tuple[Annotated[Ball | Slab, Field(discriminator="kind")], ...] = ()
+    named: dict[str, Ball] = {}
+    place: tuple[float, float] | None = None
+    long: Annotated[tuple[float, ...], Field(min_length=2)] = (0.0, 0.0)
+    while_: str = Field("", alias="while")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"partz": 1}, "partz: unknown field (did you mean parts?), got 1"),
+        ({"wile": "x"}, "wile: unknown field (did you mean while?), got 'x'"),
+        ({"colour": 1}, "colour: unknown field, got 1"),
+        ({"parts": [{"kind": "cube"}]}, "parts[0]: expected 'kind' to be one of 'ball', 'slab', got 'cube'"),
+        ({"parts": [{}]}, "parts[0]: expected the field 'kind'"),
+        (
+            {"parts": [{"kind": "slab", "thicknes": 1}]},
+            "parts[0].slab.thicknes: unknown field (did you mean thickness?), got 1",
+        ),
+        (
+            {"named": {"a": {"raduis": 1}}},
+            "named.a.raduis: unknown field (did you mean radius?), got 1",
+        ),
+        ({"named": {"a": {"radius": 0}}}, "named.a.radius: expected a number above 0, got 0"),
+        (
+            {"parts": [{"kind": "slab", "thickness": 6}]},
+            "parts[0].slab.thickness: expected a number of at most 5, got 6",
+        ),
+        ({"long": [1]}, "long: expected at least 2, there are 1"),
+        ({"place": [1]}, "place[1]: expected a value, the field is missing"),
+        (
+            {"place": [1, "x"]},
+            "place[1]: expected a valid number, unable to parse string as a number, got 'x'",
+        ),
+    ],
+)
+def test_words(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError) as refused:
+        Whole.model_validate(given)
+    assert describe(refused.value, Whole) == words
+
+
+def test_a_field_as_the_user_writes_it() -> None:
+    with pytest.raises(ValidationError) as refused:
+        Whole.model_validate({"named": {"a": {"radius": 0}}})
+    told = describe(refused.value, spelled=lambda place: "--" + joined(place[1:]))
+    assert told == "--a.radius: expected a number above 0, got 0"
+
+
+def test_nothing_is_proposed_where_nothing_is_near() -> None:
+    assert did_you_mean("rat", ["rate", "every"]) == " (did you mean rate?)"
+    assert did_you_mean("x", ["rate", "every"]) == did_you_mean("x", []) == ""
+    assert fields_at(Whole, ("parts", 0, "ball")) == {"kind", "radius", "thickness"}

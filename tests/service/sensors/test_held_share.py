@@ -1,0 +1,40 @@
+"""A share that is large now and then is told all the time, not every second anew."""
+
+from contactsense.service.sensors.held_share import HOLD, HeldShare
+from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.sensors.source_health import SourceHealth
+
+LIMIT = 0.05
+TICK = 0.25
+
+
+def test_a_share_around_its_limit_does_not_flap() -> None:
+    held = HeldShare(LIMIT)
+    assert held.update(0.0, 0.05) == 0.0  # not above the limit
+    told = [held.update(TICK * (i + 1), 0.07 if i % 4 == 0 else 0.03) for i in range(40)]
+    assert told == [0.07] * 40
+
+
+def test_a_share_is_told_no_more_when_it_has_been_clearly_below() -> None:
+    held = HeldShare(LIMIT)
+    assert held.update(0.0, 0.2) == 0.2
+    assert held.update(HOLD, 0.03) == 0.2
+    assert held.update(HOLD + TICK, 0.03) == 0.03  # below the limit, but not clearly
+    assert held.update(2.0 * HOLD, 0.01) == 0.03
+    assert held.update(2.0 * HOLD + 2.0 * TICK, 0.01) == 0.0
+    assert held.update(2.0 * HOLD + 3.0 * TICK, 0.04) == 0.0
+
+
+def test_only_connections_are_tried_again() -> None:
+    lost = StreamHealth(state="waiting", error="robot at a: mute")
+    well = StreamHealth(state="streaming")
+    lacking = ("base_wrench: up to 7% of the samples within a second lack the force/torque reading",)
+
+    def told(robot: StreamHealth, reconnects: bool = True) -> str:
+        return SourceHealth(
+            robot, None, 0, 0, 0.0, recent=lacking, reconnects=reconnects
+        ).trouble_while_running
+
+    assert told(well) == lacking[0]
+    assert told(lost) == f"robot at a: mute; it keeps trying; {lacking[0]}"
+    assert told(lost, reconnects=False) == f"robot at a: mute; {lacking[0]}"
