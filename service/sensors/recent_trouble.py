@@ -39,7 +39,7 @@ _OF_SENSOR = {
 }
 """The same of each force/torque sensor."""
 _SHARES = {
-    "lost": "up to {share:.0%} of the robot's packets within a second were lost; check the network and the "
+    "lost": "up to {share:.0%} of the robot's packets were lost within a second; check the network and the "
     "load of this computer",
     "duplicates": "up to {share:.0%} of the robot's packets within a second repeat the time stamp of the one "
     "before",

@@ -92,7 +92,7 @@ def test_what_was_wrong_is_told_in_words():
     recent.add(5.0, "packets", 450)
     recent.add(5.0, "lost", 45)
     assert RecentTrouble().describe(5.0, recent.totals(5.0), 0.002) == (
-        "up to 10% of the robot's packets within a second were lost; check the network and the load of this "
+        "up to 10% of the robot's packets were lost within a second; check the network and the load of this "
         "computer",
     )
     for field in ("wrist_wrench", "base_wrench"):
