@@ -38,8 +38,6 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
     found, scene = analysis.residuals, analysis.scene
     findings = [(False, problem) for problem in analysis.problems]
     count = max(analysis.samples, 1)
-    if analysis.gaps:
-        findings.append((False, f"Time is missing in {analysis.gaps} places."))
     there = {
         "base_wrench": scene.base_wrench is not None,
         "joint_torque": scene.joint_torque is not None,
