@@ -117,7 +117,7 @@ def _print(found: dict[str, Any], summary: FleetSummary, workers: int) -> None:
             f"{row['coulomb_error']:.2f} Nm",
             f"{row['joint_bias_made']:.2f} Nm",
             f"{row['joint_bias_error']:.2f} Nm",
-            "needed" if row["needs_calibration"] else "fits",
+            {True: "needed", False: "fits", None: "unknown"}[row["needs_calibration"]],
         )
     console.print(robots)
     console.print("Friction (Coulomb) and bias: drift over the year, root mean square over the joints.")

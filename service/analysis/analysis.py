@@ -23,6 +23,7 @@ from contactsense.service.analysis.sample_table import sample_table
 from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.recordings import Recording
+from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.problems import Problem
 from contactsense.service.recordings.recording_file import RecordingFile
 
@@ -49,6 +50,9 @@ class Analysis:
     """The contacts, in the order in which they began."""
     residuals: ResidualSummary
     """Residuals and their noise."""
+    doubt: str = ""
+    """Why the scene is in doubt, see `contactsense.Localizer.doubt`; one of `problems`, empty if there is no
+    doubt."""
     limits: ForceLimits | None = None
     """The limits that forces are compared with."""
     estimates: pa.Table | None = None
@@ -123,9 +127,10 @@ def analyze(
         start=run.extent.start,
         duration=run.extent.seconds,
         gaps=sum(problem.kind == "gap" for problem in run.extent.problems),
-        problems=(*(str(problem) for problem in run.extent.problems), *run.complaints),
+        problems=(*problem_lines(run.extent.problems), *run.complaints),
         contacts=contacts,
         residuals=run.residuals.summary(),
+        doubt=run.localizer.doubt,
         limits=limits,
         estimates=pa.concat_tables(tables) if tables else None,
     )

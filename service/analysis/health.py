@@ -7,7 +7,30 @@ from contactsense.service.analysis.analysis import Analysis
 
 TOO_LARGE = 1.3
 """Residuals larger than this many standard deviations indicate a wrong model or wrong noise."""
+UNJUDGED = "no sample could be used: whether anything touched the arm is not known"
+"""What is said of a recording without a usable sample."""
+MISLEADING = 3.0
+"""Residuals larger than this many standard deviations make contacts of what is none. The thresholds of the
+onset are at most six standard deviations of the stated noise; where residuals are three times as large, that
+is at most two of their own, which free motion reaches again and again."""
 _COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+def warning(analysis: Analysis) -> str:
+    """Why the contacts as a whole are not to be relied on, and what to do; empty if they are."""
+    reasons = []
+    if analysis.doubt:
+        reasons.append("the readings have not fitted a free arm since the recording began")
+    worst = max((float(ratio.max()) for _, _, ratio in _ratios(analysis)), default=0.0)
+    if worst > MISLEADING:
+        reasons.append(f"residuals without contact are up to {worst:.1f} times their standard deviation")
+    if not reasons:
+        return ""
+    return (
+        f"The scene does not fit this recording: {', and '.join(reasons)}. What is listed as contact may be "
+        "none. Run `contactsense calibrate` on contact-free motion of this arm, or find the wrong line with "
+        "`contactsense check`, and analyse again."
+    )
 
 
 def health(analysis: Analysis) -> list[tuple[bool, str]]:
@@ -15,8 +38,6 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
     found, scene = analysis.residuals, analysis.scene
     findings = [(False, problem) for problem in analysis.problems]
     count = max(analysis.samples, 1)
-    if analysis.gaps:
-        findings.append((False, f"Time is missing in {analysis.gaps} places."))
     there = {
         "base_wrench": scene.base_wrench is not None,
         "joint_torque": scene.joint_torque is not None,
@@ -35,11 +56,6 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
                 "missing, invalid or inconsistent, or the observers settled.",
             )
         )
-    groups: list[tuple[str, tuple[str, ...], np.ndarray]] = []
-    if scene.base_wrench is not None:
-        groups.append(("base_wrench", _COMPONENTS, found.base_ratio))
-    if scene.joint_torque is not None:
-        groups.append(("joint_torque", tuple(joint.name for joint in scene.robot.joints), found.joint_ratio))
     step = analysis.duration / max(analysis.samples - 1, 1)
     if not analysis.judged and step > LONGEST_GAP:
         findings.append(
@@ -52,12 +68,24 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
     if found.free == 0:
         findings.append((False, "No sample is free of contact: model and noise cannot be checked."))
         return findings
-    for name, parts, ratio in groups:
+    for name, parts, ratio in _ratios(analysis):
         text = ", ".join(f"{part} {x:.2f}" for part, x in zip(parts, ratio, strict=True))
         well = bool(np.all(ratio <= TOO_LARGE))
         advice = "" if well else " Calibrate on contact-free motion, or state more noise."
         findings.append((well, f"{name}: residuals without contact in standard deviations: {text}.{advice}"))
     return findings
+
+
+def _ratios(analysis: Analysis) -> list[tuple[str, tuple[str, ...], np.ndarray]]:
+    """Sensor, components, and their residuals without contact in standard deviations; none if there is no
+    sample without contact."""
+    found, scene = analysis.residuals, analysis.scene
+    groups: list[tuple[str, tuple[str, ...], np.ndarray]] = []
+    if found.free and scene.base_wrench is not None:
+        groups.append(("base_wrench", _COMPONENTS, found.base_ratio))
+    if found.free and scene.joint_torque is not None:
+        groups.append(("joint_torque", tuple(joint.name for joint in scene.robot.joints), found.joint_ratio))
+    return groups
 
 
 def _share(part: int, whole: int) -> str:

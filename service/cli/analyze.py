@@ -14,7 +14,7 @@ from contactsense.service.analysis import Analysis, ForceLimits, LimitsError
 from contactsense.service.analysis import analyze as run
 from contactsense.service.analysis.contact_arrows import contact_arrows
 from contactsense.service.analysis.contact_table import contact_rows, replace_parquet, write_contacts
-from contactsense.service.analysis.health import health
+from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.report import write_report
 from contactsense.service.recordings import (
     ColumnMapping,
@@ -117,10 +117,7 @@ def analyze(
     if as_json:
         click.echo(json.dumps(results, indent=1))
     for path in unjudged:
-        click.echo(
-            f"contactsense: {path}: no sample could be used: whether anything touched the arm is not known",
-            err=True,
-        )
+        click.echo(f"contactsense: {path}: {UNJUDGED}", err=True)
     if skipped:
         raise click.ClickException(f"{skipped} of {len(files)} recordings were skipped")
     if unjudged:
@@ -169,6 +166,7 @@ def _as_plain(found: Analysis) -> dict[str, Any]:
         "samples": found.samples,
         "duration": found.duration,
         "problems": list(found.problems),
+        "warning": warning(found),
         "health": [{"ok": well, "text": text} for well, text in health(found)],
         "contacts": contact_rows(found.contacts),
     }
@@ -194,11 +192,14 @@ def _print(found: Analysis, folder: Path) -> None:
             place,
             f"{contact.speed:.2f}",
         )
+    doubtful = warning(found)
+    if doubtful:
+        console.print(f"warning: {doubtful}", style="bold red", highlight=False, soft_wrap=True)
     if found.contacts:
         console.print(table)
     elif found.judged:
         console.print(f"{found.recording}: {found.duration:.1f} s, nothing touched the arm", soft_wrap=True)
     for well, text in health(found):
-        if not well:
+        if not well and text != found.doubt:  # the warning above says it
             console.print(f"check: {text}", soft_wrap=True)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True)

@@ -1,6 +1,7 @@
 """`contactsense analyze` of a dataset: progress, results, errors."""
 
 import json
+import sys
 from pathlib import Path
 
 import click
@@ -12,12 +13,13 @@ from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.summary import FleetSummary, robot_row
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError
+from contactsense.service.analysis.health import UNJUDGED
 
 
 def analyze_dataset(
     files: tuple[Path, ...], scene: Path | None, out: Path, workers: int, scheduler: str | None, as_json: bool
 ) -> None:
-    """Analyse a dataset and print its summary.
+    """Analyse a dataset and print its summary; exit with status 1 if a recording had no usable sample.
 
     Raises:
         click.ClickException: Nothing could be analysed, or recordings were skipped.
@@ -42,6 +44,8 @@ def analyze_dataset(
         raise click.ClickException(str(error)) from None
     for problem in summary.problems:
         click.echo(f"contactsense: {problem}", err=True)
+    for name in summary.unjudged:
+        click.echo(f"contactsense: {name}: {UNJUDGED}", err=True)
     if as_json:
         click.echo(json.dumps(_as_plain(summary), indent=1))
     else:
@@ -49,6 +53,8 @@ def analyze_dataset(
         click.echo(f"report: {out / 'fleet.html'}")
     if summary.skipped:
         raise click.ClickException(f"{summary.skipped} recordings were skipped")
+    if summary.unjudged:
+        sys.exit(1)
 
 
 def _as_plain(summary: FleetSummary) -> dict[str, object]:
@@ -57,4 +63,5 @@ def _as_plain(summary: FleetSummary) -> dict[str, object]:
         "contacts": summary.contacts.num_rows,
         "expected_false_alarms": summary.expected_false_alarms,
         "problems": list(summary.problems),
+        "unjudged": list(summary.unjudged),
     }

@@ -18,6 +18,7 @@ from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
+from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.sensors.live_free_motion import read_live_motion
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck
@@ -28,6 +29,9 @@ _VERDICTS = {
     "does_not_fit": "[bold red]does not fit[/]",
     "cannot_tell": "[yellow]cannot be told[/]",
 }
+
+_UNITS = {"tool.mass": "kg", "tool.com": "m", ".translation": "m", ".rpy": "rad", ".delay": "s"}
+"""Units of the lines with these endings."""
 
 
 @click.command()
@@ -90,7 +94,7 @@ def check(
     if as_json:
         click.echo(json.dumps(as_plain(found), indent=1))
     else:
-        _print(found, Console())
+        print_check(found, Console())
     ctx.exit(0 if found.fits else 1)
 
 
@@ -102,7 +106,7 @@ def _recorded(
     for recording in recordings:
         found, problems = read_free_motion(recording, scene, mapping)
         parts += found
-        for problem in problems:
+        for problem in problem_lines(problems):
             errors.print(f"{recording}: {problem}", soft_wrap=True)
     return parts
 
@@ -112,12 +116,13 @@ def as_plain(found: SetupCheck) -> dict[str, Any]:
     return {"fits": found.fits, **asdict(found)}
 
 
-def _print(found: SetupCheck, console: Console) -> None:
+def print_check(found: SetupCheck, console: Console) -> None:
+    """Print the result for a person."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("line", "scene", "verdict"):
         table.add_column(heading, overflow="fold")
     for item in found.findings:
-        table.add_row(item.line, item.stated, _VERDICTS[item.verdict])
+        table.add_row(item.line, _plain(_with_unit(item.line, item.stated)), _VERDICTS[item.verdict])
     console.print(table)
     for item in found.wrong:
         console.print(_explained(item), highlight=False, soft_wrap=True)
@@ -126,7 +131,15 @@ def _print(found: SetupCheck, console: Console) -> None:
         for text in found.unexplained:
             console.print(f"  {text}", highlight=False)
     untold = [item for item in found.findings if item.verdict == "cannot_tell"]
-    if untold:
+    if untold and len(untold) == len(found.findings) and found.unexplained:
+        # A push hides what the lines would give: moving more joints would not help.
+        console.print(
+            "Something may have touched the arm: repeat without contact. If the same remains, more joints "
+            "moved, further or faster, tell more.",
+            highlight=False,
+            soft_wrap=True,
+        )
+    elif untold:
         console.print("What cannot be told needs more joints moved, further or faster.", highlight=False)
     left = _listed(found.residuals)
     text = ", ".join(f"{name} {value:.2g} {unit}" for name, (value, unit) in left.items())
@@ -137,8 +150,8 @@ def _print(found: SetupCheck, console: Console) -> None:
 
 def _explained(item: Finding) -> str:
     remark = f" ({item.remark})" if item.remark else ""
-    lines = [f"[bold]{item.line}[/] does not fit: {_plain(item.stated)}"]
-    lines.append(f"  this would: [bold]{_plain(item.proposed or '')}[/]{remark}")
+    lines = [f"[bold]{item.line}[/] does not fit: {_plain(_with_unit(item.line, item.stated))}"]
+    lines.append(f"  this would: [bold]{_plain(_with_unit(item.line, item.proposed or ''))}[/]{remark}")
     if item.before is not None and item.after is not None:
         after = _listed(item.after)
         for name, (value, unit) in _listed(item.before).items():
@@ -146,6 +159,14 @@ def _explained(item: Finding) -> str:
     if item.instead:
         lines.append(f"  or else: {', '.join(item.instead)}")
     return "\n".join(lines)
+
+
+def _with_unit(line: str, value: str) -> str:
+    """A line's value with the unit that the scene file leaves out."""
+    if line == "tool":
+        return value.replace(", com", " kg, com") + " m"
+    unit = next((unit for end, unit in _UNITS.items() if line.endswith(end)), None)
+    return value if unit is None else f"{value} {unit}"
 
 
 def _listed(residuals: Residuals) -> dict[str, tuple[float, str]]:

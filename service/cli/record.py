@@ -18,6 +18,7 @@ from contactsense.service.cli.record_by_service import ended_by_signals, record_
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read
 from contactsense.service.recordings.export import export
+from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.recorder import Recorder
 from contactsense.service.recordings.segment_writer import Rotation
 from contactsense.service.sensors.live_source import LiveSource
@@ -142,7 +143,7 @@ def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | No
     scene = None if scene_path is None else Scene.load(scene_path)
     recording = read(origin, scene, ColumnMapping.parse(columns))
     console = Console(stderr=True)
-    for problem in recording.problems:
+    for problem in problem_lines(recording.problems):
         console.print(f"{origin}: {problem}", highlight=False, soft_wrap=True)
     export(recording, out)
     click.echo(f"{len(recording)} samples, {recording.seconds:.1f} s, written to {out}")

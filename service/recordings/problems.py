@@ -32,7 +32,11 @@ class Problem:
     kind: Kind
     message: str
 
-    def __str__(self) -> str:
+    @property
+    def rows(self) -> str:
+        """The affected rows as text: `5` or `5 to 9`."""
         last = self.row_to - 1
-        rows = f"row {self.row_from}" if last <= self.row_from else f"rows {self.row_from} to {last}"
-        return f"{rows}: {self.message}"
+        return f"{self.row_from}" if last <= self.row_from else f"{self.row_from} to {last}"
+
+    def __str__(self) -> str:
+        return f"{'row' if self.row_to - 1 <= self.row_from else 'rows'} {self.rows}: {self.message}"

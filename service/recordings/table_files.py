@@ -300,14 +300,11 @@ class _Csv:
             values = np.array([_number(cell) for cell in cells])
             bad = [i for i, c in enumerate(cells) if c not in ("", None) and _number(c) != _number(c)
                    and c.strip().lower() not in ("nan", "null", "na")]  # fmt: skip
-            if bad:
+            runs = np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1) if bad else []
+            for run in runs:
+                message = f"{name}: expected numbers, got {cells[run[0]]!r}"
                 self.problems.append(
-                    Problem(
-                        first + bad[0],
-                        first + bad[-1] + 1,
-                        "bad_row",
-                        f"{name}: expected numbers, got {cells[bad[0]]!r} ({len(bad)} cells)",
-                    )
+                    Problem(first + int(run[0]), first + int(run[-1]) + 1, "bad_row", message)
                 )
             columns[name] = values
         return columns

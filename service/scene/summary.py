@@ -8,12 +8,14 @@ import numpy as np
 
 from contactsense.localization.surface_samples import sample_surface
 from contactsense.robots.link_poses import link_poses
+from contactsense.robots.primitives import Primitive
 from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_at_rest, largest_reading_in_motion
 from contactsense.runtime.link_prior import area_share, link_probability
 from contactsense.runtime.scene_surfaces import scene_surfaces
 from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
+from contactsense.service.scene.primitive_extent import extent, extent_warnings
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -81,6 +83,7 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
         found += _range_warnings(scene, field, sensor, "tool" if field == "wrist_wrench" else "load")
     if scene.tool is not None and scene.tool.mass > 0.0 and not scene.tool.primitives:
         found.append("tool.primitives: the tool has no surface; contacts on it cannot be found")
+    found += extent_warnings(scene)
     return tuple(found)
 
 
@@ -117,12 +120,21 @@ def _tool(scene: Scene) -> str:
     tool = scene.tool
     if tool is None:
         return "none"
-    surface = f"{len(tool.primitives)} primitives" if tool.primitives else "no surface"
+    surface = _shape(tool.primitives) if tool.primitives else "no surface"
     return f"{tool.name}, {tool.mass:g} kg at {_vector(tool.com, 'm')} of the flange, {surface}"
 
 
 def _bodies(scene: Scene) -> str:
-    return ", ".join(f"{body.name} ({body.role})" for body in scene.bodies) or "none"
+    return (
+        "; ".join(f"{body.name} ({body.role}), {_shape(body.primitives)}" for body in scene.bodies) or "none"
+    )
+
+
+def _shape(primitives: Sequence[Primitive]) -> str:
+    """Number of primitives and their size together."""
+    size = " x ".join(f"{length:.3g}" for length in extent(primitives))
+    count = len(primitives)
+    return f"{count} primitive{'' if count == 1 else 's'}, {size} m along its axes"
 
 
 def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, ...]:

@@ -2,12 +2,14 @@
 
 import json
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from rich.console import Console
 
 from contactsense.benchmarks.calibration.link_sensor_draws import ELBOW, WRIST
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
@@ -15,13 +17,14 @@ from contactsense.calibration import FreeMotion
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields, column_of
-from contactsense.service.cli.check import check
+from contactsense.service.cli.check import check, print_check
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.sensors.live_free_motion import _free_motion
+from contactsense.setup_check import Finding, Residuals, SetupCheck
 from contactsense.types import Sample
 from tests.service.loopback import own_address
 
@@ -49,6 +52,38 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     degrees = replace(case.recording, q=np.degrees(case.recording.q), qd=np.degrees(case.recording.qd))
     _write(made / "degrees.csv", degrees)
     return made
+
+
+def _printed(found: SetupCheck) -> str:
+    console = Console(file=StringIO(), width=120)
+    print_check(found, console)
+    assert isinstance(console.file, StringIO)
+    return console.file.getvalue()
+
+
+def test_where_nothing_can_be_told_and_residuals_remain_a_contact_is_suspected() -> None:
+    findings = (Finding("mounting", "cannot_tell", "table"), Finding("tool.mass", "cannot_tell", "0.909"))
+    left = Residuals(5.0, 1.0, 2.0)
+    text = _printed(SetupCheck(findings, left, ("base sensor's force x: residual 5 N",), 10.0))
+    assert "Something may have touched the arm: repeat without contact" in text
+    assert "What cannot be told needs more joints moved" not in text
+    assert "What cannot be told needs more joints moved" in _printed(SetupCheck(findings, left, (), 10.0))
+
+
+def test_values_have_their_units() -> None:
+    stated = {
+        "mounting": ("table", "table"),
+        "tool": ("mass 0.909, com [0, 0, 0.06]", "mass 0.909 kg, com [0, 0, 0.06] m"),
+        "tool.mass": ("0.909", "0.909 kg"),
+        "tool.com": ("[0, 0, 0.06]", "[0, 0, 0.06] m"),
+        "base_wrench.delay": ("0.0120", "0.0120 s"),
+    }
+    findings = tuple(Finding(line, "fits", value) for line, (value, _) in stated.items())
+    wrong = Finding("base_wrench.delay", "does_not_fit", "0.0000", "0.0080")
+    text = _printed(SetupCheck((*findings, wrong), Residuals(None, None, 0.1), (), 10.0))
+    for _, value in stated.values():
+        assert value in text
+    assert "this would: 0.0080 s" in text
 
 
 def test_a_right_scene_fits(folder: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from contactsense.scene import Scene
 from contactsense.service.analysis.assumptions import assumptions
 from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, robot_row
+from contactsense.service.analysis.health import UNJUDGED
 from contactsense.service.analysis.report import render
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, view_script
@@ -51,6 +52,8 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
         name: i for robot in summary.robots for i, name in reversed([*enumerate(robot.scene.link_names)])
     }
     groups = _groups(summary)
+    # They come first: no contacts of such a recording does not mean that nothing touched the arm.
+    problems = [*(f"{name}: {UNJUDGED}" for name in summary.unjudged), *summary.problems]
     return {
         "summary": summary,
         "days": len(set(table["date"].to_pylist()) | {d for r in summary.robots for d in r.dates}),
@@ -66,8 +69,8 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
         "forces": list(zip(names, counts, [100.0 * c / most for c in counts], strict=True)),
         "doubtful": sum(robot.contacts for robot in summary.robots if robot.needs_calibration()),
         "false_alarms": f"{summary.expected_false_alarms:.3g}",
-        "problems": summary.problems[:MOST_PROBLEMS],
-        "more_problems": max(len(summary.problems) - MOST_PROBLEMS, 0),
+        "problems": problems[:MOST_PROBLEMS],
+        "more_problems": max(len(problems) - MOST_PROBLEMS, 0),
         "groups": [(name, _members(robots), assumptions(robots[0].scene)) for name, robots in groups],
         "script": view_script(),
         "data": json.dumps(
@@ -122,8 +125,8 @@ def _robot(robot: RobotSummary) -> dict[str, Any]:
         "base_drift": f"{_text(base, 'N')}, {_text(moment, 'Nm', 3)}",
         "joint_drift": _text(joint, "Nm"),
         "friction_drift": _text(coulomb, "Nm") + worst,
-        "ratio": f"{row['residual_ratio']:.2f}",
-        "calibrate": row["needs_calibration"],
+        "ratio": "unknown" if row["residual_ratio"] is None else f"{row['residual_ratio']:.2f}",
+        "calibration": {True: "needed", False: "fits", None: "unknown"}[row["needs_calibration"]],
     }
 
 

@@ -17,6 +17,7 @@ from contactsense.service.analysis.fleet.segments import Segment
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import Recording, RecordingError, read
+from contactsense.service.recordings.problem_lines import problem_lines
 
 HANDOVER = 1.0
 """A contact that begins within this time after a segment's end is kept by both segments: which of them saw it
@@ -105,7 +106,7 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
         "begin": own[0],
         "end": own[1],
         "samples": last - first,
-        "problems": [*map(str, recording.problems), *run.complaints],
+        "problems": [*problem_lines(recording.problems), *run.complaints],
         "free": found.free,
         "touched": found.touched,
         "degraded": found.degraded,

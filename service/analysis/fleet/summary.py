@@ -41,10 +41,12 @@ class RobotSummary:
     """Samples in which a sensor was missing, invalid or inconsistent, or the observers were settling."""
     dates: list[str] = field(default_factory=list)
     """Date of each segment."""
-    base_bias: list[list[float]] = field(default_factory=list)
-    """Biases of the base wrench at the end of each segment [N, Nm]."""
-    joint_bias: list[list[float]] = field(default_factory=list)
-    """Biases of the joint torques at the end of each segment [Nm]."""
+    free: list[int] = field(default_factory=list)
+    """Usable samples without contact in each segment."""
+    base_bias: list[list[float | None]] = field(default_factory=list)
+    """Biases of the base wrench at the end of each segment [N, Nm]; None if it has no usable sample."""
+    joint_bias: list[list[float | None]] = field(default_factory=list)
+    """Biases of the joint torques at the end of each segment [Nm]; None likewise."""
     joint_constant: list[list[float | None]] = field(default_factory=list)
     """The same over the whole segment, separated from friction; None if unknown."""
     base_ratio: list[list[float]] = field(default_factory=list)
@@ -85,18 +87,23 @@ class RobotSummary:
         """Contacts per hour of recording."""
         return self.contacts / self.hours if self.hours > 0.0 else 0.0
 
-    def worst_ratio(self) -> float:
-        """Largest of the median residuals, in standard deviations."""
-        known, scene = [], self.scene
+    def worst_ratio(self) -> float | None:
+        """Largest of the median residuals, in standard deviations; None if no sample was free of contact."""
+        # The ratio of a segment without a free sample is 0, which says nothing.
+        known, scene = np.array(self.free) > 0, self.scene
+        ratios = []
         if scene.base_wrench is not None:
-            known.append(np.median(self.base_ratio, axis=0))
+            ratios.append(np.array(self.base_ratio)[known])
         if scene.joint_torque is not None:
-            known.append(np.median(self.joint_ratio, axis=0))
-        return float(np.max(np.concatenate(known))) if self.base_ratio else 0.0
+            ratios.append(np.array(self.joint_ratio)[known])
+        if not known.any() or not ratios:
+            return None
+        return float(np.max(np.median(np.concatenate(ratios, axis=1), axis=0)))
 
-    def needs_calibration(self) -> bool:
-        """Whether residuals without contact are larger than noise and model allow."""
-        return self.worst_ratio() > TOO_LARGE
+    def needs_calibration(self) -> bool | None:
+        """Whether residuals without contact are larger than noise and model allow; None if unknown."""
+        worst = self.worst_ratio()
+        return None if worst is None else worst > TOO_LARGE
 
 
 @dataclass(frozen=True)
@@ -111,6 +118,8 @@ class FleetSummary:
     """Recordings that were skipped or are doubtful, one sentence each."""
     skipped: int
     """Number of recordings that were skipped."""
+    unjudged: tuple[str, ...] = ()
+    """Recordings without a usable sample: whether anything touched the arm is not known."""
 
     def __repr__(self) -> str:
         hours = sum(robot.hours for robot in self.robots)
@@ -138,6 +147,7 @@ def summarize(
     seen: dict[str, int] = defaultdict(int)
     over: dict[str, float] = {}
     skipped = set()
+    judged: dict[str, bool] = {}
     for task, result in zip(tasks, results, strict=True):
         name = result["name"]
         if "problem" in result:
@@ -158,6 +168,7 @@ def summarize(
         for i, key in enumerate(("robot", "date")):
             table = table.add_column(i, key, pa.array([result[key]] * len(kept), pa.string()))
         tables.append(table)
+        judged[name] = judged.get(name, False) or len(kept) > 0 or result["free"] > 0
         one, day, hours = result["robot"], result["date"], (result["end"] - result["begin"]) / 3600.0
         robot = robots.setdefault(one, RobotSummary(one, scenes[one]))
         robot.recordings += result["index"] == 0
@@ -168,12 +179,18 @@ def summarize(
         for key in ("touched", "samples", "degraded"):
             setattr(robot, key, getattr(robot, key) + result[key])
         robot.dates.append(result["date"])
-        for key in ("base_bias", "joint_bias", "base_ratio", "joint_ratio", "joint_constant", *FRICTION):
+        robot.free.append(result["free"])
+        for key in ("base_bias", "joint_bias"):
+            # Without a free sample, the bias filter has learnt nothing: its value is where it began.
+            biases = result[key] if result["free"] else [None] * len(result[key])
+            getattr(robot, key).append(biases)
+        for key in ("base_ratio", "joint_ratio", "joint_constant", *FRICTION):
             getattr(robot, key).append(result[key])
     schema = pa.schema([("robot", pa.string()), ("date", pa.string()), *SCHEMA])
     contacts = pa.concat_tables(tables) if tables else schema.empty_table()
     ordered = tuple(robots[name] for name in sorted(robots))
-    return FleetSummary(ordered, contacts, tuple(problems), len(skipped))
+    unjudged = tuple(name for name, known in judged.items() if not known)
+    return FleetSummary(ordered, contacts, tuple(problems), len(skipped), unjudged)
 
 
 def write_summary(summary: FleetSummary, folder: Path) -> None:

@@ -26,6 +26,7 @@ from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.scenes import scene_files
 from contactsense.service.analysis.fleet.segments import find_recordings, segments
+from contactsense.service.analysis.fleet.summary import RobotSummary
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
 from contactsense.service.cli.analyze import analyze
 from contactsense.service.recordings.metadata import metadata, scene_hash
@@ -197,6 +198,46 @@ def test_the_command_reports_what_was_skipped(tmp_path: Path, scene: Path) -> No
     text = (tmp_path / "out" / "fleet.html").read_text()
     assert "http" not in text
     assert (tmp_path / "out" / "fleet.md").read_text().startswith("# Contacts of a fleet")
+
+
+def test_a_robot_without_a_usable_sample_is_unknown(tmp_path: Path, scene: Path) -> None:
+    data = tmp_path / "data"
+    for robot in "ab":
+        (data / f"robot={robot}" / "date=2026-01-01").mkdir(parents=True)
+        write_motion(demo(), data / f"robot={robot}" / "date=2026-01-01" / "one.parquet", last=500)
+    wrong = data / "robot=b" / "date=2026-01-01" / "one.parquet"
+    table = pa_parquet.read_table(wrong)
+    for name in (f"actual_q_{i}" for i in range(6)):
+        degrees = np.degrees(table[name].to_numpy())
+        table = table.set_column(table.column_names.index(name), name, [degrees])
+    pa_parquet.write_table(table, wrong)
+    out = tmp_path / "out"
+    # The second run takes the segments from the first one's files.
+    for _ in range(2):
+        result = CliRunner().invoke(analyze, [str(data), "--scene", str(scene), "--out", str(out), "--json"])
+        assert result.exit_code == 1
+        assert "robot=b/date=2026-01-01/one.parquet: no sample could be used" in result.stderr
+        found = json.loads(result.stdout)
+        assert found["unjudged"] == ["robot=b/date=2026-01-01/one.parquet"]
+        good, bad = found["robots"]
+        assert good["residual_ratio"] > 0.0
+        assert bad["residual_ratio"] is bad["needs_calibration"] is None
+        assert bad["base_bias_drift"] == [None] * 6
+    for name in ("fleet.md", "fleet.html"):
+        text = (out / name).read_text()
+        assert "unknown" in text
+        assert "one.parquet: no sample could be used" in text
+    row = pa_parquet.read_table(out / "robots.parquet").to_pylist()[1]
+    assert row["needs_calibration"] is None
+
+
+def test_segments_without_a_usable_sample_do_not_lower_the_residual() -> None:
+    robot = RobotSummary("a", Scene(robot="ur5e"))
+    robot.free = [100, 0, 0]
+    robot.base_ratio = [[2.0] * 6, [0.0] * 6, [0.0] * 6]
+    robot.joint_ratio = [[1.0] * 6, [0.0] * 6, [0.0] * 6]
+    assert robot.worst_ratio() == 2.0
+    assert robot.needs_calibration() is True
 
 
 def test_what_the_recorder_wrote_is_a_dataset(tmp_path: Path) -> None:

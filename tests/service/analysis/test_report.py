@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,9 @@ from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from contactsense import Scene
+from contactsense.service.analysis import Analysis
+from contactsense.service.analysis.health import warning
+from contactsense.service.analysis.residual_statistics import ResidualSummary
 from contactsense.service.cli.analyze import analyze
 from contactsense.service.recordings.metadata import metadata
 from tests.service.analysis.recordings import demo, write_motion
@@ -77,6 +81,40 @@ def test_unusable_samples_are_not_said_to_be_free_of_contact(
         text = (tmp_path / "out" / name).read_text()
         assert "No sample could be used" in text
         assert "Nothing touched" not in text
+
+
+def test_an_uncalibrated_scene_is_warned_of_before_its_contacts(tmp_path: Path) -> None:
+    path = write_motion(demo(), tmp_path / "demo.parquet", last=500)
+    # The other arm's masses: everything looks like a contact.
+    (tmp_path / "scene.yaml").write_text("robot: ur10e\n")
+    arguments = [str(path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(analyze, arguments)
+    assert result.exit_code == 0, result.output
+    warning = "The scene does not fit this recording"
+    assert result.stdout.index(f"warning: {warning}") < result.stdout.index("force N")
+    assert "contactsense calibrate" in result.stdout
+    # Said once.
+    assert "line of the scene is wrong" not in result.stdout
+    for name in ("report.md", "report.html"):
+        text = (tmp_path / "out" / name).read_text()
+        assert text.index(warning) < text.index("begin")
+
+
+def test_residuals_far_above_the_noise_are_warned_of() -> None:
+    scene = Scene(robot="ur5e")
+    found = Analysis(
+        scene=scene, recording="a.csv", samples=100, start=0.0, duration=1.0, gaps=0, problems=(),
+        contacts=(),
+        residuals=ResidualSummary(
+            *(np.zeros(0) for _ in range(4)), np.zeros((0, 6)), np.zeros((0, 6)), np.ones(6), np.full(6, 2.9),
+            free=100, touched=0, degraded=0, missing=(0, 0),
+        ),
+    )  # fmt: skip
+    assert warning(found) == ""
+    found = replace(found, residuals=replace(found.residuals, joint_ratio=np.full(6, 3.1)))
+    assert "up to 3.1 times" in warning(found)
+    # Without a sample that is free of contact, the ratios say nothing.
+    assert warning(replace(found, residuals=replace(found.residuals, free=0))) == ""
 
 
 def test_the_report_needs_nothing_from_elsewhere(folder: Path) -> None:

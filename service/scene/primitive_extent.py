@@ -1,0 +1,69 @@
+"""How large the primitives of a tool or a body are, and whether their numbers are in metres."""
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+import numpy as np
+
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
+from contactsense.robots.rotations import rotation_from_rpy
+from contactsense.scene import Scene
+from contactsense.sensors.field_checks import FURTHEST
+
+
+def bounds(primitive: Primitive) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner of the box along the axes of its frame that holds a primitive, shapes (3,), (3,)
+    [m]."""
+    if isinstance(primitive, Sphere):
+        centre = np.array(primitive.center)
+        return centre - primitive.radius, centre + primitive.radius
+    if isinstance(primitive, Capsule):
+        ends = np.array((primitive.a, primitive.b))
+        return ends.min(axis=0) - primitive.radius, ends.max(axis=0) + primitive.radius
+    if isinstance(primitive, Cylinder):
+        return _cone_bounds(primitive)
+    centre, R = np.array(primitive.center), rotation_from_rpy(primitive.rpy)
+    if isinstance(primitive, Ellipsoid):
+        reach = np.linalg.norm(R * np.array(primitive.radii), axis=1)
+        return centre - reach, centre + reach
+    assert isinstance(primitive, Box)
+    corners = np.array(list(product((-1.0, 1.0), repeat=3))) * np.array(primitive.half) @ R.T + centre
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def _cone_bounds(cone: Cylinder) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of the cone before its rims are rounded."""
+    ends = np.array((cone.a, cone.b))
+    axis = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    # A disc of radius 1 reaches so far along each axis of the frame.
+    disc = np.sqrt(np.clip(1.0 - axis**2, 0.0, None))
+    reach = np.array((cone.radius_a, cone.radius_b))[:, None] * disc
+    return (ends - reach).min(axis=0), (ends + reach).max(axis=0)
+
+
+def extent(primitives: Sequence[Primitive]) -> np.ndarray:
+    """Edge lengths of the box along the axes of their frame that holds all primitives, shape (3,) [m]."""
+    lower, upper = zip(*map(bounds, primitives), strict=True)
+    return np.asarray(np.max(upper, axis=0) - np.min(lower, axis=0))
+
+
+def extent_warnings(scene: Scene) -> Iterator[str]:
+    """Primitives so far from their frame, or so large, that their numbers may be millimetres. A floor may be
+    as large."""
+    named: list[tuple[str, Sequence[Primitive]]] = [
+        (f"bodies.{i}.primitives", body.primitives) for i, body in enumerate(scene.bodies)
+    ]
+    if scene.tool is not None:
+        named.insert(0, ("tool.primitives", scene.tool.primitives))
+    for field, primitives in named:
+        for i, primitive in enumerate(primitives):
+            lower, upper = bounds(primitive)
+            # The distance of the box from the frame's origin; 0 if the origin is in it.
+            distance = float(np.linalg.norm(np.maximum(np.maximum(lower, -upper), 0.0)))
+            size = float(np.max(upper - lower))
+            if max(distance, size) > FURTHEST:
+                what = f"a size of {size:.4g} m" if size > FURTHEST else f"a distance of {distance:.4g} m"
+                yield (
+                    f"{field}.{i}: expected at most {FURTHEST:g} m from its frame and in size, got {what}; "
+                    "are these mm?"
+                )

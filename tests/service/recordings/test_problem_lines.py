@@ -1,0 +1,28 @@
+"""Problems of a recording as text: each kind is named once."""
+
+from contactsense.service.recordings.problem_lines import problem_lines
+from contactsense.service.recordings.problems import Problem
+
+
+def test_one_line_for_each_kind_with_count_and_first_rows() -> None:
+    message = "base_wrench is missing or not finite"
+    missing = [Problem(100 * i, 100 * i + 2, "not_finite", message) for i in range(11)]
+    gaps = [Problem(i, i + 1, "gap", f"a gap of {i:.3f} s before this row") for i in (7, 9)]
+    assert problem_lines([missing[0], gaps[0], *missing[1:], gaps[1]]) == (
+        "rows 0 to 1, 100 to 101, 200 to 201 and 8 more (11 places): base_wrench is missing or not finite",
+        "rows 7, 9 (2 places): first a gap of 7.000 s before this row",
+    )
+
+
+def test_a_single_problem_is_said_as_before() -> None:
+    problem = Problem(5, 6, "gap", "a gap")
+    assert problem_lines([problem]) == ("row 5: a gap",)
+
+
+def test_a_bad_cell_is_named_once() -> None:
+    missing = Problem(5, 6, "not_finite", "base_wrench is missing or not finite")
+    cell = Problem(5, 6, "bad_row", "base_wrench_0: expected numbers, got 'x'")
+    assert problem_lines([missing, cell]) == ("row 5: base_wrench_0: expected numbers, got 'x'",)
+    # Another signal that is missing in the same row is not hidden.
+    other = Problem(5, 6, "not_finite", "joint torques are missing or not finite")
+    assert len(problem_lines([missing, other, cell])) == 3
