@@ -51,7 +51,7 @@ def extent_warnings(scene: Scene) -> Iterator[str]:
     """Primitives so far from their frame, or so large, that their numbers may be millimetres. A floor may be
     as large."""
     named: list[tuple[str, Sequence[Primitive]]] = [
-        (f"bodies.{i}.primitives", body.primitives) for i, body in enumerate(scene.bodies)
+        (f"bodies[{i}].primitives", body.primitives) for i, body in enumerate(scene.bodies)
     ]
     if scene.tool is not None:
         named.insert(0, ("tool.primitives", scene.tool.primitives))
@@ -64,6 +64,6 @@ def extent_warnings(scene: Scene) -> Iterator[str]:
             if max(distance, size) > FURTHEST:
                 what = f"a size of {size:.4g} m" if size > FURTHEST else f"a distance of {distance:.4g} m"
                 yield (
-                    f"{field}.{i}: expected at most {FURTHEST:g} m from its frame and in size, got {what}; "
+                    f"{field}[{i}]: expected at most {FURTHEST:g} m from its frame and in size, got {what}; "
                     "are these mm?"
                 )

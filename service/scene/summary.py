@@ -132,7 +132,7 @@ def _bodies(scene: Scene) -> str:
 
 def _shape(primitives: Sequence[Primitive]) -> str:
     """Number of primitives and their size together."""
-    size = " x ".join(f"{length:.3g}" for length in extent(primitives))
+    size = " x ".join(f"{round(length, 3):g}" for length in extent(primitives))
     count = len(primitives)
     return f"{count} primitive{'' if count == 1 else 's'}, {size} m along its axes"
 

@@ -59,9 +59,9 @@ def test_lengths_in_millimetres_are_noticed() -> None:
         bodies=(Body(name="post", primitives=(large,)),),
     )
     tool, body = scene_warnings(scene)
-    assert tool.startswith("tool.primitives.1: expected at most 5 m")
+    assert tool.startswith("tool.primitives[1]: expected at most 5 m")
     assert "a distance of 120 m" in tool
-    assert body.startswith("bodies.0.primitives.0: expected at most 5 m")
+    assert body.startswith("bodies[0].primitives[0]: expected at most 5 m")
     assert "a size of 100 m; are these mm?" in body
 
 
