@@ -64,8 +64,8 @@ def is_finite_vector(vector: np.ndarray, size: int) -> bool:
 def _is_plausible(
     constants: Constants, state: State, measured: Measured, external: bool, usable: Usable
 ) -> bool:
-    """Whether a measurement is surely plausible, apart from link sensors with a known range; arguments as for
-    `locate_once`, after `take_static_sample`."""
+    """Whether a measurement is surely plausible, apart from link sensors with a known range; after
+    `take_static_sample`, whose arguments these are, and which sensors have measured."""
     q, torque, base_wrench, link_wrench = measured
     limits, weight = constants.limits, state.motion.gravity[0]
     # What remains of a plausible torque after a plausible model's is subtracted.

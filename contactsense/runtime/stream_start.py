@@ -17,7 +17,7 @@ from contactsense.sensors.stream_state import (
     REPEATED,
     RESTARTED,
     SETTLING,
-    SETTLING_TIME_CONSTANTS,
+    SETTLING_PERIODS,
     TOUCHED,
     UNUSABLE,
 )
@@ -43,7 +43,7 @@ class StreamStart:
 
     def __init__(self, bandwidth: float) -> None:
         """`bandwidth`: cut-off frequency of the observers [Hz]."""
-        self._window = SETTLING_TIME_CONSTANTS / (2.0 * math.pi * bandwidth) + _MARGIN
+        self._window = SETTLING_PERIODS / bandwidth + _MARGIN
         self.reset()
 
     def reset(self) -> None:

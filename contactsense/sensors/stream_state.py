@@ -16,9 +16,9 @@ from contactsense.sensors.timing import (
     time_since_last,
 )
 
-SETTLING_TIME_CONSTANTS = 5.0
-"""Time constants of the observer from a start until its residual is used: it is within 1 % of its value by
-then."""
+SETTLING_PERIODS = 5.0 / (2.0 * math.pi)
+"""Time from a start of the observers until their residuals are used, in periods of their cut-off frequency:
+five time constants, after which a residual is within 1 % of its value."""
 BASE, TORQUE, TORQUE_DIFFERENCE, LINK = 0, 1, 2, 3
 """Indices of `StreamState.timing`, `steps` and `usable`: base sensor, joint torques, difference of torques to
 the base wrench; from `LINK` on the S link sensors, then their S differences to the base wrench."""
@@ -166,7 +166,7 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
     for i in range(LINK, LINK + link_sensors):
         difference = i + link_sensors
         steps[difference] = time_since_last(timing[difference], t, with_base and steps[i] >= 0.0)
-    settling_time = SETTLING_TIME_CONSTANTS / (2.0 * math.pi * bandwidth)
+    settling_time = SETTLING_PERIODS / bandwidth
     for i in range(usable.shape[0]):
         usable[i] = 1 if has_settled(timing[i], t, settling_time) else 0
     return flags

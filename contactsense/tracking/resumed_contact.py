@@ -12,12 +12,10 @@ With even prior odds, as in `contactsense.service.analysis.link_changes`, the co
 at least 1. What no link explains is as likely either way.
 """
 
-import math
-
 import numpy as np
 
 from contactsense.robots.jit.kernel import kernel
-from contactsense.sensors.stream_state import SETTLING_TIME_CONSTANTS
+from contactsense.sensors.stream_state import SETTLING_PERIODS
 from contactsense.tracking.contact_tracker import NONE, ContactTrack, end_contact
 
 
@@ -48,8 +46,7 @@ def number_contact(
         bandwidth: Cut-off frequency of the observers [Hz].
     """
     status = track.status[0]
-    settling_time = SETTLING_TIME_CONSTANTS / (2.0 * math.pi * bandwidth)
-    if status.time_since_end <= settling_time and _may_be_same_link(
+    if status.time_since_end <= SETTLING_PERIODS / bandwidth and _may_be_same_link(
         track.link_weight, link_prior, link_probability
     ):
         return

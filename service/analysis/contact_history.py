@@ -1,6 +1,5 @@
 """The samples of an active contact, until it ends and cannot resume any more."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from contactsense import BlockEstimates, SampleBlock
 from contactsense.runtime.result_rows import FORCE
-from contactsense.sensors.stream_state import REPEATED, RESTARTED, SETTLING_TIME_CONSTANTS, UNUSABLE
+from contactsense.sensors.stream_state import REPEATED, RESTARTED, SETTLING_PERIODS, UNUSABLE
 from contactsense.tracking.contact_tracker import NONE
 
 MAX_SAMPLES = 30_000
@@ -72,7 +71,7 @@ class ContactCollector:
 
     def __init__(self, bandwidth: float) -> None:
         """Start without a contact; `bandwidth`: of the observers [Hz]."""
-        self._settling_time = SETTLING_TIME_CONSTANTS / (2.0 * math.pi * bandwidth)
+        self._settling_time = SETTLING_PERIODS / bandwidth
         self._open: list[ContactHistory] = []
         self._pause: list[ContactHistory] = []
         self._count, self._number = 0, 0

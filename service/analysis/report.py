@@ -14,7 +14,7 @@ from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.assumptions import assumptions
 from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.force_limits import DISCLAIMER
-from contactsense.service.analysis.health import health, warning
+from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view, view_script
 from contactsense.service.drawing.contact_shapes import ARROW_MEANING
@@ -66,6 +66,7 @@ def _content(analysis: Analysis) -> dict[str, Any]:
         "detailed": [_contact(c, analysis) for c in analysis.contacts if c.contact in chosen],
         "hidden": len(analysis.contacts) - len(chosen),
         "warning": warning(analysis),
+        "unjudged": UNJUDGED,
         "health": health(analysis),
         "assumptions": assumptions(scene),
         "disclaimer": DISCLAIMER,
