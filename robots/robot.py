@@ -77,7 +77,11 @@ class Joint:
 
 
 class LocalDeviation(NamedTuple):
-    """How far the real surface is from a link's primitives about one place of them."""
+    """How far the real surface is from a link's primitives about one place of them.
+
+    Where it is on average is the primitive's surface, turned about the place, then shifted. The standard
+    deviations are from that.
+    """
 
     primitive: int
     """Number of the primitive, of the link's own."""
@@ -87,6 +91,10 @@ class LocalDeviation(NamedTuple):
     """Standard deviation of the distance from the primitive [m]."""
     tilt: float
     """Standard deviation of the angle between the normals, along each tangent [rad]."""
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Mean shift of the surface, link frame [m]."""
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Mean rotation vector of the surface, link frame [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +109,8 @@ class Link:
     """The same with only one or two primitives, for scenes where speed matters more."""
     deviation: tuple[LocalDeviation, ...] = ()
     """How far the real surface is from `primitives`; empty if it was not measured."""
+    coarse_deviation: tuple[LocalDeviation, ...] = ()
+    """The same for `coarse`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,15 @@ def rotation_from_rpy(rpy: Sequence[float]) -> np.ndarray:
     )
 
 
+def rotation_from_vector(turn: np.ndarray | Sequence[float]) -> np.ndarray:
+    """Rotation matrix (3, 3) of a rotation vector [rad]: its direction is the axis, its length the angle."""
+    angle = float(np.linalg.norm(turn))
+    if angle == 0.0:
+        return np.eye(3)
+    axis = cross_matrix(np.asarray(turn) / angle)
+    return np.asarray(np.eye(3) + np.sin(angle) * axis + (1.0 - np.cos(angle)) * axis @ axis)
+
+
 def cross_matrix(v: np.ndarray | Sequence[float]) -> np.ndarray:
     """The matrix (3, 3) whose product with any vector is the cross product of v (3,) with it."""
     x, y, z = v

@@ -128,13 +128,17 @@ class LinkSurface(_Entry):
     fine_deviation: str = ""
     """How far the real surface is from the fine primitives: a line for each place, with the number of the
     primitive, the place [mm], and the standard deviations of distance [mm] and normal [degrees]."""
+    coarse_deviation: str = ""
+    """The same for the coarse primitives; each line goes on with the mean shift [mm] and the mean rotation
+    vector [degrees] of the surface."""
 
     @model_validator(mode="after")
     def _deviations_are_of_primitives(self) -> "LinkSurface":
-        try:
-            table(self.fine_deviation, len(self.fine))
-        except ValueError as error:
-            raise ValueError(f"fine_deviation: {error}") from None
+        for name, level in (("fine_deviation", self.fine), ("coarse_deviation", self.coarse)):
+            try:
+                table(getattr(self, name), len(level))
+            except ValueError as error:
+                raise ValueError(f"{name}: {error}") from None
         return self
 
 
@@ -150,24 +154,27 @@ class SurfaceEntry(_Entry):
 
 
 def table(text: str, primitives: int) -> tuple[LocalDeviation, ...]:
-    """The lines of `LinkSurface.fine_deviation`.
+    """The lines of `LinkSurface.fine_deviation` or `coarse_deviation`.
 
     Raises:
-        ValueError: a line has not six numbers, names a primitive that is not there, or a deviation is not
-            positive.
+        ValueError: a line has neither six nor twelve numbers, names a primitive that is not there, or a
+            deviation is not positive.
     """
     found = []
     for line in text.splitlines():
         number, *rest = line.split()
-        if len(rest) != 5 or not 0 <= int(number) < primitives:
+        if len(rest) not in (5, 11) or not 0 <= int(number) < primitives:
             raise ValueError(
-                f"expected a primitive below {primitives}, x, y, z and two deviations, got {line!r}"
+                f"expected a primitive below {primitives}, x, y, z and two deviations, perhaps a shift and a "
+                f"rotation vector, got {line!r}"
             )
-        x, y, z, offset, tilt = (float(value) for value in rest)
+        x, y, z, offset, tilt, *motion = (float(value) for value in rest)
         if not (offset > 0.0 and 0.0 <= tilt <= 90.0):
             raise ValueError(f"expected a positive distance and an angle from 0 to 90, got {line!r}")
         point = (1e-3 * x, 1e-3 * y, 1e-3 * z)
-        found.append(LocalDeviation(int(number), point, 1e-3 * offset, radians(tilt)))
+        a, b, c, alpha, beta, gamma = motion or (0.0,) * 6
+        shift, turn = (1e-3 * a, 1e-3 * b, 1e-3 * c), (radians(alpha), radians(beta), radians(gamma))
+        found.append(LocalDeviation(int(number), point, 1e-3 * offset, radians(tilt), shift, turn))
     return tuple(found)
 
 
@@ -243,6 +250,7 @@ def _with_primitives(link: Link, surface: LinkSurface) -> Link:
         primitives=surface.fine,
         coarse=surface.coarse,
         deviation=table(surface.fine_deviation, len(surface.fine)),
+        coarse_deviation=table(surface.coarse_deviation, len(surface.coarse)),
     )
 
 

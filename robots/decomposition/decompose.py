@@ -53,6 +53,8 @@ class Fit:
     errors: Errors
     deviation: tuple[LocalDeviation, ...]
     """How far the skin is from them, place by place."""
+    moved_deviation: tuple[LocalDeviation, ...]
+    """The same where their surface is moved to the skin's mean in each cell."""
     cost: float
     """Cost minimised by the fit, dimensionless: increases with the area of skin whose error exceeds the
     tolerance."""
@@ -164,7 +166,8 @@ class _Search:
         reached = self._refit(grown, self._fine, 60)
         seed = self._options.seed
         found = errors(grown, self._skin, self._shape, self._around, seed)
-        return Fit(grown, found, local_deviation(grown, self._skin, seed), reached)
+        deviation, moved = (local_deviation(grown, self._skin, seed, to_mean) for to_mean in (False, True))
+        return Fit(grown, found, deviation, moved, reached)
 
     def _refit(self, bodies: Bodies, target: Target, steps: int) -> float:
         return float(fit(bodies, target, self._scale, self._reach, LEAST, steps))

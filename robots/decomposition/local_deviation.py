@@ -2,8 +2,11 @@
 
 At edges, ribs, recesses and fillets it is several millimetres, and the normals differ by tens of degrees; on
 plain faces it is a tenth of a millimetre. So the primitives' surface is divided into cells, and each cell has
-the root mean square of its samples.
+the root mean square of its samples. A coarse primitive passes centimetres below a whole housing or above a
+whole waist: there each cell also has the motion of the primitive's surface to the mean of its samples.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from scipy.cluster.vq import kmeans2
@@ -12,6 +15,7 @@ from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.decomposition.outer_skin import Skin
 from contactsense.robots.decomposition.surface_error import packed
 from contactsense.robots.robot import LocalDeviation
+from contactsense.robots.rotations import rotation_from_vector
 from contactsense.robots.surface.union import distances
 
 CELL = 0.04
@@ -24,35 +28,125 @@ PRIOR_SAMPLES = 3.0
 """A cell's mean squares are those of its samples and of this many with the mean square of its primitive."""
 
 
-def local_deviation(bodies: Bodies, skin: Skin, seed: int = 0) -> tuple[LocalDeviation, ...]:
+class _Samples(NamedTuple):
+    """N samples of the skin whose nearest point on the primitives is on one of them."""
+
+    foot: np.ndarray
+    """That point, shape (N, 3) [m]."""
+    offset: np.ndarray
+    """Signed distance from it, positive where the skin is above the primitive, shape (N,) [m]."""
+    normal: np.ndarray
+    """The primitive's outward unit normal there, shape (N, 3)."""
+    skin_normal: np.ndarray
+    """The skin's, shape (N, 3)."""
+    weight: np.ndarray
+    """Fraction of poses in which the sample can be touched, shape (N,)."""
+
+    def part(self, rows: np.ndarray) -> "_Samples":
+        """Some of the samples."""
+        return _Samples(*(values[rows] for values in self))
+
+
+class _Motion(NamedTuple):
+    """How the surface of a primitive is moved to the mean of the skin in one cell, and what remains."""
+
+    shift: np.ndarray
+    """Shape (3,) [m]."""
+    turn: np.ndarray
+    """Rotation vector, shape (3,) [rad]."""
+    offset: np.ndarray
+    """Distances of the samples from the moved surface, shape (N,) [m]."""
+    normal: np.ndarray
+    """Its normals, shape (N, 3)."""
+
+
+def local_deviation(
+    bodies: Bodies, skin: Skin, seed: int = 0, moved: bool = False
+) -> tuple[LocalDeviation, ...]:
     """Standard deviations of distance and normal in each cell of the primitives of one link.
 
     Args:
         bodies: Primitives of the link.
         skin: Its skin; samples count by the fraction of poses in which they can be touched.
         seed: Of the division into cells.
+        moved: Whether the primitive's surface is moved to the skin's mean in each cell, which is worth it
+            where it is off by more than it is rough: on coarse primitives.
     """
     exposed = skin.exposure > 0.0
     points = skin.points[exposed]
     offset, primitive, normal = distances(packed(bodies), points)
-    squared_offset = np.maximum(offset**2, LEAST**2)
-    angle = np.arccos(np.clip(np.einsum("ij,ij->i", normal, skin.normals[exposed]), -1.0, 1.0))
-    squared_tilt = 0.5 * np.minimum(angle, LARGEST_TILT) ** 2
-    points, weight = points - offset[:, None] * normal, skin.exposure[exposed]
+    samples = _Samples(
+        points - offset[:, None] * normal, offset, normal, skin.normals[exposed], skin.exposure[exposed]
+    )
     cells: list[LocalDeviation] = []
     for number in range(len(bodies.kind)):
-        mine = primitive == number
-        if not mine.any():
+        mine = samples.part(primitive == number)
+        if not len(mine.offset):
             continue
-        count = max(round(skin.area * mine.sum() / len(skin.points) / CELL**2), 1)
-        center, cell = kmeans2(points[mine], count, minit="++", rng=np.random.default_rng(seed))
+        count = max(round(skin.area * len(mine.offset) / len(skin.points) / CELL**2), 1)
+        center, cell = kmeans2(mine.foot, count, minit="++", rng=np.random.default_rng(seed))
+        squared_offset, squared_tilt = np.empty(len(cell)), np.empty(len(cell))
+        motions = []
+        for i in range(count):
+            here = mine.part(cell == i)
+            motion = _to_the_mean(here, center[i]) if moved else _unmoved(here)
+            squared_offset[cell == i] = np.maximum(motion.offset**2, LEAST**2)
+            cosine = np.einsum("ij,ij->i", motion.normal, here.skin_normal)
+            squared_tilt[cell == i] = (
+                0.5 * np.minimum(np.arccos(np.clip(cosine, -1.0, 1.0)), LARGEST_TILT) ** 2
+            )
+            motions.append(motion)
         offsets, tilts = (
-            _deviations(values[mine], weight[mine], cell, count) for values in (squared_offset, squared_tilt)
+            _deviations(values, mine.weight, cell, count) for values in (squared_offset, squared_tilt)
         )
-        for place, h, d in zip(center, offsets, tilts, strict=True):
-            x, y, z = (float(value) for value in place)
-            cells.append(LocalDeviation(number, (x, y, z), float(h), float(d)))
+        for place, h, d, motion in zip(center, offsets, tilts, motions, strict=True):
+            cells.append(
+                LocalDeviation(
+                    number, _vector(place), float(h), float(d), _vector(motion.shift), _vector(motion.turn)
+                )
+            )
     return tuple(cells)
+
+
+def _unmoved(samples: _Samples) -> _Motion:
+    return _Motion(np.zeros(3), np.zeros(3), samples.offset, samples.normal)
+
+
+def _to_the_mean(samples: _Samples, center: np.ndarray) -> _Motion:
+    """Motion of the primitive's surface to the plane of least squares through the distances of one cell's
+    samples.
+
+    As for the deviations, `PRIOR_SAMPLES` more samples count: without distance, as far from the centre as
+    those of a square cell are.
+    """
+    total = float(samples.weight.sum())
+    if total == 0.0:
+        return _unmoved(samples)
+    up = samples.weight @ samples.normal
+    up /= np.linalg.norm(up)
+    across = samples.foot - center
+    across -= np.outer(across @ up, up)
+    mean = float(samples.weight @ samples.offset) / (total + PRIOR_SAMPLES)
+    weighted = across.T * samples.weight
+    slope = np.linalg.solve(
+        weighted @ across + PRIOR_SAMPLES * CELL**2 / 12.0 * np.eye(3), weighted @ (samples.offset - mean)
+    )
+    steepness = float(np.linalg.norm(slope))
+    if steepness > np.tan(LARGEST_TILT):
+        slope *= np.tan(LARGEST_TILT) / steepness
+        steepness = np.tan(LARGEST_TILT)
+    # The surface rises along the slope, so that its normal leans against it.
+    turn = np.cross(slope, up)
+    if steepness > 0.0:
+        turn *= np.arctan(steepness) / steepness
+    return _Motion(
+        mean * up, turn, samples.offset - mean - across @ slope, samples.normal @ rotation_from_vector(turn).T
+    )
+
+
+def _vector(values: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
 
 
 def _deviations(squares: np.ndarray, weight: np.ndarray, cell: np.ndarray, count: int) -> np.ndarray:
@@ -65,8 +159,15 @@ def _deviations(squares: np.ndarray, weight: np.ndarray, cell: np.ndarray, count
 
 def lines(cells: tuple[LocalDeviation, ...]) -> list[str]:
     """Cells as lines of a surface file, see `contactsense.robots.yaml_schema.LinkSurface`."""
-    return [
-        f"{cell.primitive} {' '.join(f'{1e3 * value:.0f}' for value in cell.point)} "
-        f"{1e3 * cell.offset:.2f} {np.degrees(cell.tilt):.0f}"
-        for cell in cells
-    ]
+    moved = any(value != 0.0 for cell in cells for value in (*cell.shift, *cell.turn))
+    return [f"{_deviation(cell)} {_motion(cell)}" if moved else _deviation(cell) for cell in cells]
+
+
+def _deviation(cell: LocalDeviation) -> str:
+    place = " ".join(f"{1e3 * value:.0f}" for value in cell.point)
+    return f"{cell.primitive} {place} {1e3 * cell.offset:.2f} {np.degrees(cell.tilt):.0f}"
+
+
+def _motion(cell: LocalDeviation) -> str:
+    shift, turn = (f"{1e3 * value:.2f}" for value in cell.shift), (f"{np.degrees(v):.0f}" for v in cell.turn)
+    return " ".join((*shift, *turn))

@@ -79,7 +79,7 @@ def text(
     comments: Iterable[str],
     seconds: float,
     tip: str | None = None,
-    deviations: Mapping[str, Iterable[str]] | None = None,
+    deviations: Mapping[str, Mapping[str, Iterable[str]]] | None = None,
 ) -> str:
     """Content of the YAML file: comments, then one primitive per line under link and level.
 
@@ -89,7 +89,7 @@ def text(
         comments: Lines at the start of the file.
         seconds: Duration of the fit [s].
         tip: Last link of the arm in its URDF, if it was named.
-        deviations: Link name -> `contactsense.robots.decomposition.local_deviation.lines` of the fine level.
+        deviations: Link name -> level -> `contactsense.robots.decomposition.local_deviation.lines`.
     """
     lines = [f"# {comment}".rstrip() for comment in comments]
     lines += [f"robot: {robot}", *([f"tip: {tip}"] if tip else []), f"fit_seconds: {seconds:.0f}", "links:"]
@@ -99,8 +99,8 @@ def text(
             lines.append(f"    {level}:")
             for shape in shapes:
                 lines.append(f"      - {_fields(shape)}")
-        if deviations is not None and link in deviations:
-            lines += ["    fine_deviation: |", *(f"      {cell}" for cell in deviations[link])]
+        for level, cells in (deviations or {}).get(link, {}).items():
+            lines += [f"    {level}_deviation: |", *(f"      {cell}" for cell in cells)]
     return "\n".join(lines) + "\n"
 
 

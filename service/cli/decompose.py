@@ -247,18 +247,20 @@ def _yaml(
     seconds: float,
     source: str,
 ) -> str:
+    from contactsense.robots.decomposition.local_deviation import lines
     from contactsense.robots.decomposition.yaml_export import primitives, text
 
+    coarse, fine = {}, {}
+    for name, found in fits.items():
+        coarse[name], fine[name] = found[_coarse(found, chosen[name])], found[chosen[name]]
     links: dict[str, dict[str, Iterable[Any]]] = {
-        name: {
-            "coarse": primitives(fits[name][_coarse(fits[name], chosen[name])].bodies),
-            "fine": primitives(fits[name][chosen[name]].bodies),
-        }
+        name: {"coarse": primitives(coarse[name].bodies), "fine": primitives(fine[name].bodies)}
         for name in fits
     }
-    from contactsense.robots.decomposition.local_deviation import lines
-
-    deviations = {name: lines(fits[name][chosen[name]].deviation) for name in fits}
+    deviations = {
+        name: {"coarse": lines(coarse[name].moved_deviation), "fine": lines(fine[name].deviation)}
+        for name in fits
+    }
     comments = (
         f"Surface of the {robot.name}: convex primitives in the link frames, in metres.",
         f"Made by: {command}",

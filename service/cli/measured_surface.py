@@ -45,9 +45,14 @@ def measured_again(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", path: Pat
             continue
         click.echo(name, err=True)
         skin = outer_skin(meshes[name], neighbour_poses(robot, meshes, number), _SAMPLES)
-        deviations[name] = lines(local_deviation(bodies_of(surface.links[name].fine), skin))
+        link = surface.links[name]
+        deviations[name] = {
+            "coarse": lines(local_deviation(bodies_of(link.coarse), skin, moved=True)),
+            "fine": lines(local_deviation(bodies_of(link.fine), skin)),
+        }
     links = {name: {"coarse": link.coarse, "fine": link.fine} for name, link in surface.links.items()}
     comments.append(
-        "Deviations: contactsense decompose --measure; primitive, x y z [mm], distance [mm], normal [deg]"
+        "Deviations: contactsense decompose --measure; primitive, x y z [mm], distance [mm], normal [deg], "
+        "and of coarse ones mean shift [mm], mean rotation vector [deg]"
     )
     return text(surface.robot, links, comments, surface.fit_seconds, surface.tip, deviations)

@@ -58,8 +58,55 @@ def test_lines_of_a_surface_file_are_read_as_they_were_written() -> None:
         np.testing.assert_allclose(read, written, atol=tolerance)
 
 
+def hill() -> Skin:
+    """A plate whose upper face is a ridge: it rises by `TILT` on the left, and falls on the right."""
+    rng = np.random.default_rng(2)
+    points = np.column_stack((rng.uniform(-HALF, HALF, (20000, 2)), np.zeros(20000)))
+    side = np.sign(points[:, 0])
+    points[:, 2] = 0.02 - np.tan(TILT) * (np.abs(points[:, 0]) - HALF / 2.0)
+    normals = np.column_stack((side * np.sin(TILT), np.zeros(20000), np.full(20000, np.cos(TILT))))
+    return Skin(points, normals, np.ones(20000), (2 * HALF) ** 2)
+
+
+def test_the_moved_surface_is_the_skins_where_that_is_plane() -> None:
+    """On each side the primitive is moved onto the skin, and nothing remains; the ridge and the rims, where
+    the nearest point of the primitive is on its rounding, are left out."""
+    cells = local_deviation(bodies_of([BOX]), hill(), moved=True)
+    plain = [cell for cell in cells if CELL < abs(cell.point[0]) < HALF - CELL and abs(cell.point[1]) < HALF]
+    assert len(plain) > 30
+    for cell in plain:
+        side, x = np.sign(cell.point[0]), abs(cell.point[0])
+        height = 0.02 - np.tan(TILT) * (x - HALF / 2.0)
+        # About 200 samples, three more of the prior: they lower the height by 1.5 to 2 %, and the rest of it
+        # remains. The slope's prior counts as much; to the deviations it adds a share of the ridge's.
+        np.testing.assert_allclose(cell.shift, (0.0, 0.0, height), atol=0.02 * abs(height) + 2e-4)
+        np.testing.assert_allclose(cell.turn, (0.0, side * TILT, 0.0), atol=0.1 * TILT)
+        assert cell.offset < 0.02 * abs(height) + 4e-4
+        assert cell.tilt < 0.1 * TILT
+    # Unmoved, all of that is error.
+    still = local_deviation(bodies_of([BOX]), hill())
+    assert {(cell.shift, cell.turn) for cell in still} == {((0.0,) * 3, (0.0,) * 3)}
+    assert np.median([cell.offset for cell in still]) > 0.01
+
+
+def test_what_remains_is_never_more_than_what_was() -> None:
+    for skin in (plate(), hill()):
+        moved, still = (local_deviation(bodies_of([BOX]), skin, moved=moved) for moved in (True, False))
+        np.testing.assert_allclose([c.point for c in moved], [c.point for c in still])
+        assert all(m.offset <= s.offset * 1.001 for m, s in zip(moved, still, strict=True))
+
+
+def test_motions_are_read_as_they_were_written() -> None:
+    cells = local_deviation(bodies_of([BOX]), hill(), moved=True)
+    again = table("\n".join(lines(cells)), 1)
+    for name, tolerance in (("point", 6e-4), ("shift", 6e-6), ("turn", 0.01)):
+        written, read = ([getattr(cell, name) for cell in some] for some in (cells, again))
+        np.testing.assert_allclose(read, written, atol=tolerance)
+
+
 @pytest.mark.parametrize(
-    "line", ["1 0 0 0 0.5 3", "0 0 0 0 0.5", "0 0 0 0 0 3", "0 0 0 0 0.5 95", "0 a 0 0 1 1"]
+    "line",
+    ["1 0 0 0 0.5 3", "0 0 0 0 0.5", "0 0 0 0 0 3", "0 0 0 0 0.5 95", "0 a 0 0 1 1", "0 0 0 0 0.5 3 1 1 1"],
 )
 def test_a_line_that_cannot_be_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match=r"expected|could not convert"):
