@@ -144,7 +144,8 @@ class Scene(BaseModel):
     of a joint cannot be touched."""
     surface_error: PositiveFloat | None = None
     """Standard deviation of the primitives' distance from the real surface [m], the same everywhere. None:
-    that of each place in the arm's surface file; where it has none, 0.0005, with `coarse` 0.004."""
+    that of each place in the arm's surface file; where it has none, 0.0005, with `coarse` 0.004. A
+    number also keeps coarse primitives where they are."""
     bandwidth: PositiveFloat = 10.0
     """Cut-off frequency of the momentum observer [Hz]: lower is less noisy, higher is faster."""
     bias_time: PositiveFloat | None = 10.0

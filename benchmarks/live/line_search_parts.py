@@ -69,7 +69,9 @@ def _until_the_modes(
             state.search_buffers,
         )  # fmt: skip
         if with_cover and count[i] > 1:
-            add_cover_energies(surfaces, hypotheses, constants.prior, candidates, count[i])
+            add_cover_energies(
+                surfaces, constants.deviations, hypotheses, constants.prior, candidates, count[i]
+            )
 
 
 def measure(points: StaticPoints, noise: Noise) -> Parts:

@@ -188,13 +188,19 @@ def _deepest_cover(
 
 @fused_kernel
 def apply_accessibility(
-    surfaces: Surfaces, candidates: Candidates, row: int, prior: Prior, min_score: float
+    surfaces: Surfaces,
+    candidates: Candidates,
+    row: int,
+    frame: tuple[np.ndarray, np.ndarray],
+    prior: Prior,
+    min_score: float,
 ) -> bool:
     """Condition a candidate on being accessible.
 
     The candidate's score is lowered by the log of the accessible share of its neighbourhood; its point and
     covariance become those of that share. If the score cannot exceed `min_score`, it becomes -infinity at
-    once.
+    once. `frame`: body frame of the candidate's primitive, see
+    `contactsense.localization.candidate_buffers.store_candidate`.
 
     Returns:
         Whether the neighbourhood is accessible as far as `FULL_CLEARANCE_SIGMAS`, which leaves the candidate
@@ -219,7 +225,7 @@ def apply_accessibility(
     d = math.sqrt(max(v22 - b * b, 0.0))
     share, mx, my, mz = 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    R, o = candidates.rotation[p], candidates.origin[p]
+    R, o = frame
     for radius, weight in QUADRATURE_RINGS:
         for k in range(6):
             u1, u2 = radius * HEXAGON[k][0], radius * HEXAGON[k][1]

@@ -57,6 +57,10 @@ class Candidates(NamedTuple):
     """Origin of the body frame of each primitive, base frame [m]."""
     deviation_cell: Annotated[Integers, "primitives"]
     """Scratch: cell of `contactsense.localization.local_prior` in which each initial guess lies."""
+    mean_rotation: Annotated[Floats, "3, 3"]
+    """Scratch: rotation of a primitive's body frame as moved to the mean surface, base frame ..."""
+    mean_origin: Annotated[Floats, "3"]
+    """... and its origin [m], see `contactsense.localization.mean_surface`."""
     cover_energy: Annotated[Floats, "primitives"]
     """Scratch: least loss of log evidence of a contact on each primitive because others cover it."""
     near: Annotated[Integers, "primitives"]
@@ -76,7 +80,13 @@ def rotate_into(R: np.ndarray, x: float, y: float, z: float, out: np.ndarray) ->
 
 @fused_kernel
 def store_candidate(
-    candidates: Candidates, row: int, p: int, mode: Mode, buffers: SearchBuffers, surface_deviation: float
+    candidates: Candidates,
+    row: int,
+    p: int,
+    frame: tuple[np.ndarray, np.ndarray],
+    mode: Mode,
+    buffers: SearchBuffers,
+    surface_deviation: float,
 ) -> None:
     """Store the result of `find_posterior_mode` on primitive p in row `row`, in the base frame.
 
@@ -85,9 +95,10 @@ def store_candidate(
     F (theory, section 4).
 
     Args:
-        candidates: Arrays with the body frames filled in.
+        candidates: Arrays to write to.
         row: Row to write.
         p: Index of the primitive.
+        frame: Its body frame, base frame: rotation (3, 3) and origin (3,) [m].
         mode: That result, body frame.
         buffers: Buffers of that search, with the frame of normal and tangents. `gradient` is overwritten.
         surface_deviation: Standard deviation of the surface's offset along the normal [m].
@@ -95,7 +106,8 @@ def store_candidate(
     (cx, cy, cz), (nx, ny, nz), (fx, fy, fz), xi = mode.contact
     v11, v12, v22 = mode.variances
     candidates.primitive[row] = p
-    R, o, T = candidates.rotation[p], candidates.origin[p], buffers.frame
+    R, o = frame
+    T = buffers.frame
     rotate_into(R, cx, cy, cz, candidates.point[row])
     rotate_into(R, nx, ny, nz, candidates.normal[row])
     rotate_into(R, fx, fy, fz, candidates.force[row])

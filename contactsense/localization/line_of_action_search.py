@@ -28,6 +28,7 @@ from contactsense.localization.line_distance import (
     shift_energy,
 )
 from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell
+from contactsense.localization.mean_surface import entered_cell, mean_frame
 from contactsense.localization.simd_layout import LANES
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -69,7 +70,7 @@ def search_along_line_of_action(
     """
     count: int = initial_guesses(surfaces, deviations, touchable, hypotheses, prior, candidates, buffers)
     if count > 1:
-        add_cover_energies(surfaces, hypotheses, prior, candidates, count)
+        add_cover_energies(surfaces, deviations, hypotheses, prior, candidates, count)
     # Of the candidates so far, as far as they are accessible.
     lowest_energy, best_score = math.inf, -math.inf
     for i in range(count):
@@ -95,13 +96,14 @@ def search_along_line_of_action(
         score = mode.log_evidence - link_energy
         if mode.log_evidence == -math.inf or score < best_score - ENERGY_CUTOFF:
             continue
-        store_candidate(candidates, p, p, mode, buffers, local.surface_deviation)
+        frame = mean_frame(deviations, candidates, p, candidates.deviation_cell[p])
+        store_candidate(candidates, p, p, frame, mode, buffers, local.surface_deviation)
         if is_mounting_face(
             surfaces.link[p], candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation
         ):
             continue
         candidates.score[p] = score
-        apply_accessibility(surfaces, candidates, p, prior, best_score - ENERGY_CUTOFF)
+        apply_accessibility(surfaces, candidates, p, frame, prior, best_score - ENERGY_CUTOFF)
         best_score = max(best_score, candidates.score[p])
         lowest_energy = min(lowest_energy, link_energy + mode.energy + score - candidates.score[p])
     return count
@@ -109,23 +111,33 @@ def search_along_line_of_action(
 
 @fused_kernel
 def add_cover_energies(
-    surfaces: Surfaces, hypotheses: Hypotheses, prior: Prior, candidates: Candidates, count: int
+    surfaces: Surfaces,
+    deviations: DeviationCells,
+    hypotheses: Hypotheses,
+    prior: Prior,
+    candidates: Candidates,
+    count: int,
 ) -> None:
     """Add to the energies of `initial_guesses` what the candidates lose at least because other primitives
     cover them."""
     for i in range(count):
         p = candidates.order[i]
-        candidates.cover_energy[p] = _cover_energy(surfaces, hypotheses, prior, candidates, p)
+        candidates.cover_energy[p] = _cover_energy(surfaces, deviations, hypotheses, prior, candidates, p)
         candidates.score[p] += candidates.cover_energy[p]
 
 
 @fused_kernel
 def _cover_energy(
-    surfaces: Surfaces, hypotheses: Hypotheses, prior: Prior, candidates: Candidates, p: int
+    surfaces: Surfaces,
+    deviations: DeviationCells,
+    hypotheses: Hypotheses,
+    prior: Prior,
+    candidates: Candidates,
+    p: int,
 ) -> float:
     """Least loss of log evidence of a contact on primitive p because other primitives cover it: that of the
     most accessible place within the uncertainty of the initial guess."""
-    R, o = candidates.rotation[p], candidates.origin[p]
+    R, o = mean_frame(deviations, candidates, p, candidates.deviation_cell[p])
     c, n, height = candidates.point[p], candidates.normal[p], prior.clearance
     x, y, z = c[0] + height * n[0], c[1] + height * n[1], c[2] + height * n[2]
     margin = clearance(
@@ -199,12 +211,18 @@ def initial_guesses(
                 kind, size, radius = surfaces.kind[p], surfaces.size[p], surfaces.radius[p]
                 v, B = candidates.wrench[p], candidates.information[p]
                 to_body_frame(w, L, candidates.rotation[p], candidates.origin[p], v, B)
+                cell = -1
+                if deviations.displacement[p] > 0.0:
+                    cell = entered_cell(deviations, p, v, prior.friction_ratio)
+                    R, o = mean_frame(deviations, candidates, p, cell)
+                    to_body_frame(w, L, R, o, v, B)
                 wrench = Wrench((v[0], v[1], v[2]), (v[3], v[4], v[5]))
                 distance, point, normal = enter_surface(kind, size, radius, wrench)
                 if distance > 0.0 and shift_energy(distance, squared_force, spheres[VARIANCE + lane]) > limit:
                     continue
                 contact = Contact(point, normal, pushing_force(wrench.force, normal), 0.0)
-                cell = nearest_cell(deviations, p, point[0], point[1], point[2])
+                if cell < 0:
+                    cell = nearest_cell(deviations, p, point[0], point[1], point[2])
                 local = prior_in_cell(prior, deviations, cell)
                 inflation = inflate_by_surface_deviation(B, local, contact)
                 energy = link_energy + energy_at(v, B, local, inflation, contact)
@@ -232,5 +250,5 @@ def _load_spheres(
     for p in range(first, last):
         o, j = candidates.origin[p], p - first
         spheres[CENTRE_X + j], spheres[CENTRE_Y + j], spheres[CENTRE_Z + j] = o[0], o[1], o[2]
-        spheres[RADIUS + j] = surfaces.radius[p]
+        spheres[RADIUS + j] = surfaces.radius[p] + deviations.displacement[p]
         spheres[OFFSET + j] = prior.surface_deviation * deviations.largest[p]

@@ -28,13 +28,20 @@ class DeviationCells(NamedTuple):
     """First cell of each primitive, then the total number. A primitive without cells has ratio 1, tilt 0."""
     largest: Annotated[Floats, "primitives"]
     """Largest ratio on each primitive."""
-
-
-@fused_kernel
-def local_prior(prior: Prior, cells: DeviationCells, p: int, x: float, y: float, z: float) -> Prior:
-    """The prior about the point (x, y, z) of primitive p, body frame [m]."""
-    found: Prior = prior_in_cell(prior, cells, nearest_cell(cells, p, x, y, z))
-    return found
+    rotation: Annotated[Floats, "deviations, 3, 3"]
+    """Motion of the primitive's surface to where the real one is on average
+    (`contactsense.localization.mean_surface`): rotation about the origin ..."""
+    translation: Annotated[Floats, "deviations, 3"]
+    """... then translation [m]."""
+    mean_point: Annotated[Floats, "deviations, 3"]
+    """The point of the moved surface at the cell's centre [m]."""
+    mean_normal: Annotated[Floats, "deviations, 3"]
+    """Its outward unit normal there."""
+    displacement: Annotated[Floats, "primitives"]
+    """Largest displacement of `mean_point` on each primitive [m]; 0: the surface of the primitive is not
+    moved."""
+    mean_tilt: float
+    """Root mean square of the tilt in all cells of moved surfaces [rad], 0 without any."""
 
 
 @fused_kernel
@@ -73,5 +80,15 @@ def prior_in_cell(prior: Prior, cells: DeviationCells, i: int) -> Prior:
 def no_cells(primitives: int) -> DeviationCells:
     """Cells of a surface that is equally well known everywhere."""
     return DeviationCells(
-        np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(primitives + 1, np.int64), np.ones(primitives)
+        point=np.zeros((0, 3)),
+        ratio=np.zeros(0),
+        tilt=np.zeros(0),
+        start=np.zeros(primitives + 1, np.int64),
+        largest=np.ones(primitives),
+        rotation=np.zeros((0, 3, 3)),
+        translation=np.zeros((0, 3)),
+        mean_point=np.zeros((0, 3)),
+        mean_normal=np.zeros((0, 3)),
+        displacement=np.zeros(primitives),
+        mean_tilt=0.0,
     )

@@ -19,14 +19,15 @@ from contactsense.localization.candidate_buffers import (
     store_candidate,
 )
 from contactsense.localization.ellipse_scale import ellipse_scale
-from contactsense.localization.local_prior import local_prior
+from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell
+from contactsense.localization.mean_surface import mean_frame
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.surface.union import nearest
-from contactsense.robots.vectors import Vector, rotate_back, vector
+from contactsense.robots.vectors import Vector, add, rotate, rotate_back, subtract, vector
 from contactsense.solvers.posterior import Contact, Prior, pushing_force
 from contactsense.solvers.posterior_mode import (
     ENERGY_CUTOFF,
@@ -80,7 +81,9 @@ def search_surface(
     surfaces, depth = scene.surfaces, scene.depth
     _, cells, candidates = arrays
     cells.unassigned_evidence[:] = -math.inf
-    rows, best, divided = evaluate_cells(scene, searched, motion, hypotheses, wrench_measured, prior, arrays)
+    rows, best, divided = evaluate_cells(
+        scene, searched, motion, hypotheses, wrench_measured, _with_tilt(prior, scene.deviations), arrays
+    )
     if best == -math.inf:
         return 0
     _apply_accessibility(surfaces, depth, motion, prior, cells, candidates, rows, best)
@@ -102,6 +105,21 @@ def search_surface(
             link = surfaces.link[cells.primitive[s]]
             cells.unassigned_evidence[link] = _log_add(cells.unassigned_evidence[link], cells.score[s])
     return count
+
+
+@fused_kernel
+def _with_tilt(prior: Prior, deviations: DeviationCells) -> Prior:
+    """The prior with the tilt that remains on a mean surface: one for all cells, as a sum over many samples
+    hardly depends on how it is distributed."""
+    return Prior(
+        math.sqrt(prior.friction_ratio * prior.friction_ratio + deviations.mean_tilt * deviations.mean_tilt),
+        prior.torsion_lever,
+        prior.surface_deviation,
+        prior.force,
+        prior.clearance,
+        prior.area,
+        prior.log_link_density,
+    )
 
 
 @fused_kernel
@@ -175,36 +193,20 @@ def _build_candidate(
     p = cells.primitive[s]
     link = surfaces.link[p]
     w, L = candidates.wrench[p], candidates.information[p]
-    to_body_frame(
-        hypotheses.wrench[link],
-        hypotheses.information[link],
-        candidates.rotation[p],
-        candidates.origin[p],
-        w,
-        L,
-    )
-    S, t = surfaces.rotation[p], surfaces.origin[p]
-    dx, dy, dz = cells.point[s, 0] - t[0], cells.point[s, 1] - t[1], cells.point[s, 2] - t[2]
-    _, cx, cy, cz, nx, ny, nz = project(
-        surfaces.kind[p],
-        surfaces.size[p],
-        S[0, 0] * dx + S[1, 0] * dy + S[2, 0] * dz,
-        S[0, 1] * dx + S[1, 1] * dy + S[2, 1] * dz,
-        S[0, 2] * dx + S[1, 2] * dy + S[2, 2] * dz,
-    )
-    f = cells.force[s]
-    fx = S[0, 0] * f[0] + S[1, 0] * f[1] + S[2, 0] * f[2]
-    fy = S[0, 1] * f[0] + S[1, 1] * f[1] + S[2, 1] * f[2]
-    fz = S[0, 2] * f[0] + S[1, 2] * f[1] + S[2, 2] * f[2]
-    normal = (nx, ny, nz)
-    start = Contact((cx, cy, cz), normal, pushing_force((fx, fy, fz), normal), cells.torsion[s])
-    local = local_prior(prior, scene.deviations, p, cx, cy, cz)
+    R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+    place = rotate_back(surfaces.rotation[p], subtract(vector(cells.point[s]), vector(surfaces.origin[p])))
+    cell = nearest_cell(scene.deviations, p, place[0], place[1], place[2])
+    frame = mean_frame(scene.deviations, candidates, p, cell)
+    to_body_frame(hypotheses.wrench[link], hypotheses.information[link], frame[0], frame[1], w, L)
+    point, normal = _project(surfaces, p, frame, add(rotate(R, vector(cells.point[s])), vector(o)))
+    force = rotate_back(frame[0], rotate(R, vector(cells.force[s])))
+    start = Contact(point, normal, pushing_force(force, normal), cells.torsion[s])
+    local = prior_in_cell(prior, scene.deviations, cell)
     mode = find_posterior_mode(
         surfaces.kind[p], surfaces.size[p], w, L, local, math.inf, start, buffers, tolerance
     )
-    store_candidate(candidates, row, p, mode, buffers, local.surface_deviation)
+    store_candidate(candidates, row, p, frame, mode, buffers, local.surface_deviation)
     max_variance = max(mode.variances[0], mode.variances[2])
-    R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
     x, y, z = (
         candidates.point[row, 0] - o[0],
         candidates.point[row, 1] - o[1],
@@ -227,6 +229,7 @@ def _build_candidate(
     )
     point = _project_onto_link(
         surfaces,
+        scene.deviations,
         candidates,
         row,
         link,
@@ -255,6 +258,7 @@ def _build_candidate(
 @fused_kernel
 def _project_onto_link(
     surfaces: Surfaces,
+    deviations: DeviationCells,
     candidates: Candidates,
     row: int,
     link: int,
@@ -264,7 +268,7 @@ def _project_onto_link(
     y: float,
     z: float,
 ) -> Vector:
-    """Move a candidate to the point of the link's surface nearest to (x, y, z) [m]; returns that, link
+    """Move a candidate to the point of the link's mean surface nearest to (x, y, z) [m]; returns that, link
     frame."""
     p, point, normal = -1, (x, y, z), (0.0, 0.0, 0.0)
     for _ in range(MAX_PROJECTIONS):
@@ -277,7 +281,28 @@ def _project_onto_link(
     rotate_into(R, normal[0], normal[1], normal[2], candidates.normal[row])
     for i in range(3):
         candidates.point[row, i] += o[i]
+    if deviations.displacement[p] > 0.0:
+        local = rotate_back(surfaces.rotation[p], subtract(point, vector(surfaces.origin[p])))
+        cell = nearest_cell(deviations, p, local[0], local[1], local[2])
+        frame = mean_frame(deviations, candidates, p, cell)
+        point, normal = _project(surfaces, p, frame, add(rotate(R, (x, y, z)), vector(o)))
+        rotate_into(frame[0], point[0], point[1], point[2], candidates.point[row])
+        rotate_into(frame[0], normal[0], normal[1], normal[2], candidates.normal[row])
+        for i in range(3):
+            candidates.point[row, i] += frame[1][i]
+        point = rotate_back(R, subtract(vector(candidates.point[row]), vector(o)))
     return point
+
+
+@fused_kernel
+def _project(
+    surfaces: Surfaces, p: int, frame: tuple[np.ndarray, np.ndarray], point: Vector
+) -> tuple[Vector, Vector]:
+    """Point on primitive p nearest to `point`, base frame, and the outward normal there, in the primitive's
+    body frame `frame`."""
+    x, y, z = rotate_back(frame[0], subtract(point, vector(frame[1])))
+    _, px, py, pz, nx, ny, nz = project(surfaces.kind[p], surfaces.size[p], x, y, z)
+    return (px, py, pz), (nx, ny, nz)
 
 
 @fused_kernel

@@ -9,6 +9,7 @@ from contactsense.detection.thresholds import LONGEST_STEP_MS, stream_thresholds
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Model, build_model
 from contactsense.localization.local_prior import DeviationCells
+from contactsense.localization.mean_surface import on_mean_surface
 from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_blocks import SurfaceBlocks, surface_blocks
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
@@ -89,6 +90,9 @@ def build_constants(scene: Scene) -> Constants:
     surfaces = scene_surfaces(scene)
     unsearched = unsearched_surfaces(scene)
     samples, subsamples, area = sample_surface(surfaces, float(unsearched.area.sum()))
+    deviations = deviation_cells(scene, surfaces)
+    samples = on_mean_surface(samples, surfaces, deviations)
+    subsamples = on_mean_surface(subsamples, surfaces, deviations)
     share = area_share(surfaces, samples, len(scene.link_names))
     return Constants(
         model=model_with_tool(scene),
@@ -96,7 +100,7 @@ def build_constants(scene: Scene) -> Constants:
         samples=samples,
         surface_blocks=surface_blocks(surfaces, samples),
         subsamples=subsamples,
-        deviations=deviation_cells(scene, surfaces),
+        deviations=deviations,
         sensors=_sensors(scene),
         prior=Prior(
             friction_ratio=scene.friction / 2.0,

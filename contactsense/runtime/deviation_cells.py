@@ -1,9 +1,13 @@
 """Where the surface of a scene is how far from its primitives, for the kernels."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from contactsense.localization.local_prior import DeviationCells, no_cells
-from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.robot import LocalDeviation
+from contactsense.robots.rotations import rotation_from_vector
+from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.scene import Scene
 
 LONG_TAILS = 1.1
@@ -17,33 +21,81 @@ LEAST_OFFSET = 1e-4
 def deviation_cells(scene: Scene, surfaces: Surfaces) -> DeviationCells:
     """Cells of the arm's primitives, as its surface file has them; none if the scene states one error.
 
-    Tool, bodies of the cell and coarse primitives have no cells. Cells of coarse primitives were tried:
-    regions hold 2 to 3 % more of the contacts, but errors grow, and without noise 3 % instead of 2 % of the
-    contacts have no answer.
+    Tool and bodies of the cell have no cells.
     """
-    points, ratios, tilts, owners = [], [], [], []
-    measured = scene.surface_error is None and scene.detail != "coarse"
-    for number, link in enumerate(scene.robot.links if measured else ()):
+    coarse = scene.detail == "coarse"
+    found: list[_Cell] = []
+    for number, link in enumerate(scene.robot.links if scene.surface_error is None else ()):
         first = int(surfaces.start[number])
-        if link.name not in scene.touchable_links or first == surfaces.start[number + 1]:
-            continue
-        for cell in link.deviation:
-            p = first + cell.primitive
-            points.append((np.array(cell.point) - surfaces.origin[p]) @ surfaces.rotation[p])
-            ratios.append(max(LONG_TAILS * cell.offset, LEAST_OFFSET) / scene.surface_deviation)
-            tilts.append(cell.tilt)
-            owners.append(p)
-    if not points:
-        return no_cells(len(surfaces.kind))
-    owner, ratio = np.array(owners), np.array(ratios)
-    largest = np.zeros(len(surfaces.kind))
-    np.maximum.at(largest, owner, ratio)
+        if link.name in scene.touchable_links and first < surfaces.start[number + 1]:
+            level = link.coarse_deviation if coarse and link.coarse else link.deviation
+            found += [_in_body_frame(surfaces, first + cell.primitive, cell) for cell in level]
+    primitives = len(surfaces.kind)
+    if not found:
+        return no_cells(primitives)
+    found.sort(key=lambda cell: cell.primitive)
+    owner = np.array([cell.primitive for cell in found])
+    ratio = np.array([cell.offset for cell in found]) / scene.surface_deviation
+    tilt = np.array([cell.tilt for cell in found])
+    displacement = _largest(owner, np.array([cell.displacement for cell in found]), primitives)
+    largest = _largest(owner, ratio, primitives)
     largest[largest == 0.0] = 1.0
-    order = np.argsort(owner, kind="stable")
+    moved = displacement[owner] > 0.0
     return DeviationCells(
-        point=np.array(points)[order],
-        ratio=ratio[order],
-        tilt=np.array(tilts)[order],
-        start=np.searchsorted(owner[order], np.arange(len(surfaces.kind) + 1)).astype(np.int64),
+        point=np.array([cell.point for cell in found]),
+        ratio=ratio,
+        tilt=tilt,
+        start=np.searchsorted(owner, np.arange(primitives + 1)).astype(np.int64),
         largest=largest,
+        rotation=np.array([cell.rotation for cell in found]),
+        translation=np.array([cell.translation for cell in found]),
+        mean_point=np.array([cell.mean_point for cell in found]),
+        mean_normal=np.array([cell.mean_normal for cell in found]),
+        displacement=displacement,
+        mean_tilt=float(np.sqrt(np.mean(tilt[moved] ** 2))) if moved.any() else 0.0,
     )
+
+
+class _Cell(NamedTuple):
+    """One cell in the body frame of its primitive; fields as in `DeviationCells`."""
+
+    primitive: int
+    point: np.ndarray
+    offset: float
+    """Standard deviation of the surface's offset [m]."""
+    tilt: float
+    rotation: np.ndarray
+    translation: np.ndarray
+    mean_point: np.ndarray
+    mean_normal: np.ndarray
+    displacement: float
+    """Distance of `mean_point` from the primitive [m]."""
+
+
+def _in_body_frame(surfaces: Surfaces, p: int, cell: LocalDeviation) -> _Cell:
+    """A cell of primitive p, which the file has in the link's frame."""
+    R = surfaces.rotation[p]
+    point = (np.array(cell.point) - surfaces.origin[p]) @ R
+    shift, rotation = np.array(cell.shift) @ R, rotation_from_vector(np.array(cell.turn) @ R)
+    # Turned about the centre of the cell, then shifted.
+    translation = point + shift - rotation @ point
+    _, *projected = project(surfaces.kind[p], surfaces.size[p], *point)
+    mean_point = rotation @ projected[:3] + translation
+    return _Cell(
+        primitive=p,
+        point=point,
+        offset=max(LONG_TAILS * cell.offset, LEAST_OFFSET),
+        tilt=cell.tilt,
+        rotation=rotation,
+        translation=translation,
+        mean_point=mean_point,
+        mean_normal=rotation @ projected[3:],
+        displacement=float(np.linalg.norm(mean_point - projected[:3])),
+    )
+
+
+def _largest(owner: np.ndarray, values: np.ndarray, primitives: int) -> np.ndarray:
+    """Largest value of each primitive's cells, 0 without any."""
+    largest = np.zeros(primitives)
+    np.maximum.at(largest, owner, values)
+    return largest

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor
+from contactsense.benchmarks.accuracy.calibration import judge, summarize
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS
+from contactsense.benchmarks.accuracy.static_points import read
 from contactsense.runtime.constants import build_constants
 from tests.plain_arm import plain_ur5e
 from tests.shared import shared, truth
@@ -39,6 +42,19 @@ def test_more_detail_is_nearer_to_the_truth(robot: str) -> None:
     assert median["skin"] <= 1.0
     assert p95["skin"] <= 5.0
     assert median["skin"] < median["fine"] < median["coarse"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sensors", ["all", "base"])
+@pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
+def test_with_coarse_primitives_regions_hold_their_share(robot: str, sensors: str) -> None:
+    """A twentieth of the skin is a centimetre and more off the coarse primitives."""
+    points, noise = read(shared("truth"), robot), COLUMNS[1]
+    found = summarize(robot, sensors, noise, judge(points, noise, sensors, "coarse"))
+    assert 0.88 <= found.region.found <= 0.92
+    assert found.no_answer < 0.005
+    for stated in found.statements.values():
+        assert stated.error < 0.02
 
 
 @pytest.mark.slow

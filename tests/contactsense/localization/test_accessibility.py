@@ -75,19 +75,19 @@ def test_share_and_mean_agree_with_monte_carlo(
     force = tuple(-10.0 * component for component in projected[3:])
     contact = Contact(tuple(projected[:3]), tuple(projected[3:]), force, 0.0)
     mode = Mode(0.0, 0.0, contact, (V[0, 0], V[0, 1], V[1, 1]))
-    store_candidate(state.candidates, 0, p, mode, buffers, constants.prior.surface_deviation)
+    store_candidate(state.candidates, 0, p, (R, o), mode, buffers, constants.prior.surface_deviation)
     state.candidates.score[0] = 0.0
     start = state.candidates.point[0].copy()
     share, mean = _monte_carlo(constants, state, p, start, normal, root)
-    apply_accessibility(constants.surfaces, state.candidates, 0, constants.prior, -math.inf)
+    apply_accessibility(constants.surfaces, state.candidates, 0, (R, o), constants.prior, -math.inf)
     full_score = state.candidates.score[0]
     # The quadrature has eighteen points.
     assert math.exp(state.candidates.score[0]) == pytest.approx(share, abs=0.12)
     if share > 0.2:
         assert np.linalg.norm(state.candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
-    store_candidate(state.candidates, 0, p, mode, buffers, constants.prior.surface_deviation)
+    store_candidate(state.candidates, 0, p, (R, o), mode, buffers, constants.prior.surface_deviation)
     state.candidates.score[0] = 0.0
-    apply_accessibility(constants.surfaces, state.candidates, 0, constants.prior, -8.0)
+    apply_accessibility(constants.surfaces, state.candidates, 0, (R, o), constants.prior, -8.0)
     # Only candidates below the limit are rejected early.
     assert state.candidates.score[0] == full_score or full_score < -8.0
 

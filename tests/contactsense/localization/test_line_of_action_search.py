@@ -57,11 +57,12 @@ def _scores_of_all(localizer: Localizer) -> np.ndarray:
         mode = find_posterior_mode(kind, size, w, L, prior, math.inf, start, buffers)
         if mode.log_evidence == -math.inf:
             continue
-        store_candidate(candidates, p, p, mode, buffers, prior.surface_deviation)
+        frame = (candidates.rotation[p], candidates.origin[p])
+        store_candidate(candidates, p, p, frame, mode, buffers, prior.surface_deviation)
         if is_mounting_face(link, candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation):
             continue
         candidates.score[p] = mode.log_evidence - hypotheses.energy[link]
-        apply_accessibility(surfaces, candidates, p, prior, -math.inf)
+        apply_accessibility(surfaces, candidates, p, frame, prior, -math.inf)
         scores[p] = candidates.score[p]
     return scores
 
