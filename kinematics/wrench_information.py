@@ -109,3 +109,49 @@ def dot(a: Vector, b: Vector) -> float:
 def matvec(B: Block, a: Vector) -> Vector:
     """B a, with B a block, a tuple of rows."""
     return dot(B[0], a), dot(B[1], a), dot(B[2], a)
+
+
+@inlined_fused_kernel
+def shift_vector(f: Vector, m: Vector, x: float, y: float, z: float) -> Vector:
+    """The force part of X^T h about another point, see `shift_information`, with h = (f, m)."""
+    return f[0] + m[1] * z - m[2] * y, f[1] + m[2] * x - m[0] * z, f[2] + m[0] * y - m[1] * x
+
+
+@inlined_fused_kernel
+def transposed_matvec(B: Block, a: Vector) -> Vector:
+    """B^T a."""
+    return (
+        B[0][0] * a[0] + B[1][0] * a[1] + B[2][0] * a[2],
+        B[0][1] * a[0] + B[1][1] * a[1] + B[2][1] * a[2],
+        B[0][2] * a[0] + B[1][2] * a[1] + B[2][2] * a[2],
+    )
+
+
+@inlined_fused_kernel
+def transposed_product(A: Block, B: Block) -> Block:
+    """A^T B."""
+    return (
+        transposed_matvec(B, (A[0][0], A[1][0], A[2][0])),
+        transposed_matvec(B, (A[0][1], A[1][1], A[2][1])),
+        transposed_matvec(B, (A[0][2], A[1][2], A[2][2])),
+    )
+
+
+@inlined_fused_kernel
+def difference(A: Block, B: Block) -> Block:
+    """A - B."""
+    return (
+        (A[0][0] - B[0][0], A[0][1] - B[0][1], A[0][2] - B[0][2]),
+        (A[1][0] - B[1][0], A[1][1] - B[1][1], A[1][2] - B[1][2]),
+        (A[2][0] - B[2][0], A[2][1] - B[2][1], A[2][2] - B[2][2]),
+    )
+
+
+@inlined_fused_kernel
+def scaled(A: Block, s: float) -> Block:
+    """s A."""
+    return (
+        (s * A[0][0], s * A[0][1], s * A[0][2]),
+        (s * A[1][0], s * A[1][1], s * A[1][2]),
+        (s * A[2][0], s * A[2][1], s * A[2][2]),
+    )

@@ -7,6 +7,7 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
 from contactsense.localization.simd_layout import LANES
+from contactsense.multi_contact.pair_layout import FIRST_LENGTH
 from contactsense.multi_contact.seed_samples import SeedSamples, choose_seed_samples
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.flat_buffers import zeros
@@ -22,14 +23,13 @@ BEAM_WIDTH = 48
 """Maximum number of pairs of samples that are extended by a third (beam search)."""
 MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1
 """Maximum number of explanations before ranking."""
-X, Y, Z, NX, NY, NZ, SPREAD, GAIN, DET, NORMAL_FORCE = range(0, 10 * LANES, LANES)
+X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE = range(0, 9 * LANES, LANES)
 """Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
 
-`X` to `NZ`: point [m] and outward unit normal, base frame. `SPREAD`: standard deviation of each component of
-an additional moment [Nm]. `GAIN`, `DET`, `NORMAL_FORCE`: see
+`X` to `NZ`: point [m] and outward unit normal, base frame. `GAIN`, `DET`, `NORMAL_FORCE`: see
 `contactsense.multi_contact.link_information.likelihood_near_samples`.
 """
-BLOCK_LENGTH = 10 * LANES
+BLOCK_LENGTH = 9 * LANES
 """Length of a block."""
 
 
@@ -146,6 +146,13 @@ class SeedingBuffers(NamedTuple):
     """Information matrix of the wrench of a further contact on each link."""
     link_vector: Annotated[Floats, "links, 6"]
     """That matrix times the most likely wrench."""
+    cross_information: Annotated[Floats, "links, 6, 6 * links"]
+    """Information that the rows share on the wrenches of two contacts: of link k >= l in 6 rows and
+    columns."""
+    first: Annotated[Floats, f"{FIRST_LENGTH}"]
+    """A block of first contacts, see `contactsense.multi_contact.pair_layout`."""
+    moment_deviation: Annotated[Floats, "links"]
+    """Standard deviation of each component of the additional moment of a contact [Nm]."""
     hypotheses: Hypotheses
     """The wrench of a single further contact on each link."""
     link_probability: Annotated[Floats, "links"]
@@ -160,6 +167,8 @@ class SeedingBuffers(NamedTuple):
     """Initial forces of a seed, base axes [N]."""
     pair_evidence: Annotated[Floats, "links, links"]
     """Log evidence of two contacts on each pair of links, k >= l in row k, up to a constant."""
+    pair_sum: Annotated[Floats, "links, links"]
+    """Scratch: that evidence relative to its largest term."""
     seed_score: Annotated[Floats, f"{MAX_SEEDS}"]
     """Log likelihood of each seed, in falling order."""
     seed: Annotated[Integers, f"{MAX_SEEDS}, {MAX_CONTACTS}"]

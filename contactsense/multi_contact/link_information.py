@@ -6,8 +6,9 @@ link with rows A, and e is normal with covariance S. Everything about w is in si
     h = A^T S^-1 y,    L = A^T S^-1 A,    log p(y | w) = constant + h . w - 1/2 w . L w.
 
 A contact near a sample c has the wrench w = (f, c x f + m), with a normal prior of the force f, and of a
-moment m that allows for the distance between samples. Its likelihood is that of six unknowns: one 6x6 system
-of equations, solved for a block of samples at a time, one in each SIMD lane.
+moment m that allows for the distance between samples. That moment is eliminated first, for all samples of a
+link; what remains is one 3x3 system of equations for the force, solved for a block of samples at a time, one
+in each SIMD lane.
 """
 
 import math
@@ -15,8 +16,7 @@ import math
 import numpy as np
 
 from contactsense.kinematics.linalg.cholesky import cholesky
-from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
-from contactsense.kinematics.wrench_information import blocks, shift_information
+from contactsense.kinematics.wrench_information import Block, blocks, dot, shift_information, shift_vector
 from contactsense.localization.simd_layout import LANES
 from contactsense.multi_contact.buffers import (
     DET,
@@ -25,15 +25,16 @@ from contactsense.multi_contact.buffers import (
     NX,
     NY,
     NZ,
-    SPREAD,
     MeasurementRows,
     SeedingBuffers,
     X,
     Y,
     Z,
 )
+from contactsense.multi_contact.force_information import factored, force_precision, solved, without_moment
 from contactsense.multi_contact.seed_samples import SeedSamples
-from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.vectors import Vector
 
 
 @fused_kernel
@@ -97,28 +98,25 @@ def fill_link_information(rows: MeasurementRows, m: int, seeding: SeedingBuffers
 
 
 @fused_kernel
-def fill_sample_blocks(seed_samples: SeedSamples, moment_scale: float, seeding: SeedingBuffers) -> None:
+def fill_sample_blocks(seed_samples: SeedSamples, seeding: SeedingBuffers) -> None:
     """Fill `seeding.block` with the places of the coarse samples.
 
     Args:
         seed_samples: The samples.
-        moment_scale: Standard deviation of the additional moment, relative to the spread of a sample [N].
         seeding: With the samples in the base frame in `point_normal`.
     """
     chosen = seed_samples.coarse
     for b in range(chosen.link.shape[0]):
         block = seeding.block[b]
         for j in range(LANES):
-            i = chosen.sample[b, j]
-            c = seeding.point_normal[i]
+            c = seeding.point_normal[chosen.sample[b, j]]
             block[X + j], block[Y + j], block[Z + j] = c[0], c[1], c[2]
             block[NX + j], block[NY + j], block[NZ + j] = c[3], c[4], c[5]
-            block[SPREAD + j] = seed_samples.spread[i] * moment_scale
 
 
 @fused_kernel
 def likelihood_near_samples(
-    L: np.ndarray, h: np.ndarray, deviations: tuple[float, float], block: np.ndarray
+    L: np.ndarray, h: np.ndarray, deviations: tuple[float, float], moment_deviation: float, block: np.ndarray
 ) -> None:
     """Likelihood of a contact near each sample of a block.
 
@@ -128,52 +126,55 @@ def likelihood_near_samples(
     Args:
         L, h: Of the block's link, see `fill_link_information`.
         deviations: Standard deviations of the force along the normal and along the tangents [N].
+        moment_deviation: That of each component of the additional moment [Nm].
         block: A block of `fill_sample_blocks`.
     """
     F, D, M = blocks(L)
-    h0, h1, h2, h3, h4, h5 = h[0], h[1], h[2], h[3], h[4], h[5]
-    normal_variance, tangential_variance = deviations[0] * deviations[0], deviations[1] * deviations[1]
-    tangential = 1.0 / tangential_variance
-    excess = 1.0 / normal_variance - tangential
-    force_volume = normal_variance * tangential_variance * tangential_variance
+    F, D, M, hf, hm, gain, det, _ = without_moment(
+        F, D, M, (h[0], h[1], h[2]), (h[3], h[4], h[5]), 1.0 / (moment_deviation * moment_deviation)
+    )
+    zero = (0.0, 0.0, 0.0)
+    likelihood_of_forces(F, D, M, hf, hm, (gain, det), deviations, (zero, zero, math.inf), block)
+
+
+@inlined_fused_kernel
+def likelihood_of_forces(
+    F: Block,
+    D: Block,
+    M: Block,
+    hf: Vector,
+    hm: Vector,
+    of_moment: tuple[float, float],
+    deviations: tuple[float, float],
+    push: tuple[Vector, Vector, float],
+    block: np.ndarray,
+) -> None:
+    """The same, with the additional moment eliminated.
+
+    Args:
+        F, D, M, hf, hm: Information on the wrench without the moment, see
+            `contactsense.multi_contact.force_information.without_moment`.
+        of_moment: What the moment adds to GAIN, and multiplies DET by.
+        deviations: As above.
+        push: (a, b, p): another force pushes with p - (a, b) . wrench [N]. The smaller one of both becomes
+            `NORMAL_FORCE`.
+        block: As above.
+    """
+    gain, det = of_moment
+    volume = (
+        det * deviations[0] * deviations[0] * deviations[1] * deviations[1] * deviations[1] * deviations[1]
+    )
+    qf, qm, free = push
     for j in range(LANES):
         x, y, z = block[X + j], block[Y + j], block[Z + j]
-        n0, n1, n2 = block[NX + j], block[NY + j], block[NZ + j]
-        moment_variance = block[SPREAD + j] * block[SPREAD + j]
-        moment = 1.0 / moment_variance
-        A, B, C = shift_information(F, D, M, x, y, z)
-        det, _, gain, _, _, _, f0, f1, f2, _, _, _ = ldl_solve_unrolled(
-            A[0][0] + tangential + excess * n0 * n0,
-            A[0][1] + excess * n0 * n1,
-            A[0][2] + excess * n0 * n2,
-            B[0][0],
-            B[1][0],
-            B[2][0],
-            A[1][1] + tangential + excess * n1 * n1,
-            A[1][2] + excess * n1 * n2,
-            B[0][1],
-            B[1][1],
-            B[2][1],
-            A[2][2] + tangential + excess * n2 * n2,
-            B[0][2],
-            B[1][2],
-            B[2][2],
-            C[0][0] + moment,
-            C[0][1],
-            C[0][2],
-            C[1][1] + moment,
-            C[1][2],
-            C[2][2] + moment,
-            h0 + h4 * z - h5 * y,
-            h1 + h5 * x - h3 * z,
-            h2 + h3 * y - h4 * x,
-            h3,
-            h4,
-            h5,
-        )
-        block[GAIN + j] = gain
-        block[DET + j] = det * force_volume * moment_variance * moment_variance * moment_variance
-        block[NORMAL_FORCE + j] = -(f0 * n0 + f1 * n1 + f2 * n2)
+        n = (block[NX + j], block[NY + j], block[NZ + j])
+        K = factored(force_precision(shift_information(F, D, M, x, y, z)[0], n, deviations))
+        g = shift_vector(hf, hm, x, y, z)
+        f = solved(K, g)
+        block[GAIN + j] = gain + 0.5 * dot(g, f)
+        block[DET + j] = volume * K[2]
+        other = free - dot(shift_vector(qf, qm, x, y, z), f)
+        block[NORMAL_FORCE + j] = min(-dot(f, n), other)
 
 
 @fused_kernel

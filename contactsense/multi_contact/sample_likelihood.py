@@ -189,7 +189,6 @@ def add_sample_covariance(
     seed_samples: SeedSamples,
     friction_ratio: float,
     i: int,
-    coarse_factor: float,
     force_scale: float,
     rows: MeasurementRows,
     m: int,
@@ -199,7 +198,7 @@ def add_sample_covariance(
     """`_add_contact_covariance` for a contact at sample i."""
     c = seeding.point_normal[i]
     point_normal = (c[0], c[1], c[2], c[3], c[4], c[5])
-    moment_deviation = seed_samples.spread[i] * coarse_factor * force_scale
+    moment_deviation = seed_samples.spread[seed_samples.link[i]] * force_scale
     deviations = force_deviations(force_scale, friction_ratio)
     _add_contact_covariance(
         rows,
@@ -261,7 +260,6 @@ def initial_forces(
             seed_samples,
             friction_ratio,
             seeding.seed[s, e],
-            seed_samples.coarse_factor,
             force_scale,
             rows,
             m,

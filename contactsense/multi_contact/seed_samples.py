@@ -34,12 +34,11 @@ class SeedSamples(NamedTuple):
     """Primitive of every sample."""
     link: Annotated[Integers, "samples"]
     """Its link."""
-    spread: Annotated[Floats, "samples"]
-    """Standard deviation of its cell along each tangent [m]."""
+    spread: Annotated[Floats, "links"]
+    """Standard deviation along each tangent of the cell of a coarse sample, by link [m]: all share the area
+    of their link equally."""
     coarse: SampleBlocks
     """The coarse subset, at most MAX_SEED_SAMPLES."""
-    coarse_factor: float
-    """Ratio of the cell size of the subset to that of all samples."""
 
 
 def choose_seed_samples(constants: Constants) -> SeedSamples:
@@ -52,14 +51,11 @@ def choose_seed_samples(constants: Constants) -> SeedSamples:
     for _ in range(min(MAX_SEED_SAMPLES, len(features))):
         coarse.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, np.linalg.norm(features - features[coarse[-1]], axis=1))
-    coarse_factor = float(np.sqrt(len(features) / len(coarse))) if coarse else 1.0
-    return SeedSamples(
-        samples.primitive.copy(),
-        link.copy(),
-        samples.spread.copy(),
-        in_blocks(coarse, link),
-        coarse_factor,
-    )
+    # The square of a spread is in proportion to the area.
+    links = len(constants.touchable)
+    area = np.bincount(link, samples.spread**2, minlength=links)
+    cells = np.maximum(np.bincount(link[coarse], minlength=links), 1)
+    return SeedSamples(samples.primitive.copy(), link.copy(), np.sqrt(area / cells), in_blocks(coarse, link))
 
 
 def in_blocks(chosen: Sequence[int], link: np.ndarray) -> SampleBlocks:

@@ -13,14 +13,15 @@ from contactsense.multi_contact.link_information import (
     log_gain,
 )
 from contactsense.multi_contact.sample_likelihood import RATIO_FACTOR
+from contactsense.multi_contact.seed_list import SAME_SIDE_COSINE
 from contactsense.multi_contact.seed_samples import in_blocks
-from contactsense.multi_contact.seeding import SAME_SIDE_COSINE, find_seeds
+from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
 from contactsense.runtime.constants import build_constants
 from tests.plain_arm import plain_ur5e
 
 ROWS = 12
-NORMAL, TANGENTIAL, MOMENT_SCALE = 20.0, 8.0, 20.0
-"""Standard deviations of the force, and of the moment relative to the spread of a sample [N]."""
+NORMAL, TANGENTIAL, MOMENT = 20.0, 8.0, 0.7
+"""Standard deviations of the force [N] and of the moment [Nm]."""
 
 
 def _cross(c: np.ndarray) -> np.ndarray:
@@ -54,31 +55,32 @@ def _by_force(buffers: MultiContactBuffers, i: int) -> np.ndarray:
 
 
 def _added_covariance(
-    buffers: MultiContactBuffers, i: int, normal: float, tangential: float, moment_scale: float
+    buffers: MultiContactBuffers, i: int, normal: float, tangential: float, moment: float
 ) -> np.ndarray:
     """Covariance of the rows due to a contact near sample i; arguments as the constants above."""
     n, J = buffers.seeding.point_normal[i, 3:], _by_force(buffers, i)
     M = buffers.rows.matrix[buffers.seed_samples.link[i]][:, 3:]
     Q = tangential**2 * np.eye(3) + (normal**2 - tangential**2) * np.outer(n, n)
-    return np.asarray(J @ Q @ J.T + (moment_scale * buffers.seed_samples.spread[i]) ** 2 * M @ M.T)
+    return np.asarray(J @ Q @ J.T + moment**2 * M @ M.T)
 
 
 def test_the_likelihood_is_that_of_dense_linear_algebra() -> None:
     buffers, covariance, y = _measurement()
     seed_samples, seeding = buffers.seed_samples, buffers.seeding
     chosen = seed_samples.coarse
-    fill_sample_blocks(seed_samples, MOMENT_SCALE, seeding)
+    fill_sample_blocks(seed_samples, seeding)
     base = fill_link_information(buffers.rows, ROWS, seeding)
     alone = multivariate_normal(np.zeros(ROWS), covariance).logpdf(y)
     for b in range(0, len(chosen.link), 5):
         link = chosen.link[b]
         likelihood_near_samples(
-            seeding.link_information[link], seeding.link_vector[link], (NORMAL, TANGENTIAL), seeding.block[b]
-        )
+            seeding.link_information[link], seeding.link_vector[link], (NORMAL, TANGENTIAL), MOMENT,
+            seeding.block[b],
+        )  # fmt: skip
         for j in range(chosen.filled[b]):
             i = chosen.sample[b, j]
             n = seeding.point_normal[i, 3:]
-            S = covariance + _added_covariance(buffers, i, NORMAL, TANGENTIAL, MOMENT_SCALE)
+            S = covariance + _added_covariance(buffers, i, NORMAL, TANGENTIAL, MOMENT)
             expected = multivariate_normal(np.zeros(ROWS), S).logpdf(y) - alone
             np.testing.assert_allclose(log_gain(seeding.block[b], j), expected, rtol=1e-8, atol=1e-8)
             push = -(NORMAL**2) * n @ _by_force(buffers, i).T @ np.linalg.solve(S, y)
@@ -96,17 +98,18 @@ def test_the_evidence_of_a_pair_of_links_is_the_sum_over_pairs_of_samples() -> N
         for samples, filled in zip(seed_samples.coarse.sample, seed_samples.coarse.filled, strict=True)
         for i in samples[:filled]
     ]
-    scale = force_scale * seed_samples.coarse_factor
+    link = seed_samples.link[chosen]
+    spread = seed_samples.spread[link]
     parts = [
-        _added_covariance(buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale, scale)
-        for i in chosen
+        _added_covariance(buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale, moment)
+        for i, moment in zip(chosen, force_scale * spread, strict=True)
     ]
-    link, log_area = seed_samples.link[chosen], 2.0 * np.log(seed_samples.spread[chosen])
+    log_area = 2.0 * np.log(spread)
     one, other = np.tril_indices(len(chosen), -1)
     L = np.linalg.cholesky(covariance + np.array(parts)[one] + np.array(parts)[other])
     z = np.linalg.solve(L, np.broadcast_to(y, (len(one), ROWS))[..., None])[..., 0]
     log_pair = -0.5 * (z**2).sum(axis=1) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
-    log_pair += log_area[one] + log_area[other] + 2.0 * np.log(scale)
+    log_pair += log_area[one] + log_area[other]
     for k in range(len(buffers.rows.seen)):
         for j in range(k + 1):
             on = (link[one] == k) & (link[other] == j)
@@ -114,16 +117,65 @@ def test_the_evidence_of_a_pair_of_links_is_the_sum_over_pairs_of_samples() -> N
             np.testing.assert_allclose(buffers.seeding.pair_evidence[k, j], expected, atol=1e-6)
 
 
+def test_seeds_of_two_contacts_are_the_most_likely_pairs_that_push() -> None:
+    buffers, covariance, y = _measurement()
+    seed_samples, seeding, friction_ratio, force_scale = buffers.seed_samples, buffers.seeding, 0.25, 15.0
+    count = find_seeds(seed_samples, friction_ratio, 2, force_scale, buffers.rows, ROWS, seeding)
+    parts, pushes_with = {}, {}
+    chosen = np.unique(seed_samples.coarse.sample)
+    for i in chosen:
+        moment = force_scale * seed_samples.spread[seed_samples.link[i]]
+        parts[i] = _added_covariance(
+            buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale, moment
+        )
+        pushes_with[i] = -seeding.point_normal[i, 3:] @ _by_force(buffers, i).T
+    score = {}
+    for i in chosen:
+        for k in chosen[chosen < i]:
+            S = covariance + parts[i] + parts[k]
+            x = np.linalg.solve(S, y)
+            if min(pushes_with[i] @ x, pushes_with[k] @ x) > 0.0:
+                score[(i, k)] = -0.5 * (y @ x + np.linalg.slogdet(S)[1])
+    found = [(max(pair), min(pair)) for pair in seeding.seed[:count, :2].tolist()]
+    np.testing.assert_allclose(seeding.seed_score[:count], [score[pair] for pair in found], rtol=1e-8)
+    assert seeding.seed_score[0] == pytest.approx(max(score.values()))
+    assert count == len(seeding.seed_score)
+
+
+def test_no_seed_is_where_a_candidate_starts() -> None:
+    buffers, _, _ = _measurement()
+    seed_samples, seeding, candidates = buffers.seed_samples, buffers.seeding, buffers.candidates
+    count = find_seeds(seed_samples, 0.25, 1, 15.0, buffers.rows, ROWS, seeding)
+    before = seeding.seed[:count, 0].copy()
+    candidates.order[:2] = 4, 1
+    candidates.primitive[4] = seed_samples.primitive[before[3]]
+    candidates.normal[4] = seeding.point_normal[before[3], 3:]
+    # On the same primitive, on the other side.
+    candidates.primitive[1] = seed_samples.primitive[before[0]]
+    candidates.normal[1] = -seeding.point_normal[before[0], 3:]
+    left = drop_seeds_at_candidates(seed_samples.primitive, candidates, 2, seeding, count)
+    kept = [i for i in before if i in seeding.seed[:left, 0]]
+    assert seeding.seed[:left, 0].tolist() == kept
+    assert before[3] not in kept
+    for i in set(before) - set(kept):
+        assert any(
+            candidates.primitive[k] == seed_samples.primitive[i]
+            and candidates.normal[k] @ seeding.point_normal[i, 3:] > SAME_SIDE_COSINE
+            for k in (4, 1)
+        )
+
+
 def test_seeds_of_one_contact_are_the_most_likely_samples_that_push() -> None:
     buffers, covariance, y = _measurement()
     seed_samples, seeding, friction_ratio, force_scale = buffers.seed_samples, buffers.seeding, 0.25, 15.0
     count = find_seeds(seed_samples, friction_ratio, 1, force_scale, buffers.rows, ROWS, seeding)
-    scale, score = force_scale * seed_samples.coarse_factor, {}
+    score = {}
     for i in np.unique(seed_samples.coarse.sample):
         n = seeding.point_normal[i, 3:]
         S = covariance + _added_covariance(
-            buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale, scale
-        )
+            buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale,
+            force_scale * seed_samples.spread[seed_samples.link[i]],
+        )  # fmt: skip
         if n @ _by_force(buffers, i).T @ np.linalg.solve(S, y) < 0.0:
             score[i] = multivariate_normal(np.zeros(ROWS), S).logpdf(y) + 0.5 * ROWS * np.log(2.0 * np.pi)
     found, expected = seeding.seed[:count, 0], sorted(score.values(), reverse=True)

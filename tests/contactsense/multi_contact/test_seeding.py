@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactsense.multi_contact.seeding import find_slot, put_seed
+from contactsense.multi_contact.seed_list import find_slot, put_seed
 
 PRIMITIVES = np.array([0, 0, 0, 1], dtype=np.int64)
 POINT_NORMAL = np.array(
