@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from contactsense.detection.thresholds import Usable
-from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, state_marginal_probabilities
 from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.multi_contact.tracker import MultiContactTracker
 from contactsense.output.degraded_reason import degraded_reason
@@ -57,7 +57,8 @@ def kernels_of(scene: Scene, method: Method = "joint") -> tuple[Any, ...]:
     kernels: tuple[Any, ...] = (detect, explain)
     if method == "intrinsic":
         kernels += (localize_intrinsic, batch_intrinsic)
-    return (*kernels, explain_contact_sets) if scene.contacts > 1 else kernels
+    several = explain_contact_sets, state_marginal_probabilities
+    return (*kernels, *several) if scene.contacts > 1 else kernels
 
 
 class Localizer(StaticLocalizer):

@@ -1,13 +1,14 @@
 """Builds the `Estimate` of several simultaneous contacts from result rows."""
 
-import math
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 
 from contactsense.multi_contact.buffers import MAX_CONTACTS
 from contactsense.output.estimate_builder import EstimateBuilder
-from contactsense.runtime.result_rows import LINK, POINT_BASE, PROBABILITY
+from contactsense.robots.jit.kernel import kernel
+from contactsense.runtime.result_rows import LINK, POINT_BASE, PROBABILITY, WIDTH
 from contactsense.scene import Scene
 from contactsense.types import Contact, Estimate, Event, Explanation, Phase, Status
 
@@ -27,6 +28,8 @@ class ContactSetBuilder:
         self._estimate_builder = estimate_builder
         self._names = scene.link_names
         self._clear = scene.clear
+        # Compiled before the first sample that several contacts explain.
+        state_marginal_probabilities(np.zeros((0, WIDTH)), np.zeros(0, dtype=np.int64), np.zeros(0))
 
     def sets(
         self,
@@ -45,8 +48,8 @@ class ContactSetBuilder:
         Args:
             t: Time of the sample [s].
             rows_of_sets: One array per set, with a row per contact as in
-                `contactsense.runtime.result_rows`; the probability in each row is that of the whole set, and
-                is replaced by that of the contact. The contacts keep views of the rows.
+                `contactsense.runtime.result_rows`; the probability in each row is that of the whole set. The
+                contacts keep views of a copy, with their own probabilities.
             wrench, covariance: Sum of the wrenches of the first set, shape (6,), and its covariance, (6,
                 6).
             rank: Number of independent measurements of the first set's wrenches.
@@ -62,7 +65,13 @@ class ContactSetBuilder:
             )
         labels = tracked or [(0, "")] * MAX_CONTACTS
         probabilities = [float(rows[0, PROBABILITY]) for rows in rows_of_sets]
-        _state_marginal_probabilities(rows_of_sets, probabilities)
+        counts = [len(rows) for rows in rows_of_sets]
+        stated = np.concatenate(rows_of_sets)
+        state_marginal_probabilities(
+            stated, np.repeat(np.arange(len(counts)), counts), np.array(probabilities)
+        )
+        ends = accumulate(counts)
+        rows_of_sets = [stated[end - count : end] for end, count in zip(ends, counts, strict=True)]
         sets = tuple(
             [
                 Explanation(
@@ -81,10 +90,10 @@ class ContactSetBuilder:
         status: Status = "multiple"
         if len(best.contacts) == 1:
             status = "contact" if best.probability >= self._clear else "ambiguous"
-        link_probability = [
-            sum(e.probability for e in sets if any(c.link_index == link for c in e.contacts))
-            for link in range(len(self._names))
-        ]
+        link_probability = np.zeros(len(self._names))
+        for explanation in sets:
+            for link in {contact.link_index for contact in explanation.contacts}:
+                link_probability[link] += explanation.probability
         parts = [reason] if reason else []
         if len(best.contacts) > 1:
             parts += self._unresolved(best.contacts, rank, known_count)
@@ -96,7 +105,7 @@ class ContactSetBuilder:
             t,
             "degraded" if reason else status,
             best.contacts,
-            np.array(link_probability),
+            link_probability,
             wrench.copy(),
             covariance.copy(),
             max(1.0 - sum(e.probability for e in sets), 0.0),
@@ -129,17 +138,24 @@ class ContactSetBuilder:
         return parts
 
 
-def _state_marginal_probabilities(rows_of_sets: Sequence[np.ndarray], probabilities: Sequence[float]) -> None:
-    """Write into each row the sum of the probabilities of all explanations that contain its contact."""
-    places = [
-        list(zip(rows[:, LINK].tolist(), rows[:, POINT_BASE].tolist(), strict=True)) for rows in rows_of_sets
-    ]
-    for rows, contacts in zip(rows_of_sets, places, strict=True):
-        for i, (link, point) in enumerate(contacts):
-            marginal = 0.0
-            for probability, others in zip(probabilities, places, strict=True):
-                for other_link, other_point in others:
-                    if other_link == link and math.dist(other_point, point) < SAME_POINT_DISTANCE:
-                        marginal += probability
-                        break
-            rows[i, PROBABILITY] = marginal
+@kernel
+def state_marginal_probabilities(rows: np.ndarray, set_of: np.ndarray, probability: np.ndarray) -> None:
+    """Write into each row the sum of the probabilities of all sets that contain its contact.
+
+    Args:
+        rows: Contacts of all sets, those of a set one after another, as in
+            `contactsense.runtime.result_rows`, shape (N, WIDTH).
+        set_of: Number of the set of each row, shape (N,).
+        probability: Of each set.
+    """
+    for i in range(rows.shape[0]):
+        point, marginal, counted = rows[i, POINT_BASE], 0.0, -1
+        for k in range(rows.shape[0]):
+            if set_of[k] == counted or rows[k, LINK] != rows[i, LINK]:
+                continue
+            other = rows[k, POINT_BASE]
+            x, y, z = other[0] - point[0], other[1] - point[1], other[2] - point[2]
+            if x * x + y * y + z * z < SAME_POINT_DISTANCE * SAME_POINT_DISTANCE:
+                counted = set_of[k]
+                marginal += probability[counted]
+        rows[i, PROBABILITY] = marginal
