@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Contact, Estimate, Scene
+from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.buffers import MultiContactBuffers, PrimitiveFrames
+from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact
-from contactsense.multi_contact.joint_optimization import set_contact
+from contactsense.multi_contact.joint_layout import FX, LOG_EVIDENCE, NX, PX
 from contactsense.multi_contact.locator import MultiContactLocator
-from contactsense.multi_contact.set_evidence import known_evidence, set_evidence
+from contactsense.multi_contact.set_evidence import fill_set_evidence, known_evidence
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
@@ -98,7 +100,8 @@ class Oracle:
                 *self._arguments[:1], buffers, m, known_count, np.array(primitives), points, forces
             )
             if score - reference > best.gain:
-                best = TruthResult(score - reference, buffers.optimizer.point[: len(links)].copy())
+                reached = [vector_of(block, PX, 0) for block in buffers.joint.contact[: len(links)]]
+                best = TruthResult(score - reference, np.array(reached))
         return best
 
     def _primitives(self, link: int, point: np.ndarray) -> list[int]:
@@ -129,34 +132,32 @@ def _optimize_from(
     point: np.ndarray,
     force: np.ndarray,
 ) -> float:
-    """Log evidence of the contacts at which the optimization ends; they remain in `buffers.optimizer`."""
+    """Log evidence of the contacts at which the optimization ends; they remain in lane 0 of
+    `buffers.joint`."""
     constants, state = buffer_views(kernel_buffers)
-    surfaces, optimizer, seeding = constants.surfaces, buffers.optimizer, buffers.seeding
+    surfaces, joint, seeding = constants.surfaces, buffers.joint, buffers.seeding
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
     count = primitive.shape[0]
     for i in range(known_count):
-        initialize_known_contact(surfaces, frames, buffers.known, optimizer, seeding.known_normal[i], 1.0, i)
-    prior_log_evidence = known_evidence(
-        surfaces, constants.prior, frames, buffers.rows, known_count, optimizer
-    )
+        initialize_known_contact(surfaces, frames, buffers.known, joint, seeding.known_normal[i], 1.0, 0, i)
+    prior_log_evidence = known_evidence(surfaces, constants.prior, buffers.rows, known_count, joint)
     for i in range(count):
-        c, f, T = point[i], force[i], optimizer.frame[i]
+        c, f = point[i], force[i]
         if i < known_count:
             initialize_known_contact(
-                surfaces, frames, buffers.known, optimizer, seeding.known_normal[i], 1.0, i
+                surfaces, frames, buffers.known, joint, seeding.known_normal[i], 1.0, 0, i
             )
         else:
-            set_contact(surfaces, frames, optimizer, i, primitive[i], (c[0], c[1], c[2]), (0.0, 0.0, 0.0))
-            optimizer.prior_point_information[i] = 0.0
-            optimizer.prior_force_information[i] = 0.0
-        optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = pushing_force(
-            (f[0], f[1], f[2]), (T[0, 0], T[1, 0], T[2, 0])
-        )
+            set_contact(surfaces, frames, joint, 0, i, primitive[i], (c[0], c[1], c[2]), (0.0, 0.0, 0.0))
+        push = pushing_force((f[0], f[1], f[2]), vector_of(joint.contact[i], NX, 0))
+        for k in range(3):
+            joint.contact[i, FX + k * LANES] = push[k]
     best: float = -math.inf
     for _ in range(MAX_RESTARTS):
-        _, score = set_evidence(
-            surfaces, constants.prior, frames, buffers.rows, m, known_count, count, math.inf, optimizer
+        fill_set_evidence(
+            surfaces, constants.prior, frames, buffers.rows, m, known_count, count, 1, math.inf, joint
         )
+        score = joint.lane[LOG_EVIDENCE, 0]
         if score <= best + MIN_GAIN:
             break
         best = score

@@ -7,6 +7,7 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
 from contactsense.localization.simd_layout import LANES
+from contactsense.multi_contact.joint_layout import CONTACT_LENGTH, LANE_NUMBERS
 from contactsense.multi_contact.pair_layout import FIRST_LENGTH
 from contactsense.multi_contact.seed_samples import SeedSamples, choose_seed_samples
 from contactsense.robots.jit.declaration import Floats, Integers
@@ -17,6 +18,8 @@ MAX_CONTACTS = 3
 """Maximum number of simultaneous contacts."""
 UNKNOWNS = 7
 """Unknowns of one contact: force (3), torsion, step along two tangents, offset of the surface."""
+COVARIANCE_ROOTS = 5 * MAX_CONTACTS + 6
+"""Of force (3) and place (2) of each contact, and of the sum of the wrenches (6)."""
 MAX_SEEDS = 24
 """Maximum number of seeds with the same number of contacts."""
 BEAM_WIDTH = 48
@@ -75,50 +78,40 @@ class KnownContacts(NamedTuple):
     its own."""
 
 
-class OptimizerState(NamedTuple):
-    """Iterate and scratch of the joint optimization of several contacts; base frame."""
+class JointState(NamedTuple):
+    """Iterates and scratch of the joint optimization, eight sets of contacts at a time, see
+    `contactsense.multi_contact.joint_layout`. Base frame."""
 
-    primitive: Annotated[Integers, f"{MAX_CONTACTS}"]
-    point: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
-    """Surface points [m]."""
-    frame: Annotated[Floats, f"{MAX_CONTACTS}, 3, 3"]
-    """Columns: outward normal and two tangents."""
-    force: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
-    """Forces on the robot [N]."""
-    torsion: Annotated[Floats, f"{MAX_CONTACTS}"]
-    """Moments about the outward normals [Nm]."""
-    offset: Annotated[Floats, f"{MAX_CONTACTS}"]
-    """Offset of the real surface from the primitive along the normal [m]."""
-    wrench: Annotated[Floats, f"{MAX_CONTACTS}, 6"]
-    """Wrench of each contact about the base origin [N, Nm]."""
-    saved_point: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
-    """Iterate at which `matrix` was computed. Fields `saved_` alike."""
-    saved_frame: Annotated[Floats, f"{MAX_CONTACTS}, 3, 3"]
-    saved_force: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
-    saved_torsion: Annotated[Floats, f"{MAX_CONTACTS}"]
-    saved_offset: Annotated[Floats, f"{MAX_CONTACTS}"]
-    prior_point: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
-    """Prior means of the points [m]."""
-    prior_point_information: Annotated[Floats, f"{MAX_CONTACTS}, 3, 3"]
-    """Their information matrices, zero without a prior [1/m^2]."""
-    prior_force: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
-    """Prior means of the forces [N]."""
-    prior_force_information: Annotated[Floats, f"{MAX_CONTACTS}"]
-    """Their inverse variances, zero without a prior [1/N^2]."""
-    body: Annotated[Floats, "3, 4"]
-    """Columns: normal, tangents and point of a contact in its primitive's body frame."""
-    wrench_jacobian: Annotated[Floats, f"6, {MAX_CONTACTS} * {UNKNOWNS}"]
-    """Derivative of the wrenches about the base origin by the unknowns."""
-    jacobian: Annotated[Floats, f"rows, {MAX_CONTACTS} * {UNKNOWNS}"]
+    primitive: Annotated[Integers, f"{MAX_CONTACTS}, {LANES}"]
+    """Primitive of each contact."""
+    contact: Annotated[Floats, f"{MAX_CONTACTS}, {CONTACT_LENGTH}"]
+    """Everything about each contact."""
+    lane: Annotated[Floats, f"{LANE_NUMBERS}, {LANES}"]
+    """Energies and flags."""
+    rows: Annotated[Floats, f"{MAX_CONTACTS}, 6 * {LANES} * rows"]
+    """Rows of the link of each contact, six numbers for each."""
+    jacobian: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}, {LANES} * rows"]
     """Derivative of the predicted rows by the unknowns."""
-    residual: Annotated[Floats, "rows"]
+    residual: Annotated[Floats, f"{LANES} * rows"]
     """Measured minus predicted rows."""
-    matrix: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}, {MAX_CONTACTS} * {UNKNOWNS}"]
-    """Gauss-Newton matrix, then its Cholesky factor, lower triangle."""
-    inverse: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}, {MAX_CONTACTS} * {UNKNOWNS}"]
-    """Inverse of the matrix."""
-    step: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}"]
-    """Gradient, then step."""
+    saved_residual: Annotated[Floats, f"{LANES} * rows"]
+    """The same at the iterate at which `matrix` was computed."""
+    excess: Annotated[Floats, f"{LANES} * rows"]
+    """Scratch: residual beyond the linear model."""
+    matrix: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}, {MAX_CONTACTS} * {UNKNOWNS} * {LANES}"]
+    """Gauss-Newton matrices, then their Cholesky factors without diagonals, lower triangles."""
+    pivot: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS} * {LANES}"]
+    """Squares of the diagonals."""
+    inverse_diagonal: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS} * {LANES}"]
+    """Inverse diagonals."""
+    step: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS} * {LANES}"]
+    """Gradients, then steps."""
+    corrected_step: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS} * {LANES}"]
+    """Steps, corrected for the curvature of the measurement along them."""
+    root: Annotated[Floats, f"{COVARIANCE_ROOTS}, {MAX_CONTACTS} * {UNKNOWNS} * {LANES}"]
+    """Scratch of the covariances."""
+    covariance: Annotated[Floats, f"{COVARIANCE_ROOTS} * {COVARIANCE_ROOTS} * {LANES}"]
+    """Covariances of force and place of each contact, in its frame, and of the sum of the wrenches."""
 
 
 class SeedingBuffers(NamedTuple):
@@ -212,13 +205,23 @@ class Explanations(NamedTuple):
     """Its covariance."""
 
 
+class Rank(NamedTuple):
+    """Scratch of the rank of a set of contacts."""
+
+    link: Annotated[Integers, f"{MAX_CONTACTS}"]
+    """Their links."""
+    matrix: Annotated[Floats, f"rows, 6 * {MAX_CONTACTS}"]
+    """What the rows measure of their wrenches."""
+
+
 class MultiContactBuffers(NamedTuple):
     """All arrays of the search for several contacts, besides constants and state of the localizer."""
 
     seed_samples: SeedSamples
     rows: MeasurementRows
     known: KnownContacts
-    optimizer: OptimizerState
+    joint: JointState
+    rank: Rank
     seeding: SeedingBuffers
     candidates: Candidates
     """Of a single further contact; with the body frames of all primitives."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.kinematics.model import Motion
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.multi_contact.buffers import (
@@ -24,6 +25,8 @@ from contactsense.multi_contact.initial_contacts import (
     initialize_further_contact,
     initialize_known_contact,
 )
+from contactsense.multi_contact.joint_covariance import fill_covariances
+from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
 from contactsense.multi_contact.pooled_evidence import pool_link_evidence
 from contactsense.multi_contact.ranked_sets import (
     adopt_candidate,
@@ -32,9 +35,10 @@ from contactsense.multi_contact.ranked_sets import (
     store_explanation,
 )
 from contactsense.multi_contact.sample_likelihood import initialize_seeding
-from contactsense.multi_contact.seeding import find_seeds
-from contactsense.multi_contact.set_evidence import known_evidence, set_evidence
+from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
+from contactsense.multi_contact.set_evidence import fill_set_evidence, known_evidence
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior
 
 MIN_ENERGY = 8.0
@@ -89,16 +93,16 @@ def search_contact_sets(
         Number of ranked explanations.
     """
     known_count, max_contacts, at_rest = sought
-    seed_samples, rows, known_contacts, optimizer, seeding, candidates, explanations = buffers
+    seed_samples, rows, known_contacts, joint, _, seeding, candidates, explanations = buffers
     surfaces, frames = scene.surfaces, PrimitiveFrames(candidates.rotation, candidates.origin)
     for i in range(known_count):
         initialize_known_contact(
-            surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
+            surfaces, frames, known_contacts, joint, seeding.known_normal[i], force_scale, 0, i
         )
     initialize_seeding(
         surfaces.link, prior.friction_ratio, known_contacts, known_count, force_scale, rows, m, seeding
     )
-    prior_log_evidence = known_evidence(surfaces, prior, frames, rows, known_count, optimizer)
+    prior_log_evidence = known_evidence(surfaces, prior, rows, known_count, joint)
     stored = 0
     best = math.inf
     unlisted = -math.inf
@@ -119,56 +123,51 @@ def search_contact_sets(
             samples_used = find_seeds(
                 seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding
             )
+        if further == 1:
+            samples_used = drop_seeds_at_candidates(
+                seed_samples.primitive, candidates, candidates_used, seeding, samples_used
+            )
         lowest_energy = math.inf
         first = stored
-        for s in range(candidates_used + samples_used):
-            for i in range(known_count):
-                initialize_known_contact(
-                    surfaces, frames, known_contacts, optimizer, seeding.known_normal[i], force_scale, i
-                )
-            # The candidates come first, then the samples, which have no row.
-            row = candidates.order[s] if s < candidates_used else -1
-            if row < 0:
-                initialize_from_seed(
-                    surfaces,
-                    prior,
-                    frames,
-                    buffers,
-                    m,
-                    force_scale,
-                    known_count,
-                    further,
-                    s - candidates_used,
-                )
-            elif further == 1:
-                initialize_further_contact(
-                    surfaces,
-                    frames,
-                    optimizer,
-                    candidates.primitive[row],
-                    candidates.point[row],
-                    candidates.force[row],
-                    known_count,
-                )
-                optimizer.torsion[known_count] = candidates.torsion[row]
+        starts = candidates_used + samples_used
+        for start in range(0, starts, LANES):
+            lanes = min(LANES, starts - start)
+            for j in range(lanes):
+                _initialize(
+                    surfaces, frames, prior, buffers, m, force_scale, (known_count, further), candidates_used,
+                    start + j, j,
+                )  # fmt: skip
             count = known_count + further
-            energy, score = set_evidence(
-                surfaces, prior, frames, rows, m, known_count, count, lowest_energy + ENERGY_MARGIN, optimizer
+            fill_set_evidence(
+                surfaces,
+                prior,
+                frames,
+                rows,
+                m,
+                known_count,
+                count,
+                lanes,
+                lowest_energy + ENERGY_MARGIN,
+                joint,
             )
-            if score > -math.inf:
+            fill_covariances(count, joint)
+            for j in range(lanes):
+                if joint.lane[LOG_EVIDENCE, j] > -math.inf:
+                    lowest_energy = min(lowest_energy, joint.lane[ENERGY, j])
+            for j in range(lanes):
+                if not (
+                    joint.lane[LOG_EVIDENCE, j] > -math.inf
+                    and joint.lane[ENERGY, j] <= lowest_energy + ENERGY_MARGIN
+                ):
+                    continue
                 store_explanation(
-                    optimizer,
-                    prior.surface_deviation,
-                    count,
-                    energy,
-                    score - prior_log_evidence,
-                    explanations,
-                    stored,
+                    joint, j, prior.surface_deviation, count, prior_log_evidence, explanations, stored
                 )
-                if is_broad and row >= 0:
-                    adopt_candidate(candidates, row, known_count, explanations, stored)
+                if is_broad and start + j < candidates_used:
+                    adopt_candidate(
+                        candidates, candidates.order[start + j], known_count, explanations, stored
+                    )
                 stored += 1
-                lowest_energy = min(lowest_energy, energy)
         if is_pooled:
             if further == 1:
                 _fill_link_evidence(seeding.link_probability, seeding.pair_evidence)
@@ -187,6 +186,42 @@ def search_contact_sets(
         best = min(best, lowest_energy)
     ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
+
+
+@fused_kernel
+def _initialize(
+    surfaces: Surfaces,
+    frames: PrimitiveFrames,
+    prior: Prior,
+    buffers: MultiContactBuffers,
+    m: int,
+    force_scale: float,
+    counts: tuple[int, int],
+    candidates_used: int,
+    s: int,
+    lane: int,
+) -> None:
+    """Initialize a lane with start s: a candidate, or behind them a seed.
+
+    `counts`: Numbers of known and further contacts.
+    """
+    known_count, further = counts
+    candidates, joint = buffers.candidates, buffers.joint
+    for i in range(known_count):
+        initialize_known_contact(
+            surfaces, frames, buffers.known, joint, buffers.seeding.known_normal[i], force_scale, lane, i
+        )
+    if s >= candidates_used:
+        initialize_from_seed(
+            surfaces, prior, frames, buffers, m, force_scale, known_count, further, lane, s - candidates_used
+        )
+    elif further == 1:
+        row = candidates.order[s]
+        initialize_further_contact(
+            surfaces, frames, joint, candidates.primitive[row], candidates.point[row], candidates.force[row],
+            lane, known_count,
+        )  # fmt: skip
+        joint.contact[known_count, TORSION + lane] = candidates.torsion[row]
 
 
 @fused_kernel

@@ -5,13 +5,15 @@ import math
 
 import numpy as np
 
+from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.multi_contact.buffers import (
+    JointState,
     KnownContacts,
     MultiContactBuffers,
-    OptimizerState,
     PrimitiveFrames,
 )
-from contactsense.multi_contact.joint_optimization import set_contact
+from contactsense.multi_contact.contact_step import set_contact, vector_of
+from contactsense.multi_contact.joint_layout import FORCE_INFORMATION, FX, GX, I00, MX, NX, PX, SX, TX
 from contactsense.multi_contact.sample_likelihood import initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -26,75 +28,70 @@ def initialize_known_contact(
     surfaces: Surfaces,
     frames: PrimitiveFrames,
     known_contacts: KnownContacts,
-    optimizer: OptimizerState,
+    joint: JointState,
     normal: np.ndarray,
     force_scale: float,
+    lane: int,
     i: int,
 ) -> None:
-    """Initialize contact i with known contact i: point, force and their priors.
+    """Initialize contact i of a lane with known contact i: point, force and their priors.
 
     Without a prior of the force, the initial force is a push of the given scale [N]. `normal` is filled
     with the outward normal.
     """
-    c, f = known_contacts.point[i], known_contacts.force[i]
+    c, f, block = known_contacts.point[i], known_contacts.force[i], joint.contact[i]
     point, force = (c[0], c[1], c[2]), (f[0], f[1], f[2])
-    set_contact(surfaces, frames, optimizer, i, known_contacts.primitive[i], point, force)
-    normal[0], normal[1], normal[2] = (
-        optimizer.frame[i, 0, 0],
-        optimizer.frame[i, 1, 0],
-        optimizer.frame[i, 2, 0],
-    )
-    fx, fy, fz = f[0], f[1], f[2]
-    optimizer.prior_force_information[i] = 0.0
+    set_contact(surfaces, frames, joint, lane, i, known_contacts.primitive[i], point, force)
+    n, place = vector_of(block, NX, lane), vector_of(block, PX, lane)
+    normal[0], normal[1], normal[2] = n
+    start = force
     if known_contacts.drift[i] < math.inf:
-        optimizer.prior_force_information[i] = 1.0 / known_contacts.drift[i] ** 2
+        block[FORCE_INFORMATION + lane] = 1.0 / known_contacts.drift[i] ** 2
     else:
-        fx, fy, fz = -force_scale * normal[0], -force_scale * normal[1], -force_scale * normal[2]
+        start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
+    start = pushing_force(start, n)
     for k in range(3):
-        optimizer.prior_point[i, k] = optimizer.point[i, k]
-        optimizer.prior_force[i, k] = f[k]
-    optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = pushing_force(
-        (fx, fy, fz), (normal[0], normal[1], normal[2])
-    )
-    _point_information(optimizer.frame[i], known_contacts.covariance[i], optimizer.prior_point_information[i])
+        at = k * LANES + lane
+        block[MX + at], block[GX + at], block[FX + at] = place[k], f[k], start[k]
+    _fill_point_information(known_contacts.covariance[i], lane, block)
 
 
 @fused_kernel
-def _point_information(T: np.ndarray, C: np.ndarray, out: np.ndarray) -> None:
-    """Information matrix of a point: inverse of its covariance C in the tangent plane of the frame T."""
+def _fill_point_information(C: np.ndarray, lane: int, block: np.ndarray) -> None:
+    """Information matrix of a point: inverse of its covariance C in the tangent plane."""
+    s, t = vector_of(block, SX, lane), vector_of(block, TX, lane)
     aa, ab, bb = MIN_POINT_DEVIATION * MIN_POINT_DEVIATION, 0.0, MIN_POINT_DEVIATION * MIN_POINT_DEVIATION
     for i in range(3):
         for k in range(3):
-            aa += T[i, 1] * C[i, k] * T[k, 1]
-            ab += T[i, 1] * C[i, k] * T[k, 2]
-            bb += T[i, 2] * C[i, k] * T[k, 2]
+            aa += s[i] * C[i, k] * s[k]
+            ab += s[i] * C[i, k] * t[k]
+            bb += t[i] * C[i, k] * t[k]
     det = aa * bb - ab * ab
+    at = I00 + lane
     for i in range(3):
-        for k in range(3):
-            out[i, k] = (
-                bb * T[i, 1] * T[k, 1] - ab * (T[i, 1] * T[k, 2] + T[i, 2] * T[k, 1]) + aa * T[i, 2] * T[k, 2]
-            ) / det
+        for k in range(i + 1):
+            block[at] = (bb * s[i] * s[k] - ab * (s[i] * t[k] + t[i] * s[k]) + aa * t[i] * t[k]) / det
+            at += LANES
 
 
 @fused_kernel
 def initialize_further_contact(
     surfaces: Surfaces,
     frames: PrimitiveFrames,
-    optimizer: OptimizerState,
+    joint: JointState,
     primitive: int,
     point: np.ndarray,
     force: np.ndarray,
+    lane: int,
     i: int,
 ) -> None:
-    """Initialize contact i near a point [m] on a primitive, with the given force [N], base frame."""
-    c = (point[0], point[1], point[2])
-    set_contact(surfaces, frames, optimizer, i, primitive, c, (0.0, 0.0, 0.0))
-    T = optimizer.frame[i]
-    optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = pushing_force(
-        (force[0], force[1], force[2]), (T[0, 0], T[1, 0], T[2, 0])
-    )
-    optimizer.prior_point_information[i] = 0.0
-    optimizer.prior_force_information[i] = 0.0
+    """Initialize contact i of a lane near a point [m] on a primitive, with the given force [N], base
+    frame."""
+    c, block = (point[0], point[1], point[2]), joint.contact[i]
+    set_contact(surfaces, frames, joint, lane, i, primitive, c, (0.0, 0.0, 0.0))
+    push = pushing_force((force[0], force[1], force[2]), vector_of(block, NX, lane))
+    for k in range(3):
+        block[FX + k * LANES + lane] = push[k]
 
 
 @fused_kernel
@@ -107,9 +104,10 @@ def initialize_from_seed(
     force_scale: float,
     known_count: int,
     further: int,
+    lane: int,
     s: int,
 ) -> None:
-    """Initialize the further contacts at the samples of seed s, with their most likely forces."""
+    """Initialize the further contacts of a lane at the samples of seed s, with their most likely forces."""
     seed_samples, seeding = buffers.seed_samples, buffers.seeding
     initial_forces(
         seed_samples,
@@ -127,9 +125,10 @@ def initialize_from_seed(
         initialize_further_contact(
             surfaces,
             frames,
-            buffers.optimizer,
+            buffers.joint,
             seed_samples.primitive[i],
             seeding.point_normal[i],
             seeding.initial_force[e],
+            lane,
             known_count + e,
         )

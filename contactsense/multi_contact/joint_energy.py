@@ -6,20 +6,30 @@ The energy is that of `contactsense.solvers.posterior`, with one measurement for
 
 y are the rows of `contactsense.multi_contact.measurement_rows`, A_i the rows of the link of contact i, and
 w_i = (f, (c + h n) x f + xi n). The unknowns of a contact are the logarithm of its normal force F, the
-friction ratios f_t / F, the torsion ratio xi / F and the offset h of the real surface from the primitive,
-each in units of its prior, and a step of the point c in the tangent plane. In these the priors are unit
-normal distributions (Student's t for the friction ratio), so directions that no sensor measures keep their
-prior. A tracked contact also has a prior of its point, and may have one of its force.
+friction ratios f_t / F, the torsion ratio xi / F, a step of the point c in the tangent plane, and the offset
+h of the real surface from the primitive; ratios and offset in units of their priors. In these the priors are
+unit normal distributions (Student's t for the friction ratio), so directions that no sensor measures keep
+their prior. A tracked contact also has a prior of its point, and may have one of its force.
+
+Eight sets of contacts are evaluated at a time, see `contactsense.multi_contact.joint_layout`.
 """
 
 import math
 
 import numpy as np
 
-from contactsense.multi_contact.buffers import UNKNOWNS, MeasurementRows, OptimizerState, PrimitiveFrames
+from contactsense.kinematics.linalg.lanes import LANES, add_dots, clear
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
+
+from contactsense.multi_contact.joint_layout import (  # isort: skip
+    ACTIVE, BNX, BNY, BNZ, BX, BY, BZ, ENERGY, EXTENT, FORCE_INFORMATION, FX, FY, FZ, GX, GY, GZ, I00, I10,
+    I11, I20, I21, I22, JACOBIAN, LOG_FORCE, LOG_TAIL, MX, MY, MZ, NX, NY, NZ, OFFSET, PRIOR_ENERGY,
+    PRIOR_GRADIENT, PRIOR_MATRIX, PX, PY, PZ, R00, R01, R02, R10, R11, R12, R20, R21, R22, S00, S01, S02, S11,
+    S12, S22, SQUARED_RATIO, SX, SY, SZ, TORSION, TX, TY, TZ, W0, W1, W2, W3, W4, W5,
+)  # fmt: skip
 
 PRIMITIVE_EXTENT = 0.6
 """Prior standard deviation of a point on a primitive, relative to its bounding radius.
@@ -29,234 +39,246 @@ That of a point anywhere on a rod. It bounds the covariance of directions that c
 
 
 @fused_kernel
-def energy_of(
-    links: np.ndarray, rows: MeasurementRows, m: int, prior: Prior, count: int, optimizer: OptimizerState
-) -> float:
-    """Energy of the contacts in `optimizer`, infinite where a force pulls.
+def fill_energies(
+    rows: MeasurementRows, m: int, prior: Prior, count: int, joint: JointState, number: int
+) -> None:
+    """Energies of the contacts of all lanes, infinite where a force pulls.
 
-    Also fills `optimizer.residual` and the wrench of each contact.
+    Also fills `joint.residual` and the wrenches.
 
     Args:
-        links: Link of each primitive, shape (P,).
-        rows, m, prior, count, optimizer: As for
-            `contactsense.multi_contact.joint_optimization.find_joint_mode`.
+        rows, m, prior, count, joint: As for
+            `contactsense.multi_contact.joint_optimization.find_joint_modes`.
+        number: Where in `joint.lane` they are put, such as `ENERGY`.
     """
-    y = optimizer.residual
+    y, energy = joint.residual, joint.lane[number]
     for r in range(m):
-        y[r] = rows.value[r]
-    energy = 0.0
+        for j in range(r * LANES, (r + 1) * LANES):
+            y[j] = rows.value[r]
     for i in range(count):
-        c, T, f, w = optimizer.point[i], optimizer.frame[i], optimizer.force[i], optimizer.wrench[i]
-        xi, h = optimizer.torsion[i], optimizer.offset[i]
-        F = -component(T, 0, f)
-        if F <= 0.0:
-            return math.inf
-        log_force = math.log(F / prior.force)
-        torsion_ratio = xi / (prior.torsion_lever * F)
-        squared_ratio = (component(T, 1, f) ** 2 + component(T, 2, f) ** 2) / (prior.friction_ratio * F) ** 2
+        _prior_energies_and_wrenches(prior, joint.contact[i])
+        add_dots(y, (0, 1), joint.rows[i], (0, 6), joint.contact[i], W0 // LANES, m, 6, -1.0)
+    clear(energy, 0, 1)
+    add_dots(energy, (0, 1), y, (0, 1), y, 0, 1, m, 0.5)
+    for i in range(count):
+        block = joint.contact[i]
+        for j in range(LANES):
+            energy[j] += block[PRIOR_ENERGY + j]
+
+
+@fused_kernel
+def _prior_energies_and_wrenches(prior: Prior, block: np.ndarray) -> None:
+    """Energies of the priors of one contact, and its wrenches."""
+    inverse_lever, inverse_ratio = 1.0 / prior.torsion_lever, 1.0 / prior.friction_ratio
+    inverse_deviation = 1.0 / prior.surface_deviation
+    for j in range(LANES):
+        n, f = (block[NX + j], block[NY + j], block[NZ + j]), (block[FX + j], block[FY + j], block[FZ + j])
+        xi, h = block[TORSION + j], block[OFFSET + j]
+        F = -(n[0] * f[0] + n[1] * f[1] + n[2] * f[2])
+        pushes = F > 0.0
+        F = F if pushes else 1.0
+        fs = block[SX + j] * f[0] + block[SY + j] * f[1] + block[SZ + j] * f[2]
+        ft = block[TX + j] * f[0] + block[TY + j] * f[1] + block[TZ + j] * f[2]
+        ratio = inverse_ratio / F
+        block[SQUARED_RATIO + j] = (fs * fs + ft * ft) * ratio * ratio
+        block[LOG_FORCE + j] = F
+        torsion_ratio = xi * inverse_lever / F
+        offset = h * inverse_deviation
+        d0, d1, d2 = (
+            block[PX + j] - block[MX + j],
+            block[PY + j] - block[MY + j],
+            block[PZ + j] - block[MZ + j],
+        )
+        e0, e1, e2 = f[0] - block[GX + j], f[1] - block[GY + j], f[2] - block[GZ + j]
         squares = (
             torsion_ratio * torsion_ratio
-            + log_force * log_force
-            + (STUDENT_DOF + 2.0) * math.log(1.0 + squared_ratio / STUDENT_DOF)
+            + offset * offset
+            + d0 * (block[I00 + j] * d0 + 2.0 * (block[I10 + j] * d1 + block[I20 + j] * d2))
+            + d1 * (block[I11 + j] * d1 + 2.0 * block[I21 + j] * d2)
+            + block[I22 + j] * d2 * d2
+            + block[FORCE_INFORMATION + j] * (e0 * e0 + e1 * e1 + e2 * e2)
         )
-        squares += (h / prior.surface_deviation) ** 2
-        for k in range(3):
-            S = optimizer.prior_point_information[i, k]
-            information_shift = (
-                S[0] * (c[0] - optimizer.prior_point[i, 0])
-                + S[1] * (c[1] - optimizer.prior_point[i, 1])
-                + S[2] * (c[2] - optimizer.prior_point[i, 2])
-            )
-            squares += information_shift * (c[k] - optimizer.prior_point[i, k])
-            squares += optimizer.prior_force_information[i] * (f[k] - optimizer.prior_force[i, k]) ** 2
-        energy += 0.5 * squares
-        px, py, pz = c[0] + h * T[0, 0], c[1] + h * T[1, 0], c[2] + h * T[2, 0]
-        w[0], w[1], w[2] = f[0], f[1], f[2]
-        w[3] = py * f[2] - pz * f[1] + xi * T[0, 0]
-        w[4] = pz * f[0] - px * f[2] + xi * T[1, 0]
-        w[5] = px * f[1] - py * f[0] + xi * T[2, 0]
-        A = rows.matrix[links[optimizer.primitive[i]]]
-        for r in range(m):
-            a = A[r]
-            y[r] -= a[0] * w[0] + a[1] * w[1] + a[2] * w[2] + a[3] * w[3] + a[4] * w[4] + a[5] * w[5]
-    for r in range(m):
-        energy += 0.5 * y[r] * y[r]
-    return energy
+        block[PRIOR_ENERGY + j] = 0.5 * squares if pushes else math.inf
+        x, y, z = block[PX + j] + h * n[0], block[PY + j] + h * n[1], block[PZ + j] + h * n[2]
+        block[W0 + j], block[W1 + j], block[W2 + j] = f
+        block[W3 + j] = y * f[2] - z * f[1] + xi * n[0]
+        block[W4 + j] = z * f[0] - x * f[2] + xi * n[1]
+        block[W5 + j] = x * f[1] - y * f[0] + xi * n[2]
+    inverse_force = 1.0 / prior.force
+    for j in range(LANES):
+        block[LOG_FORCE + j] = math.log(block[LOG_FORCE + j] * inverse_force)
+        block[LOG_TAIL + j] = math.log(1.0 + block[SQUARED_RATIO + j] / STUDENT_DOF)
+    for j in range(LANES):
+        log_force = block[LOG_FORCE + j]
+        block[PRIOR_ENERGY + j] += 0.5 * (log_force * log_force + (STUDENT_DOF + 2.0) * block[LOG_TAIL + j])
 
 
 @fused_kernel
 def linearize(
-    surfaces: Surfaces,
-    frames: PrimitiveFrames,
-    rows: MeasurementRows,
-    m: int,
-    prior: Prior,
-    count: int,
-    optimizer: OptimizerState,
+    surfaces: Surfaces, rows: MeasurementRows, m: int, prior: Prior, count: int, joint: JointState
 ) -> None:
-    """Gauss-Newton matrix and gradient of the energy at the contacts in `optimizer`.
+    """Gauss-Newton matrices and gradients of the energies at the contacts in `joint`.
 
-    The matrix (lower triangle) goes to `optimizer.matrix`, the gradient to `optimizer.step`. Arguments as for
-    `contactsense.multi_contact.joint_optimization.find_joint_mode`.
+    The matrices (lower triangles) go to `joint.matrix`, the gradients to `joint.step`. Arguments as for
+    `contactsense.multi_contact.joint_optimization.find_joint_modes`.
     """
-    size = count * UNKNOWNS
-    H, g, J, G = optimizer.matrix, optimizer.step, optimizer.jacobian, optimizer.wrench_jacobian
-    energy_of(surfaces.link, rows, m, prior, count, optimizer)
-    H[:size, :size] = 0.0
-    g[:size] = 0.0
+    H, g, J, y = joint.matrix, joint.step, joint.jacobian, joint.residual
+    fill_energies(rows, m, prior, count, joint, ENERGY)
     for i in range(count):
-        at = i * UNKNOWNS
-        p = optimizer.primitive[i]
-        c, T, f, w = optimizer.point[i], optimizer.frame[i], optimizer.force[i], optimizer.wrench[i]
-        xi, h = optimizer.torsion[i], optimizer.offset[i]
-        k11, k12, k22 = _tangent_curvature(surfaces, frames, optimizer, i)
-        F = -component(T, 0, f)
-        alpha, beta = component(T, 1, f) / F, component(T, 2, f) / F
-        # With constant force and torsion, a step turns the normal and changes the ratios.
-        s1, s2 = -(alpha * k11 + beta * k12), -(alpha * k12 + beta * k22)
-        _add_prior_row(H, g, at, math.log(F / prior.force), (1.0, 0.0, 0.0, 0.0, s1, s2, 0.0))
-        x = xi / (prior.torsion_lever * F)
-        _add_prior_row(H, g, at, x, (0.0, 0.0, 0.0, 1.0, -x * s1, -x * s2, 0.0))
-        # Weight of the Student t term: the factor that gives a quadratic the same gradient.
-        inverse_ratio = 1.0 / prior.friction_ratio
-        weight = math.sqrt(
-            (STUDENT_DOF + 2.0)
-            / (STUDENT_DOF + (alpha * alpha + beta * beta) * inverse_ratio * inverse_ratio)
-        )
-        e = weight * inverse_ratio
-        row = (0.0, weight, 0.0, 0.0, e * (k11 - alpha * s1), e * (k12 - alpha * s2), 0.0)
-        _add_prior_row(H, g, at, e * alpha, row)
-        row = (0.0, 0.0, weight, 0.0, e * (k12 - beta * s1), e * (k22 - beta * s2), 0.0)
-        _add_prior_row(H, g, at, e * beta, row)
-        _add_prior_row(H, g, at, h / prior.surface_deviation, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-        px, py, pz = c[0] + h * T[0, 0], c[1] + h * T[1, 0], c[2] + h * T[2, 0]
-        for k in range(6):
-            G[k, at] = w[k]
-        for a in range(1, 3):
-            x = prior.friction_ratio * F
-            fx, fy, fz = x * T[0, a], x * T[1, a], x * T[2, a]
-            G[0, at + a], G[1, at + a], G[2, at + a] = fx, fy, fz
-            G[3, at + a], G[4, at + a], G[5, at + a] = py * fz - pz * fy, pz * fx - px * fz, px * fy - py * fx
-        for a in range(3, UNKNOWNS):
-            G[0, at + a], G[1, at + a], G[2, at + a] = 0.0, 0.0, 0.0
-        for k in range(3):
-            G[3 + k, at + 3] = prior.torsion_lever * F * T[k, 0]
-            # A step along a tangent turns the normal and with it the torsion.
-            G[3 + k, at + 4] = xi * (k11 * T[k, 1] + k12 * T[k, 2])
-            G[3 + k, at + 5] = xi * (k12 * T[k, 1] + k22 * T[k, 2])
-        for a in range(3):
-            # Steps along the tangents, which also turn the offset; last, the offset along the normal.
-            e0 = 0.0 if a < 2 else prior.surface_deviation
-            e1 = (1.0 + h * k11) if a == 0 else (h * k12 if a == 1 else 0.0)
-            e2 = h * k12 if a == 0 else ((1.0 + h * k22) if a == 1 else 0.0)
-            tx = e0 * T[0, 0] + e1 * T[0, 1] + e2 * T[0, 2]
-            ty = e0 * T[1, 0] + e1 * T[1, 1] + e2 * T[1, 2]
-            tz = e0 * T[2, 0] + e1 * T[2, 1] + e2 * T[2, 2]
-            if a == 2:
-                G[3, at + 6], G[4, at + 6], G[5, at + 6] = 0.0, 0.0, 0.0
-            G[3, at + 4 + a] += ty * f[2] - tz * f[1]
-            G[4, at + 4 + a] += tz * f[0] - tx * f[2]
-            G[5, at + 4 + a] += tx * f[1] - ty * f[0]
-        _add_known_contact_prior(surfaces.radius[p], optimizer, i)
-        B = rows.matrix[surfaces.link[p]]
-        for r in range(m):
-            A = B[r]
-            for a in range(at, at + UNKNOWNS):
-                J[r, a] = (
-                    A[0] * G[0, a]
-                    + A[1] * G[1, a]
-                    + A[2] * G[2, a]
-                    + A[3] * G[3, a]
-                    + A[4] * G[4, a]
-                    + A[5] * G[5, a]
-                )
-    for r in range(m):
-        for a in range(size):
-            x = J[r, a]
-            g[a] -= x * optimizer.residual[r]
-            for b in range(a + 1):
-                H[a, b] += x * J[r, b]
+        at, block = i * UNKNOWNS, joint.contact[i]
+        _fill_shape_operators(surfaces, joint.primitive[i], joint.lane[ACTIVE], block)
+        _linearize_contacts(prior, block)
+        for a in range(UNKNOWNS):
+            clear(J[at + a], 0, m)
+            # Torsion, steps and offset have no force.
+            first = 0 if a < 3 else 3
+            column = JACOBIAN // LANES + 6 * a + first
+            add_dots(J[at + a], (0, 1), joint.rows[i], (first, 6), block, column, m, 6 - first, 1.0)
+            for q in range(LANES):
+                g[(at + a) * LANES + q] = block[PRIOR_GRADIENT + a * LANES + q]
+            add_dots(g, (at + a, 1), J[at + a], (0, 1), y, 0, 1, m, -1.0)
+            clear(H[at + a], 0, at)
+            first = PRIOR_MATRIX + a * (a + 1) // 2 * LANES
+            for q in range((a + 1) * LANES):
+                H[at + a, at * LANES + q] = block[first + q]
+            add_dots(H[at + a], (0, 1), J, (0, J.shape[1] // LANES), J[at + a], 0, at + a + 1, m, 1.0)
 
 
 @fused_kernel
-def component(T: np.ndarray, a: int, f: np.ndarray) -> float:
-    """Component of the vector f along column a of the frame T."""
-    return float(T[0, a] * f[0] + T[1, a] * f[1] + T[2, a] * f[2])
-
-
-@fused_kernel
-def _tangent_curvature(
-    surfaces: Surfaces, frames: PrimitiveFrames, optimizer: OptimizerState, i: int
-) -> tuple[float, float, float]:
-    """Curvature of the surface along the two tangents at contact i: k11, k12, k22 [1/m]."""
-    p = optimizer.primitive[i]
-    R, o, c, T = frames.rotation[p], frames.origin[p], optimizer.point[i], optimizer.frame[i]
-    b = optimizer.body
-    for k in range(3):
-        x = 0.0
-        for a in range(3):
-            x += R[a, k] * (c[a] - o[a])
-        b[k, 3] = x
-        for column in range(3):
-            x = 0.0
-            for a in range(3):
-                x += R[a, k] * T[a, column]
-            b[k, column] = x
-    xx, xy, xz, yy, yz, zz = curvature(
-        surfaces.kind[p], surfaces.size[p], b[0, 3], b[1, 3], b[2, 3], b[0, 0], b[1, 0], b[2, 0]
-    )
-    u1 = xx * b[0, 1] + xy * b[1, 1] + xz * b[2, 1]
-    u2 = xy * b[0, 1] + yy * b[1, 1] + yz * b[2, 1]
-    u3 = xz * b[0, 1] + yz * b[1, 1] + zz * b[2, 1]
-    v1 = xx * b[0, 2] + xy * b[1, 2] + xz * b[2, 2]
-    v2 = xy * b[0, 2] + yy * b[1, 2] + yz * b[2, 2]
-    v3 = xz * b[0, 2] + yz * b[1, 2] + zz * b[2, 2]
-    return (
-        b[0, 1] * u1 + b[1, 1] * u2 + b[2, 1] * u3,
-        b[0, 2] * u1 + b[1, 2] * u2 + b[2, 2] * u3,
-        b[0, 2] * v1 + b[1, 2] * v2 + b[2, 2] * v3,
-    )
-
-
-@fused_kernel
-def _add_prior_row(
-    H: np.ndarray,
-    g: np.ndarray,
-    at: int,
-    residual: float,
-    row: tuple[float, float, float, float, float, float, float],
+def _fill_shape_operators(
+    surfaces: Surfaces, primitive: np.ndarray, active: np.ndarray, block: np.ndarray
 ) -> None:
-    """Add a squared prior residual with its derivatives by one contact to H (lower triangle) and g."""
-    for a in range(UNKNOWNS):
-        g[at + a] += residual * row[a]
-        for b in range(a + 1):
-            H[at + a, at + b] += row[a] * row[b]
+    """Shape operators at the points of one contact, where the optimization goes on."""
+    for j in range(LANES):
+        if active[j] == 0.0:
+            continue
+        p = primitive[j]
+        (
+            block[S00 + j], block[S01 + j], block[S02 + j], block[S11 + j], block[S12 + j], block[S22 + j],
+        ) = curvature(
+            surfaces.kind[p], surfaces.size[p], block[BX + j], block[BY + j], block[BZ + j], block[BNX + j],
+            block[BNY + j], block[BNZ + j],
+        )  # fmt: skip
 
 
 @fused_kernel
-def _add_known_contact_prior(radius: float, optimizer: OptimizerState, i: int) -> None:
-    """Add the priors of point and force of contact i, and the extent of its primitive."""
-    at = i * UNKNOWNS
-    H, g, G = optimizer.matrix, optimizer.step, optimizer.wrench_jacobian
-    S, T, c, c0 = (
-        optimizer.prior_point_information[i],
-        optimizer.frame[i],
-        optimizer.point[i],
-        optimizer.prior_point[i],
-    )
-    extent_information = 1.0 / (PRIMITIVE_EXTENT * radius) ** 2
-    for a in range(2):
-        for k in range(3):
-            tangent_information = S[k, 0] * T[0, a + 1] + S[k, 1] * T[1, a + 1] + S[k, 2] * T[2, a + 1]
-            g[at + 4 + a] += tangent_information * (c[k] - c0[k])
-            for b in range(a + 1):
-                H[at + 4 + a, at + 4 + b] += tangent_information * T[k, b + 1]
-        H[at + 4 + a, at + 4 + a] += extent_information
-    force_information = optimizer.prior_force_information[i]
-    if force_information > 0.0:
-        for k in range(3):
-            d = optimizer.force[i, k] - optimizer.prior_force[i, k]
-            for a in range(3):
-                g[at + a] += force_information * d * G[k, at + a]
-                for b in range(a + 1):
-                    H[at + a, at + b] += force_information * G[k, at + a] * G[k, at + b]
+def _linearize_contacts(prior: Prior, block: np.ndarray) -> None:
+    """Derivatives of the wrenches of one contact, and what its priors add to matrices and gradients."""
+    inverse_lever, inverse_ratio = 1.0 / prior.torsion_lever, 1.0 / prior.friction_ratio
+    deviation = prior.surface_deviation
+    for j in range(LANES):
+        n, f = (block[NX + j], block[NY + j], block[NZ + j]), (block[FX + j], block[FY + j], block[FZ + j])
+        s, t = (block[SX + j], block[SY + j], block[SZ + j]), (block[TX + j], block[TY + j], block[TZ + j])
+        xi, h = block[TORSION + j], block[OFFSET + j]
+        # Curvature of the surface along the tangents: k11, k12, k22.
+        s0 = block[R00 + j] * s[0] + block[R10 + j] * s[1] + block[R20 + j] * s[2]
+        s1 = block[R01 + j] * s[0] + block[R11 + j] * s[1] + block[R21 + j] * s[2]
+        s2 = block[R02 + j] * s[0] + block[R12 + j] * s[1] + block[R22 + j] * s[2]
+        t0 = block[R00 + j] * t[0] + block[R10 + j] * t[1] + block[R20 + j] * t[2]
+        t1 = block[R01 + j] * t[0] + block[R11 + j] * t[1] + block[R21 + j] * t[2]
+        t2 = block[R02 + j] * t[0] + block[R12 + j] * t[1] + block[R22 + j] * t[2]
+        xx, xy, xz = block[S00 + j], block[S01 + j], block[S02 + j]
+        yy, yz, zz = block[S11 + j], block[S12 + j], block[S22 + j]
+        u0, u1, u2 = xx * s0 + xy * s1 + xz * s2, xy * s0 + yy * s1 + yz * s2, xz * s0 + yz * s1 + zz * s2
+        v0, v1, v2 = xx * t0 + xy * t1 + xz * t2, xy * t0 + yy * t1 + yz * t2, xz * t0 + yz * t1 + zz * t2
+        k11, k12, k22 = (
+            s0 * u0 + s1 * u1 + s2 * u2,
+            t0 * u0 + t1 * u1 + t2 * u2,
+            t0 * v0 + t1 * v1 + t2 * v2,
+        )
+        F = max(-(n[0] * f[0] + n[1] * f[1] + n[2] * f[2]), 1e-300)
+        alpha, beta = (
+            (s[0] * f[0] + s[1] * f[1] + s[2] * f[2]) / F,
+            (t[0] * f[0] + t[1] * f[1] + t[2] * f[2]) / F,
+        )
+        # Derivatives of the wrench: by the logarithm of the force, the wrench itself.
+        G = JACOBIAN + j
+        x, y, z = block[PX + j] + h * n[0], block[PY + j] + h * n[1], block[PZ + j] + h * n[2]
+        for k in range(6):
+            block[G + k * LANES] = block[W0 + k * LANES + j]
+        scale = prior.friction_ratio * F
+        a, b = (scale * s[0], scale * s[1], scale * s[2]), (scale * t[0], scale * t[1], scale * t[2])
+        block[G + 6 * LANES], block[G + 7 * LANES], block[G + 8 * LANES] = a
+        block[G + 9 * LANES] = y * a[2] - z * a[1]
+        block[G + 10 * LANES] = z * a[0] - x * a[2]
+        block[G + 11 * LANES] = x * a[1] - y * a[0]
+        block[G + 12 * LANES], block[G + 13 * LANES], block[G + 14 * LANES] = b
+        block[G + 15 * LANES] = y * b[2] - z * b[1]
+        block[G + 16 * LANES] = z * b[0] - x * b[2]
+        block[G + 17 * LANES] = x * b[1] - y * b[0]
+        torsion = prior.torsion_lever * F
+        block[G + 21 * LANES], block[G + 22 * LANES], block[G + 23 * LANES] = (
+            torsion * n[0],
+            torsion * n[1],
+            torsion * n[2],
+        )
+        # A step along a tangent moves the point, turns the offset, and turns the torsion with the normal.
+        e11, e12, e22 = 1.0 + h * k11, h * k12, 1.0 + h * k22
+        c0, c1, c2 = e11 * s[0] + e12 * t[0], e11 * s[1] + e12 * t[1], e11 * s[2] + e12 * t[2]
+        block[G + 27 * LANES] = c1 * f[2] - c2 * f[1] + xi * (k11 * s[0] + k12 * t[0])
+        block[G + 28 * LANES] = c2 * f[0] - c0 * f[2] + xi * (k11 * s[1] + k12 * t[1])
+        block[G + 29 * LANES] = c0 * f[1] - c1 * f[0] + xi * (k11 * s[2] + k12 * t[2])
+        c0, c1, c2 = e12 * s[0] + e22 * t[0], e12 * s[1] + e22 * t[1], e12 * s[2] + e22 * t[2]
+        block[G + 33 * LANES] = c1 * f[2] - c2 * f[1] + xi * (k12 * s[0] + k22 * t[0])
+        block[G + 34 * LANES] = c2 * f[0] - c0 * f[2] + xi * (k12 * s[1] + k22 * t[1])
+        block[G + 35 * LANES] = c0 * f[1] - c1 * f[0] + xi * (k12 * s[2] + k22 * t[2])
+        block[G + 39 * LANES] = deviation * (n[1] * f[2] - n[2] * f[1])
+        block[G + 40 * LANES] = deviation * (n[2] * f[0] - n[0] * f[2])
+        block[G + 41 * LANES] = deviation * (n[0] * f[1] - n[1] * f[0])
+        # Priors. With constant force and torsion, a step turns the normal and changes the ratios.
+        q1, q2 = -(alpha * k11 + beta * k12), -(alpha * k12 + beta * k22)
+        chi = xi * inverse_lever / F
+        # Weight of the Student t term: the factor that gives a quadratic the same gradient.
+        ww = (STUDENT_DOF + 2.0) / (
+            STUDENT_DOF + (alpha * alpha + beta * beta) * inverse_ratio * inverse_ratio
+        )
+        a4, a5 = inverse_ratio * (k11 - alpha * q1), inverse_ratio * (k12 - alpha * q2)
+        b4, b5 = inverse_ratio * (k12 - beta * q1), inverse_ratio * (k22 - beta * q2)
+        ra, rb = ww * inverse_ratio * alpha, ww * inverse_ratio * beta
+        lf, one = block[LOG_FORCE + j], 1.0 + chi * chi
+        d0, d1, d2 = (
+            block[PX + j] - block[MX + j],
+            block[PY + j] - block[MY + j],
+            block[PZ + j] - block[MZ + j],
+        )
+        i00, i10, i11 = block[I00 + j], block[I10 + j], block[I11 + j]
+        i20, i21, i22 = block[I20 + j], block[I21 + j], block[I22 + j]
+        p0, p1, p2 = (
+            i00 * s[0] + i10 * s[1] + i20 * s[2],
+            i10 * s[0] + i11 * s[1] + i21 * s[2],
+            i20 * s[0] + i21 * s[1] + i22 * s[2],
+        )
+        r0, r1, r2 = (
+            i00 * t[0] + i10 * t[1] + i20 * t[2],
+            i10 * t[0] + i11 * t[1] + i21 * t[2],
+            i20 * t[0] + i21 * t[1] + i22 * t[2],
+        )
+        info = block[FORCE_INFORMATION + j]
+        e0, e1, e2 = f[0] - block[GX + j], f[1] - block[GY + j], f[2] - block[GZ + j]
+        g = PRIOR_GRADIENT + j
+        block[g] = lf + info * (e0 * f[0] + e1 * f[1] + e2 * f[2])
+        block[g + LANES] = ra + info * (e0 * a[0] + e1 * a[1] + e2 * a[2])
+        block[g + 2 * LANES] = rb + info * (e0 * b[0] + e1 * b[1] + e2 * b[2])
+        block[g + 3 * LANES] = chi
+        block[g + 4 * LANES] = lf * q1 - chi * chi * q1 + ra * a4 + rb * b4 + p0 * d0 + p1 * d1 + p2 * d2
+        block[g + 5 * LANES] = lf * q2 - chi * chi * q2 + ra * a5 + rb * b5 + r0 * d0 + r1 * d1 + r2 * d2
+        block[g + 6 * LANES] = h / deviation
+        H = PRIOR_MATRIX + j
+        block[H] = 1.0 + info * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+        block[H + LANES] = info * (f[0] * a[0] + f[1] * a[1] + f[2] * a[2])
+        block[H + 2 * LANES] = ww + info * scale * scale
+        block[H + 3 * LANES] = info * (f[0] * b[0] + f[1] * b[1] + f[2] * b[2])
+        block[H + 5 * LANES] = ww + info * scale * scale
+        block[H + 9 * LANES] = 1.0
+        block[H + 10 * LANES], block[H + 11 * LANES], block[H + 12 * LANES] = q1, ww * a4, ww * b4
+        block[H + 13 * LANES] = -chi * q1
+        block[H + 14 * LANES] = (
+            one * q1 * q1 + ww * (a4 * a4 + b4 * b4) + p0 * s[0] + p1 * s[1] + p2 * s[2] + block[EXTENT + j]
+        )
+        block[H + 15 * LANES], block[H + 16 * LANES], block[H + 17 * LANES] = q2, ww * a5, ww * b5
+        block[H + 18 * LANES] = -chi * q2
+        block[H + 19 * LANES] = one * q1 * q2 + ww * (a4 * a5 + b4 * b5) + p0 * t[0] + p1 * t[1] + p2 * t[2]
+        block[H + 20 * LANES] = (
+            one * q2 * q2 + ww * (a5 * a5 + b5 * b5) + r0 * t[0] + r1 * t[1] + r2 * t[2] + block[EXTENT + j]
+        )
+        block[H + 27 * LANES] = 1.0

@@ -1,20 +1,60 @@
 """Joint optimization of several simultaneous contacts by damped Gauss-Newton steps; the energy is that of
-`contactsense.multi_contact.joint_energy`."""
+`contactsense.multi_contact.joint_energy`.
+
+Exact sensors make the energy a narrow curved valley: a step along it leaves it, unless it follows the curve.
+Two things keep it in:
+
+- Forces and torsions take a step as such, not their logarithms and ratios. The measurement is linear in them
+  while the places stay, so that their sum remains what the sensors measure.
+- If the energy falls less than predicted, what the step left of the measured rows, beyond the linear model,
+  is corrected with the same factored matrix (geodesic acceleration: Transtrum & Sethna 2012, Improvements to
+  the Levenberg-Marquardt algorithm for nonlinear least-squares minimization, arXiv:1201.5885).
+
+Eight starts are optimized at a time, one in each SIMD lane, see `contactsense.multi_contact.joint_layout`.
+"""
 
 import math
 
-from contactsense.kinematics.linalg.cholesky import solve_in_place
-from contactsense.multi_contact.buffers import UNKNOWNS, MeasurementRows, OptimizerState, PrimitiveFrames
-from contactsense.multi_contact.joint_energy import component, energy_of, linearize
+from contactsense.kinematics.linalg.lanes import (
+    LANES,
+    add_dots,
+    add_multiple,
+    cholesky_in_lanes,
+    clear,
+    substitute,
+    substitute_back,
+)
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows
+from contactsense.multi_contact.contact_step import restore_iterate, save_iterate, take_step
+from contactsense.multi_contact.joint_energy import fill_energies, linearize
+from contactsense.multi_contact.joint_layout import (
+    ACTIVE,
+    CORRECTED,
+    DAMPING,
+    DECREASE,
+    ENDS,
+    ENERGY,
+    FULL_SCALE,
+    LOG_EVIDENCE,
+    MOVING,
+    PREDICTED,
+    SCALE,
+    SEARCHING,
+    TRIAL,
+    VALID,
+)
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.surface.convex_primitives import Surfaces, project
-from contactsense.robots.vectors import Vector, tangents
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior
 
-MAX_ITERATIONS = 20
+MAX_ITERATIONS = 8
 """Maximum number of Gauss-Newton steps."""
-LINE_SEARCH_STEPS = 5
+LINE_SEARCH_STEPS = 2
 """Maximum number of step lengths tried in one line search."""
+MAX_FORCE_DECREASE = 0.8
+"""Maximum decrease of a normal force in one step, relative to the force."""
+MIN_DECREASE = 0.5
+"""A step is corrected if the energy falls by less than this share of the prediction."""
 MIN_STEP_SCALE = 0.25
 """If the line search shortens a step below this factor, the next step is damped."""
 MIN_DAMPING, MAX_DAMPING = 0.1, 10.0
@@ -24,189 +64,217 @@ ENERGY_TOLERANCE = 1e-3
 
 In curved valleys the remaining decrease may be fifty times as large: 0.05, negligible beside noise.
 """
-MAX_LOG_FORCE_STEP = 1.5
-"""Maximum step in the logarithm of a force."""
 REJECTION_FACTOR = 3.0
 """A search above the limit is rejected unless this many times the predicted decrease brings it below."""
 
 
 @fused_kernel
-def find_joint_mode(
+def find_joint_modes(
     surfaces: Surfaces,
-    frames: PrimitiveFrames,
     rows: MeasurementRows,
     m: int,
     prior: Prior,
     count: int,
+    lanes: int,
     limit: float,
-    optimizer: OptimizerState,
-) -> tuple[float, float]:
-    """Most probable contacts, from the initial values in `optimizer`, which also holds the result.
+    joint: JointState,
+) -> None:
+    """Most probable contacts, from the initial values in `joint`, which also holds the results.
 
     Args:
         surfaces: Primitives.
-        frames: Body frames of all primitives, base frame.
         rows, m: The measurement and the number of its rows.
         prior: Prior of contacts.
         count: Number of contacts.
-        limit: Energy above which the contacts are rejected; the search ends as soon as it cannot get
-            below.
-        optimizer: Initial values, with pushing forces; on return the result, and in `matrix` the Cholesky
-            factor of its information matrix.
-
-    Returns:
-        Energy, and log evidence (Laplace approximation, up to the constant of the noise). The energy is
-        infinite if it stays above the limit or the matrix is not positive definite.
+        lanes: Number of starts, at most `LANES`.
+        limit: Energy above which the contacts are rejected; a search ends as soon as it cannot get below.
+        joint: Initial values, with pushing forces; on return the result, and in `matrix` and
+            `inverse_diagonal` the Cholesky factors of the information matrices. In `lane`: `ENERGY`, and
+            `LOG_EVIDENCE` (Laplace approximation, up to the constant of the noise). The energy is infinite if
+            it stays above the limit or the matrix is not positive definite.
     """
-    size = count * UNKNOWNS
-    H, g = optimizer.matrix, optimizer.step
-    energy = energy_of(surfaces.link, rows, m, prior, count, optimizer)
-    log_det = math.inf
-    damping = 0.0
+    lane = joint.lane
+    for j in range(LANES):
+        lane[ACTIVE, j] = 1.0 if j < lanes else 0.0
+        lane[DAMPING, j], lane[ENDS, j] = 0.0, 0.0
+    _take_rows(surfaces, rows, m, count, joint)
     for iteration in range(MAX_ITERATIONS + 1):
-        linearize(surfaces, frames, rows, m, prior, count, optimizer)
-        for i in range(size):
-            H[i, i] *= 1.0 + damping
-        log_det, predicted_decrease = solve_in_place(H, g, size)
-        _save_iterate(count, optimizer, True)
-        if log_det == math.inf or iteration == MAX_ITERATIONS:
+        linearize(surfaces, rows, m, prior, count, joint)
+        _solve(count, joint)
+        save_iterate(count, joint)
+        if iteration == MAX_ITERATIONS or not _any_goes_on(limit, joint):
             break
-        if damping == 0.0 and (
-            predicted_decrease < ENERGY_TOLERANCE or energy - REJECTION_FACTOR * predicted_decrease > limit
-        ):
-            break
-        full_scale = 1.0
+        _descend(surfaces, rows, m, prior, count, joint)
+        for j in range(LANES):
+            _adapt_damping(j, iteration, joint)
+    for j in range(LANES):
+        log_density = count * math.log(2.0 * math.pi / prior.area)
         for i in range(count):
-            full_scale = min(full_scale, MAX_LOG_FORCE_STEP / max(abs(g[i * UNKNOWNS]), 1e-9))
-        scale = full_scale
-        decrease = 0.0
-        for _ in range(LINE_SEARCH_STEPS):
-            _step(surfaces, frames, prior, count, scale, optimizer)
-            trial_energy = energy_of(surfaces.link, rows, m, prior, count, optimizer)
-            if trial_energy < energy:
-                decrease = energy - trial_energy
-                energy = trial_energy
-                break
-            # Minimum of the parabola through both energies with the slope at the start.
-            scale *= min(
-                max(
-                    predicted_decrease * scale / (trial_energy - energy + 2.0 * predicted_decrease * scale),
-                    0.1,
-                ),
-                0.5,
-            )
-        if decrease == 0.0:
-            _save_iterate(count, optimizer, False)
-        if decrease >= ENERGY_TOLERANCE:
-            damping = 0.0
-        elif (
-            damping == 0.0 and decrease > 0.0 and scale > MIN_STEP_SCALE * full_scale
-        ) or damping >= MAX_DAMPING:
-            break
+            log_density += prior.log_link_density[surfaces.link[joint.primitive[i, j]]]
+            det = 1.0
+            for a in range(i * UNKNOWNS, (i + 1) * UNKNOWNS):
+                det *= joint.pivot[a * LANES + j]
+            log_density -= 0.5 * math.log(det)
+        if lane[VALID, j] > 0.0 and lane[ENERGY, j] <= limit:
+            lane[LOG_EVIDENCE, j] = log_density - lane[ENERGY, j]
         else:
-            # The quadratic model fails, for example across a discontinuity of the curvature: damp the next
-            # step.
-            damping = max(10.0 * damping, MIN_DAMPING)
-    if damping > 0.0:
-        linearize(surfaces, frames, rows, m, prior, count, optimizer)
-        log_det, _ = solve_in_place(H, g, size)
-    if log_det == math.inf or energy > limit:
-        return math.inf, -math.inf
-    log_density = count * math.log(2.0 * math.pi / prior.area)
-    for i in range(count):
-        log_density += prior.log_link_density[surfaces.link[optimizer.primitive[i]]]
-    return energy, log_density - energy - 0.5 * log_det
+            lane[ENERGY, j], lane[LOG_EVIDENCE, j] = math.inf, -math.inf
 
 
 @fused_kernel
-def set_contact(
-    surfaces: Surfaces,
-    frames: PrimitiveFrames,
-    optimizer: OptimizerState,
-    i: int,
-    p: int,
-    point: Vector,
-    force: Vector,
+def _take_rows(surfaces: Surfaces, rows: MeasurementRows, m: int, count: int, joint: JointState) -> None:
+    """Fill `joint.rows`: those of the link of each contact."""
+    for i in range(count):
+        out = joint.rows[i]
+        for j in range(LANES):
+            A = rows.matrix[surfaces.link[joint.primitive[i, j]]]
+            for r in range(m):
+                for k in range(6):
+                    out[(6 * r + k) * LANES + j] = A[r, k]
+
+
+@fused_kernel
+def _solve(count: int, joint: JointState) -> None:
+    """Damp and factor the matrices; `joint.step` becomes the step, `PREDICTED` what it lowers the energy
+    by."""
+    H, g, lane, size = joint.matrix, joint.step, joint.lane, count * UNKNOWNS
+    for a in range(size):
+        # Times 1 + damping.
+        add_dots(H[a], (a, 1), H[a], (a, 1), lane[DAMPING], 0, 1, 1, 1.0)
+    cholesky_in_lanes(H, size, joint.pivot, joint.inverse_diagonal)
+    substitute(H, size, joint.inverse_diagonal, g)
+    clear(lane[PREDICTED], 0, 1)
+    add_dots(lane[PREDICTED], (0, 1), g, (0, 1), g, 0, 1, size, 0.5)
+    substitute_back(H, size, joint.inverse_diagonal, g)
+    for j in range(LANES):
+        lowest = math.inf
+        for a in range(size):
+            lowest = min(lowest, joint.pivot[a * LANES + j])
+        lane[VALID, j] = 1.0 if lowest > 0.0 and lane[PREDICTED, j] < math.inf else 0.0
+
+
+@fused_kernel
+def _any_goes_on(limit: float, joint: JointState) -> bool:
+    """End the optimization of lanes that have converged, cannot get below the limit, or have failed."""
+    lane, going = joint.lane, False
+    for j in range(LANES):
+        if lane[ACTIVE, j] == 0.0:
+            continue
+        predicted = lane[PREDICTED, j]
+        ends = lane[DAMPING, j] == 0.0 and (
+            predicted < ENERGY_TOLERANCE or lane[ENERGY, j] - REJECTION_FACTOR * predicted > limit
+        )
+        if ends or lane[ENDS, j] > 0.0 or lane[VALID, j] == 0.0:
+            lane[ACTIVE, j] = 0.0
+        else:
+            going = True
+    return going
+
+
+@fused_kernel
+def _adapt_damping(j: int, iteration: int, joint: JointState) -> None:
+    """Damping of the next step of a lane, after a step; or its end."""
+    lane = joint.lane
+    decrease, damping = lane[DECREASE, j], lane[DAMPING, j]
+    shortened = lane[SCALE, j] < MIN_STEP_SCALE * lane[FULL_SCALE, j]
+    if lane[ACTIVE, j] == 0.0 or decrease >= ENERGY_TOLERANCE:
+        lane[DAMPING, j] = 0.0
+    elif (damping == 0.0 and decrease > 0.0 and not shortened) or damping >= MAX_DAMPING:
+        lane[DAMPING, j], lane[ENDS, j] = 0.0, 1.0
+    else:
+        # The quadratic model fails, for example across a discontinuity of the curvature: damp the next step.
+        lane[DAMPING, j] = max(10.0 * damping, MIN_DAMPING)
+    if iteration == MAX_ITERATIONS - 1:
+        # The last matrix is that of the result.
+        lane[DAMPING, j] = 0.0
+
+
+@fused_kernel
+def _descend(
+    surfaces: Surfaces, rows: MeasurementRows, m: int, prior: Prior, count: int, joint: JointState
 ) -> None:
-    """Set contact i to the point on primitive p nearest to a point [m], with a pushing force [N]. Base
-    frame."""
-    R, o, c, T = frames.rotation[p], frames.origin[p], optimizer.point[i], optimizer.frame[i]
-    x, y, z = point[0] - o[0], point[1] - o[1], point[2] - o[2]
-    _, bx, by, bz, n1, n2, n3 = project(
-        surfaces.kind[p],
-        surfaces.size[p],
-        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
-        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
-        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
-    )
-    for k in range(3):
-        c[k] = o[k] + R[k, 0] * bx + R[k, 1] * by + R[k, 2] * bz
-        T[k, 0] = R[k, 0] * n1 + R[k, 1] * n2 + R[k, 2] * n3
-    t1, t2 = tangents((T[0, 0], T[1, 0], T[2, 0]))
-    T[0, 1], T[1, 1], T[2, 1] = t1
-    T[0, 2], T[1, 2], T[2, 2] = t2
-    optimizer.primitive[i] = p
-    optimizer.force[i, 0], optimizer.force[i, 1], optimizer.force[i, 2] = force
-    optimizer.torsion[i], optimizer.offset[i] = 0.0, 0.0
-
-
-@fused_kernel
-def _save_iterate(count: int, optimizer: OptimizerState, save: bool) -> None:
-    """Save the iterate, or restore it."""
-    for i in range(count):
-        for k in range(3):
-            if save:
-                optimizer.saved_point[i, k], optimizer.saved_force[i, k] = (
-                    optimizer.point[i, k],
-                    optimizer.force[i, k],
-                )
+    """Search along the steps of the active lanes for lower energies; `DECREASE` is zero where none was
+    found."""
+    lane, step = joint.lane, joint.step
+    for j in range(LANES):
+        full = 1.0
+        for i in range(count):
+            # The longest step that leaves all forces pushing.
+            full = min(full, MAX_FORCE_DECREASE / max(step[i * UNKNOWNS * LANES + j], 1e-9))
+        lane[SCALE, j], lane[FULL_SCALE, j], lane[DECREASE, j] = full, full, 0.0
+        lane[SEARCHING, j] = lane[ACTIVE, j]
+    for _ in range(LINE_SEARCH_STEPS):
+        for j in range(LANES):
+            lane[MOVING, j] = lane[SEARCHING, j]
+        take_step(surfaces, prior, count, lane[SCALE], step, joint)
+        fill_energies(rows, m, prior, count, joint, TRIAL)
+        _correct(surfaces, rows, m, prior, count, joint)
+        searching = False
+        for j in range(LANES):
+            if lane[SEARCHING, j] == 0.0:
+                continue
+            rise = lane[TRIAL, j] - lane[ENERGY, j]
+            if rise < 0.0:
+                lane[DECREASE, j], lane[SEARCHING, j] = -rise, 0.0
             else:
-                optimizer.point[i, k], optimizer.force[i, k] = (
-                    optimizer.saved_point[i, k],
-                    optimizer.saved_force[i, k],
-                )
-            for a in range(3):
-                if save:
-                    optimizer.saved_frame[i, k, a] = optimizer.frame[i, k, a]
-                else:
-                    optimizer.frame[i, k, a] = optimizer.saved_frame[i, k, a]
-        if save:
-            optimizer.saved_torsion[i], optimizer.saved_offset[i] = optimizer.torsion[i], optimizer.offset[i]
-        else:
-            optimizer.torsion[i], optimizer.offset[i] = optimizer.saved_torsion[i], optimizer.saved_offset[i]
+                # Minimum of the parabola through both energies with the slope at the start.
+                slope = lane[PREDICTED, j] * lane[SCALE, j]
+                lane[SCALE, j] *= min(max(slope / (rise + 2.0 * slope), 0.1), 0.5)
+                searching = True
+        if not searching:
+            break
+    for j in range(LANES):
+        lane[MOVING, j] = lane[SEARCHING, j]
+    restore_iterate(count, joint)
 
 
 @fused_kernel
-def _step(
-    surfaces: Surfaces,
-    frames: PrimitiveFrames,
-    prior: Prior,
-    count: int,
-    scale: float,
-    optimizer: OptimizerState,
+def _correct(
+    surfaces: Surfaces, rows: MeasurementRows, m: int, prior: Prior, count: int, joint: JointState
 ) -> None:
-    """Take the step, times `scale`, from the saved iterate."""
-    for i in range(count):
-        at = i * UNKNOWNS
-        d, T = optimizer.step, optimizer.saved_frame[i]
-        f, c = optimizer.saved_force[i], optimizer.saved_point[i]
-        F = -component(T, 0, f)
-        alpha = component(T, 1, f) / F - scale * d[at + 1] * prior.friction_ratio
-        beta = component(T, 2, f) / F - scale * d[at + 2] * prior.friction_ratio
-        torsion_ratio = optimizer.saved_torsion[i] / F - scale * d[at + 3] * prior.torsion_lever
-        offset = optimizer.saved_offset[i] - scale * d[at + 6] * prior.surface_deviation
-        F *= math.exp(-scale * d[at])
-        v1, v2 = -scale * d[at + 4], -scale * d[at + 5]
-        point = (
-            c[0] + v1 * T[0, 1] + v2 * T[0, 2],
-            c[1] + v1 * T[1, 1] + v2 * T[1, 2],
-            c[2] + v1 * T[2, 1] + v2 * T[2, 2],
-        )
-        force = (
-            F * (alpha * T[0, 1] + beta * T[0, 2] - T[0, 0]),
-            F * (alpha * T[1, 1] + beta * T[1, 2] - T[1, 0]),
-            F * (alpha * T[2, 1] + beta * T[2, 2] - T[2, 0]),
-        )
-        set_contact(surfaces, frames, optimizer, i, optimizer.primitive[i], point, force)
-        optimizer.torsion[i] = F * torsion_ratio
-        optimizer.offset[i] = offset
+    """Correct the steps that lower the energy by less than expected, where that helps; `TRIAL` is the energy
+    after it."""
+    lane, any_corrected, any_back = joint.lane, False, False
+    for j in range(LANES):
+        scale, decrease = lane[SCALE, j], lane[ENERGY, j] - lane[TRIAL, j]
+        needed = MIN_DECREASE * lane[PREDICTED, j] * scale * (2.0 - scale)
+        corrects = lane[SEARCHING, j] > 0.0 and lane[TRIAL, j] < math.inf and decrease < needed
+        lane[MOVING, j] = 1.0 if corrects else 0.0
+        any_corrected = any_corrected or corrects
+    if not any_corrected:
+        return
+    _fill_corrected_step(count, m, joint)
+    take_step(surfaces, prior, count, lane[SCALE], joint.corrected_step, joint)
+    fill_energies(rows, m, prior, count, joint, CORRECTED)
+    for j in range(LANES):
+        if lane[MOVING, j] == 0.0:
+            continue
+        lane[MOVING, j] = 0.0
+        if lane[CORRECTED, j] < lane[TRIAL, j]:
+            lane[TRIAL, j] = lane[CORRECTED, j]
+        elif lane[TRIAL, j] < lane[ENERGY, j]:
+            lane[MOVING, j], any_back = 1.0, True
+    if any_back:
+        take_step(surfaces, prior, count, lane[SCALE], joint.step, joint)
+
+
+@fused_kernel
+def _fill_corrected_step(count: int, m: int, joint: JointState) -> None:
+    """Fill `joint.corrected_step`: the step, times `SCALE`, after which `joint.residual` was found, without
+    what that exceeds the linear model by."""
+    J, d, c, excess, size = joint.jacobian, joint.step, joint.corrected_step, joint.excess, count * UNKNOWNS
+    scale = joint.lane[SCALE]
+    for a in range(size):
+        for j in range(LANES):
+            c[a * LANES + j] = scale[j] * d[a * LANES + j]
+    for q in range(m * LANES):
+        excess[q] = joint.residual[q] - joint.saved_residual[q]
+    for a in range(size):
+        add_multiple(excess, 0, J[a], 0, c, a, m, -1.0)
+    clear(c, 0, size)
+    add_dots(c, (0, 1), J, (0, J.shape[1] // LANES), excess, 0, size, m, 1.0)
+    substitute(joint.matrix, size, joint.inverse_diagonal, c)
+    substitute_back(joint.matrix, size, joint.inverse_diagonal, c)
+    for a in range(size):
+        for j in range(LANES):
+            c[a * LANES + j] = d[a * LANES + j] - c[a * LANES + j] / scale[j]

@@ -102,8 +102,8 @@ def explain_contact_sets(
     rank = 0
     if listed > 0:
         t = explanations.order[0]
-        links = buffers.optimizer.primitive
+        links = buffers.rank.link
         for i in range(explanations.contacts[t]):
             links[i] = constants.surfaces.link[explanations.primitive[t, i]]
-        rank = rank_of(buffers.rows, m, links, explanations.contacts[t], buffers.optimizer.jacobian)
+        rank = rank_of(buffers.rows, m, links, explanations.contacts[t], buffers.rank.matrix)
     return listed, rank

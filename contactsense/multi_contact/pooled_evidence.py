@@ -132,8 +132,19 @@ def _links(link: np.ndarray, explanations: Explanations, t: int, i: int, further
 
 @fused_kernel
 def _widen(covariance: np.ndarray, normal: np.ndarray, surface_deviation: float) -> None:
-    """Covariance [m^2] of a place whose normal distribution along the surface is taken to the power 1 - w."""
+    """Covariance [m^2] of a place whose normal distribution along the surface is taken to the power 1 - w.
+
+    What a covariance that was adopted from elsewhere has along the normal is dropped.
+    """
+    C, n = covariance, normal
+    x, y, z = (
+        C[0, 0] * n[0] + C[0, 1] * n[1] + C[0, 2] * n[2],
+        C[1, 0] * n[0] + C[1, 1] * n[1] + C[1, 2] * n[2],
+        C[2, 0] * n[0] + C[2, 1] * n[1] + C[2, 2] * n[2],
+    )
+    along = (x, y, z)
+    twice = n[0] * x + n[1] * y + n[2] * z
     for k in range(3):
         for j in range(3):
-            across = surface_deviation * surface_deviation * normal[k] * normal[j]
-            covariance[k, j] = across + (covariance[k, j] - across) / (1.0 - SUM_WEIGHT)
+            tangential = C[k, j] - n[k] * along[j] - along[k] * n[j] + twice * n[k] * n[j]
+            C[k, j] = surface_deviation * surface_deviation * n[k] * n[j] + tangential / (1.0 - SUM_WEIGHT)

@@ -4,9 +4,23 @@ import math
 
 import numpy as np
 
-from contactsense.kinematics.linalg.cholesky import invert_factored
+from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.localization.candidate_buffers import Candidates
-from contactsense.multi_contact.buffers import UNKNOWNS, Explanations, OptimizerState
+from contactsense.multi_contact.buffers import Explanations, JointState
+from contactsense.multi_contact.contact_step import vector_of
+from contactsense.multi_contact.joint_covariance import covariance_of
+from contactsense.multi_contact.joint_layout import (
+    ENERGY,
+    FX,
+    JACOBIAN,
+    LOG_EVIDENCE,
+    NX,
+    PX,
+    SX,
+    TORSION,
+    TX,
+    W0,
+)
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
@@ -16,76 +30,77 @@ LARGEST_UNLISTED = 20.0
 
 @fused_kernel
 def store_explanation(
-    optimizer: OptimizerState,
+    joint: JointState,
+    lane: int,
     surface_deviation: float,
     count: int,
-    energy: float,
-    score: float,
+    prior_log_evidence: float,
     explanations: Explanations,
     t: int,
 ) -> None:
-    """Write the contacts in `optimizer` as explanation t."""
+    """Write the contacts of a lane as explanation t, after `fill_covariances`; its log evidence is relative
+    to `prior_log_evidence`."""
     explanations.contacts[t] = count
-    explanations.energy[t] = energy
-    explanations.log_evidence[t] = score
-    explanations.score[t] = score
-    invert_factored(optimizer, count * UNKNOWNS)
+    explanations.energy[t] = joint.lane[ENERGY, lane]
+    explanations.log_evidence[t] = joint.lane[LOG_EVIDENCE, lane] - prior_log_evidence
+    explanations.score[t] = explanations.log_evidence[t]
     for k in range(6):
         explanations.wrench[t, k] = 0.0
     for i in range(count):
-        explanations.primitive[t, i] = optimizer.primitive[i]
-        explanations.torsion[t, i] = optimizer.torsion[i]
+        block = joint.contact[i]
+        explanations.primitive[t, i] = joint.primitive[i, lane]
+        explanations.torsion[t, i] = block[TORSION + lane]
         for k in range(3):
-            explanations.point[t, i, k] = optimizer.point[i, k]
-            explanations.normal[t, i, k] = optimizer.frame[i, k, 0]
-            explanations.force[t, i, k] = optimizer.force[i, k]
+            at = k * LANES + lane
+            explanations.point[t, i, k] = block[PX + at]
+            explanations.normal[t, i, k] = block[NX + at]
+            explanations.force[t, i, k] = block[FX + at]
         for k in range(6):
-            explanations.wrench[t, k] += optimizer.wrench[i, k]
+            explanations.wrench[t, k] += block[W0 + k * LANES + lane]
         _contact_covariance(
-            optimizer,
+            joint,
+            lane,
             i,
             surface_deviation,
             explanations.covariance[t, i],
             explanations.force_covariance[t, i],
         )
-    _wrench_covariance(optimizer, count * UNKNOWNS, explanations.wrench_covariance[t])
+    for a in range(6):
+        for b in range(6):
+            explanations.wrench_covariance[t, a, b] = covariance_of(joint, 5 * count + a, 5 * count + b, lane)
 
 
 @fused_kernel
 def _contact_covariance(
-    optimizer: OptimizerState,
+    joint: JointState,
+    lane: int,
     i: int,
     surface_deviation: float,
     point_covariance: np.ndarray,
     force_covariance: np.ndarray,
 ) -> None:
     """Covariance of point [m^2] and force [N^2] of contact i."""
-    at = i * UNKNOWNS
-    V, G, T = optimizer.inverse, optimizer.wrench_jacobian, optimizer.saved_frame[i]
+    block = joint.contact[i]
+    n, tangents = vector_of(block, NX, lane), (vector_of(block, SX, lane), vector_of(block, TX, lane))
     for k in range(3):
         for a in range(3):
-            point_covariance[k, a] = surface_deviation * surface_deviation * T[k, 0] * T[a, 0]
+            point_covariance[k, a] = surface_deviation * surface_deviation * n[k] * n[a]
             for b in range(2):
                 for d in range(2):
-                    point_covariance[k, a] += T[k, 1 + b] * V[at + 4 + b, at + 4 + d] * T[a, 1 + d]
+                    point_covariance[k, a] += (
+                        tangents[b][k]
+                        * tangents[d][a]
+                        * covariance_of(joint, 5 * i + 3 + b, 5 * i + 3 + d, lane)
+                    )
             force_covariance[k, a] = 0.0
             for b in range(3):
                 for d in range(3):
-                    force_covariance[k, a] += G[k, at + b] * V[at + b, at + d] * G[a, at + d]
-
-
-@fused_kernel
-def _wrench_covariance(optimizer: OptimizerState, size: int, out: np.ndarray) -> None:
-    """Covariance of the sum of all wrenches."""
-    V, G = optimizer.inverse, optimizer.wrench_jacobian
-    for a in range(6):
-        for b in range(a + 1):
-            x = 0.0
-            for i in range(size):
-                for k in range(size):
-                    x += G[a, i] * V[i, k] * G[b, k]
-            out[a, b] = x
-            out[b, a] = x
+                    # Derivatives of the force by its unknowns.
+                    force_covariance[k, a] += (
+                        block[JACOBIAN + (6 * b + k) * LANES + lane]
+                        * block[JACOBIAN + (6 * d + a) * LANES + lane]
+                        * covariance_of(joint, 5 * i + b, 5 * i + d, lane)
+                    )
 
 
 @fused_kernel

@@ -3,8 +3,10 @@
 import math
 
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
-from contactsense.multi_contact.buffers import MeasurementRows, OptimizerState, PrimitiveFrames
-from contactsense.multi_contact.joint_optimization import find_joint_mode
+from contactsense.multi_contact.buffers import JointState, MeasurementRows, PrimitiveFrames
+from contactsense.multi_contact.contact_step import vector_of
+from contactsense.multi_contact.joint_layout import ENERGY, FORCE_INFORMATION, LOG_EVIDENCE, NX, PX
+from contactsense.multi_contact.joint_optimization import find_joint_modes
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
@@ -15,14 +17,9 @@ FURTHER_CONTACT_ODDS = 0.02
 
 @fused_kernel
 def known_evidence(
-    surfaces: Surfaces,
-    prior: Prior,
-    frames: PrimitiveFrames,
-    rows: MeasurementRows,
-    known_count: int,
-    optimizer: OptimizerState,
+    surfaces: Surfaces, prior: Prior, rows: MeasurementRows, known_count: int, joint: JointState
 ) -> float:
-    """Log evidence of the known contacts before the measurement.
+    """Log evidence of the known contacts before the measurement, which are in lane 0.
 
     The optimization uses the same priors for every contact: of its link and place, and of its force.
     The priors of known contacts are additional factors exp(-d^2 / 2) and not normalized. Subtracting this
@@ -30,18 +27,19 @@ def known_evidence(
     """
     if known_count == 0:
         return 0.0
-    _, score = find_joint_mode(surfaces, frames, rows, 0, prior, known_count, math.inf, optimizer)
+    find_joint_modes(surfaces, rows, 0, prior, known_count, 1, math.inf, joint)
+    score = joint.lane[LOG_EVIDENCE, 0]
     if score == -math.inf:
         return 0.0
     for i in range(known_count):
-        if optimizer.prior_force_information[i] == 0.0:
+        if joint.contact[i, FORCE_INFORMATION] == 0.0:
             # Without a prior of the force, correct Laplace's approximation for the tail of Student's t.
             score += math.log(1.0 + 2.0 / STUDENT_DOF)
     return float(score)
 
 
 @fused_kernel
-def set_evidence(
+def fill_set_evidence(
     surfaces: Surfaces,
     prior: Prior,
     frames: PrimitiveFrames,
@@ -49,39 +47,31 @@ def set_evidence(
     m: int,
     known_count: int,
     count: int,
+    lanes: int,
     limit: float,
-    optimizer: OptimizerState,
-) -> tuple[float, float]:
-    """Optimize the contacts in `optimizer`, the known ones first.
+    joint: JointState,
+) -> None:
+    """Optimize the contacts in `joint`, the known ones first; `LOG_EVIDENCE` is that with the priors of the
+    further contacts.
 
-    Arguments as for `contactsense.multi_contact.joint_optimization.find_joint_mode`.
-
-    Returns:
-        Energy, and log evidence with the priors of the further contacts.
+    Arguments as for `contactsense.multi_contact.joint_optimization.find_joint_modes`.
     """
-    energy, score = find_joint_mode(surfaces, frames, rows, m, prior, count, limit, optimizer)
-    if energy < math.inf:
-        score += (count - known_count) * math.log(FURTHER_CONTACT_ODDS)
-        score += _log_accessibility(surfaces, frames, prior, optimizer, known_count, count)
-    return energy, score
+    find_joint_modes(surfaces, rows, m, prior, count, lanes, limit, joint)
+    for j in range(lanes):
+        if joint.lane[ENERGY, j] < math.inf:
+            joint.lane[LOG_EVIDENCE, j] += (count - known_count) * math.log(FURTHER_CONTACT_ODDS)
+            for i in range(known_count, count):
+                joint.lane[LOG_EVIDENCE, j] += _log_accessibility(surfaces, frames, prior, joint, j, i)
 
 
 @fused_kernel
 def _log_accessibility(
-    surfaces: Surfaces,
-    frames: PrimitiveFrames,
-    prior: Prior,
-    optimizer: OptimizerState,
-    known_count: int,
-    count: int,
+    surfaces: Surfaces, frames: PrimitiveFrames, prior: Prior, joint: JointState, j: int, i: int
 ) -> float:
-    """Log of the accessible share of the further contacts."""
-    score = 0.0
-    for i in range(known_count, count):
-        c, p, T = optimizer.point[i], optimizer.primitive[i], optimizer.frame[i]
-        if is_mounting_face(surfaces.link[p], c[2], T[2, 0], prior.surface_deviation):
-            return -math.inf
-        height = prior.clearance
-        x, y, z = c[0] + height * T[0, 0], c[1] + height * T[1, 0], c[2] + height * T[2, 0]
-        score += math.log(accessible_share(clearance(surfaces, frames, p, x, y, z, 0.0), prior))
-    return score
+    """Log of the accessible share of contact i of lane j."""
+    c, n, p = vector_of(joint.contact[i], PX, j), vector_of(joint.contact[i], NX, j), joint.primitive[i, j]
+    if is_mounting_face(surfaces.link[p], c[2], n[2], prior.surface_deviation):
+        return -math.inf
+    height = prior.clearance
+    x, y, z = c[0] + height * n[0], c[1] + height * n[1], c[2] + height * n[2]
+    return math.log(accessible_share(clearance(surfaces, frames, p, x, y, z, 0.0), prior))

@@ -1,4 +1,5 @@
-"""The joint optimization of several contacts: its gradient, and its optimum against SciPy."""
+"""The joint optimization of several contacts: its gradient, its optimum against SciPy, and its
+covariances."""
 
 from typing import NamedTuple
 
@@ -8,14 +9,35 @@ from scipy.optimize import least_squares
 
 from contactsense import Localizer, Scene, robots
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
-from contactsense.kinematics.linalg.cholesky import invert_factored, solve_in_place
+from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact import joint_energy, joint_optimization
 from contactsense.multi_contact.buffers import (
     UNKNOWNS,
+    JointState,
     MultiContactBuffers,
     PrimitiveFrames,
     empty_multi_contact_buffers,
+)
+from contactsense.multi_contact.contact_step import save_iterate, set_contact, take_step, vector_of
+from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
+from contactsense.multi_contact.joint_layout import (
+    ACTIVE,
+    ENERGY,
+    FORCE_INFORMATION,
+    FX,
+    GX,
+    I00,
+    I11,
+    I22,
+    JACOBIAN,
+    LOG_EVIDENCE,
+    MOVING,
+    MX,
+    OFFSET,
+    PX,
+    TORSION,
+    TRIAL,
 )
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
@@ -71,22 +93,21 @@ def case() -> Case:
 
 
 def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
-    """Noisy measurement of a trial; its contacts, displaced by about `shift` metres, as initial values.
-    Number of rows."""
+    """Noisy measurement of a trial; its contacts, displaced by about `shift` metres, as initial values, other
+    ones in each lane. Number of rows."""
     rng = np.random.default_rng(seed)
     base, torque = trial.measure(trial.pushes)
     base = base + rng.standard_normal(6) * np.repeat((0.25, 0.05), 3)
     torque = torque + rng.standard_normal(6)
     case.localizer.locate(trial.q, base_wrench=base, joint_torque=torque, detect=False)
-    surfaces, frames, optimizer = case.constants.surfaces, case.frames, case.buffers.optimizer
+    surfaces, frames = case.constants.surfaces, case.frames
     place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, case.state.candidates)
-    optimizer.prior_point_information[:] = 0.0
-    optimizer.prior_force_information[:] = 0.0
     for i, push in enumerate(trial.pushes):
         indices = range(surfaces.start[push.link], surfaces.start[push.link + 1])
         p = min(indices, key=lambda p: abs(_distance(case, p, push.point)))
-        start = push.point + shift * rng.standard_normal(3)
-        joint_optimization.set_contact(surfaces, frames, optimizer, i, p, tuple(start), tuple(push.force))
+        for lane in range(LANES):
+            start = push.point + shift * rng.standard_normal(3)
+            set_contact(surfaces, frames, case.buffers.joint, lane, i, p, tuple(start), tuple(push.force))
     state = case.state
     external = (state.base_wrench, state.torque, state.link_wrench)
     return int(
@@ -101,42 +122,51 @@ def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
     )  # fmt: skip
 
 
+def _optimize(case: Case, m: int, count: int, lanes: int = LANES) -> None:
+    constants, buffers = case.constants, case.buffers
+    joint_optimization.find_joint_modes(
+        constants.surfaces, buffers.rows, m, constants.prior, count, lanes, np.inf, buffers.joint
+    )
+
+
+def _in_lane(values: np.ndarray, lane: int, size: int) -> np.ndarray:
+    """The first unknowns of a vector, or of the rows of a matrix, in a lane."""
+    return np.asarray(values.reshape(*values.shape[:-1], -1, LANES)[..., :size, lane].copy())
+
+
 def _distance(case: Case, p: int, point: np.ndarray) -> float:
     local = case.state.candidates.rotation[p].T @ (point - case.state.candidates.origin[p])
     return float(project(case.constants.surfaces.kind[p], case.constants.surfaces.size[p], *local)[0])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_the_gradient_is_that_of_the_energy(case: Case, count: int) -> None:
+def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None:
     trial = case.trials.draw(count, 20.0, "different", "cone")
     m = _take(case, trial, 0.01, count)
-    constants, frames, rows, optimizer = (
-        case.constants,
-        case.frames,
-        case.buffers.rows,
-        case.buffers.optimizer,
-    )
+    constants, rows, joint = case.constants, case.buffers.rows, case.buffers.joint
     size = count * UNKNOWNS
-    for i in range(count):
-        optimizer.torsion[i], optimizer.offset[i] = 0.02, 0.001
-        optimizer.prior_point[i] = optimizer.point[i] + 0.002
-        optimizer.prior_point_information[i] = 1e4 * np.eye(3)
-        optimizer.prior_force[i] = optimizer.force[i] + 1.0
-        optimizer.prior_force_information[i] = 0.5
-    joint_energy.linearize(constants.surfaces, frames, rows, m, constants.prior, count, optimizer)
-    joint_optimization._save_iterate(count, optimizer, True)
-    gradient = optimizer.step[:size].copy()
+    for block in joint.contact[:count]:
+        for lane in range(LANES):
+            block[TORSION + lane], block[OFFSET + lane] = 0.02, 0.001
+            for k in range(3):
+                at = k * LANES + lane
+                block[MX + at], block[GX + at] = block[PX + at] + 0.002, block[FX + at] + 1.0
+            block[I00 + lane], block[I11 + lane], block[I22 + lane] = 1e4, 2e4, 3e4
+            block[FORCE_INFORMATION + lane] = 0.5
+    joint.lane[ACTIVE], joint.lane[MOVING] = 1.0, 1.0
+    joint_optimization._take_rows(constants.surfaces, rows, m, count, joint)
+    joint_energy.linearize(constants.surfaces, rows, m, constants.prior, count, joint)
+    save_iterate(count, joint)
+    gradient, length = joint.step[: size * LANES].reshape(size, LANES).copy(), np.ones(LANES)
     for a in range(size):
         values = []
-        for step in (1e-6, -1e-6):
-            optimizer.step[:size] = 0.0
-            optimizer.step[a] = -step
-            joint_optimization._step(constants.surfaces, frames, constants.prior, count, 1.0, optimizer)
-            values.append(
-                joint_energy.energy_of(constants.surfaces.link, rows, m, constants.prior, count, optimizer)
-            )
-        slope = (values[0] - values[1]) / 2e-6
-        assert slope == pytest.approx(gradient[a], rel=2e-4, abs=2e-3)
+        for change in (1e-6, -1e-6):
+            step = np.zeros((size, LANES))
+            step[a] = -change
+            take_step(constants.surfaces, constants.prior, count, length, step.reshape(-1), joint)
+            joint_energy.fill_energies(rows, m, constants.prior, count, joint, TRIAL)
+            values.append(joint.lane[TRIAL].copy())
+        np.testing.assert_allclose((values[0] - values[1]) / 2e-6, gradient[a], rtol=2e-4, atol=2e-3)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -181,15 +211,10 @@ def test_the_optimum_agrees_with_scipy(case: Case, seed: int) -> None:
     trials = Trials(SCENE, seed=40 + seed)
     trial = trials.draw(2, 20.0, "different", "cone")
     m = _take(case, trial, 0.01, seed)
-    constants, optimizer = case.constants, case.buffers.optimizer
-    primitives = [int(p) for p in optimizer.primitive[:2]]
-    start = np.concatenate(
-        [np.concatenate((optimizer.point[i], optimizer.force[i], [0.0, 0.0])) for i in range(2)]
-    )
-    energy, log_z = joint_optimization.find_joint_mode(
-        constants.surfaces, case.frames, case.buffers.rows, m, constants.prior, 2, np.inf, optimizer
-    )
-    assert np.isfinite(log_z)
+    joint = case.buffers.joint
+    primitives = [int(p) for p in joint.primitive[:2, 0]]
+    start = _solution(joint, 0)
+    _optimize(case, m, 2)
     oracle = least_squares(
         lambda x: _residuals(case, m, primitives, x),
         start,
@@ -198,49 +223,101 @@ def test_the_optimum_agrees_with_scipy(case: Case, seed: int) -> None:
         xtol=1e-12,
         max_nfev=500,
     )
+    assert np.isfinite(joint.lane[LOG_EVIDENCE]).all()
     # The search ends if the predicted decrease is below `ENERGY_TOLERANCE`; SciPy may go a little further.
-    assert energy <= oracle.cost + 0.05
-    solution = np.concatenate(
+    assert joint.lane[ENERGY, 0] <= oracle.cost + 0.05
+    for lane in range(LANES):
+        residuals = _residuals(case, m, primitives, _solution(joint, lane))
+        assert 0.5 * np.sum(residuals**2) == pytest.approx(joint.lane[ENERGY, lane], rel=1e-6)
+
+
+def _solution(joint: JointState, lane: int) -> np.ndarray:
+    """Point, force, torsion and offset of two contacts."""
+    return np.concatenate(
         [
-            np.concatenate(
-                (optimizer.point[i], optimizer.force[i], [optimizer.torsion[i], optimizer.offset[i]])
+            (
+                *vector_of(block, PX, lane),
+                *vector_of(block, FX, lane),
+                block[TORSION + lane],
+                block[OFFSET + lane],
             )
-            for i in range(2)
+            for block in joint.contact[:2]
         ]
     )
-    assert 0.5 * np.sum(_residuals(case, m, primitives, solution) ** 2) == pytest.approx(energy, rel=1e-6)
 
 
-def test_the_inverse_is_that_of_the_matrix(case: Case) -> None:
+def test_lanes_do_not_depend_on_each_other(case: Case) -> None:
+    trial = case.trials.draw(2, 20.0, "different", "cone")
+    m = _take(case, trial, 0.02, 7)
+    joint = case.buffers.joint
+    contact, primitive = joint.contact.copy(), joint.primitive.copy()
+    _optimize(case, m, 2)
+    together = joint.lane[ENERGY].copy(), [_solution(joint, lane) for lane in range(LANES)]
+    for lane in range(LANES):
+        for own, source in zip(joint.contact, contact, strict=True):
+            own[:] = np.nan
+            own.reshape(-1, LANES)[:, 0] = source.reshape(-1, LANES)[:, lane]
+        joint.primitive[:, 0] = primitive[:, lane]
+        _optimize(case, m, 2, 1)
+        assert joint.lane[ENERGY, 0] == pytest.approx(together[0][lane], abs=1e-9)
+        np.testing.assert_allclose(_solution(joint, 0), together[1][lane], atol=1e-9)
+    joint.contact[:] = 0.0
+
+
+def test_covariances_are_those_of_the_inverse_matrix(case: Case) -> None:
     trial = case.trials.draw(3, 20.0, "different", "cone")
     m = _take(case, trial, 0.0, 9)
-    constants, optimizer = case.constants, case.buffers.optimizer
-    joint_energy.linearize(
-        constants.surfaces, case.frames, case.buffers.rows, m, constants.prior, 3, optimizer
-    )
-    size = 3 * UNKNOWNS
-    lower = np.tril(optimizer.matrix[:size, :size])
-    matrix = lower + lower.T - np.diag(np.diag(lower))
-    log_det, _ = solve_in_place(optimizer.matrix, optimizer.step, size)
-    assert log_det == pytest.approx(np.linalg.slogdet(matrix)[1])
-    invert_factored(optimizer, size)
-    np.testing.assert_allclose(optimizer.inverse[:size, :size] @ matrix, np.eye(size), atol=1e-6)
+    constants, joint, size = case.constants, case.buffers.joint, 3 * UNKNOWNS
+    joint.lane[ACTIVE] = 1.0
+    joint_optimization._take_rows(constants.surfaces, case.buffers.rows, m, 3, joint)
+    joint_energy.linearize(constants.surfaces, case.buffers.rows, m, constants.prior, 3, joint)
+    matrices = [_in_lane(joint.matrix[:size], lane, size) for lane in range(LANES)]
+    joint_optimization._solve(3, joint)
+    fill_covariances(3, joint)
+    for lane, lower in enumerate(matrices):
+        inverse = np.linalg.inv(np.tril(lower) + np.tril(lower, -1).T)
+        for i in range(3):
+            chosen = i * UNKNOWNS + np.array([0, 1, 2, 4, 5])
+            for a in range(5):
+                for b in range(5):
+                    found = covariance_of(joint, 5 * i + a, 5 * i + b, lane)
+                    assert found == pytest.approx(inverse[chosen[a], chosen[b]], rel=1e-6, abs=1e-9)
+        wrench = np.hstack(
+            [
+                block[JACOBIAN : JACOBIAN + 42 * LANES].reshape(7, 6, LANES)[..., lane].T
+                for block in joint.contact
+            ]
+        )
+        expected = wrench @ inverse @ wrench.T
+        stated = [[covariance_of(joint, 15 + a, 15 + b, lane) for b in range(6)] for a in range(6)]
+        np.testing.assert_allclose(stated, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
 
 
 def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
     trial = case.trials.draw(1, 20.0, "different", "cone")
     m = _take(case, trial, 0.0, 2)
-    constants, optimizer = case.constants, case.buffers.optimizer
-    information = 1.0 / 0.001**2
-    optimizer.prior_point[0] = optimizer.point[0]
-    optimizer.prior_point_information[0] = information * np.eye(3)
-    joint_optimization.find_joint_mode(
-        constants.surfaces, case.frames, case.buffers.rows, m, constants.prior, 1, np.inf, optimizer
+    joint, information = case.buffers.joint, 1.0 / 0.001**2
+    block = joint.contact[0]
+    before = np.array(vector_of(block, PX, 0))
+    for k in range(3):
+        block[MX + k * LANES] = before[k]
+    block[I00], block[I11], block[I22] = information, information, information
+    _optimize(case, m, 1, 1)
+    assert np.linalg.norm(np.array(vector_of(block, PX, 0)) - before) < 0.003
+    fill_covariances(1, joint)
+    assert covariance_of(joint, 3, 3, 0) < 1.0 / information
+    assert covariance_of(joint, 4, 4, 0) < 1.0 / information
+
+
+def test_contacts_above_the_limit_are_rejected(case: Case) -> None:
+    trial = case.trials.draw(2, 20.0, "different", "cone")
+    m = _take(case, trial, 0.01, 5)
+    constants, joint = case.constants, case.buffers.joint
+    joint_optimization.find_joint_modes(
+        constants.surfaces, case.buffers.rows, m, constants.prior, 2, LANES, -1.0, joint
     )
-    assert np.linalg.norm(optimizer.point[0] - optimizer.prior_point[0]) < 0.003
-    invert_factored(optimizer, UNKNOWNS)
-    assert optimizer.inverse[4, 4] < 1.0 / information
-    assert optimizer.inverse[5, 5] < 1.0 / information
+    assert np.isposinf(joint.lane[ENERGY]).all()
+    assert np.isneginf(joint.lane[LOG_EVIDENCE]).all()
 
 
 def test_the_prior_over_links_adds_to_the_evidence_once_per_contact(case: Case) -> None:
@@ -249,17 +326,11 @@ def test_the_prior_over_links_adds_to_the_evidence_once_per_contact(case: Case) 
     for log_link_density in (np.zeros(len(SHAPES)), density):
         trial = Trials(SCENE, seed=3).draw(2, 20.0, "different", "cone")
         m = _take(case, trial, 0.01, 3)
-        prior, optimizer = (
-            case.constants.prior._replace(log_link_density=log_link_density),
-            case.buffers.optimizer,
-        )
+        prior, joint = case.constants.prior._replace(log_link_density=log_link_density), case.buffers.joint
         surfaces = case.constants.surfaces
-        found.append(
-            joint_optimization.find_joint_mode(
-                surfaces, case.frames, case.buffers.rows, m, prior, 2, np.inf, optimizer
-            )
-        )
-        links = surfaces.link[optimizer.primitive[:2]]
+        joint_optimization.find_joint_modes(surfaces, case.buffers.rows, m, prior, 2, 1, np.inf, joint)
+        found.append(joint.lane[[ENERGY, LOG_EVIDENCE], 0])
+        links = surfaces.link[joint.primitive[:2, 0]]
     assert links[0] != links[1]
     assert found[1][0] == found[0][0]
     assert found[1][1] - found[0][1] == pytest.approx(density[links].sum(), abs=1e-9)

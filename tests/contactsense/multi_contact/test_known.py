@@ -48,11 +48,9 @@ def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
     known.point[0], known.force[0] = CENTER + RADIUS * NORMAL, force
     known.covariance[0] = covariance
     initialize_known_contact(
-        constants.surfaces, frames, known, buffers.optimizer, buffers.seeding.known_normal[0], 10.0, 0
+        constants.surfaces, frames, known, buffers.joint, buffers.seeding.known_normal[0], 10.0, 0, 0
     )
-    log_evidence = known_evidence(
-        constants.surfaces, constants.prior, frames, buffers.rows, 1, buffers.optimizer
-    )
+    log_evidence = known_evidence(constants.surfaces, constants.prior, buffers.rows, 1, buffers.joint)
     return float(log_evidence) + float(np.log(constants.prior.area))
 
 

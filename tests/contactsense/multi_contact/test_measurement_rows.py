@@ -111,7 +111,7 @@ def test_rank(case: Case, sensors: tuple[bool, bool, bool], links: tuple[int, ..
     """Base sensor and torques give 6 + (l - k) independent measurements of two contacts on links k <= l."""
     _take(case, {})
     m = _fill(case, *sensors)
-    rows, scratch = case.buffers.rows, case.buffers.optimizer.jacobian
+    rows, scratch = case.buffers.rows, case.buffers.rank.matrix
     assert rank_of(rows, m, np.array(links), len(links), scratch) == rank
     # Oracle: NumPy's singular values of the stacked map.
     stacked = np.hstack([rows.matrix[link, :m] for link in links])

@@ -87,6 +87,16 @@ def test_a_region_grows_along_the_surface_only() -> None:
     np.testing.assert_allclose(explanations.covariance[0, :2], [expected, expected], atol=1e-15)
 
 
+def test_a_covariance_on_another_side_of_an_edge_stays_one() -> None:
+    explanations = _explanations([(0.0, (3, 1), 0.0)])
+    normal = np.array([0.0, 0.6, 0.8])
+    explanations.normal[0, :2] = normal
+    pool_link_evidence(LINK, explanations, 0, 1, 0, 2, _evidence(l31=0.0), SURFACE_DEVIATION)
+    for covariance in explanations.covariance[0, :2]:
+        assert np.linalg.eigvalsh(covariance).min() > 0.0
+        assert normal @ covariance @ normal == pytest.approx(SURFACE_DEVIATION**2)
+
+
 def test_one_further_contact_is_pooled_by_its_link_alone() -> None:
     optima = [(1.0, (0, 3), 0.0), (0.5, (0, 3), 0.2), (2.0, (0, 2), 0.0)]
     explanations = _explanations(optima)

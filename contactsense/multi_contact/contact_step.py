@@ -1,0 +1,178 @@
+"""Contacts of the joint optimization: where they start, and how they move on their primitives. Eight at a
+time, see `contactsense.multi_contact.joint_layout`."""
+
+import numpy as np
+
+from contactsense.kinematics.linalg.lanes import LANES
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState, PrimitiveFrames
+from contactsense.multi_contact.joint_energy import PRIMITIVE_EXTENT
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import Surfaces, project
+from contactsense.robots.vectors import Vector, tangents
+from contactsense.solvers.posterior import Prior
+
+from contactsense.multi_contact.joint_layout import (  # isort: skip
+    BNX, BNY, BNZ, BX, BY, BZ, D0, D1, D2, D3, D4, D5, D6, EXTENT, FORCE_INFORMATION, FX, FY, FZ, I00, I10,
+    I11, I20, I21, I22, ITERATE, MOVES, MOVING, NX, NY, NZ, OFFSET, OX, OY, OZ, PX, PY, PZ, R00, R01, R02,
+    R10, R11, R12, R20, R21, R22, SX, SY, SZ, TORSION, TX, TY, TZ,
+)  # fmt: skip
+
+
+@fused_kernel
+def set_contact(
+    surfaces: Surfaces,
+    frames: PrimitiveFrames,
+    joint: JointState,
+    lane: int,
+    i: int,
+    p: int,
+    point: Vector,
+    force: Vector,
+) -> None:
+    """Set contact i of a lane to the point on primitive p nearest to a point [m], with a pushing force [N],
+    base frame; without priors of its own."""
+    R, o, block = frames.rotation[p], frames.origin[p], joint.contact[i]
+    joint.primitive[i, lane] = p
+    d = (point[0] - o[0], point[1] - o[1], point[2] - o[2])
+    for k in range(3):
+        at = k * LANES + lane
+        block[R00 + at], block[R10 + at], block[R20 + at] = R[0, k], R[1, k], R[2, k]
+        block[OX + at] = o[k]
+        block[BX + at] = R[0, k] * d[0] + R[1, k] * d[1] + R[2, k] * d[2]
+        block[FX + at] = force[k]
+    _project(surfaces, joint.primitive[i], lane, block)
+    _to_base_frame(block)
+    block[TORSION + lane], block[OFFSET + lane] = 0.0, 0.0
+    block[EXTENT + lane] = 1.0 / (PRIMITIVE_EXTENT * surfaces.radius[p]) ** 2
+    block[FORCE_INFORMATION + lane] = 0.0
+    block[I00 + lane], block[I10 + lane], block[I11 + lane] = 0.0, 0.0, 0.0
+    block[I20 + lane], block[I21 + lane], block[I22 + lane] = 0.0, 0.0, 0.0
+
+
+@fused_kernel
+def vector_of(block: np.ndarray, quantity: int, lane: int) -> Vector:
+    """Three numbers of a lane, such as those at `PX`."""
+    return (
+        float(block[quantity + lane]),
+        float(block[quantity + LANES + lane]),
+        float(block[quantity + 2 * LANES + lane]),
+    )
+
+
+@fused_kernel
+def _project(surfaces: Surfaces, primitive: np.ndarray, lane: int, block: np.ndarray) -> None:
+    """Replace a point in the body frame by the nearest one on the surface, with its normal."""
+    p = primitive[lane]
+    (
+        _, block[BX + lane], block[BY + lane], block[BZ + lane], block[BNX + lane], block[BNY + lane],
+        block[BNZ + lane],
+    ) = project(
+        surfaces.kind[p], surfaces.size[p], block[BX + lane], block[BY + lane], block[BZ + lane]
+    )  # fmt: skip
+
+
+@fused_kernel
+def _to_base_frame(block: np.ndarray) -> None:
+    """Points, normals and tangents in the base frame."""
+    for j in range(LANES):
+        x, y, z = block[BX + j], block[BY + j], block[BZ + j]
+        u, v, w = block[BNX + j], block[BNY + j], block[BNZ + j]
+        block[PX + j] = block[OX + j] + block[R00 + j] * x + block[R01 + j] * y + block[R02 + j] * z
+        block[PY + j] = block[OY + j] + block[R10 + j] * x + block[R11 + j] * y + block[R12 + j] * z
+        block[PZ + j] = block[OZ + j] + block[R20 + j] * x + block[R21 + j] * y + block[R22 + j] * z
+        n = (
+            block[R00 + j] * u + block[R01 + j] * v + block[R02 + j] * w,
+            block[R10 + j] * u + block[R11 + j] * v + block[R12 + j] * w,
+            block[R20 + j] * u + block[R21 + j] * v + block[R22 + j] * w,
+        )
+        s, t = tangents(n)
+        block[NX + j], block[NY + j], block[NZ + j] = n
+        block[SX + j], block[SY + j], block[SZ + j] = s
+        block[TX + j], block[TY + j], block[TZ + j] = t
+
+
+@fused_kernel
+def save_iterate(count: int, joint: JointState) -> None:
+    """Save the iterates of all lanes."""
+    for i in range(count):
+        block = joint.contact[i]
+        for q in range(ITERATE):
+            block[ITERATE + q] = block[q]
+    for q in range(joint.residual.shape[0]):
+        joint.saved_residual[q] = joint.residual[q]
+
+
+@fused_kernel
+def restore_iterate(count: int, joint: JointState) -> None:
+    """Go back to the saved iterate in the lanes of `MOVING`."""
+    for i in range(count):
+        block = joint.contact[i]
+        for j in range(LANES):
+            if joint.lane[MOVING, j] > 0.0:
+                for q in range(j, ITERATE, LANES):
+                    block[q] = block[ITERATE + q]
+
+
+@fused_kernel
+def take_step(
+    surfaces: Surfaces, prior: Prior, count: int, length: np.ndarray, step: np.ndarray, joint: JointState
+) -> None:
+    """Take a step from the saved iterate, in the lanes of `MOVING`.
+
+    Args:
+        surfaces, prior, count, joint: As for
+            `contactsense.multi_contact.joint_optimization.find_joint_modes`.
+        length: Factor of the step in each lane.
+        step: What is subtracted from the unknowns.
+    """
+    moving = joint.lane[MOVING]
+    for i in range(count):
+        block = joint.contact[i]
+        for a in range(UNKNOWNS):
+            for j in range(LANES):
+                block[D0 + a * LANES + j] = length[j] * step[(i * UNKNOWNS + a) * LANES + j]
+        for j in range(LANES):
+            block[MOVES + j] = moving[j]
+        _move(prior, block)
+        for j in range(LANES):
+            if moving[j] > 0.0:
+                _project(surfaces, joint.primitive[i], j, block)
+        _to_base_frame(block)
+
+
+@fused_kernel
+def _move(prior: Prior, block: np.ndarray) -> None:
+    """New forces, torsions and offsets; and points off the surface, in the body frame."""
+    for j in range(LANES):
+        moves = block[MOVES + j] > 0.0
+        before = ITERATE + j
+        n = (block[before + NX], block[before + NY], block[before + NZ])
+        s = (block[before + SX], block[before + SY], block[before + SZ])
+        t = (block[before + TX], block[before + TY], block[before + TZ])
+        f0, f1, f2 = block[before + FX], block[before + FY], block[before + FZ]
+        F = -(n[0] * f0 + n[1] * f1 + n[2] * f2)
+        growth = 1.0 - block[D0 + j]
+        scale = -prior.friction_ratio * F
+        a, b = scale * block[D1 + j], scale * block[D2 + j]
+        g0, g1, g2 = (
+            growth * f0 + a * s[0] + b * t[0],
+            growth * f1 + a * s[1] + b * t[1],
+            growth * f2 + a * s[2] + b * t[2],
+        )
+        torsion = growth * block[before + TORSION] - prior.torsion_lever * F * block[D3 + j]
+        offset = block[before + OFFSET] - prior.surface_deviation * block[D6 + j]
+        v1, v2 = block[D4 + j], block[D5 + j]
+        x = block[before + PX] - v1 * s[0] - v2 * t[0] - block[OX + j]
+        y = block[before + PY] - v1 * s[1] - v2 * t[1] - block[OY + j]
+        z = block[before + PZ] - v1 * s[2] - v2 * t[2] - block[OZ + j]
+        bx = block[R00 + j] * x + block[R10 + j] * y + block[R20 + j] * z
+        by = block[R01 + j] * x + block[R11 + j] * y + block[R21 + j] * z
+        bz = block[R02 + j] * x + block[R12 + j] * y + block[R22 + j] * z
+        block[FX + j] = g0 if moves else block[FX + j]
+        block[FY + j] = g1 if moves else block[FY + j]
+        block[FZ + j] = g2 if moves else block[FZ + j]
+        block[TORSION + j] = torsion if moves else block[TORSION + j]
+        block[OFFSET + j] = offset if moves else block[OFFSET + j]
+        block[BX + j] = bx if moves else block[BX + j]
+        block[BY + j] = by if moves else block[BY + j]
+        block[BZ + j] = bz if moves else block[BZ + j]
