@@ -12,9 +12,8 @@ from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.trigonometry import sine_and_versine
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.lanes import LANES
 
-LANES = 8
-"""Samples at once: the number of doubles in the widest vector registers (AVX-512)."""
 (
     ANGLE, SPEED,
     R00, R01, R02, R10, R11, R12, R20, R21, R22, OX, OY, OZ,

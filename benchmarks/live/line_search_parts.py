@@ -18,7 +18,7 @@ from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
 from contactsense.benchmarks.live.search_parts import before_the_search, microseconds
 from contactsense.benchmarks.live.speed import yardstick
 from contactsense.detection.thresholds import Usable
-from contactsense.localization.line_of_action_search import add_cover_energies, initial_guesses
+from contactsense.localization.line_of_action_search import search_along_line_of_action
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION, place_primitives, with_link_prior
 from contactsense.robots.jit.kernel import kernel
 from contactsense.runtime.buffers import Buffers, buffer_views
@@ -32,16 +32,15 @@ class Parts(NamedTuple):
     """Times of one `locate` [us], means over the samples whose line of action is known."""
 
     noise: Noise
-    guesses: float
+    primitives: float
     """Number of primitives near the line."""
     before: float
     """Kinematics, residuals, link hypotheses."""
-    entry: float
-    """Where the line enters these primitives, and the energy there."""
-    cover: float
-    """How well other primitives cover these places."""
-    modes: float
-    """Posterior modes, the accessible share of their neighbourhoods, ranking."""
+    search: float
+    """Bounds of all primitives; entry of the line into those near it, posterior modes, accessible share of
+    their neighbourhoods."""
+    ranking: float
+    """The rest of a sample of a batch: "none of these", ranking, the row of numbers."""
     call: float
     """What a single call takes beyond its share of a batch: Python's checks and estimate, the list of
     candidates, branches that the processor does not predict."""
@@ -52,10 +51,8 @@ class Parts(NamedTuple):
 
 
 @kernel
-def _until_the_modes(
-    buffers: Buffers, measured: Measured, usable: Usable, with_cover: bool, count: np.ndarray
-) -> None:
-    """Everything before the posterior modes, for N samples; fills the number of guesses."""
+def _until_ranking(buffers: Buffers, measured: Measured, usable: Usable, count: np.ndarray) -> None:
+    """Everything before the ranking, for N samples; fills the number of primitives searched."""
     constants, state = buffer_views(buffers)
     q, torque, base_wrench, link_wrench = measured
     surfaces, candidates = constants.surfaces, state.candidates
@@ -64,14 +61,10 @@ def _until_the_modes(
         isolate_links(constants, state, usable[0], usable[1], usable[2], 1.0)
         place_primitives(surfaces, constants.sensors.depth, state.motion, candidates)
         hypotheses = with_link_prior(state.hypotheses, constants.prior, state.surface_cells)
-        count[i] = initial_guesses(
-            surfaces, constants.deviations, constants.touchable, hypotheses, constants.prior, candidates,
-            state.search_buffers,
+        count[i] = search_along_line_of_action(
+            surfaces, constants.deviations, constants.touchable, hypotheses, constants.prior,
+            state.search_buffers, candidates,
         )  # fmt: skip
-        if with_cover and count[i] > 1:
-            add_cover_energies(
-                surfaces, constants.deviations, hypotheses, constants.prior, candidates, count[i]
-            )
 
 
 def measure(points: StaticPoints, noise: Noise) -> Parts:
@@ -87,8 +80,7 @@ def measure(points: StaticPoints, noise: Noise) -> Parts:
     q, torque, wrench, links = (values[lever < LINE_OF_ACTION_DEVIATION**2] for values in every)
     chosen, count, unused = (q, torque, wrench, links), np.empty(len(q), dtype=np.int64), np.empty(len(q))
     before = microseconds(lambda: before_the_search(buffers, chosen, usable, unused), len(q))
-    entry = microseconds(lambda: _until_the_modes(buffers, chosen, usable, False, count), len(q))
-    cover = microseconds(lambda: _until_the_modes(buffers, chosen, usable, True, count), len(q))
+    search = microseconds(lambda: _until_ranking(buffers, chosen, usable, count), len(q))
     batch = microseconds(
         lambda: localizer.locate_batch(q, base_wrench=wrench, joint_torque=torque, external=False, jobs=1),
         len(q),
@@ -101,7 +93,7 @@ def measure(points: StaticPoints, noise: Noise) -> Parts:
 
     total, rnea = microseconds(one_by_one, CALLS), yardstick()
     reference = microseconds(lambda: [rnea() for _ in range(CALLS)], CALLS)
-    times = (before, entry - before, cover - entry, batch - cover, total - batch, total, reference)
+    times = (before, search - before, batch - search, total - batch, total, reference)
     return Parts(noise, float(count.mean()), *times)
 
 
@@ -109,9 +101,8 @@ HEAD = (
     "noise [N / Nm / Nm]",
     "primitives near the line",
     "before the search",
-    "entry into these",
-    "cover",
-    "modes and access",
+    "search",
+    "ranking",
     "single call",
     "`locate`",
     "the same without search",
@@ -122,9 +113,9 @@ def table(parts: list[Parts]) -> list[str]:
     """Rows of a Markdown table, times in multiples of the reference."""
     rows = [f"| {' | '.join(HEAD)} |", "|---" * len(HEAD) + "|"]
     for p in parts:
-        shares = (p.before, p.entry, p.cover, p.modes, p.call, p.total, p.before + p.call)
+        shares = (p.before, p.search, p.ranking, p.call, p.total, p.total - p.search)
         cells = " | ".join(f"{value / p.reference:.1f}" for value in shares)
-        rows.append(f"| {p.noise} | {p.guesses:.1f} | {cells} |")
+        rows.append(f"| {p.noise} | {p.primitives:.1f} | {cells} |")
     return rows
 
 

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Contact, Estimate, Scene
-from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.buffers import MultiContactBuffers, PrimitiveFrames
 from contactsense.multi_contact.contact_step import set_contact, vector_of
@@ -19,6 +18,7 @@ from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.set_evidence import fill_set_evidence, known_evidence
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.buffers import Buffers, KernelBuffers, buffer_views
 from contactsense.runtime.constants import build_constants

@@ -10,18 +10,17 @@ from typing import Protocol
 import numpy as np
 
 from contactsense.localization.candidate_buffers import Candidates
+from contactsense.localization.simd_neighbourhood import (
+    QUADRATURE_RINGS,
+    accessible_moments,
+    cover_points,
+    spread_points,
+)
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, out_of_reach, project
-from contactsense.robots.vectors import tangents
+from contactsense.robots.vectors import add_scaled, scale, tangents, vector
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
-QUADRATURE_RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
-"""Radii (in standard deviations) and weights of a quadrature for a normal distribution on a plane.
-
-Six points on each of three rings (Gauss-Laguerre in half the squared radius).
-"""
-HEXAGON = tuple((math.cos(math.pi / 3.0 * k), math.sin(math.pi / 3.0 * k)) for k in range(6))
-"""Directions of the points of a ring."""
 CLEARANCE_SIGMAS = 3.9
 """A place is fully accessible if its clearance exceeds this many standard deviations.
 
@@ -110,8 +109,8 @@ def clearance_above(
 ) -> tuple[float, float, float, float, float, int]:
     """Clearance at the height `prior.clearance` above a candidate's point.
 
-    The other primitives that are nearer than the neighbourhood is wide are written to `near`, with their
-    distances: no others can cover any of it.
+    The other primitives that are nearer than the neighbourhood is wide are written to `near`: no others can
+    cover any of it.
 
     Returns:
         Clearance [m], at most `CLEARANCE_SIGMAS` times the largest standard deviation of the point; that
@@ -156,34 +155,10 @@ def clearance_above(
             continue
         own = project(kind, size, ax, ay, az)[0]
         if own < reach:
-            candidates.near[near], candidates.near_distance[near] = p, own
+            candidates.near[near] = p
             distance = min(distance, own)
             near += 1
     return distance, max_deviation, v11, v12, v22, near
-
-
-@inlined_fused_kernel
-def _deepest_cover(
-    surfaces: Surfaces, candidates: Candidates, near: int, reach: float, x: float, y: float, z: float
-) -> float:
-    """Distance of a point (base frame) from the nearest primitive in `near`, if it is inside one, else 0 [m].
-
-    Primitives whose `near_distance` exceeds `reach` [m] are passed over.
-    """
-    distance = 0.0
-    for k in range(near):
-        if candidates.near_distance[k] > reach:
-            continue
-        p = candidates.near[k]
-        R, o = candidates.rotation[p], candidates.origin[p]
-        dx, dy, dz = x - o[0], y - o[1], z - o[2]
-        kind, size = surfaces.kind[p], surfaces.size[p]
-        ax = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
-        ay = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
-        az = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-        if not out_of_reach(kind, size, ax, ay, az, distance):
-            distance = min(distance, project(kind, size, ax, ay, az)[0])
-    return distance
 
 
 @fused_kernel
@@ -215,67 +190,23 @@ def apply_accessibility(
     ):
         candidates.score[row] = -math.inf
         return False
-    p, height = candidates.primitive[row], prior.clearance
+    p = candidates.primitive[row]
     c, n = candidates.point[row], candidates.normal[row]
-    C = candidates.covariance[row]
-    (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents((n[0], n[1], n[2]))
+    C, (R, o) = candidates.covariance[row], frame
+    t1, t2 = tangents(vector(n))
     # Root of the covariance in the tangent plane: v = (a u1, b u1 + d u2).
     a = math.sqrt(max(v11, 1e-18))
     b = v12 / a
     d = math.sqrt(max(v22 - b * b, 0.0))
-    share, mx, my, mz = 0.0, 0.0, 0.0, 0.0
-    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    R, o = frame
-    for radius, weight in QUADRATURE_RINGS:
-        for k in range(6):
-            u1, u2 = radius * HEXAGON[k][0], radius * HEXAGON[k][1]
-            v1, v2 = a * u1, b * u1 + d * u2
-            ex, ey, ez = v1 * t1x + v2 * t2x, v1 * t1y + v2 * t2y, v1 * t1z + v2 * t2z
-            if distance > CURVATURE_MARGIN * radius * max_deviation:
-                # The whole ring is clear.
-                share += weight
-                mx += weight * ex
-                my += weight * ey
-                mz += weight * ez
-                xx += weight * ex * ex
-                xy += weight * ex * ey
-                xz += weight * ex * ez
-                yy += weight * ey * ey
-                yz += weight * ey * ez
-                zz += weight * ez * ez
-                continue
-            dx, dy, dz = c[0] + ex - o[0], c[1] + ey - o[1], c[2] + ez - o[2]
-            _, lx, ly, lz, kx, ky, kz = project(
-                surfaces.kind[p],
-                surfaces.size[p],
-                R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
-                R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
-                R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
-            )
-            hx, hy, hz = lx + height * kx, ly + height * ky, lz + height * kz
-            free = _deepest_cover(
-                surfaces,
-                candidates,
-                near,
-                CURVATURE_MARGIN * radius * max_deviation,
-                o[0] + R[0, 0] * hx + R[0, 1] * hy + R[0, 2] * hz,
-                o[1] + R[1, 0] * hx + R[1, 1] * hy + R[1, 2] * hz,
-                o[2] + R[2, 0] * hx + R[2, 1] * hy + R[2, 2] * hz,
-            )
-            share_weight = weight * accessible_share(free, prior)
-            ex = o[0] + R[0, 0] * lx + R[0, 1] * ly + R[0, 2] * lz - c[0]
-            ey = o[1] + R[1, 0] * lx + R[1, 1] * ly + R[1, 2] * lz - c[1]
-            ez = o[2] + R[2, 0] * lx + R[2, 1] * ly + R[2, 2] * lz - c[2]
-            share += share_weight
-            mx += share_weight * ex
-            my += share_weight * ey
-            mz += share_weight * ez
-            xx += share_weight * ex * ex
-            xy += share_weight * ex * ey
-            xz += share_weight * ex * ez
-            yy += share_weight * ey * ey
-            yz += share_weight * ey * ez
-            zz += share_weight * ez * ez
+    axes = (add_scaled(scale(a, t1), b, t2), scale(d, t2))
+    kind, size, points = surfaces.kind[p], surfaces.size[p], candidates.points
+    spread_points(kind, size, R, o, vector(c), axes, prior.clearance, points)
+    for k in range(near):
+        q = candidates.near[k]
+        cover_points(surfaces.kind[q], surfaces.size[q], candidates.rotation[q], candidates.origin[q], points)
+    share, (mx, my, mz), (xx, xy, xz, yy, yz, zz) = accessible_moments(
+        vector(c), prior.surface_deviation / PENETRATION_SCALE, points
+    )
     candidates.score[row] += math.log(share)
     if share > FULLY_ACCESSIBLE:
         return False

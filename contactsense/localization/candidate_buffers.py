@@ -5,9 +5,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from contactsense.localization.line_distance import SPHERES_LENGTH
+from contactsense.localization.simd_neighbourhood import LENGTH as POINTS_LENGTH
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.solvers.posterior import SearchBuffers
+from contactsense.robots.vectors import add, dot, rotate, vector
 from contactsense.solvers.posterior_mode import Mode
 
 MAX_CANDIDATES = 8
@@ -57,16 +58,16 @@ class Candidates(NamedTuple):
     """Origin of the body frame of each primitive, base frame [m]."""
     deviation_cell: Annotated[Integers, "primitives"]
     """Scratch: cell of `contactsense.localization.local_prior` in which each initial guess lies."""
+    bound: Annotated[Floats, "primitives"]
+    """Scratch: lower bound of the energy of a contact on each primitive."""
     mean_rotation: Annotated[Floats, "3, 3"]
     """Scratch: rotation of a primitive's body frame as moved to the mean surface, base frame ..."""
     mean_origin: Annotated[Floats, "3"]
     """... and its origin [m], see `contactsense.localization.mean_surface`."""
-    cover_energy: Annotated[Floats, "primitives"]
-    """Scratch: least loss of log evidence of a contact on each primitive because others cover it."""
     near: Annotated[Integers, "primitives"]
     """Scratch: primitives that may cover the neighbourhood of one candidate."""
-    near_distance: Annotated[Floats, "primitives"]
-    """Scratch: their distances from the point above the candidate [m]."""
+    points: Annotated[Floats, f"{POINTS_LENGTH}"]
+    """Scratch: see `contactsense.localization.simd_neighbourhood`."""
     spheres: Annotated[Floats, f"{SPHERES_LENGTH}"]
     """Scratch: block of spheres for `contactsense.localization.line_distance`."""
 
@@ -85,10 +86,9 @@ def store_candidate(
     p: int,
     frame: tuple[np.ndarray, np.ndarray],
     mode: Mode,
-    buffers: SearchBuffers,
     surface_deviation: float,
 ) -> None:
-    """Store the result of `find_posterior_mode` on primitive p in row `row`, in the base frame.
+    """Store a contact found on primitive p in row `row`, in the base frame.
 
     The covariance of the point is that of the posterior plus the effect of the real surface's tilt: a
     tilt d of the normal turns the torsion xi, changes the moment by xi d and so moves the point by xi d /
@@ -99,31 +99,26 @@ def store_candidate(
         row: Row to write.
         p: Index of the primitive.
         frame: Its body frame, base frame: rotation (3, 3) and origin (3,) [m].
-        mode: That result, body frame.
-        buffers: Buffers of that search, with the frame of normal and tangents. `gradient` is overwritten.
+        mode: The contact, body frame.
         surface_deviation: Standard deviation of the surface's offset along the normal [m].
     """
-    (cx, cy, cz), (nx, ny, nz), (fx, fy, fz), xi = mode.contact
+    point, normal, force, xi = mode.contact
     v11, v12, v22 = mode.variances
     candidates.primitive[row] = p
-    R, o = frame
-    T = buffers.frame
-    rotate_into(R, cx, cy, cz, candidates.point[row])
-    rotate_into(R, nx, ny, nz, candidates.normal[row])
-    rotate_into(R, fx, fy, fz, candidates.force[row])
-    candidates.torsion[row] = xi
-    t1, t2 = buffers.gradient[:3], buffers.gradient[3:]
-    rotate_into(R, T[0, 1], T[1, 1], T[2, 1], t1)
-    rotate_into(R, T[0, 2], T[1, 2], T[2, 2], t2)
-    n = candidates.normal[row]
-    shift = min(surface_deviation / TILT_LENGTH, MAX_TILT) * xi / (fx * nx + fy * ny + fz * nz)
+    R, o = frame[0], vector(frame[1])
+    # Everything is read before anything is written: the compiler cannot know that these are other arrays.
+    c, n, f = add(o, rotate(R, point)), rotate(R, normal), rotate(R, force)
+    t1, t2 = rotate(R, mode.tangents[0]), rotate(R, mode.tangents[1])
+    shift = min(surface_deviation / TILT_LENGTH, MAX_TILT) * xi / dot(force, normal)
     v11 += shift * shift
     v22 += shift * shift
+    along_normal = surface_deviation * surface_deviation
+    candidates.torsion[row] = xi
     for i in range(3):
-        candidates.point[row, i] += o[i]
+        candidates.point[row, i], candidates.normal[row, i], candidates.force[row, i] = c[i], n[i], f[i]
         for k in range(3):
             candidates.covariance[row, i, k] = (
                 t1[i] * (v11 * t1[k] + v12 * t2[k])
                 + t2[i] * (v12 * t1[k] + v22 * t2[k])
-                + n[i] * n[k] * surface_deviation * surface_deviation
+                + n[i] * n[k] * along_normal
             )

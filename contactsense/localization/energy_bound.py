@@ -5,8 +5,9 @@ import math
 
 import numpy as np
 
-from contactsense.localization.simd_layout import BOUND, LANES, NX, NY, NZ, SPREAD, X, Y, Z
+from contactsense.localization.simd_layout import BOUND, NX, NY, NZ, SPREAD, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior import STUDENT_DOF
 
 FORCE_SIGMAS = 3.0

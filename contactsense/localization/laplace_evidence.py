@@ -23,11 +23,12 @@ import math
 
 import numpy as np
 
+from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
-    ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, LANES, LOG_FORCE, NX, NY, NZ, SPREAD, SQUARED_RATIO, T1X,
+    ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, LOG_FORCE, NX, NY, NZ, SPREAD, SQUARED_RATIO, T1X,
     T1Y, T1Z, T2X, T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2, W3, W4, W5, X, Y, Z,
 )  # fmt: skip
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled

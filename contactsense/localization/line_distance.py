@@ -9,8 +9,8 @@ import math
 import numpy as np
 
 from contactsense.kinematics.spatial import Six
-from contactsense.localization.simd_layout import LANES
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import Vector
 
 CENTRE_X, CENTRE_Y, CENTRE_Z, RADIUS, OFFSET, VARIANCE, SHIFT_ENERGY = range(0, 7 * LANES, LANES)

@@ -7,8 +7,7 @@ because all strides are compile-time constants. Branches and calls that are not 
 vectorization.
 """
 
-LANES = 8
-"""Cells per block: the number of doubles in the widest vector registers (AVX-512)."""
+from contactsense.robots.jit.lanes import LANES
 
 (
     X, Y, Z, NX, NY, NZ, SPREAD,

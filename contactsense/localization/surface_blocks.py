@@ -8,9 +8,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from contactsense.localization.simd_layout import BOUND, LANES
+from contactsense.localization.simd_layout import BOUND
 from contactsense.localization.surface_samples import SurfaceSamples
 from contactsense.robots.jit.declaration import Floats, Integers
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
 
 CELL_REACH = 2.5

@@ -2,8 +2,9 @@
 
 from typing import Annotated, NamedTuple
 
-from contactsense.localization.simd_layout import BOUND, LANES, LENGTH
+from contactsense.localization.simd_layout import BOUND, LENGTH
 from contactsense.robots.jit.declaration import Floats, Integers
+from contactsense.robots.jit.lanes import LANES
 
 
 class SurfaceCells(NamedTuple):

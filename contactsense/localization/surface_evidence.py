@@ -31,7 +31,6 @@ from contactsense.localization.simd_layout import (
     CHI,
     DET,
     ENERGY,
-    LANES,
     NX,
     NY,
     NZ,
@@ -46,6 +45,7 @@ from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF

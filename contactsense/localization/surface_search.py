@@ -203,9 +203,9 @@ def _build_candidate(
     start = Contact(point, normal, pushing_force(force, normal), cells.torsion[s])
     local = prior_in_cell(prior, scene.deviations, cell)
     mode = find_posterior_mode(
-        surfaces.kind[p], surfaces.size[p], w, L, local, math.inf, start, buffers, tolerance
+        surfaces.kind, surfaces.size, cells.primitive[s : s + 1], w, L, local, start, buffers.block, tolerance
     )
-    store_candidate(candidates, row, p, frame, mode, buffers, local.surface_deviation)
+    store_candidate(candidates, row, p, frame, mode, local.surface_deviation)
     max_variance = max(mode.variances[0], mode.variances[2])
     x, y, z = (
         candidates.point[row, 0] - o[0],

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.kinematics.model import Motion
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.multi_contact.buffers import (
@@ -38,6 +37,7 @@ from contactsense.multi_contact.sample_likelihood import initialize_seeding
 from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
 from contactsense.multi_contact.set_evidence import fill_set_evidence, known_evidence
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior
 

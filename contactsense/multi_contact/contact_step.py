@@ -3,10 +3,10 @@ time, see `contactsense.multi_contact.joint_layout`."""
 
 import numpy as np
 
-from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.multi_contact.buffers import UNKNOWNS, JointState, PrimitiveFrames
 from contactsense.multi_contact.joint_energy import PRIMITIVE_EXTENT
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.vectors import Vector, tangents
 from contactsense.solvers.posterior import Prior

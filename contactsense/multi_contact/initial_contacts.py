@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 
-from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.multi_contact.buffers import (
     JointState,
     KnownContacts,
@@ -16,6 +15,7 @@ from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.joint_layout import FORCE_INFORMATION, FX, GX, I00, MX, NX, PX, SX, TX
 from contactsense.multi_contact.sample_likelihood import initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior, pushing_force
 

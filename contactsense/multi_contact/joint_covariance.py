@@ -4,10 +4,11 @@ With the matrix H = L L^T, the covariance of a^T x and b^T x is (L^-1 a) . (L^-1
 needed of the inverse.
 """
 
-from contactsense.kinematics.linalg.lanes import LANES, add_dots, clear, substitute
+from contactsense.kinematics.linalg.lanes import add_dots, clear, substitute
 from contactsense.multi_contact.buffers import COVARIANCE_ROOTS, UNKNOWNS, JointState
 from contactsense.multi_contact.joint_layout import JACOBIAN
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 
 
 @fused_kernel

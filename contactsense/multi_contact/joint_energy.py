@@ -18,9 +18,10 @@ import math
 
 import numpy as np
 
-from contactsense.kinematics.linalg.lanes import LANES, add_dots, clear
+from contactsense.kinematics.linalg.lanes import add_dots, clear
 from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 

@@ -4,7 +4,7 @@ The quantities of one contact are in one flat array, as in `contactsense.localiz
 of lane j is at index Q + j. Vectors and matrices of unknowns: see `contactsense.kinematics.linalg.lanes`.
 """
 
-from contactsense.kinematics.linalg.lanes import LANES
+from contactsense.robots.jit.lanes import LANES
 
 (
     PX, PY, PZ, NX, NY, NZ, SX, SY, SZ, TX, TY, TZ, FX, FY, FZ, TORSION, OFFSET, BX, BY, BZ, BNX, BNY, BNZ,

@@ -16,7 +16,6 @@ Eight starts are optimized at a time, one in each SIMD lane, see `contactsense.m
 import math
 
 from contactsense.kinematics.linalg.lanes import (
-    LANES,
     add_dots,
     add_multiple,
     cholesky_in_lanes,
@@ -44,6 +43,7 @@ from contactsense.multi_contact.joint_layout import (
     VALID,
 )
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior
 

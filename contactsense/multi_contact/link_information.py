@@ -17,7 +17,6 @@ import numpy as np
 
 from contactsense.kinematics.linalg.cholesky import cholesky
 from contactsense.kinematics.wrench_information import Block, blocks, dot, shift_information, shift_vector
-from contactsense.localization.simd_layout import LANES
 from contactsense.multi_contact.buffers import (
     DET,
     GAIN,
@@ -34,6 +33,7 @@ from contactsense.multi_contact.buffers import (
 from contactsense.multi_contact.force_information import factored, force_precision, solved, without_moment
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import Vector
 
 

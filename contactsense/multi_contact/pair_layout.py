@@ -1,7 +1,7 @@
 """Memory layout of a block of first contacts, for `contactsense.multi_contact.pair_likelihood`; see
 `contactsense.localization.simd_layout`."""
 
-from contactsense.localization.simd_layout import LANES
+from contactsense.robots.jit.lanes import LANES
 
 (
     CX, CY, CZ, MX, MY, MZ,

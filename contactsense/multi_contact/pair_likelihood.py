@@ -27,7 +27,6 @@ from contactsense.multi_contact.pair_layout import (  # isort: skip
     FIRST_DET, FIRST_GAIN, H0, H1, H2, H3, H4, H5, M00, M10, M11, M20, M21, M22, MX, MY, MZ, P0, P1, P10,
     P2, P20, P21, PUSH, Q0, Q1, Q2, Q3, Q4, Q5, SECOND_DET, SECOND_GAIN,
 )  # fmt: skip
-from contactsense.localization.simd_layout import LANES
 from contactsense.multi_contact.buffers import SeedingBuffers, X
 from contactsense.multi_contact.force_information import (
     factored,
@@ -39,6 +38,7 @@ from contactsense.multi_contact.force_information import (
 )
 from contactsense.multi_contact.link_information import likelihood_of_forces
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.jit.lanes import LANES
 
 
 @fused_kernel

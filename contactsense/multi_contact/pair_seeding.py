@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 
-from contactsense.localization.simd_layout import LANES
 from contactsense.multi_contact.buffers import DET, GAIN, NORMAL_FORCE, MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information, fill_sample_blocks, log_gain
 from contactsense.multi_contact.pair_likelihood import (
@@ -18,6 +17,7 @@ from contactsense.multi_contact.sample_likelihood import copy_lower, force_devia
 from contactsense.multi_contact.seed_list import find_slot, put_seed
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.jit.lanes import LANES
 
 NEGLIGIBLE = 20.0
 """Log evidence that is lower than another one by this does not count."""

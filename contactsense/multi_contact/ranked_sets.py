@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.multi_contact.buffers import Explanations, JointState
 from contactsense.multi_contact.contact_step import vector_of
@@ -22,6 +21,7 @@ from contactsense.multi_contact.joint_layout import (
     W0,
 )
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LARGEST_UNLISTED = 20.0

@@ -5,8 +5,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from contactsense.localization.simd_layout import LANES
 from contactsense.robots.jit.declaration import Floats, Integers
+from contactsense.robots.jit.lanes import LANES
 from contactsense.runtime.constants import Constants
 
 MAX_SEED_SAMPLES = 160

@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 from contactsense.localization.candidate_buffers import Candidates
-from contactsense.localization.simd_layout import LANES
 from contactsense.multi_contact.buffers import GAIN, NORMAL_FORCE, MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.link_information import (
     fill_link_information,
@@ -24,6 +23,7 @@ from contactsense.multi_contact.sample_likelihood import (
 from contactsense.multi_contact.seed_list import SAME_SIDE_COSINE, find_slot, put_seed
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 
 
 @fused_kernel

@@ -12,9 +12,10 @@ from contactsense.residuals.joint_friction import JointTorqueModel, friction_tor
 from contactsense.residuals.momentum_observer import MomentumObserver, advance
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.jit.lanes import LANES
 
 from contactsense.kinematics.simd_kinematics import (  # isort: skip
-    A0, A1, A2, A3, A4, A5, BODY, G0, G1, G2, G3, G4, G5, H0, H1, H2, H3, H4, H5, LANES, OX, OY, OZ, R00, R01,
+    A0, A1, A2, A3, A4, A5, BODY, G0, G1, G2, G3, G4, G5, H0, H1, H2, H3, H4, H5, OX, OY, OZ, R00, R01,
     R02, R10, R11, R12, R20, R21, R22, S0, S1, S2, S3, S4, S5, SPEED, V0, V1, V2, V3, V4, V5,
 )  # fmt: skip
 

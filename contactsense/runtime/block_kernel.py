@@ -6,11 +6,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from contactsense.kinematics.simd_kinematics import LANES
 from contactsense.residuals.bias_filter import friction_above_scene
 from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.newest_sample import localize

@@ -6,9 +6,10 @@ from typing import TypeAlias
 import numpy as np
 
 from contactsense.detection.thresholds import Usable
-from contactsense.kinematics.simd_kinematics import LANES, kinematics_in_lanes, motion_of_lane
+from contactsense.kinematics.simd_kinematics import kinematics_in_lanes, motion_of_lane
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel, nogil_kernel
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.best_answer import store_best
 from contactsense.runtime.buffers import Buffers, buffer_views

@@ -12,17 +12,9 @@ from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.paper_surfaces import Placed
-from contactsense.solvers.posterior import (
-    Contact,
-    Inflation,
-    Prior,
-    SearchBuffers,
-    energy_at,
-    inflate_by_surface_deviation,
-    linearize,
-    log_prior,
-    pushing_force,
-)
+from contactsense.solvers.posterior import Contact, Prior, SearchBuffers, log_prior, pushing_force
+from contactsense.solvers.posterior_energy import energy_at, inflate_by_surface_deviation, linearize
+from contactsense.solvers.posterior_equations import Inflation
 from contactsense.solvers.solution import Status
 from contactsense.solvers.solve_wrench import Method, solve_wrench
 from contactsense.solvers.surface import EqualByFields, Surface, vectors

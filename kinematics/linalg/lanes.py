@@ -16,10 +16,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
 from contactsense.robots.jit.kernel import fused_kernel
-
-LANES = 8
-"""Systems at a time: the number of doubles in the widest vector registers (AVX-512)."""
-
+from contactsense.robots.jit.lanes import LANES
 
 Rows = tuple[int, int]
 """Index of the first unknown, and how many unknowns later the next row begins."""

@@ -34,10 +34,10 @@ REVOLVED = 0
 ELLIPSOID = 1
 BOX = 2
 
-_SAME = 1e-8
+SAME_NORMAL = 1e-8
 """Sine of the angle below which two normals count as one, to tell a face from the rim beside it."""
 
-_TOUCHING = 1e-9
+TOUCHING = 1e-9
 """Distance from a core [m] below which the direction away from it is only rounding."""
 
 
@@ -210,7 +210,7 @@ def _project_revolved(size: Dimensions, x: float, y: float, z: float) -> Project
             qz, qr = t * dz - h, R0 + t * dr
         ez, er = z - qz, rho - qr
         distance = sqrt(ez * ez + er * er)
-    if distance > _TOUCHING:
+    if distance > TOUCHING:
         nz, nr = ez / distance, er / distance
     else:
         # Inside the core, or so near to it that rounding decides: the face whose plane is nearest.
@@ -232,7 +232,7 @@ def _project_box(size: Dimensions, x: float, y: float, z: float) -> Projection:
     ox, oy, oz = fabs(x) - bx, fabs(y) - by, fabs(z) - bz
     ex, ey, ez = max(ox, 0.0), max(oy, 0.0), max(oz, 0.0)
     distance = sqrt(ex * ex + ey * ey + ez * ez)
-    if distance <= _TOUCHING:
+    if distance <= TOUCHING:
         # Inside the core, or so near to it that rounding decides: the face whose plane is nearest.
         if ox >= oy and ox >= oz:
             return ox - r, sx * (bx + r), y, z, sx, 0.0, 0.0
@@ -272,9 +272,9 @@ def curvature(
     # On a rounded box the directions that bend are those in which the normal leans: none on a face beside its
     # own normal, two on an edge, three on a corner. A core without length in a direction bends there too.
     k = 1.0 / size[3] if size[3] > 0.0 else 0.0
-    kx = k if fabs(nx) > _SAME or size[0] <= 0.0 else 0.0
-    ky = k if fabs(ny) > _SAME or size[1] <= 0.0 else 0.0
-    kz = k if fabs(nz) > _SAME or size[2] <= 0.0 else 0.0
+    kx = k if fabs(nx) > SAME_NORMAL or size[0] <= 0.0 else 0.0
+    ky = k if fabs(ny) > SAME_NORMAL or size[1] <= 0.0 else 0.0
+    kz = k if fabs(nz) > SAME_NORMAL or size[2] <= 0.0 else 0.0
     return _tangential(kx, ky, kz, nx, ny, nz)
 
 
@@ -300,7 +300,7 @@ def _curvature_revolved(
     rho = sqrt(px * px + py * py)
     k = 1.0 / r if r > 0.0 else 0.0
     nr = sqrt(nx * nx + ny * ny)
-    if nr <= _SAME:
+    if nr <= SAME_NORMAL:
         # On the axis: a flat cap, or the pole of a ball.
         if (nz > 0.0 and R1 > 0.0) or (nz <= 0.0 and R0 > 0.0):
             return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -309,7 +309,7 @@ def _curvature_revolved(
     dz, dr = 2.0 * h, R1 - R0
     length = sqrt(dz * dz + dr * dr)
     # (nz, nr) along the slanted side's normal (-dr, dz): no bend along the meridian.
-    flat = length > 0.0 and fabs(nz * dz + nr * dr) <= _SAME * length
+    flat = length > 0.0 and fabs(nz * dz + nr * dr) <= SAME_NORMAL * length
     along = 0.0 if flat else k
     # Circle's tangent (-ny, nx, 0) / nr and meridian's tangent n x that = (-nx nz, -ny nz, nr^2) / nr.
     cx, cy = -ny / nr, nx / nr

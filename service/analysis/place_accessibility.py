@@ -7,19 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.localization.accessibility import (
-    HEXAGON,
-    QUADRATURE_RINGS,
     accessible_share,
     clearance,
     is_mounting_face,
 )
+from contactsense.localization.simd_neighbourhood import QUADRATURE_POINTS, QUADRATURE_WEIGHTS
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 from contactsense.solvers.posterior import Prior
-
-_RADII, _WEIGHTS = (np.repeat(column, len(HEXAGON)) for column in zip(*QUADRATURE_RINGS, strict=True))
-_UNIT = _RADII[:, None] * np.tile(np.array(HEXAGON), (len(QUADRATURE_RINGS), 1))
 
 
 class BodyFrames(NamedTuple):
@@ -63,7 +59,7 @@ def log_accessible_share(
     n = normal[0]
     basis = np.linalg.svd(n[None])[2][1:]
     values, vectors = np.linalg.eigh(basis @ covariance @ basis.T)
-    around = point - d[0] * n + (_UNIT * np.sqrt(np.maximum(values, 0.0))) @ (basis.T @ vectors).T
+    around = point - d[0] * n + (QUADRATURE_POINTS * np.sqrt(np.maximum(values, 0.0))) @ (basis.T @ vectors).T
     d, which, normal = distances(surfaces, around, link)
     around -= d[:, None] * normal
     body = min(link, len(origin) - 1)
@@ -73,7 +69,7 @@ def log_accessible_share(
     height = (rotation[body][2] @ (point - d[0] * n)) + origin[body][2]
     if is_mounting_face(link, height, float(rotation[body][2] @ n), 2.0 * prior.surface_deviation):
         return -math.inf
-    return math.log(float(_WEIGHTS @ share) / float(_WEIGHTS.sum()))
+    return math.log(float(QUADRATURE_WEIGHTS @ share) / float(QUADRATURE_WEIGHTS.sum()))
 
 
 @kernel

@@ -59,8 +59,8 @@ def test_a_part_without_samples_is_left_empty() -> None:
 
 
 def test_parts_of_the_search_along_a_line_are_multiples_of_the_reference() -> None:
-    parts = line_search_parts.Parts(NOISE, 3.4, 2.0, 3.0, 1.0, 4.0, 5.0, 15.0, 2.0)
+    parts = line_search_parts.Parts(NOISE, 3.4, 2.0, 7.0, 1.0, 5.0, 15.0, 2.0)
     *_, row = line_search_parts.table([parts])
     assert [cell.strip() for cell in row.strip("|").split("|")][1:] == [
-        "3.4", "1.0", "1.5", "0.5", "2.0", "2.5", "7.5", "3.5",
+        "3.4", "1.0", "3.5", "0.5", "2.5", "7.5", "4.0",
     ]  # fmt: skip

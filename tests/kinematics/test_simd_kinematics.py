@@ -7,9 +7,10 @@ import numpy as np
 from contactsense import robots
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.kinematics.simd_kinematics import LANES, empty_lanes, kinematics_in_lanes, motion_of_lane
+from contactsense.kinematics.simd_kinematics import empty_lanes, kinematics_in_lanes, motion_of_lane
 from contactsense.kinematics.trigonometry import sine_and_versine
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.lanes import LANES
 
 GRAVITY = np.array([0.3, -0.2, -9.7])
 

@@ -15,12 +15,11 @@ from contactsense.localization.accessibility import (
 )
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.ranking import place_primitives
-from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
-from contactsense.solvers.posterior import STUDENT_DOF, Contact, SearchBuffers
+from contactsense.solvers.posterior import STUDENT_DOF, Contact
 from contactsense.solvers.posterior_mode import Mode
 
 TRIALS = 4000
@@ -69,13 +68,11 @@ def test_share_and_mean_agree_with_monte_carlo(
     _, *projected = project(constants.surfaces.kind[p], constants.surfaces.size[p], *(R.T @ (base - o)))
     normal = R @ np.array(projected[3:])
     V = root @ root.T
-    buffers = zeros(SearchBuffers)
-    buffers.frame[:, 0] = projected[3:]
-    buffers.frame[:, 1:] = R.T @ np.array(tangents(tuple(normal))).T
     force = tuple(-10.0 * component for component in projected[3:])
     contact = Contact(tuple(projected[:3]), tuple(projected[3:]), force, 0.0)
-    mode = Mode(0.0, 0.0, contact, (V[0, 0], V[0, 1], V[1, 1]))
-    store_candidate(state.candidates, 0, p, (R, o), mode, buffers, constants.prior.surface_deviation)
+    t1, t2 = (tuple(R.T @ t) for t in np.array(tangents(tuple(normal))))
+    mode = Mode(0.0, 0.0, contact, (V[0, 0], V[0, 1], V[1, 1]), (t1, t2))
+    store_candidate(state.candidates, 0, p, (R, o), mode, constants.prior.surface_deviation)
     state.candidates.score[0] = 0.0
     start = state.candidates.point[0].copy()
     share, mean = _monte_carlo(constants, state, p, start, normal, root)
@@ -85,7 +82,7 @@ def test_share_and_mean_agree_with_monte_carlo(
     assert math.exp(state.candidates.score[0]) == pytest.approx(share, abs=0.12)
     if share > 0.2:
         assert np.linalg.norm(state.candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
-    store_candidate(state.candidates, 0, p, (R, o), mode, buffers, constants.prior.surface_deviation)
+    store_candidate(state.candidates, 0, p, (R, o), mode, constants.prior.surface_deviation)
     state.candidates.score[0] = 0.0
     apply_accessibility(constants.surfaces, state.candidates, 0, (R, o), constants.prior, -8.0)
     # Only candidates below the limit are rejected early.

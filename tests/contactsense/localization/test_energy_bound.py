@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from contactsense.localization.energy_bound import FORCE_SIGMAS, PULL_SHARE, exclude_cells
 from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
-from contactsense.localization.simd_layout import BOUND, LANES, LENGTH, NX, SPREAD, X
+from contactsense.localization.simd_layout import BOUND, LENGTH, NX, SPREAD, X
+from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior import Prior
 
 LEVER = 0.003

@@ -10,7 +10,6 @@ from contactsense.localization.laplace_evidence import find_modes, laplace_evide
 from contactsense.localization.simd_layout import (
     A00,
     A55,
-    LANES,
     LENGTH,
     NX,
     SPREAD,
@@ -21,6 +20,7 @@ from contactsense.localization.simd_layout import (
     W5,
     X,
 )
+from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 PRIOR = Prior(

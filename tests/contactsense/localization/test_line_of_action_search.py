@@ -11,12 +11,10 @@ from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.line_of_action_search import search_along_line_of_action
-from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.vectors import vector
-from contactsense.solvers.line_of_action import enter_surface
-from contactsense.solvers.posterior import Contact, SearchBuffers, pushing_force
-from contactsense.solvers.posterior_mode import find_posterior_mode
+from contactsense.solvers.posterior import Contact, pushing_force
 from contactsense.solvers.wrench import Wrench
+from tests.contactsense.solvers.one_lane import enter_surface, posterior_mode
 from tests.plain_arm import contacts, plain_ur5e
 
 ARM = plain_ur5e()
@@ -38,7 +36,7 @@ def _scores_of_all(localizer: Localizer) -> np.ndarray:
     """Score of the candidate on each primitive, minus infinity where it cannot be touched."""
     constants, state = localizer._buffers.constants, localizer._buffers.state
     surfaces, hypotheses, candidates = constants.surfaces, state.hypotheses, state.candidates
-    buffers, prior = zeros(SearchBuffers), constants.prior
+    prior = constants.prior
     scores = np.full(len(surfaces.kind), -np.inf)
     for p, (kind, size) in enumerate(zip(surfaces.kind, surfaces.size, strict=True)):
         link, w, L = surfaces.link[p], candidates.wrench[p], candidates.information[p]
@@ -50,15 +48,13 @@ def _scores_of_all(localizer: Localizer) -> np.ndarray:
             w,
             L,
         )
-        _, point, normal = enter_surface(
-            kind, size, surfaces.radius[p], Wrench((w[0], w[1], w[2]), (w[3], w[4], w[5]))
-        )
+        _, point, normal = enter_surface(kind, size, Wrench((w[0], w[1], w[2]), (w[3], w[4], w[5])))
         start = Contact(point, normal, pushing_force(vector(w), normal), 0.0)
-        mode = find_posterior_mode(kind, size, w, L, prior, math.inf, start, buffers)
+        mode = posterior_mode(kind, size, w, L, prior, start)
         if mode.log_evidence == -math.inf:
             continue
         frame = (candidates.rotation[p], candidates.origin[p])
-        store_candidate(candidates, p, p, frame, mode, buffers, prior.surface_deviation)
+        store_candidate(candidates, p, p, frame, mode, prior.surface_deviation)
         if is_mounting_face(link, candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation):
             continue
         candidates.score[p] = mode.log_evidence - hypotheses.energy[link]
@@ -88,3 +84,23 @@ def test_no_candidate_that_counts_is_left_out(localizer: Localizer) -> None:
         assert found.max() == pytest.approx(best, abs=0.05)
         # What a candidate weighs beside the best one.
         np.testing.assert_allclose(np.exp(found - best), np.exp(expected - best), atol=0.02)
+
+
+def test_each_primitive_is_searched_once_if_none_can_be_touched(localizer: Localizer) -> None:
+    constants, state = localizer._buffers.constants, localizer._buffers.state
+    for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
+        localizer.locate(q, base_wrench=wrench, joint_torque=torque)
+        # A force that pulls wherever it pushed, with a moment that no line of action explains.
+        state.hypotheses.wrench[:, :3] *= -1.0
+        state.hypotheses.wrench[:, 3:] += 5.0
+        count = search_along_line_of_action(
+            constants.surfaces,
+            constants.deviations,
+            constants.touchable,
+            state.hypotheses,
+            constants.prior,
+            state.search_buffers,
+            state.candidates,
+        )
+        order = state.candidates.order[:count].tolist()
+        assert len(set(order)) == count <= len(constants.surfaces.kind)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.localization.simd_layout import LANES, SPREAD, X, Y, Z
+from contactsense.localization.simd_layout import SPREAD, X, Y, Z
 from contactsense.localization.surface_blocks import CELL_REACH, surface_blocks
 from contactsense.readings import forward_model
 from contactsense.robots import load
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import pack
 from contactsense.runtime.constants import build_constants
 

@@ -9,7 +9,6 @@ from scipy.optimize import least_squares
 
 from contactsense import Localizer, Scene, robots
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
-from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact import joint_energy, joint_optimization
 from contactsense.multi_contact.buffers import (
@@ -40,6 +39,7 @@ from contactsense.multi_contact.joint_layout import (
     TRIAL,
 )
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import Constants

@@ -9,8 +9,9 @@ from contactsense.robots import Inertia, Link
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import Surfaces, pack, project
-from contactsense.solvers.line_of_action import ENTRY_TOLERANCE, enter_surface
+from contactsense.solvers.line_of_action import ENTRY_TOLERANCE
 from contactsense.solvers.wrench import Wrench, wrench_of
+from tests.contactsense.solvers.one_lane import enter_surface
 
 SHAPES: tuple[Primitive, ...] = (
     Sphere(center=(0, 0, 0), radius=0.05),
@@ -40,7 +41,7 @@ def test_a_line_through_the_body_is_followed_to_its_first_intersection(
     if np.linalg.norm(f) < 1e-3 or project(kind, dimensions, *inside)[0] > -1e-4:
         return
     f *= size
-    distance, *hit = enter_surface(kind, dimensions, radius, wrench_of(f, np.cross(inside, f)))
+    distance, *hit = enter_surface(kind, dimensions, wrench_of(f, np.cross(inside, f)))
     point, normal = np.array(hit)
     assert distance == 0.0
     assert abs(project(kind, dimensions, *point)[0]) < 1e-8
@@ -76,7 +77,7 @@ def test_a_line_that_misses_returns_a_point_that_can_be_pushed(
     f /= np.linalg.norm(f)
     side = np.cross(f, [0.3, -0.5, 0.8])
     line_point = offset * radius * side / np.linalg.norm(side)
-    distance, *hit = enter_surface(kind, dimensions, radius, wrench_of(f, np.cross(line_point, f)))
+    distance, *hit = enter_surface(kind, dimensions, wrench_of(f, np.cross(line_point, f)))
     point, normal = np.array(hit)
     along = np.linspace(-2, 2, 4001)[:, None] * radius
     nearest = _least_distance(kind, dimensions, line_point + along * f)
@@ -89,6 +90,6 @@ def test_a_line_that_misses_returns_a_point_that_can_be_pushed(
 def test_a_zero_force_returns_a_point_on_the_surface(shape: Primitive) -> None:
     surfaces = _packed(shape)
     wrench = Wrench((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    distance, point, _ = enter_surface(surfaces.kind[0], surfaces.size[0], surfaces.radius[0], wrench)
+    distance, point, _ = enter_surface(surfaces.kind[0], surfaces.size[0], wrench)
     assert distance == 0.0
     assert abs(project(surfaces.kind[0], surfaces.size[0], *point)[0]) < 1e-9

@@ -8,8 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from contactsense.robots.jit.flat_buffers import zeros
-from contactsense.robots.surface.convex_primitives import BOX, ELLIPSOID, REVOLVED, bounding_radius
+from contactsense.robots.surface.convex_primitives import BOX, ELLIPSOID, REVOLVED
 from contactsense.solvers import (
     Box,
     Capsule,
@@ -27,10 +26,9 @@ from contactsense.solvers import (
     TaperedCapsule,
     solve,
 )
-from contactsense.solvers.line_of_action import enter_surface
-from contactsense.solvers.posterior import STUDENT_DOF, Contact, Prior, SearchBuffers, pushing_force
-from contactsense.solvers.posterior_mode import find_posterior_mode
+from contactsense.solvers.posterior import STUDENT_DOF, Contact, Prior, pushing_force
 from contactsense.solvers.wrench import wrench_of
+from tests.contactsense.solvers.one_lane import enter_surface, posterior_mode
 
 PRIOR = ContactPrior()
 EXACT = np.diag([1e-8] * 3 + [1e-11] * 3)
@@ -88,15 +86,15 @@ def test_it_is_the_mode_that_the_localization_finds(
 ) -> None:
     """The localization's search on a primitive stops a tenth of a standard deviation before the mode."""
     rng = np.random.default_rng(2)
-    packed, buffers = np.array((*size, 0.0, 0.0, 0.0, 0.0)), zeros(SearchBuffers)
+    packed = np.array((*size, 0.0, 0.0, 0.0, 0.0))
     prior = Prior(PRIOR.friction / 2.0, PRIOR.torsion, 0.0, PRIOR.force, 0.0, 1.0, np.zeros(1))
     for _ in range(15):
         w = draw(surface, rng)[1] + rng.standard_normal(6) * np.sqrt(np.diag(NOISE))
         found = solve(surface, w[:3], w[3:], covariance=NOISE)
         measured = wrench_of(w[:3], w[3:])
-        _, point, normal = enter_surface(kind, packed, bounding_radius(kind, packed), measured)
+        _, point, normal = enter_surface(kind, packed, measured)
         start = Contact(point, normal, pushing_force(measured.force, normal), 0.0)
-        theirs = find_posterior_mode(kind, packed, w, np.linalg.inv(NOISE), prior, 1e9, start, buffers)
+        theirs = posterior_mode(kind, packed, w, np.linalg.inv(NOISE), prior, start)
         assert found.energy <= theirs.energy + 1e-6
         if found.energy > theirs.energy - 0.02:
             shift = found.centroid - theirs.contact.point

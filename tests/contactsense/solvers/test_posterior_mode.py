@@ -6,21 +6,13 @@ from scipy.optimize import minimize
 
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.robots import Inertia, Link
-from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import pack, project
-from contactsense.solvers.line_of_action import enter_surface
-from contactsense.solvers.posterior import (
-    STUDENT_DOF,
-    Contact,
-    Prior,
-    SearchBuffers,
-    energy_at,
-    inflate_by_surface_deviation,
-    pushing_force,
-)
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, Mode, find_posterior_mode
+from contactsense.solvers.posterior import STUDENT_DOF, Contact, Prior, pushing_force
+from contactsense.solvers.posterior_energy import energy_at, inflate_by_surface_deviation
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, Mode
 from contactsense.solvers.wrench import wrench_of
+from tests.contactsense.solvers.one_lane import enter_surface, posterior_mode
 
 SHAPES: tuple[Primitive, ...] = (
     Sphere(center=(0, 0, 0), radius=0.05),
@@ -38,7 +30,6 @@ PRIOR = Prior(
     area=1.0,
     log_link_density=np.zeros(1),
 )
-FAR = 1e9
 
 
 def _contact(rng: np.random.Generator, kind: int, size: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -63,22 +54,16 @@ def _contact(rng: np.random.Generator, kind: int, size: np.ndarray) -> tuple[np.
 
 def _search(
     shape: Primitive, wrench: np.ndarray, information: np.ndarray, prior: Prior
-) -> tuple[Mode, SearchBuffers, int, np.ndarray]:
+) -> tuple[Mode, int, np.ndarray]:
     surfaces = pack([Link("one", Inertia(1.0, np.zeros(3), np.eye(3)), (shape,))])
-    buffers = zeros(SearchBuffers)
     kind, size = surfaces.kind[0], surfaces.size[0]
     R, o = surfaces.rotation[0], surfaces.origin[0]
     w, L = np.empty(6), np.empty((6, 6))
     to_body_frame(wrench, information, R, o, w, L)
     measured = wrench_of(w[:3], w[3:])
-    _, point, normal = enter_surface(kind, size, surfaces.radius[0], measured)
+    _, point, normal = enter_surface(kind, size, measured)
     start = Contact(point, normal, pushing_force(measured.force, normal), 0.0)
-    return (
-        find_posterior_mode(kind, size, w, L, prior, FAR, start, buffers),
-        buffers,
-        kind,
-        size,
-    )
+    return posterior_mode(kind, size, w, L, prior, start), kind, size
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
@@ -109,7 +94,7 @@ def test_the_result_is_a_local_minimum(shape: Primitive) -> None:
         point, normal, force, xi = _contact(rng, surfaces.kind[0], surfaces.size[0])
         wrench = np.concatenate((force, np.cross(point, force) + xi * normal))
         wrench += rng.standard_normal(6) * np.array([0.25] * 3 + [0.05] * 3)
-        result, _, kind, size = _search(shape, wrench, information, PRIOR)
+        result, kind, size = _search(shape, wrench, information, PRIOR)
         R, o = surfaces.rotation[0], surfaces.origin[0]
         w, L = np.empty(6), np.empty((6, 6))
         to_body_frame(wrench, information, R, o, w, L)
@@ -153,8 +138,8 @@ def test_the_covariance_agrees_with_the_errors(shape: Primitive) -> None:
             (R @ force, R @ (np.cross(point, force) + xi * normal) + np.cross(o, R @ force))
         )
         wrench += noise * rng.standard_normal(6)
-        result, buffers, _, _ = _search(shape, wrench, np.diag(noise**-2.0), PRIOR)
-        error = buffers.frame[:, 1:].T @ (np.array(result.contact.point) - point)
+        result, _, _ = _search(shape, wrench, np.diag(noise**-2.0), PRIOR)
+        error = np.array(result.tangents) @ (np.array(result.contact.point) - point)
         v11, v12, v22 = result.variances
         squares.append(error @ np.linalg.solve([[v11, v12], [v12, v22]], error))
     # A chi-square of two degrees of freedom: the median is 2 ln 2 and 90 % lie below 4.61.

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from contactsense.kinematics.linalg import lanes
-from contactsense.kinematics.linalg.lanes import LANES
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.lanes import LANES
 
 ROOM = 24
 """Unknowns that the arrays have room for."""
