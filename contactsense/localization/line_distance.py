@@ -13,11 +13,11 @@ from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import Vector
 
-CENTRE_X, CENTRE_Y, CENTRE_Z, RADIUS, OFFSET, VARIANCE, SHIFT_ENERGY = range(0, 7 * LANES, LANES)
+CENTRE_X, CENTRE_Y, CENTRE_Z, RADIUS, OFFSET, SHIFT_ENERGY = range(0, 6 * LANES, LANES)
 """Offsets of the quantities of a sphere in a block, laid out as in `contactsense.localization.simd_layout`:
-centre and radius [m]; standard deviation of the surface's offset there [m]. Results: variance of the moment
-about the centre, that offset included [Nm^2], and energy of moving the line until it touches the sphere."""
-SPHERES_LENGTH = 7 * LANES
+centre and radius [m]; standard deviation of the surface's offset there [m]. Result: energy of moving the line
+until it touches the sphere."""
+SPHERES_LENGTH = 6 * LANES
 """Length of a block."""
 MomentTerms = tuple[float, Vector, float, Six]
 """Result of `moment_terms`."""
@@ -84,7 +84,7 @@ def shift_energies(w: np.ndarray, P: np.ndarray, squared_force: float, block: np
     Args:
         w, P: Wrench and its covariance, base axes, about the base origin, shapes (6,) and (6, 6).
         squared_force: Squared force, more than 0 [N^2].
-        block: Spheres in the base frame; `VARIANCE` and `SHIFT_ENERGY` are filled.
+        block: Spheres in the base frame; `SHIFT_ENERGY` is filled.
     """
     fx, fy, fz, mx, my, mz = w[0], w[1], w[2], w[3], w[4], w[5]
     terms = moment_terms(P)
@@ -97,5 +97,4 @@ def shift_energies(w: np.ndarray, P: np.ndarray, squared_force: float, block: np
         distance = math.sqrt(ax * ax + ay * ay + az * az) * inverse - block[RADIUS + j]
         offset = block[OFFSET + j]
         variance = variance_about(terms, x, y, z) + offset * offset * squared_force
-        block[VARIANCE + j] = variance
         block[SHIFT_ENERGY + j] = shift_energy(max(distance, 0.0), squared_force, variance)

@@ -94,10 +94,14 @@ class LocateProcess:
                 context = multiprocessing.get_context("spawn")
                 self._connection, theirs = context.Pipe()
                 self._process = context.Process(
-                    target=work, args=(theirs, self._scene), name="contactsense locate", daemon=True
+                    target=work, args=(theirs,), name="contactsense locate", daemon=True
                 )
                 self._process.start()
                 theirs.close()
+                # Not as an argument: if the process is killed before it has read a large one, `start` waits
+                # forever. A connection is broken then, which the next request notices.
+                with contextlib.suppress(OSError):
+                    self._connection.send(self._scene)
                 self._answered = False
             return self._connection
 
@@ -132,13 +136,13 @@ class LocateProcess:
             connection.close()
 
 
-def work(connection: Connection, scene: Scene) -> None:
-    """Main function of the process. Returns when the service has ended."""
+def work(connection: Connection) -> None:
+    """Main function of the process, which first receives the scene. Returns when the service has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform != "win32":
         os.nice(_NICE)
-    localizer = Localizer(scene)
     with contextlib.suppress(EOFError, OSError):
+        localizer = Localizer(connection.recv())
         while True:
             samples, external = connection.recv()
             try:
