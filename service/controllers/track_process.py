@@ -10,6 +10,7 @@ from typing import Self
 from contactsense.scene import Scene
 from contactsense.service.controllers.framing import Unframer, frame
 from contactsense.service.controllers.track_session import work
+from contactsense.service.process_argument import packed
 
 _PATIENCE = 2.0
 _CHUNK = 1 << 16
@@ -66,7 +67,7 @@ class TrackProcess:
     async def __aenter__(self) -> Self:
         ours, theirs = socket.socketpair()
         self._process = multiprocessing.get_context("spawn").Process(
-            target=work, args=(theirs, self._scene), name="contactsense track", daemon=True
+            target=work, args=(theirs,), name="contactsense track", daemon=True
         )
         with theirs:
             try:
@@ -74,7 +75,9 @@ class TrackProcess:
             except BaseException:
                 ours.close()
                 raise
-        self.channel = MessageChannel(*await asyncio.open_connection(sock=ours))
+        reader, writer = await asyncio.open_connection(sock=ours)
+        writer.write(packed(self._scene))
+        self.channel = MessageChannel(reader, writer)
         return self
 
     async def __aexit__(self, *_: object) -> None:

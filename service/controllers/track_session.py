@@ -18,6 +18,7 @@ from contactsense.service.controllers.scene_message import make_scene
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.live.hub import with_events
 from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry
+from contactsense.service.process_argument import receive
 
 _CHUNK = 1 << 16
 
@@ -78,12 +79,13 @@ def error_message(error: MessageError, binary: bool) -> bytes:
     return encode({"errors": [{"field": error.field, "reason": error.reason}]}, binary)
 
 
-def work(connection: socket.socket, scene: Scene) -> None:
-    """Main function of the process. Returns when the service closes the connection."""
+def work(connection: socket.socket) -> None:
+    """Main function of the process, which first receives the scene. Returns when the service closes the
+    connection."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service shuts this process down in order
-    session, unframer = TrackSession(scene), Unframer()
     in_time: Scheduling | None = None
     with connection, contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        session, unframer = TrackSession(receive(connection)), Unframer()
         while chunk := connection.recv(_CHUNK):
             for message, binary in unframer.feed(chunk):
                 connection.sendall(frame(session.answer(message, binary), binary))

@@ -98,8 +98,8 @@ class LocateProcess:
                 )
                 self._process.start()
                 theirs.close()
-                # Not as an argument: if the process is killed before it has read a large one, `start` waits
-                # forever. A connection is broken then, which the next request notices.
+                # No argument of the process, see `contactsense.service.process_argument`. If it has been
+                # killed, the next request notices.
                 with contextlib.suppress(OSError):
                     self._connection.send(self._scene)
                 self._answered = False

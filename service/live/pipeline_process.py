@@ -29,6 +29,7 @@ from contactsense.service.group_signals import leave_to_parent
 from contactsense.service.live.listener import Listener, Reporter
 from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry
 from contactsense.service.live.step_times import StepTimes
+from contactsense.service.process_argument import receive
 from contactsense.service.sensors import source_health
 from contactsense.service.sensors.netft_client import WrenchHealth
 from contactsense.service.sensors.robot_stream import StreamHealth
@@ -192,21 +193,20 @@ class Listeners:
 
 def work(
     connection: socket.socket,
-    scene: Scene,
     open_source: Callable[[Scene], Source],
     factories: Sequence[ListenerFactory] = (),
 ) -> None:
     """Main function of the pipeline's process. Returns when the service has ended.
 
     Args:
-        connection: Connection to the service.
-        scene: The arm in its cell.
+        connection: Connection to the service, which first sends the scene.
         open_source: Creates the source of samples.
         factories: Create the listeners.
     """
     leave_to_parent()
-    outbox = Outbox(connection)
     with connection, contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the service has ended
+        scene: Scene = receive(connection)
+        outbox = Outbox(connection)
         try:
             with _reported_loading(scene, outbox):
                 localizer = Localizer(scene, progress=False)

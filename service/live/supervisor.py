@@ -37,6 +37,7 @@ from contactsense.service.live.process_exit import end, exit_code
 from contactsense.service.live.silence import TICK, Silence, process_state
 from contactsense.service.live.status import STALE, Facts, Status, assess
 from contactsense.service.live.supervision import Supervised
+from contactsense.service.process_argument import packed
 
 log = logging.getLogger("contactsense")
 
@@ -196,7 +197,7 @@ class Runner:
         hung = False
         process = context.Process(
             target=work,
-            args=(theirs, self._scene, open_source, self._listeners),
+            args=(theirs, open_source, self._listeners),
             name="contactsense pipeline",
             daemon=True,
         )
@@ -204,6 +205,7 @@ class Runner:
             with theirs:
                 process.start()
             reader, writer = await asyncio.open_connection(sock=ours, limit=1 << 20)
+            writer.write(packed(self._scene))
             self._to_pipeline = writer
             try:
                 reason, hung = await self._listen(reader, process)
