@@ -15,11 +15,12 @@ from contactsense.localization.simd_neighbourhood import (
     accessible_moments,
     cover_points,
     spread_points,
+    tail_of_penetration,
 )
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, out_of_reach, project
 from contactsense.robots.vectors import add_scaled, scale, tangents, vector
-from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior import Prior
 
 CLEARANCE_SIGMAS = 3.9
 """A place is fully accessible if its clearance exceeds this many standard deviations.
@@ -92,15 +93,13 @@ def clearance(
 def accessible_share(margin: float, prior: Prior) -> float:
     """Probability that a place can be touched, given the clearance `margin` above it [m].
 
-    1 for a positive clearance. For a negative one it falls with the tail of a Student t distribution,
-    because the surfaces are uncertain.
+    1 for a positive clearance; for a negative one see
+    `contactsense.localization.simd_neighbourhood.tail_of_penetration`.
     """
     if margin >= 0.0:
         return 1.0
-    penetration = PENETRATION_SCALE * margin / prior.surface_deviation
-    ratio = 1.0 / (1.0 + penetration * penetration / STUDENT_DOF)
-    # To the power of (nu + 1) / 2, for nu = 4.
-    return ratio * ratio * math.sqrt(ratio)
+    share: float = tail_of_penetration(margin, prior.surface_deviation / PENETRATION_SCALE)
+    return share
 
 
 @fused_kernel
@@ -169,27 +168,23 @@ def apply_accessibility(
     frame: tuple[np.ndarray, np.ndarray],
     prior: Prior,
     min_score: float,
-) -> bool:
+) -> None:
     """Condition a candidate on being accessible.
 
     The candidate's score is lowered by the log of the accessible share of its neighbourhood; its point and
     covariance become those of that share. If the score cannot exceed `min_score`, it becomes -infinity at
     once. `frame`: body frame of the candidate's primitive, see
     `contactsense.localization.candidate_buffers.store_candidate`.
-
-    Returns:
-        Whether the neighbourhood is accessible as far as `FULL_CLEARANCE_SIGMAS`, which leaves the candidate
-        unchanged.
     """
     distance, max_deviation, v11, v12, v22, near = clearance_above(surfaces, candidates, row, prior)
     if distance >= FULL_CLEARANCE_SIGMAS * max_deviation:
-        return True
+        return
     if (
         candidates.score[row] + math.log(accessible_share(distance + CLEARANCE_SIGMAS * max_deviation, prior))
         < min_score
     ):
         candidates.score[row] = -math.inf
-        return False
+        return
     p = candidates.primitive[row]
     c, n = candidates.point[row], candidates.normal[row]
     C, (R, o) = candidates.covariance[row], frame
@@ -209,7 +204,7 @@ def apply_accessibility(
     )
     candidates.score[row] += math.log(share)
     if share > FULLY_ACCESSIBLE:
-        return False
+        return
     mx, my, mz = mx / share, my / share, mz / share
     s = prior.surface_deviation * prior.surface_deviation
     C[0, 0] = xx / share - mx * mx + s * n[0] * n[0]
@@ -230,7 +225,6 @@ def apply_accessibility(
     for i in range(3):
         c[i] = o[i] + R[i, 0] * lx + R[i, 1] * ly + R[i, 2] * lz
         n[i] = R[i, 0] * kx + R[i, 1] * ky + R[i, 2] * kz
-    return False
 
 
 @fused_kernel

@@ -49,15 +49,15 @@ class Candidates(NamedTuple):
     covariance: Annotated[Floats, "candidates, 3, 3"]
     """Covariance of `point` [m^2]."""
     wrench: Annotated[Floats, "primitives, 6"]
-    """Fused wrench of the link hypothesis in the body frame of each primitive [N, Nm]."""
+    """Scratch: fused wrench of the link hypothesis in the body frame of each primitive [N, Nm] ..."""
     information: Annotated[Floats, "primitives, 6, 6"]
-    """Its information matrix."""
+    """... and its information matrix."""
     rotation: Annotated[Floats, "primitives, 3, 3"]
     """Rotation from the body frame of each primitive to the base frame."""
     origin: Annotated[Floats, "primitives, 3"]
     """Origin of the body frame of each primitive, base frame [m]."""
     deviation_cell: Annotated[Integers, "primitives"]
-    """Scratch: cell of `contactsense.localization.local_prior` in which each initial guess lies."""
+    """Scratch: cell of `contactsense.localization.local_prior` where the search on each primitive begins."""
     bound: Annotated[Floats, "primitives"]
     """Scratch: lower bound of the energy of a contact on each primitive."""
     mean_rotation: Annotated[Floats, "3, 3"]

@@ -31,9 +31,10 @@ from contactsense.localization.simd_layout import (  # isort: skip
     ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, LOG_FORCE, NX, NY, NZ, SPREAD, SQUARED_RATIO, T1X,
     T1Y, T1Z, T2X, T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2, W3, W4, W5, X, Y, Z,
 )  # fmt: skip
+from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
 from contactsense.kinematics.wrench_information import blocks, matvec, rotate_block, shift_information
-from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import tangents
 
 MAX_ITERATIONS = 6
@@ -274,22 +275,9 @@ def _gauss_newton_step(
         )
         block[ACTIVE + j] = 1.0 if continues else 0.0
         block[LOG_FORCE + j] = phi - scale * s0
-        block[FORCE + j] = F * _exponential(-scale * s0)
+        block[FORCE + j] = F * exponential(-scale * s0)
         block[ALPHA + j] = alpha - scale * s1
         block[BETA + j] = beta - scale * s2
         block[CHI + j] = chi - scale * s3
         block[V1 + j] = v1 - scale * s4
         block[V2 + j] = v2 - scale * s5
-
-
-@inlined_fused_kernel
-def _exponential(x: float) -> float:
-    """exp(x) for |x| up to `MAX_LOG_FORCE_STEP`, to 1e-8; a call would prevent vectorization."""
-    x = 0.125 * x
-    y = 1.0 + x * (
-        1.0
-        + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0 * (1.0 + x / 6.0 * (1.0 + x / 7.0)))))
-    )
-    y *= y
-    y *= y
-    return y * y

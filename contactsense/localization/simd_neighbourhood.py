@@ -10,10 +10,11 @@ import math
 import numpy as np
 
 from contactsense.kinematics.spatial import Six
-from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.kinematics.wrench_information import Block, matvec, transposed_matvec
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import REVOLVED, project
 from contactsense.robots.surface.simd_revolved import profile, project_revolved
-from contactsense.robots.vectors import Vector
+from contactsense.robots.vectors import Vector, add, add_scaled, subtract, vector
 from contactsense.solvers.posterior import STUDENT_DOF
 
 QUADRATURE_RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
@@ -64,82 +65,69 @@ def spread_points(
         height: Of the points above the surface [m].
         points: Filled.
     """
-    (ax, ay, az), (bx, by, bz) = axes
-    r00, r01, r02 = R[0, 0], R[0, 1], R[0, 2]
-    r10, r11, r12 = R[1, 0], R[1, 1], R[1, 2]
-    r20, r21, r22 = R[2, 0], R[2, 1], R[2, 2]
-    ox, oy, oz = o[0], o[1], o[2]
-    sx, sy, sz = c[0] - ox, c[1] - oy, c[2] - oz
+    body_axes, origin = _axes(R), vector(o)
+    # In the body frame.
+    start = matvec(body_axes, subtract(c, origin))
+    first, second = matvec(body_axes, axes[0]), matvec(body_axes, axes[1])
     if kind == REVOLVED:
         body = profile(size[0], size[1], size[2], size[3])
         for j in range(POINTS):
-            u1, u2 = _U1[j], _U2[j]
-            dx, dy, dz = sx + u1 * ax + u2 * bx, sy + u1 * ay + u2 * by, sz + u1 * az + u2 * bz
-            _, x, y, z, nx, ny, nz = project_revolved(
-                body,
-                r00 * dx + r10 * dy + r20 * dz,
-                r01 * dx + r11 * dy + r21 * dz,
-                r02 * dx + r12 * dy + r22 * dz,
-            )
+            place = add_scaled(add_scaled(start, _U1[j], first), _U2[j], second)
+            _, x, y, z, nx, ny, nz = project_revolved(body, *place)
             points[X + j], points[Y + j], points[Z + j] = x, y, z
             points[NX + j], points[NY + j], points[NZ + j] = nx, ny, nz
     else:
         for j in range(_POINTS):
-            u1, u2 = _U1[j], _U2[j]
-            dx, dy, dz = sx + u1 * ax + u2 * bx, sy + u1 * ay + u2 * by, sz + u1 * az + u2 * bz
-            _, x, y, z, nx, ny, nz = project(
-                kind,
-                size,
-                r00 * dx + r10 * dy + r20 * dz,
-                r01 * dx + r11 * dy + r21 * dz,
-                r02 * dx + r12 * dy + r22 * dz,
-            )
+            place = add_scaled(add_scaled(start, _U1[j], first), _U2[j], second)
+            _, x, y, z, nx, ny, nz = project(kind, size, *place)
             points[X + j], points[Y + j], points[Z + j] = x, y, z
             points[NX + j], points[NY + j], points[NZ + j] = nx, ny, nz
     for j in range(POINTS):
-        x, y, z = points[X + j], points[Y + j], points[Z + j]
-        nx, ny, nz = points[NX + j], points[NY + j], points[NZ + j]
-        px, py, pz = (
-            ox + r00 * x + r01 * y + r02 * z,
-            oy + r10 * x + r11 * y + r12 * z,
-            oz + r20 * x + r21 * y + r22 * z,
-        )
-        points[X + j], points[Y + j], points[Z + j] = px, py, pz
-        points[AX + j] = px + height * (r00 * nx + r01 * ny + r02 * nz)
-        points[AY + j] = py + height * (r10 * nx + r11 * ny + r12 * nz)
-        points[AZ + j] = pz + height * (r20 * nx + r21 * ny + r22 * nz)
+        point = transposed_matvec(body_axes, (points[X + j], points[Y + j], points[Z + j]))
+        normal = transposed_matvec(body_axes, (points[NX + j], points[NY + j], points[NZ + j]))
+        point = add(origin, point)
+        points[X + j], points[Y + j], points[Z + j] = point
+        points[AX + j], points[AY + j], points[AZ + j] = add_scaled(point, height, normal)
         points[COVER + j] = 0.0
 
 
 @fused_kernel
 def cover_points(kind: int, size: np.ndarray, R: np.ndarray, o: np.ndarray, points: np.ndarray) -> None:
-    """Lower `COVER` where the points above the surface are inside a primitive, of body frame R, o."""
-    r00, r01, r02 = R[0, 0], R[0, 1], R[0, 2]
-    r10, r11, r12 = R[1, 0], R[1, 1], R[1, 2]
-    r20, r21, r22 = R[2, 0], R[2, 1], R[2, 2]
-    ox, oy, oz = o[0], o[1], o[2]
+    """Lower `COVER` where the points above the surface are inside a primitive.
+
+    kind, size, R, o: the primitive and its body frame in the base frame.
+    """
+    body_axes, origin = _axes(R), vector(o)
     if kind == REVOLVED:
         body = profile(size[0], size[1], size[2], size[3])
         for j in range(POINTS):
-            dx, dy, dz = points[AX + j] - ox, points[AY + j] - oy, points[AZ + j] - oz
-            distance = project_revolved(
-                body,
-                r00 * dx + r10 * dy + r20 * dz,
-                r01 * dx + r11 * dy + r21 * dz,
-                r02 * dx + r12 * dy + r22 * dz,
-            )[0]
+            above = (points[AX + j], points[AY + j], points[AZ + j])
+            distance = project_revolved(body, *matvec(body_axes, subtract(above, origin)))[0]
             points[COVER + j] = min(points[COVER + j], distance)
     else:
         for j in range(_POINTS):
-            dx, dy, dz = points[AX + j] - ox, points[AY + j] - oy, points[AZ + j] - oz
-            distance = project(
-                kind,
-                size,
-                r00 * dx + r10 * dy + r20 * dz,
-                r01 * dx + r11 * dy + r21 * dz,
-                r02 * dx + r12 * dy + r22 * dz,
-            )[0]
+            above = (points[AX + j], points[AY + j], points[AZ + j])
+            distance = project(kind, size, *matvec(body_axes, subtract(above, origin)))[0]
             points[COVER + j] = min(points[COVER + j], distance)
+
+
+@inlined_fused_kernel
+def _axes(R: np.ndarray) -> Block:
+    """The axes of a body frame, the columns of R, as rows; read before anything is written, as the compiler
+    must assume that arrays overlap."""
+    return (R[0, 0], R[1, 0], R[2, 0]), (R[0, 1], R[1, 1], R[2, 1]), (R[0, 2], R[1, 2], R[2, 2])
+
+
+@inlined_fused_kernel
+def tail_of_penetration(depth: float, scale: float) -> float:
+    """Probability that a place can be touched although it is inside another body by `depth` [m]; 1 for none.
+
+    It falls with the tail of a Student t distribution of that scale [m], because the surfaces are uncertain.
+    """
+    penetration = depth / scale
+    ratio = 1.0 / (1.0 + penetration * penetration / STUDENT_DOF)
+    # To the power of (nu + 1) / 2, for nu = 4.
+    return ratio * ratio * math.sqrt(ratio)
 
 
 @fused_kernel
@@ -148,8 +136,7 @@ def accessible_moments(c: Vector, scale: float, points: np.ndarray) -> tuple[flo
 
     Args:
         c: The point about which they are spread [m].
-        scale: Of the tolerated penetration [m], see
-            `contactsense.localization.accessibility.accessible_share`.
+        scale: Of the tolerated penetration, see `tail_of_penetration` [m].
         points: The scratch array.
 
     Returns:
@@ -157,13 +144,11 @@ def accessible_moments(c: Vector, scale: float, points: np.ndarray) -> tuple[flo
         [m^2], both times the share.
     """
     cx, cy, cz = c
-    inverse = 1.0 / (scale * scale * STUDENT_DOF)
     share, mx, my, mz = 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(POINTS):
         x, y, z = points[X + j] - cx, points[Y + j] - cy, points[Z + j] - cz
-        ratio = 1.0 / (1.0 + points[COVER + j] * points[COVER + j] * inverse)
-        weight = _WEIGHT[j] * ratio * ratio * math.sqrt(ratio)
+        weight = _WEIGHT[j] * tail_of_penetration(points[COVER + j], scale)
         share += weight
         mx += weight * x
         my += weight * y

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from contactsense.kinematics.exponential import exponential
 from contactsense.multi_contact.buffers import DET, GAIN, NORMAL_FORCE, MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information, fill_sample_blocks, log_gain
 from contactsense.multi_contact.pair_likelihood import (
@@ -16,7 +17,7 @@ from contactsense.multi_contact.pair_likelihood import (
 from contactsense.multi_contact.sample_likelihood import copy_lower, force_deviations
 from contactsense.multi_contact.seed_list import find_slot, put_seed
 from contactsense.multi_contact.seed_samples import SeedSamples
-from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 
 NEGLIGIBLE = 20.0
@@ -117,23 +118,7 @@ def _add_pair_evidence(
         reference[link] = largest
     highest, added = reference[link], 0.0
     for e in range(LANES):
-        part = _exponential(max(block[GAIN + e] - highest, LOWEST_EXPONENT)) / math.sqrt(block[DET + e])
+        part = exponential(max(block[GAIN + e] - highest, LOWEST_EXPONENT)) / math.sqrt(block[DET + e])
         added += part if e < lanes else 0.0
     total[link] += added
     return largest
-
-
-@inlined_fused_kernel
-def _exponential(x: float) -> float:
-    """exp(x) from `LOWEST_EXPONENT` to 0, to 1e-7 above -12; a call would prevent vectorization."""
-    x *= 1.0 / 64.0
-    y = 1.0 + x * (
-        1.0
-        + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0 * (1.0 + x / 6.0 * (1.0 + x / 7.0)))))
-    )
-    y *= y
-    y *= y
-    y *= y
-    y *= y
-    y *= y
-    return y * y

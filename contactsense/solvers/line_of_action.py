@@ -38,9 +38,9 @@ def enter_surfaces(kind: np.ndarray, size: np.ndarray, primitives: np.ndarray, b
     Args:
         kind, size: Primitives, as in `contactsense.robots.surface.convex_primitives.Surfaces`.
         primitives: The number of that of each lane in use, shape (lanes,), int64.
-        block: The block, with primitives and wrenches. Filled: `CX` to `NZ`,
-            surface point and outward normal at the intersection or the nearest approach; `GAP`, lower bound
-            of the distance between line and body [m], 0 if they intersect.
+        block: The block, with primitives and wrenches in their body frames. Filled: `CX` to `NZ`, surface
+            point [m] and outward unit normal at the intersection or the nearest approach, body frame; `GAP`,
+            lower bound of the distance between line and body [m], 0 if they intersect.
     """
     _start_outside(block)
     for _ in range(_MAX_ITERATIONS):

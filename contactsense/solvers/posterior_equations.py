@@ -26,7 +26,14 @@ would prevent that, is apart: the `logarithmic_terms` of the energy.
 import math
 
 from contactsense.kinematics.spatial import Six
-from contactsense.kinematics.wrench_information import Block, dot, matvec, shift_information
+from contactsense.kinematics.wrench_information import (
+    Block,
+    dot,
+    matvec,
+    shift_information,
+    shift_vector,
+    transposed_matvec,
+)
 from contactsense.robots.jit.kernel import inlined_fused_kernel
 from contactsense.robots.vectors import Vector, tangents
 from contactsense.solvers.posterior import STUDENT_DOF, Contact
@@ -162,8 +169,8 @@ def gauss_newton_equations(
     m = (am[0] + bm[0], am[1] + bm[1], am[2] + bm[2])
     # Inflation by the surface's offset. u is a pure moment, so v = L u becomes X^T v about c.
     v, s, _ = inflation
-    vf = (v[0] + v[4] * cz - v[5] * cy, v[1] + v[5] * cx - v[3] * cz, v[2] + v[3] * cy - v[4] * cx)
     vm = (v[3], v[4], v[5])
+    vf = shift_vector((v[0], v[1], v[2]), vm, cx, cy, cz)
     vb = (dot(b0, vm), dot(b1, vm), dot(b2, vm))
     vd = dot(vf, df) + dot(vm, dm)
     # Priors: torsion ratio xi / (lever F), log(F / F0) and friction ratios (t . f) / (friction_ratio F).
@@ -235,13 +242,3 @@ def gauss_newton_equations(
         h22, h23, h24, h25, h33, h34, h35, h44, h45, h55,
     )  # fmt: skip
     return matrix, (g0, g1, g2, g3, g4, g5), (t1, t2), energy, squared_ratio
-
-
-@inlined_fused_kernel
-def transposed_matvec(B: Block, a: Vector) -> Vector:
-    """B^T a, for a 3x3 block B given as a tuple of rows."""
-    return (
-        B[0][0] * a[0] + B[1][0] * a[1] + B[2][0] * a[2],
-        B[0][1] * a[0] + B[1][1] * a[1] + B[2][1] * a[2],
-        B[0][2] * a[0] + B[1][2] * a[1] + B[2][2] * a[2],
-    )

@@ -32,6 +32,20 @@ def localizer() -> Localizer:
     )
 
 
+def _search(localizer: Localizer) -> int:
+    constants, state = localizer._buffers.constants, localizer._buffers.state
+    found: int = search_along_line_of_action(
+        constants.surfaces,
+        constants.deviations,
+        constants.touchable,
+        state.hypotheses,
+        constants.prior,
+        state.search_buffers,
+        state.candidates,
+    )
+    return found
+
+
 def _scores_of_all(localizer: Localizer) -> np.ndarray:
     """Score of the candidate on each primitive, minus infinity where it cannot be touched."""
     constants, state = localizer._buffers.constants, localizer._buffers.state
@@ -67,15 +81,7 @@ def test_no_candidate_that_counts_is_left_out(localizer: Localizer) -> None:
     constants, state = localizer._buffers.constants, localizer._buffers.state
     for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
         localizer.locate(q, base_wrench=wrench, joint_torque=torque)
-        count = search_along_line_of_action(
-            constants.surfaces,
-            constants.deviations,
-            constants.touchable,
-            state.hypotheses,
-            constants.prior,
-            state.search_buffers,
-            state.candidates,
-        )
+        count = _search(localizer)
         found = np.full(len(constants.surfaces.kind), -np.inf)
         order = state.candidates.order[:count]
         found[order] = state.candidates.score[order]
@@ -93,14 +99,6 @@ def test_each_primitive_is_searched_once_if_none_can_be_touched(localizer: Local
         # A force that pulls wherever it pushed, with a moment that no line of action explains.
         state.hypotheses.wrench[:, :3] *= -1.0
         state.hypotheses.wrench[:, 3:] += 5.0
-        count = search_along_line_of_action(
-            constants.surfaces,
-            constants.deviations,
-            constants.touchable,
-            state.hypotheses,
-            constants.prior,
-            state.search_buffers,
-            state.candidates,
-        )
+        count = _search(localizer)
         order = state.candidates.order[:count].tolist()
         assert len(set(order)) == count <= len(constants.surfaces.kind)
