@@ -6,7 +6,7 @@ convex primitives of each link, which `contactsense decompose` writes.
 
 from collections import Counter
 from dataclasses import replace
-from math import inf, radians
+from math import hypot, inf, isfinite, radians
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -22,6 +22,8 @@ from contactsense.robots.rotations import rotation_from_rpy, symmetric
 Tensor = tuple[float, float, float, float, float, float]
 Entry = TypeVar("Entry", bound=BaseModel)
 Rotor = Annotated[float, Field(ge=0.0)]
+LARGEST_SHIFT = 500.0
+"""Largest distance of a skin from a primitive that stands for it [mm]."""
 
 
 class RobotError(ValueError):
@@ -157,25 +159,39 @@ def table(text: str, primitives: int) -> tuple[LocalDeviation, ...]:
     """The lines of `LinkSurface.fine_deviation` or `coarse_deviation`.
 
     Raises:
-        ValueError: a line has neither six nor twelve numbers, names a primitive that is not there, or a
-            deviation is not positive.
+        ValueError: a line has neither six nor twelve numbers, names a primitive that is not there, a
+            deviation is not positive, or a motion is larger than any skin is from its primitive.
     """
     found = []
     for line in text.splitlines():
-        number, *rest = line.split()
-        if len(rest) not in (5, 11) or not 0 <= int(number) < primitives:
+        numbers = _numbers(line)
+        if len(numbers) not in (6, 12) or numbers[0] not in range(primitives):
             raise ValueError(
-                f"expected a primitive below {primitives}, x, y, z and two deviations, perhaps a shift and a "
-                f"rotation vector, got {line!r}"
+                f"expected finite numbers: a primitive below {primitives}, x, y, z and two deviations, perhaps "
+                f"a shift and a rotation vector, got {line!r}"
             )
-        x, y, z, offset, tilt, *motion = (float(value) for value in rest)
+        number, x, y, z, offset, tilt, *motion = numbers
         if not (offset > 0.0 and 0.0 <= tilt <= 90.0):
             raise ValueError(f"expected a positive distance and an angle from 0 to 90, got {line!r}")
-        point = (1e-3 * x, 1e-3 * y, 1e-3 * z)
         a, b, c, alpha, beta, gamma = motion or (0.0,) * 6
+        if hypot(a, b, c) > LARGEST_SHIFT or hypot(alpha, beta, gamma) > 90.0:
+            raise ValueError(
+                f"expected a shift of at most {LARGEST_SHIFT:g} mm and a rotation of at most 90 degrees, "
+                f"got {line!r}"
+            )
+        point = (1e-3 * x, 1e-3 * y, 1e-3 * z)
         shift, turn = (1e-3 * a, 1e-3 * b, 1e-3 * c), (radians(alpha), radians(beta), radians(gamma))
         found.append(LocalDeviation(int(number), point, 1e-3 * offset, radians(tilt), shift, turn))
     return tuple(found)
+
+
+def _numbers(line: str) -> list[float]:
+    """The numbers of a line; none if one is no finite number."""
+    try:
+        numbers = [float(value) for value in line.split()]
+    except ValueError:
+        return []
+    return numbers if all(map(isfinite, numbers)) else []
 
 
 def read_yaml(path: Path) -> Any:

@@ -106,8 +106,21 @@ def test_motions_are_read_as_they_were_written() -> None:
 
 @pytest.mark.parametrize(
     "line",
-    ["1 0 0 0 0.5 3", "0 0 0 0 0.5", "0 0 0 0 0 3", "0 0 0 0 0.5 95", "0 a 0 0 1 1", "0 0 0 0 0.5 3 1 1 1"],
+    [
+        "1 0 0 0 0.5 3",
+        "0.5 0 0 0 0.5 3",
+        "0 0 0 0 0.5",
+        "0 0 0 0 0 3",
+        "0 0 0 0 0.5 95",
+        "0 a 0 0 1 1",
+        "0 nan 0 0 1 1",
+        "0 0 0 0 0.5 3 1 1 1",
+        "0 0 0 0 0.5 3 inf 0 0 0 0 0",
+        "0 0 0 0 0.5 3 0 600 0 0 0 0",
+        "0 0 0 0 0.5 3 0 0 0 80 80 0",
+        "",
+    ],
 )
 def test_a_line_that_cannot_be_is_refused(line: str) -> None:
-    with pytest.raises(ValueError, match=r"expected|could not convert"):
-        table(line, 1)
+    with pytest.raises(ValueError, match="expected"):
+        table(line + "\n", 1)
