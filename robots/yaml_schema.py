@@ -167,8 +167,8 @@ def table(text: str, primitives: int) -> tuple[LocalDeviation, ...]:
         numbers = _numbers(line)
         if len(numbers) not in (6, 12) or numbers[0] not in range(primitives):
             raise ValueError(
-                f"expected finite numbers: a primitive below {primitives}, x, y, z and two deviations, perhaps "
-                f"a shift and a rotation vector, got {line!r}"
+                f"expected finite numbers: a primitive below {primitives}, x, y, z and two deviations, "
+                f"perhaps a shift and a rotation vector, got {line!r}"
             )
         number, x, y, z, offset, tilt, *motion = numbers
         if not (offset > 0.0 and 0.0 <= tilt <= 90.0):
