@@ -155,8 +155,9 @@ def _optimize_from(
     best: float = -math.inf
     for _ in range(MAX_RESTARTS):
         fill_set_evidence(
-            surfaces, constants.prior, frames, buffers.rows, m, known_count, count, 1, math.inf, joint
-        )
+            surfaces, constants.deviations, constants.prior, frames, buffers.rows, m, known_count, count, 1,
+            math.inf, joint,
+        )  # fmt: skip
         score = joint.lane[LOG_EVIDENCE, 0]
         if score <= best + MIN_GAIN:
             break

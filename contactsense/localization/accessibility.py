@@ -10,6 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from contactsense.localization.candidate_buffers import Candidates
+from contactsense.localization.local_prior import DeviationCells
+from contactsense.localization.mean_surface_distance import mean_surface_distance
 from contactsense.localization.simd_neighbourhood import (
     QUADRATURE_RINGS,
     accessible_moments,
@@ -52,13 +54,21 @@ class Frames(Protocol):
 
 @inlined_fused_kernel
 def clearance(
-    surfaces: Surfaces, frames: Frames, excluded: int, x: float, y: float, z: float, max_distance: float
+    surfaces: Surfaces,
+    deviations: DeviationCells,
+    frames: Frames,
+    excluded: int,
+    x: float,
+    y: float,
+    z: float,
+    max_distance: float,
 ) -> float:
-    """Distance of a point from the nearest other primitive of the same or a neighbouring link, or of a body
-    of the cell that covers [m].
+    """Distance of a point from the mean surface of the nearest other primitive of the same or a neighbouring
+    link, or of a body of the cell that covers [m].
 
     Args:
         surfaces: Primitives; those beyond the last link's are of bodies that cover.
+        deviations: Where the surface is on average.
         frames: Their body frames in the base frame.
         excluded: Primitive that is ignored: the one on which the point lies.
         x, y, z: The point, base frame [m].
@@ -76,7 +86,8 @@ def clearance(
         p = first + k if k < last - first else covers + k - (last - first)
         o = frames.origin[p]
         dx, dy, dz = x - o[0], y - o[1], z - o[2]
-        reach = surfaces.radius[p] + distance
+        own_reach = distance + deviations.displacement[p]
+        reach = surfaces.radius[p] + own_reach
         if p == excluded or reach <= 0.0 or dx * dx + dy * dy + dz * dz > reach * reach:
             continue
         R = frames.rotation[p]
@@ -84,8 +95,8 @@ def clearance(
         ax = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
         ay = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
         az = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-        if not out_of_reach(kind, size, ax, ay, az, distance):
-            distance = min(distance, project(kind, size, ax, ay, az)[0])
+        if not out_of_reach(kind, size, ax, ay, az, own_reach):
+            distance = min(distance, mean_surface_distance(surfaces, deviations, p, (ax, ay, az)))
     return distance
 
 
@@ -104,7 +115,7 @@ def accessible_share(margin: float, prior: Prior) -> float:
 
 @fused_kernel
 def clearance_above(
-    surfaces: Surfaces, candidates: Candidates, row: int, prior: Prior
+    surfaces: Surfaces, deviations: DeviationCells, candidates: Candidates, row: int, prior: Prior
 ) -> tuple[float, float, float, float, float, int]:
     """Clearance at the height `prior.clearance` above a candidate's point.
 
@@ -142,7 +153,8 @@ def clearance_above(
         p = first + k if k < last - first else covers + k - (last - first)
         o = candidates.origin[p]
         dx, dy, dz = x - o[0], y - o[1], z - o[2]
-        radius = surfaces.radius[p] + reach
+        own_reach = reach + deviations.displacement[p]
+        radius = surfaces.radius[p] + own_reach
         if p == candidates.primitive[row] or dx * dx + dy * dy + dz * dz > radius * radius:
             continue
         R = candidates.rotation[p]
@@ -150,9 +162,9 @@ def clearance_above(
         ax = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
         ay = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
         az = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-        if out_of_reach(kind, size, ax, ay, az, reach):
+        if out_of_reach(kind, size, ax, ay, az, own_reach):
             continue
-        own = project(kind, size, ax, ay, az)[0]
+        own = mean_surface_distance(surfaces, deviations, p, (ax, ay, az))
         if own < reach:
             candidates.near[near] = p
             distance = min(distance, own)
@@ -163,6 +175,7 @@ def clearance_above(
 @fused_kernel
 def apply_accessibility(
     surfaces: Surfaces,
+    deviations: DeviationCells,
     candidates: Candidates,
     row: int,
     frame: tuple[np.ndarray, np.ndarray],
@@ -176,7 +189,9 @@ def apply_accessibility(
     once. `frame`: body frame of the candidate's primitive, see
     `contactsense.localization.candidate_buffers.store_candidate`.
     """
-    distance, max_deviation, v11, v12, v22, near = clearance_above(surfaces, candidates, row, prior)
+    distance, max_deviation, v11, v12, v22, near = clearance_above(
+        surfaces, deviations, candidates, row, prior
+    )
     if distance >= FULL_CLEARANCE_SIGMAS * max_deviation:
         return
     if (
@@ -198,7 +213,7 @@ def apply_accessibility(
     spread_points(kind, size, R, o, vector(c), axes, prior.clearance, points)
     for k in range(near):
         q = candidates.near[k]
-        cover_points(surfaces.kind[q], surfaces.size[q], candidates.rotation[q], candidates.origin[q], points)
+        cover_points(surfaces, deviations, q, candidates.rotation[q], candidates.origin[q], points)
     share, (mx, my, mz), (xx, xy, xz, yy, yz, zz) = accessible_moments(
         vector(c), prior.surface_deviation / PENETRATION_SCALE, points
     )

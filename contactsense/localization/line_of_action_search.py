@@ -255,7 +255,7 @@ def _take_modes(
         ):
             continue
         candidates.score[p] = score
-        apply_accessibility(surfaces, candidates, p, frame, prior, best_score - ENERGY_CUTOFF)
+        apply_accessibility(surfaces, deviations, candidates, p, frame, prior, best_score - ENERGY_CUTOFF)
         best_score = max(best_score, candidates.score[p])
         lowest_energy = min(lowest_energy, link_energy + mode.energy + score - candidates.score[p])
     return lowest_energy, best_score

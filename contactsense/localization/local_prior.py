@@ -38,8 +38,7 @@ class DeviationCells(NamedTuple):
     mean_normal: Annotated[Floats, "deviations, 3"]
     """Its outward unit normal there."""
     displacement: Annotated[Floats, "primitives"]
-    """Largest displacement of `mean_point` on each primitive [m]; 0: the surface of the primitive is not
-    moved."""
+    """Largest displacement of points in the cells of each primitive [m]; 0: its surface is not moved."""
     mean_tilt: float
     """Root mean square of the tilt in all cells of moved surfaces [rad], 0 without any."""
 

@@ -4,8 +4,8 @@ A coarse primitive passes centimetres below a whole housing or above a whole wai
 of degrees. That is no chance: it is the same for all contacts there. So in each cell of its surface
 (`contactsense.localization.local_prior.DeviationCells`) the primitive is moved to the mean of the skin; what
 remains is the cell's standard deviation. A contact is sought on the primitive as moved in the cell that the
-line of action enters, by the same search: only the body frame differs. Other primitives cover it where they
-are, unmoved.
+line of action enters, by the same search: only the body frame differs. Other primitives cover it where their
+own mean surfaces are.
 """
 
 import math

@@ -11,8 +11,10 @@ import numpy as np
 
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import Block, matvec, transposed_matvec
+from contactsense.localization.local_prior import DeviationCells
+from contactsense.localization.mean_surface_distance import mean_surface_distance
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
-from contactsense.robots.surface.convex_primitives import REVOLVED, project
+from contactsense.robots.surface.convex_primitives import REVOLVED, Surfaces, project
 from contactsense.robots.surface.simd_revolved import profile, project_revolved
 from contactsense.robots.vectors import Vector, add, add_scaled, subtract, vector
 from contactsense.solvers.posterior import STUDENT_DOF
@@ -92,13 +94,16 @@ def spread_points(
 
 
 @fused_kernel
-def cover_points(kind: int, size: np.ndarray, R: np.ndarray, o: np.ndarray, points: np.ndarray) -> None:
-    """Lower `COVER` where the points above the surface are inside a primitive.
+def cover_points(
+    surfaces: Surfaces, deviations: DeviationCells, p: int, R: np.ndarray, o: np.ndarray, points: np.ndarray
+) -> None:
+    """Lower `COVER` where the points above the surface are inside the mean surface of primitive p.
 
-    kind, size, R, o: the primitive and its body frame in the base frame.
+    R, o: its body frame in the base frame.
     """
     body_axes, origin = _axes(R), vector(o)
-    if kind == REVOLVED:
+    size = surfaces.size[p]
+    if surfaces.kind[p] == REVOLVED and deviations.displacement[p] == 0.0:
         body = profile(size[0], size[1], size[2], size[3])
         for j in range(POINTS):
             above = (points[AX + j], points[AY + j], points[AZ + j])
@@ -107,7 +112,8 @@ def cover_points(kind: int, size: np.ndarray, R: np.ndarray, o: np.ndarray, poin
     else:
         for j in range(_POINTS):
             above = (points[AX + j], points[AY + j], points[AZ + j])
-            distance = project(kind, size, *matvec(body_axes, subtract(above, origin)))[0]
+            place = matvec(body_axes, subtract(above, origin))
+            distance = mean_surface_distance(surfaces, deviations, p, place)
             points[COVER + j] = min(points[COVER + j], distance)
 
 

@@ -86,7 +86,7 @@ def search_surface(
     )
     if best == -math.inf:
         return 0
-    _apply_accessibility(surfaces, depth, motion, prior, cells, candidates, rows, best)
+    _apply_accessibility(surfaces, scene.deviations, depth, motion, prior, cells, candidates, rows, best)
     count = 0
     top = -math.inf
     for _ in range(MAX_CANDIDATES):
@@ -132,6 +132,7 @@ def _log_add(a: float, b: float) -> float:
 @fused_kernel
 def _apply_accessibility(
     surfaces: Surfaces,
+    deviations: DeviationCells,
     depth: np.ndarray,
     motion: Motion,
     prior: Prior,
@@ -153,6 +154,7 @@ def _apply_accessibility(
         z = cells.point[s, 2] + height * n[2]
         free = clearance(
             surfaces,
+            deviations,
             candidates,
             p,
             o[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,

@@ -140,6 +140,7 @@ def search_contact_sets(
             count = known_count + further
             fill_set_evidence(
                 surfaces,
+                scene.deviations,
                 prior,
                 frames,
                 rows,

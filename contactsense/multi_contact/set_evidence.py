@@ -3,6 +3,7 @@
 import math
 
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
+from contactsense.localization.local_prior import DeviationCells
 from contactsense.multi_contact.buffers import JointState, MeasurementRows, PrimitiveFrames
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_layout import ENERGY, FORCE_INFORMATION, LOG_EVIDENCE, NX, PX
@@ -41,6 +42,7 @@ def known_evidence(
 @fused_kernel
 def fill_set_evidence(
     surfaces: Surfaces,
+    deviations: DeviationCells,
     prior: Prior,
     frames: PrimitiveFrames,
     rows: MeasurementRows,
@@ -61,12 +63,20 @@ def fill_set_evidence(
         if joint.lane[ENERGY, j] < math.inf:
             joint.lane[LOG_EVIDENCE, j] += (count - known_count) * math.log(FURTHER_CONTACT_ODDS)
             for i in range(known_count, count):
-                joint.lane[LOG_EVIDENCE, j] += _log_accessibility(surfaces, frames, prior, joint, j, i)
+                joint.lane[LOG_EVIDENCE, j] += _log_accessibility(
+                    surfaces, deviations, frames, prior, joint, j, i
+                )
 
 
 @fused_kernel
 def _log_accessibility(
-    surfaces: Surfaces, frames: PrimitiveFrames, prior: Prior, joint: JointState, j: int, i: int
+    surfaces: Surfaces,
+    deviations: DeviationCells,
+    frames: PrimitiveFrames,
+    prior: Prior,
+    joint: JointState,
+    j: int,
+    i: int,
 ) -> float:
     """Log of the accessible share of contact i of lane j."""
     c, n, p = vector_of(joint.contact[i], PX, j), vector_of(joint.contact[i], NX, j), joint.primitive[i, j]
@@ -74,4 +84,4 @@ def _log_accessibility(
         return -math.inf
     height = prior.clearance
     x, y, z = c[0] + height * n[0], c[1] + height * n[1], c[2] + height * n[2]
-    return math.log(accessible_share(clearance(surfaces, frames, p, x, y, z, 0.0), prior))
+    return math.log(accessible_share(clearance(surfaces, deviations, frames, p, x, y, z, 0.0), prior))

@@ -1,10 +1,12 @@
 """Where the surface of a scene is how far from its primitives, for the kernels."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from contactsense.localization.local_prior import DeviationCells, no_cells
+from contactsense.localization.mean_surface import CELL_SPREAD
 from contactsense.robots.robot import LocalDeviation
 from contactsense.robots.rotations import rotation_from_vector
 from contactsense.robots.surface.convex_primitives import Surfaces, project
@@ -14,6 +16,8 @@ LONG_TAILS = 1.1
 """Factor on the root mean square of a cell. Distances have longer tails than a Gaussian; with this one,
 regions of 90 % hold their share of the contacts that it was tuned on (`contactsense bench calibration`: UR5e
 of own truth, first half of the given UR10e)."""
+CELL_RADIUS = math.sqrt(6.0) * CELL_SPREAD
+"""Distance of a cell's corners from its centre [m]."""
 LEAST_OFFSET = 1e-4
 """Smallest standard deviation of the offset [m]: the real arm differs from its mesh."""
 
@@ -69,7 +73,7 @@ class _Cell(NamedTuple):
     mean_point: np.ndarray
     mean_normal: np.ndarray
     displacement: float
-    """Distance of `mean_point` from the primitive [m]."""
+    """Largest displacement of points in the cell [m]."""
 
 
 def _in_body_frame(surfaces: Surfaces, p: int, cell: LocalDeviation) -> _Cell:
@@ -81,6 +85,8 @@ def _in_body_frame(surfaces: Surfaces, p: int, cell: LocalDeviation) -> _Cell:
     translation = point + shift - rotation @ point
     _, *projected = project(surfaces.kind[p], surfaces.size[p], *point)
     mean_point = rotation @ projected[:3] + translation
+    # A point turns about the centre.
+    turned = 2.0 * math.sin(0.5 * float(np.linalg.norm(cell.turn))) * CELL_RADIUS
     return _Cell(
         primitive=p,
         point=point,
@@ -90,7 +96,7 @@ def _in_body_frame(surfaces: Surfaces, p: int, cell: LocalDeviation) -> _Cell:
         translation=translation,
         mean_point=mean_point,
         mean_normal=rotation @ projected[3:],
-        displacement=float(np.linalg.norm(mean_point - projected[:3])),
+        displacement=float(np.linalg.norm(cell.shift)) + turned,
     )
 
 

@@ -11,6 +11,7 @@ from contactsense.localization.accessibility import (
     clearance,
     is_mounting_face,
 )
+from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.simd_neighbourhood import QUADRATURE_POINTS, QUADRATURE_WEIGHTS
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -38,6 +39,7 @@ def body_frames(surfaces: Surfaces, rotation: np.ndarray, origin: np.ndarray) ->
 
 def log_accessible_share(
     surfaces: Surfaces,
+    deviations: DeviationCells,
     prior: Prior,
     link: int,
     point: np.ndarray,
@@ -49,6 +51,7 @@ def log_accessible_share(
 
     Args:
         surfaces: Primitives of all links.
+        deviations: Where their surface is on average.
         prior: Prior of contacts.
         link: The link.
         point: The place, link frame, shape (3,) [m].
@@ -65,7 +68,7 @@ def log_accessible_share(
     body = min(link, len(origin) - 1)
     lifted = (around + prior.clearance * normal) @ rotation[body].T + origin[body]
     share = np.empty(len(lifted))
-    _shares(surfaces, body_frames(surfaces, rotation, origin), prior, which, lifted, share)
+    _shares(surfaces, deviations, body_frames(surfaces, rotation, origin), prior, which, lifted, share)
     height = (rotation[body][2] @ (point - d[0] * n)) + origin[body][2]
     if is_mounting_face(link, height, float(rotation[body][2] @ n), 2.0 * prior.surface_deviation):
         return -math.inf
@@ -75,6 +78,7 @@ def log_accessible_share(
 @kernel
 def _shares(
     surfaces: Surfaces,
+    deviations: DeviationCells,
     frames: BodyFrames,
     prior: Prior,
     which: np.ndarray,
@@ -82,5 +86,7 @@ def _shares(
     share: np.ndarray,
 ) -> None:
     for i in range(points.shape[0]):
-        free = clearance(surfaces, frames, which[i], points[i, 0], points[i, 1], points[i, 2], 0.0)
+        free = clearance(
+            surfaces, deviations, frames, which[i], points[i, 0], points[i, 1], points[i, 2], 0.0
+        )
         share[i] = accessible_share(free, prior)

@@ -52,7 +52,8 @@ class ContactSmoother:
         # build.
         self._scene, self._localizer = scene, Localizer(scene)
         constants = self._localizer._buffers.constants
-        self._surfaces, self._prior = constants.surfaces, constants.prior
+        self._surfaces, self._deviations = constants.surfaces, constants.deviations
+        self._prior = constants.prior
         self._depth, self._sensors = constants.sensors.depth, constants.sensors
         self._skin = skin_of(scene)
         self._model, self._motion = build_model(scene.robot), empty_motion(len(scene.robot.joints))
@@ -156,6 +157,7 @@ class ContactSmoother:
             shares.append(
                 log_accessible_share(
                     self._surfaces,
+                    self._deviations,
                     self._prior,
                     place.link,
                     place.point[w],

@@ -48,7 +48,8 @@ def _monte_carlo(
         surface_point = o + R @ np.array(projected[:3])
         above = surface_point + constants.prior.clearance * (R @ np.array(projected[3:]))
         share = accessible_share(
-            clearance(constants.surfaces, state.candidates, p, *above, 0.0), constants.prior
+            clearance(constants.surfaces, constants.deviations, state.candidates, p, *above, 0.0),
+            constants.prior,
         )
         total += share
         mean += share * (surface_point - c)
@@ -76,7 +77,9 @@ def test_share_and_mean_agree_with_monte_carlo(
     state.candidates.score[0] = 0.0
     start = state.candidates.point[0].copy()
     share, mean = _monte_carlo(constants, state, p, start, normal, root)
-    apply_accessibility(constants.surfaces, state.candidates, 0, (R, o), constants.prior, -math.inf)
+    apply_accessibility(
+        constants.surfaces, constants.deviations, state.candidates, 0, (R, o), constants.prior, -math.inf
+    )
     full_score = state.candidates.score[0]
     # The quadrature has eighteen points.
     assert math.exp(state.candidates.score[0]) == pytest.approx(share, abs=0.12)
@@ -84,7 +87,9 @@ def test_share_and_mean_agree_with_monte_carlo(
         assert np.linalg.norm(state.candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
     store_candidate(state.candidates, 0, p, (R, o), mode, constants.prior.surface_deviation)
     state.candidates.score[0] = 0.0
-    apply_accessibility(constants.surfaces, state.candidates, 0, (R, o), constants.prior, -8.0)
+    apply_accessibility(
+        constants.surfaces, constants.deviations, state.candidates, 0, (R, o), constants.prior, -8.0
+    )
     # Only candidates below the limit are rejected early.
     assert state.candidates.score[0] == full_score or full_score < -8.0
 

@@ -72,7 +72,7 @@ def _scores_of_all(localizer: Localizer) -> np.ndarray:
         if is_mounting_face(link, candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation):
             continue
         candidates.score[p] = mode.log_evidence - hypotheses.energy[link]
-        apply_accessibility(surfaces, candidates, p, frame, prior, -math.inf)
+        apply_accessibility(surfaces, constants.deviations, candidates, p, frame, prior, -math.inf)
         scores[p] = candidates.score[p]
     return scores
 

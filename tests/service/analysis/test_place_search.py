@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from contactsense.localization.local_prior import no_cells
 from contactsense.robots.primitives import Box
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
@@ -146,7 +147,9 @@ def test_a_place_that_another_link_covers_is_inaccessible() -> None:
 
     def log_share(height: float) -> float:
         origin = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5 + height]])
-        return log_accessible_share(both, PRIOR, 0, point, covariance, rotation, origin)
+        return log_accessible_share(
+            both, no_cells(len(both.kind)), PRIOR, 0, point, covariance, rotation, origin
+        )
 
     assert log_share(0.3) == pytest.approx(0.0, abs=1e-6)
     assert log_share(0.11) < -10.0
