@@ -191,7 +191,8 @@ class Localizer(StaticLocalizer):
                 detectable.left -= 1
                 return self._no_contact(sample.t, detectable.value)
             return self._no_contact(sample.t, detectable.in_stream())
-        since_start = self._start.update(sample.t, flags)
+        # Once all sensors have proved right, a contact tells nothing about the start.
+        since_start = (self._start.watches or flags != TOUCHED) and self._start.update(sample.t, flags)
         estimate = self._estimate(sample.t, flags)
         if since_start:
             reason = f"{estimate.reason}; {FROM_START}" if estimate.reason else FROM_START
@@ -219,7 +220,7 @@ class Localizer(StaticLocalizer):
 
     def _estimate(self, t: float, flags: int) -> Estimate:
         """The estimate for the sample that `detect` has processed, unless it is simply `none`."""
-        self._estimate_builder.detectable = self._detectable.after_change(self._usable())
+        self._estimate_builder.detectable = self._detectable.after_change()
         if flags & (UNUSABLE | REPEATED):
             return self._not_used(t, flags, self._screening.refused.get("q", _NOT_FINITE))
         if flags & RESTARTED and self._multi_tracker is not None:
@@ -352,7 +353,7 @@ class Localizer(StaticLocalizer):
             consistency = self._buffers.state.consistency
             reason = degraded_reason(self._sample_fields.names, flags, consistency, {}, 0.0)
             return self._estimate_builder.without_contacts(t, "degraded", reason)
-        return self._estimate_builder.no_contact(t, self._detectable.after_change(self._usable()))
+        return self._estimate_builder.no_contact(t, self._detectable.after_change())
 
     def _warm_up(self) -> None:
         """Compile the sample path before the first sample."""
