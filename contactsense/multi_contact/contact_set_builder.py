@@ -1,12 +1,14 @@
 """Builds the `Estimate` of several simultaneous contacts from result rows."""
 
+import math
 from collections.abc import Sequence
-from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
 from contactsense.multi_contact.buffers import MAX_CONTACTS
 from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.output.fast_dataclass import mutable_twin
 from contactsense.robots.jit.kernel import kernel
 from contactsense.runtime.result_rows import LINK, POINT_BASE, PROBABILITY, WIDTH
 from contactsense.scene import Scene
@@ -18,6 +20,11 @@ UNRESOLVED_DEVIATION = 0.0225
 """A point with a larger standard deviation is reported as unresolved [m]."""
 POINT_UNKNOWNS, FORCE_UNKNOWNS = 2, 3
 """Unknowns of a contact that the priors do not determine: point (2) and force (3)."""
+UNTRACKED: Sequence[tuple[int, Phase]] = [(0, "")] * MAX_CONTACTS
+"""Number and phase of contacts without a stream."""
+
+_MutableExplanation = mutable_twin(Explanation)
+_new = object.__new__
 
 
 class ContactSetBuilder:
@@ -29,12 +36,14 @@ class ContactSetBuilder:
         self._names = scene.link_names
         self._clear = scene.clear
         # Compiled before the first sample that several contacts explain.
-        state_marginal_probabilities(np.zeros((0, WIDTH)), np.zeros(0, dtype=np.int64), np.zeros(0))
+        no_sets = np.zeros((0, WIDTH)), np.zeros(0, dtype=np.int64), np.zeros(0)
+        state_marginal_probabilities(*no_sets, np.zeros(len(self._names)))
 
     def sets(
         self,
         t: float,
-        rows_of_sets: Sequence[np.ndarray],
+        rows: np.ndarray,
+        counts: np.ndarray,
         wrench: np.ndarray,
         covariance: np.ndarray,
         rank: int,
@@ -43,13 +52,14 @@ class ContactSetBuilder:
         tracked: Sequence[tuple[int, Phase]] = (),
         events: tuple[Event, ...] = (),
     ) -> Estimate:
-        """Estimate from sets of contacts, the most probable first.
+        """Estimate from S sets of contacts, the most probable first.
 
         Args:
             t: Time of the sample [s].
-            rows_of_sets: One array per set, with a row per contact as in
-                `contactsense.runtime.result_rows`; the probability in each row is that of the whole set. The
-                contacts keep views of a copy, with their own probabilities.
+            rows: All contacts, those of a set one after another, as in `contactsense.runtime.result_rows`,
+                shape (N, WIDTH); the probability in each row is that of the whole set. The contacts keep
+                views of a copy, with their own probabilities.
+            counts: Number of contacts of each set, shape (S,), int64.
             wrench, covariance: Sum of the wrenches of the first set, shape (6,), and its covariance, (6,
                 6).
             rank: Number of independent measurements of the first set's wrenches.
@@ -58,62 +68,55 @@ class ContactSetBuilder:
             tracked: Number and phase of each contact of a stream, the same in all sets.
             events: Onsets, holds and releases to report.
         """
-        if not rows_of_sets:
+        if len(counts) == 0:
             why = "something acts on the arm, but no pushes on touchable links explain it"
             return self._estimate_builder.without_contacts(
                 t, "degraded" if reason else "ambiguous", f"{reason}; {why}".strip("; ")
             )
-        labels = tracked or [(0, "")] * MAX_CONTACTS
-        probabilities = [float(rows[0, PROBABILITY]) for rows in rows_of_sets]
-        counts = [len(rows) for rows in rows_of_sets]
-        stated = np.concatenate(rows_of_sets)
-        state_marginal_probabilities(
-            stated, np.repeat(np.arange(len(counts)), counts), np.array(probabilities)
-        )
-        ends = accumulate(counts)
-        rows_of_sets = [stated[end - count : end] for end, count in zip(ends, counts, strict=True)]
-        sets = tuple(
-            [
-                Explanation(
-                    tuple(
-                        [
-                            self._estimate_builder.contact(row, *label)
-                            for row, label in zip(rows, labels, strict=False)
-                        ]
-                    ),
-                    probability,
-                )
-                for rows, probability in zip(rows_of_sets, probabilities, strict=True)
-            ]
-        )
-        best = sets[0]
-        status: Status = "multiple"
-        if len(best.contacts) == 1:
-            status = "contact" if best.probability >= self._clear else "ambiguous"
+        stated, probability = rows.copy(), np.empty(len(counts))
         link_probability = np.zeros(len(self._names))
-        for explanation in sets:
-            for link in {contact.link_index for contact in explanation.contacts}:
-                link_probability[link] += explanation.probability
+        state_marginal_probabilities(stated, counts, probability, link_probability)
+        probabilities: list[float] = probability.tolist()
+        sets = self._explanations(stated, counts.tolist(), probabilities, tracked or UNTRACKED)
+        contacts, highest = sets[0].contacts, probabilities[0]
+        status: Status = "multiple"
         parts = [reason] if reason else []
-        if len(best.contacts) > 1:
-            parts += self._unresolved(best.contacts, rank, known_count)
-            if best.probability < self._clear:
-                parts.append(
-                    f"other explanations are not clearly worse ({best.probability:.0%} for this one)"
-                )
+        if len(contacts) == 1:
+            status = "contact" if highest >= self._clear else "ambiguous"
+        else:
+            parts += self._unresolved(contacts, rank, known_count)
+            if highest < self._clear:
+                parts.append(f"other explanations are not clearly worse ({highest:.0%} for this one)")
         return Estimate(
             t,
             "degraded" if reason else status,
-            best.contacts,
+            contacts,
             link_probability,
             wrench.copy(),
             covariance.copy(),
-            max(1.0 - sum(e.probability for e in sets), 0.0),
+            max(1.0 - sum(probabilities), 0.0),
             "; ".join(parts),
             events,
             sets,
             self._estimate_builder.detectable,
         )
+
+    def _explanations(
+        self,
+        rows: np.ndarray,
+        counts: list[int],
+        probabilities: list[float],
+        labels: Sequence[tuple[int, Phase]],
+    ) -> tuple[Explanation, ...]:
+        """The sets of contacts; arguments as above, `labels` as `tracked`."""
+        build, row, sets = self._estimate_builder.contact, iter(rows), []
+        for count, probability in zip(counts, probabilities, strict=True):
+            explanation: Any = _new(_MutableExplanation)
+            explanation.contacts = tuple([build(next(row), *labels[i]) for i in range(count)])
+            explanation.probability = probability
+            explanation.__class__ = Explanation
+            sets.append(explanation)
+        return tuple(sets)
 
     @staticmethod
     def _unresolved(contacts: Sequence[Contact], rank: int, known_count: int) -> list[str]:
@@ -129,33 +132,67 @@ class ContactSetBuilder:
                 "unknowns of point and force, the priors determine the rest"
             )
         for contact in contacts:
-            if contact.covariance.trace() <= UNRESOLVED_DEVIATION**2:
-                # No less than the largest eigenvalue.
-                continue
-            deviation = float(np.sqrt(max(np.linalg.eigvalsh(contact.covariance)[-1], 0.0)))
+            deviation = _largest_deviation(contact.covariance)
             if deviation > UNRESOLVED_DEVIATION:
                 parts.append(f"the point on {contact.link} is uncertain by {1e3 * deviation:.0f} mm")
         return parts
 
 
+def _largest_deviation(covariance: np.ndarray) -> float:
+    """Standard deviation [m] along the direction in which it is largest, of a covariance, shape (3, 3) [m^2].
+
+    The root of the largest eigenvalue, in closed form (Smith 1961, Eigenvalues of a symmetric 3x3 matrix);
+    for numbers of Python, since NumPy's own takes longer than an explanation's contacts.
+    """
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = covariance.tolist()
+    mean = (xx + yy + zz) / 3.0
+    x, y, z = xx - mean, yy - mean, zz - mean
+    size = math.sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
+    if size == 0.0:
+        return math.sqrt(max(mean, 0.0))
+    det = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz)
+    cosine = min(max(0.5 * det / size**3, -1.0), 1.0)
+    return math.sqrt(max(mean + 2.0 * size * math.cos(math.acos(cosine) / 3.0), 0.0))
+
+
 @kernel
-def state_marginal_probabilities(rows: np.ndarray, set_of: np.ndarray, probability: np.ndarray) -> None:
+def state_marginal_probabilities(
+    rows: np.ndarray, counts: np.ndarray, probability: np.ndarray, link_probability: np.ndarray
+) -> None:
     """Write into each row the sum of the probabilities of all sets that contain its contact.
 
     Args:
-        rows: Contacts of all sets, those of a set one after another, as in
-            `contactsense.runtime.result_rows`, shape (N, WIDTH).
-        set_of: Number of the set of each row, shape (N,).
-        probability: Of each set.
+        rows: Contacts of all S sets, those of a set one after another, as in
+            `contactsense.runtime.result_rows`, shape (N, WIDTH); with the probabilities of the sets.
+        counts: Number of contacts of each set, shape (S,).
+        probability: Filled: probability of each set, shape (S,).
+        link_probability: Probability that each link is touched; those of the sets are added.
     """
+    row = 0
+    for s in range(counts.shape[0]):
+        probability[s] = rows[row, PROBABILITY]
+        for i in range(row, row + counts[s]):
+            counted = False
+            for k in range(row, i):
+                counted = counted or rows[k, LINK] == rows[i, LINK]
+            if not counted:
+                link_probability[int(rows[i, LINK])] += probability[s]
+        row += counts[s]
     for i in range(rows.shape[0]):
-        point, marginal, counted = rows[i, POINT_BASE], 0.0, -1
-        for k in range(rows.shape[0]):
-            if set_of[k] == counted or rows[k, LINK] != rows[i, LINK]:
-                continue
+        rows[i, PROBABILITY] = _marginal_probability(rows, counts, probability, i)
+
+
+@kernel
+def _marginal_probability(rows: np.ndarray, counts: np.ndarray, probability: np.ndarray, i: int) -> float:
+    """Sum of the probabilities of all sets that contain the contact of row i."""
+    point, marginal, row = rows[i, POINT_BASE], 0.0, 0
+    for s in range(counts.shape[0]):
+        for k in range(row, row + counts[s]):
             other = rows[k, POINT_BASE]
             x, y, z = other[0] - point[0], other[1] - point[1], other[2] - point[2]
-            if x * x + y * y + z * z < SAME_POINT_DISTANCE * SAME_POINT_DISTANCE:
-                counted = set_of[k]
-                marginal += probability[counted]
-        rows[i, PROBABILITY] = marginal
+            near = x * x + y * y + z * z < SAME_POINT_DISTANCE * SAME_POINT_DISTANCE
+            if near and rows[k, LINK] == rows[i, LINK]:
+                marginal += probability[s]
+                break
+        row += counts[s]
+    return float(marginal)

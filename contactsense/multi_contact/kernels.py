@@ -7,7 +7,7 @@ import numpy as np
 from contactsense.detection.thresholds import Usable
 from contactsense.localization.ranking import place_primitives
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
-from contactsense.multi_contact.buffers import MAX_CONTACTS, MultiContactBuffers
+from contactsense.multi_contact.buffers import MultiContactBuffers
 from contactsense.multi_contact.contact_set_search import Sought, search_contact_sets
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.multi_contact.sample_likelihood import estimate_force_scale, transform_samples
@@ -41,7 +41,7 @@ def explain_contact_sets(
             wrench and torques are not filtered.
         known_count, max_contacts: Number of known contacts, and maximum number of contacts, those
             included.
-        rows: Filled: contact i of the k-th explanation in row k * MAX_CONTACTS + i, as in
+        rows: Filled: the contacts of the best explanation, then those of the next one, as in
             `contactsense.runtime.result_rows`, shape (MAX_EXPLANATIONS * MAX_CONTACTS, WIDTH).
 
     Returns:
@@ -86,7 +86,7 @@ def explain_contact_sets(
         scene, state.motion, present[0], constants.prior, arrays, buffers, m, force_scale,
         Sought(known_count, max_contacts, not bandwidth < math.inf),
     )  # fmt: skip
-    listed = 0
+    listed, row = 0, 0
     for k in range(count):
         t = explanations.order[k]
         if explanations.probability[t] < MIN_PROBABILITY:
@@ -97,7 +97,8 @@ def explain_contact_sets(
                 explanations.point[t, i], explanations.normal[t, i], explanations.force[t, i],
                 explanations.covariance[t, i],
             )  # fmt: skip
-            write_row(constants, state, Grids(*skin), found, rows[k * MAX_CONTACTS + i])
+            write_row(constants, state, Grids(*skin), found, rows[row])
+            row += 1
         listed += 1
     rank = 0
     if listed > 0:

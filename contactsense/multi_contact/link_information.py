@@ -133,48 +133,43 @@ def likelihood_near_samples(
     F, D, M, hf, hm, gain, det, _ = without_moment(
         F, D, M, (h[0], h[1], h[2]), (h[3], h[4], h[5]), 1.0 / (moment_deviation * moment_deviation)
     )
-    zero = (0.0, 0.0, 0.0)
-    likelihood_of_forces(F, D, M, hf, hm, (gain, det), deviations, (zero, zero, math.inf), block)
+    det *= force_volume(deviations)
+    for j in range(LANES):
+        c, n = (block[X + j], block[Y + j], block[Z + j]), (block[NX + j], block[NY + j], block[NZ + j])
+        f, gain_of_force, det_of_force = force_near_sample(F, D, M, hf, hm, c, n, deviations)
+        block[GAIN + j], block[DET + j] = gain + gain_of_force, det * det_of_force
+        block[NORMAL_FORCE + j] = -dot(f, n)
 
 
 @inlined_fused_kernel
-def likelihood_of_forces(
+def force_volume(deviations: tuple[float, float]) -> float:
+    """Determinant of the prior covariance of a force, from its standard deviations along the normal and along
+    the tangents."""
+    normal, tangential = deviations
+    return normal * normal * tangential * tangential * tangential * tangential
+
+
+@inlined_fused_kernel
+def force_near_sample(
     F: Block,
     D: Block,
     M: Block,
     hf: Vector,
     hm: Vector,
-    of_moment: tuple[float, float],
+    c: Vector,
+    n: Vector,
     deviations: tuple[float, float],
-    push: tuple[Vector, Vector, float],
-    block: np.ndarray,
-) -> None:
-    """The same, with the additional moment eliminated.
+) -> tuple[Vector, float, float]:
+    """The most likely force [N] near a sample c with the outward normal n, and what it adds to GAIN, and
+    multiplies DET by, without `force_volume`.
 
-    Args:
-        F, D, M, hf, hm: Information on the wrench without the moment, see
-            `contactsense.multi_contact.force_information.without_moment`.
-        of_moment: What the moment adds to GAIN, and multiplies DET by.
-        deviations: As above.
-        push: (a, b, p): another force pushes with p - (a, b) . wrench [N]. The smaller one of both becomes
-            `NORMAL_FORCE`.
-        block: As above.
+    `F`, `D`, `M`, `hf`, `hm`: information on the wrench without the additional moment, see
+    `contactsense.multi_contact.force_information.without_moment`.
     """
-    gain, det = of_moment
-    volume = (
-        det * deviations[0] * deviations[0] * deviations[1] * deviations[1] * deviations[1] * deviations[1]
-    )
-    qf, qm, free = push
-    for j in range(LANES):
-        x, y, z = block[X + j], block[Y + j], block[Z + j]
-        n = (block[NX + j], block[NY + j], block[NZ + j])
-        K = factored(force_precision(shift_information(F, D, M, x, y, z)[0], n, deviations))
-        g = shift_vector(hf, hm, x, y, z)
-        f = solved(K, g)
-        block[GAIN + j] = gain + 0.5 * dot(g, f)
-        block[DET + j] = volume * K[2]
-        other = free - dot(shift_vector(qf, qm, x, y, z), f)
-        block[NORMAL_FORCE + j] = min(-dot(f, n), other)
+    K = factored(force_precision(shift_information(F, D, M, c[0], c[1], c[2])[0], n, deviations))
+    g = shift_vector(hf, hm, c[0], c[1], c[2])
+    f = solved(K, g)
+    return f, 0.5 * dot(g, f), K[2]
 
 
 @fused_kernel

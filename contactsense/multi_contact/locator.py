@@ -1,7 +1,7 @@
 """Several contacts from one measurement of an arm at rest, for `Localizer.locate`."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from contactsense.multi_contact.buffers import (
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.robots.jit.direct_call import direct_call
 from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.buffers import Buffers, KernelBuffers
 from contactsense.runtime.result_rows import WIDTH
@@ -54,17 +55,17 @@ class MultiContactLocator:
         self.buffers = empty_multi_contact_buffers(kernel_buffers.constants)
         self._rows = np.zeros((MAX_EXPLANATIONS * MAX_CONTACTS, WIDTH))
         self._builder = ContactSetBuilder(scene, estimate_builder)
+        self._search: Callable[..., tuple[int, int]] | None = None
 
     @property
     def explanations(self) -> Explanations:
         """Result of the last `fit`."""
         return self.buffers.explanations
 
-    def rows(self, k: int) -> np.ndarray:
-        """Contacts of the k-th explanation of the last `fit`, as in `contactsense.runtime.result_rows`; a
+    def best_rows(self) -> np.ndarray:
+        """Contacts of the best explanation of the last `fit`, as in `contactsense.runtime.result_rows`; a
         copy."""
-        contacts = int(self.explanations.contacts[self.explanations.order[k]])
-        return self._rows[k * MAX_CONTACTS : k * MAX_CONTACTS + contacts].copy()
+        return self._rows[: self.explanations.contacts[self.explanations.order[0]]].copy()
 
     def fit(
         self,
@@ -73,7 +74,7 @@ class MultiContactLocator:
         known: Sequence[KnownContact],
         bandwidth: float = math.inf,
     ) -> tuple[int, int]:
-        """Explain the sample last taken by the kernels; `explanations` and `rows` return the result.
+        """Explain the sample last taken by the kernels; `explanations` and `best_rows` return the result.
 
         Args:
             present: Which sensors have measured.
@@ -82,18 +83,19 @@ class MultiContactLocator:
             bandwidth: Cut-off frequency of the observers [Hz]; infinite for an arm at rest.
 
         Returns:
-            Number of explanations in `rows`, and number of independent measurements of the wrenches of
-            the first.
+            Number of explanations that are probable enough, and number of independent measurements of the
+            wrenches of the first.
         """
         known_contacts = self.buffers.known
         for i, contact in enumerate(known):
             known_contacts.primitive[i], known_contacts.drift[i] = contact.primitive, contact.drift
             known_contacts.point[i], known_contacts.force[i] = contact.point, contact.force
             known_contacts.covariance[i] = contact.covariance
-        listed, rank = explain_contact_sets(
-            *self._arrays, self.buffers, present, bandwidth, len(known), max_contacts, self._rows
-        )
-        return int(listed), int(rank)
+        sample = present, bandwidth, len(known), max_contacts
+        arguments = *self._arrays, self.buffers, *sample, self._rows
+        if self._search is None:
+            self._search = direct_call(explain_contact_sets, *arguments)
+        return self._search(*arguments)
 
     def explain(
         self, present: Usable, contacts: int, known: Sequence[Contact], drift: float | None
@@ -114,10 +116,12 @@ class MultiContactLocator:
             for contact in known
         ]
         listed, rank = self.fit(present, contacts, known_contacts)
-        best = self.explanations.order[0]
+        order = self.explanations.order[:listed]
+        best, counts = self.explanations.order[0], self.explanations.contacts[order]
         return self._builder.sets(
             0.0,
-            [self.rows(k) for k in range(listed)],
+            self._rows[: counts.sum()],
+            counts,
             self.explanations.wrench[best],
             self.explanations.wrench_covariance[best],
             rank,

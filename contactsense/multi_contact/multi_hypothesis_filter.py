@@ -90,7 +90,7 @@ class MultiHypothesisFilter:
                     explanations.wrench[row].copy(),
                     explanations.wrench_covariance[row].copy(),
                 )
-                fits.append(HypothesisFit(after, self._locator.rows(0), wrench, covariance, rank))
+                fits.append(HypothesisFit(after, self._locator.best_rows(), wrench, covariance, rank))
         return sorted(fits, key=lambda fit: -fit.hypothesis.log_probability)
 
     def explain(

@@ -8,8 +8,12 @@ force of the first gives the information on the wrench of the second, for each l
 each sample is then one 3x3 system of equations.
 """
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
+from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.wrench_information import (
     Block,
     blocks,
@@ -27,7 +31,18 @@ from contactsense.multi_contact.pair_layout import (  # isort: skip
     FIRST_DET, FIRST_GAIN, H0, H1, H2, H3, H4, H5, M00, M10, M11, M20, M21, M22, MX, MY, MZ, P0, P1, P10,
     P2, P20, P21, PUSH, Q0, Q1, Q2, Q3, Q4, Q5, SECOND_DET, SECOND_GAIN,
 )  # fmt: skip
-from contactsense.multi_contact.buffers import SeedingBuffers, X
+from contactsense.multi_contact.buffers import (
+    DET,
+    GAIN,
+    NORMAL_FORCE,
+    NX,
+    NY,
+    NZ,
+    SeedingBuffers,
+    X,
+    Y,
+    Z,
+)
 from contactsense.multi_contact.force_information import (
     factored,
     force_precision,
@@ -36,9 +51,27 @@ from contactsense.multi_contact.force_information import (
     with_prior,
     without_moment,
 )
-from contactsense.multi_contact.link_information import likelihood_of_forces
+from contactsense.multi_contact.link_information import force_near_sample, force_volume
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
+
+NEGLIGIBLE = 20.0
+"""Log evidence that is lower than another one by this does not count."""
+LOWEST_EXPONENT = -40.0
+"""Nor does exp of less than this."""
+
+
+class PairLikelihoods(NamedTuple):
+    """Likelihoods of the pairs of one first contact and the samples of a block."""
+
+    total: float
+    """Their sum, relative to that of the highest `GAIN` so far; if `higher` is zero."""
+    higher: int
+    """Number of samples with a higher `GAIN`."""
+    near: int
+    """Number of samples whose `GAIN` is not negligible beside that."""
+    high: int
+    """Number of samples whose likelihood, relative to the same, and `NORMAL_FORCE` exceed limits."""
 
 
 @fused_kernel
@@ -178,12 +211,29 @@ def condition_on_first(own: int, link: int, seeding: SeedingBuffers) -> None:
 
 @fused_kernel
 def likelihood_beside_first(
-    j: int, deviations: tuple[float, float], first: np.ndarray, block: np.ndarray
-) -> None:
+    j: int,
+    lanes: int,
+    deviations: tuple[float, float],
+    highest: float,
+    limit: float,
+    lowest_force: float,
+    first: np.ndarray,
+    block: np.ndarray,
+) -> PairLikelihoods:
     """Likelihood of a pair: a second contact near each sample of a block, beside the j-th first contact.
 
-    Arguments and results as for `contactsense.multi_contact.link_information.likelihood_near_samples`, with
-    that of the first contact included. `NORMAL_FORCE` is the smaller one of both.
+    Fills `GAIN`, `DET` and `NORMAL_FORCE` as
+    `contactsense.multi_contact.link_information.likelihood_near_samples` does, with what the first contact
+    adds. `NORMAL_FORCE` is the smaller one of both.
+
+    Args:
+        j: The first contact.
+        lanes: Number of samples of the block that count.
+        deviations: Standard deviations of the force along the normal and along the tangents [N].
+        highest: Log likelihood to which others are relative; the highest one so far.
+        limit, lowest_force: For `PairLikelihoods.high`.
+        first: After `condition_on_first`.
+        block: Of the second contact's link.
     """
     F = (
         (first[F00 + j], first[F10 + j], first[F20 + j]),
@@ -200,19 +250,28 @@ def likelihood_beside_first(
         (first[M10 + j], first[M11 + j], first[M21 + j]),
         (first[M20 + j], first[M21 + j], first[M22 + j]),
     )
-    likelihood_of_forces(
-        F, D, M,
-        (first[H0 + j], first[H1 + j], first[H2 + j]),
-        (first[H3 + j], first[H4 + j], first[H5 + j]),
-        (first[FIRST_GAIN + j] + first[SECOND_GAIN + j], first[FIRST_DET + j] * first[SECOND_DET + j]),
-        deviations,
-        (
-            (first[Q0 + j], first[Q1 + j], first[Q2 + j]),
-            (first[Q3 + j], first[Q4 + j], first[Q5 + j]),
-            first[PUSH + j],
-        ),
-        block,
-    )  # fmt: skip
+    hf, hm = (first[H0 + j], first[H1 + j], first[H2 + j]), (first[H3 + j], first[H4 + j], first[H5 + j])
+    qf, qm = (first[Q0 + j], first[Q1 + j], first[Q2 + j]), (first[Q3 + j], first[Q4 + j], first[Q5 + j])
+    push = first[PUSH + j]
+    gain = first[FIRST_GAIN + j] + first[SECOND_GAIN + j]
+    det = first[FIRST_DET + j] * first[SECOND_DET + j] * force_volume(deviations)
+    total, higher, near, high = 0.0, 0, 0, 0
+    for e in range(LANES):
+        x, y, z = block[X + e], block[Y + e], block[Z + e]
+        n = (block[NX + e], block[NY + e], block[NZ + e])
+        f, gain_of_force, det_of_force = force_near_sample(F, D, M, hf, hm, (x, y, z), n, deviations)
+        log_likelihood, squared_volume = gain + gain_of_force, det * det_of_force
+        force = min(-dot(f, n), push - dot(shift_vector(qf, qm, x, y, z), f))
+        block[GAIN + e], block[DET + e], block[NORMAL_FORCE + e] = log_likelihood, squared_volume, force
+        # Within this loop, which is vectorized; a short one of its own would be unrolled instead.
+        exponent = min(max(log_likelihood - highest, LOWEST_EXPONENT), 0.0)
+        likelihood = exponential(exponent) / math.sqrt(squared_volume)
+        counts = e < lanes
+        total += likelihood if counts else 0.0
+        higher += 1 if counts & (log_likelihood > highest) else 0
+        near += 1 if counts & (log_likelihood > highest - NEGLIGIBLE) else 0
+        high += 1 if counts & (likelihood > limit) & (force > lowest_force) else 0
+    return PairLikelihoods(total, higher, near, high)
 
 
 @inlined_fused_kernel

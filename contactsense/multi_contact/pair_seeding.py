@@ -9,6 +9,8 @@ from contactsense.kinematics.exponential import exponential
 from contactsense.multi_contact.buffers import DET, GAIN, NORMAL_FORCE, MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information, fill_sample_blocks, log_gain
 from contactsense.multi_contact.pair_likelihood import (
+    LOWEST_EXPONENT,
+    PairLikelihoods,
     condition_on_first,
     fill_cross_information,
     likelihood_beside_first,
@@ -18,12 +20,9 @@ from contactsense.multi_contact.sample_likelihood import copy_lower, force_devia
 from contactsense.multi_contact.seed_list import find_slot, put_seed
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.jit.lanes import LANES
 
-NEGLIGIBLE = 20.0
-"""Log evidence that is lower than another one by this does not count."""
-LOWEST_EXPONENT = -40.0
-"""Nor does exp of less than this."""
+EXPONENTIAL_ERROR = 1e-3
+"""More than twice the relative error of `contactsense.kinematics.exponential`."""
 
 
 @fused_kernel
@@ -42,6 +41,8 @@ def seed_pairs(
     if count > 2:
         scores, seeds = seeding.beam_score, seeding.beam
         scores[:] = -math.inf
+    # Beside a third contact they may push after all.
+    lowest_force = 0.0 if count == 2 else -math.inf
     deviations = force_deviations(force_scale, friction_ratio)
     base = take_samples(seed_samples, force_scale, rows, m, seeding)
     fill_cross_information(m, seeding)
@@ -55,16 +56,21 @@ def seed_pairs(
                 link = chosen.link[d]
                 condition_on_first(own, link, seeding)
             block = seeding.block[d]
-            for j in range(chosen.filled[b]):
+            # The first sample of a block has none before it in the block.
+            for j in range(0 if d < b else 1, chosen.filled[b]):
                 lanes = chosen.filled[d] if d < b else j
-                likelihood_beside_first(j, deviations, seeding.first, block)
-                bound = base + _add_pair_evidence(block, lanes, evidence[own], seeding.pair_sum[own], link)
-                if not bound > scores[-1]:
+                highest = evidence[own, link]
+                limit = _likelihood_limit(scores[-1] - base - highest)
+                found = likelihood_beside_first(
+                    j, lanes, deviations, highest, limit, lowest_force, seeding.first, block
+                )
+                _add_pair_evidence(found, block, lanes, evidence[own], seeding.pair_sum[own], link)
+                if found.high == 0 and found.higher == 0:
                     continue
                 for e in range(lanes):
-                    # The bound is cheaper than the score.
-                    pushes = count > 2 or block[NORMAL_FORCE + e] > 0.0
-                    if not (pushes and base + block[GAIN + e] > scores[-1]):
+                    # Cheaper than the score.
+                    may_count = base + block[GAIN + e] > scores[-1]
+                    if not (may_count and block[NORMAL_FORCE + e] > lowest_force):
                         continue
                     score, samples = base + log_gain(block, e), (chosen.sample[b, j], chosen.sample[d, e], 0)
                     slot = find_slot(
@@ -94,31 +100,36 @@ def take_samples(
 
 
 @fused_kernel
+def _likelihood_limit(log_limit: float) -> float:
+    """A likelihood that those with a logarithm above a limit exceed.
+
+    It spares most logarithms of determinants, of which a score needs one.
+    """
+    if not log_limit > LOWEST_EXPONENT:
+        return 0.0
+    return float(exponential(log_limit) * (1.0 - EXPONENTIAL_ERROR))
+
+
+@fused_kernel
 def _add_pair_evidence(
-    block: np.ndarray, lanes: int, reference: np.ndarray, total: np.ndarray, link: int
-) -> float:
+    found: PairLikelihoods, block: np.ndarray, lanes: int, reference: np.ndarray, total: np.ndarray, link: int
+) -> None:
     """Add the likelihoods of pairs of one sample and the first `lanes` samples of a block to those of a link.
 
     Args:
-        block: After `likelihood_beside_first`.
+        found, block: After `likelihood_beside_first`.
         lanes: Number of its samples.
         reference, total: The logarithm of the sum over all pairs is reference[link] + log(total[link]).
         link: That of the block.
-
-    Returns:
-        The largest `GAIN`, an upper bound of the log likelihoods.
     """
-    largest = -math.inf
-    for e in range(lanes):
-        largest = max(largest, block[GAIN + e])
-    if not largest > reference[link] - NEGLIGIBLE:
-        return largest
-    if largest > reference[link]:
-        total[link] *= math.exp(reference[link] - largest)
-        reference[link] = largest
-    highest, added = reference[link], 0.0
-    for e in range(LANES):
-        part = exponential(max(block[GAIN + e] - highest, LOWEST_EXPONENT)) / math.sqrt(block[DET + e])
-        added += part if e < lanes else 0.0
-    total[link] += added
-    return largest
+    if found.higher > 0:
+        highest, added = reference[link], 0.0
+        for e in range(lanes):
+            highest = max(highest, block[GAIN + e])
+        for e in range(lanes):
+            exponent = max(block[GAIN + e] - highest, LOWEST_EXPONENT)
+            added += exponential(exponent) / math.sqrt(block[DET + e])
+        total[link] = total[link] * math.exp(reference[link] - highest) + added
+        reference[link] = highest
+    elif found.near > 0:
+        total[link] += found.total

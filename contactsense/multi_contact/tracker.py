@@ -15,6 +15,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from contactsense.detection.thresholds import Usable
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.locator import MultiContactLocator
@@ -336,9 +338,10 @@ class MultiContactTracker:
         for fit, share in zip(fits, odds, strict=True):
             fit.rows[:, PROBABILITY] = share / sum(odds)
         labels: list[tuple[int, Phase]] = [(member.number, member.phase) for member in self._members]
+        rows, counts = np.concatenate([fit.rows for fit in fits]), np.array([len(fit.rows) for fit in fits])
         estimate = self._builder.sets(
-            t, [fit.rows for fit in fits], best.wrench, best.covariance, best.rank, len(labels), reason,
-            labels, tuple(self._events),
+            t, rows, counts, best.wrench, best.covariance, best.rank, len(labels), reason, labels,
+            tuple(self._events),
         )  # fmt: skip
         self._events = []
         return estimate

@@ -1,24 +1,47 @@
 """The probability of a contact is that of all sets that contain it."""
 
 import numpy as np
+import pytest
 
-from contactsense.multi_contact.contact_set_builder import SAME_POINT_DISTANCE, state_marginal_probabilities
+from contactsense.multi_contact.contact_set_builder import (
+    SAME_POINT_DISTANCE,
+    _largest_deviation,
+    state_marginal_probabilities,
+)
 from contactsense.runtime.result_rows import LINK, POINT_BASE, PROBABILITY, WIDTH
+
+COUNTS = np.array([1, 2, 3, 2, 2])
+STATED = np.array([0.3, 0.25, 0.2, 0.15, 0.1])
 
 
 def test_each_set_with_the_contact_counts_once() -> None:
     rng = np.random.default_rng(0)
-    counts = [1, 2, 3, 2, 2]
-    set_of, probability = np.repeat(np.arange(len(counts)), counts), np.array([0.3, 0.25, 0.2, 0.15, 0.1])
-    rows = np.zeros((sum(counts), WIDTH))
+    set_of = np.repeat(np.arange(len(COUNTS)), COUNTS)
+    rows = np.zeros((COUNTS.sum(), WIDTH))
     rows[:, LINK] = rng.integers(0, 2, len(rows))
+    rows[:, PROBABILITY] = STATED[set_of]
     # In a cube so small that about half of the pairs are one place.
     rows[:, POINT_BASE] = rng.uniform(0.0, 1.5 * SAME_POINT_DISTANCE, (len(rows), 3))
     expected = []
     for row in rows:
         near = np.linalg.norm(rows[:, POINT_BASE] - row[POINT_BASE], axis=1) < SAME_POINT_DISTANCE
         sets = set(set_of[near & (rows[:, LINK] == row[LINK])].tolist())
-        expected.append(sum(probability[k] for k in sets))
+        expected.append(sum(STATED[k] for k in sets))
+    touched = [{int(link) for link in rows[set_of == s, LINK]} for s in range(len(COUNTS))]
     assert len(set(np.round(expected, 9))) > 3
-    state_marginal_probabilities(rows, set_of, probability)
+    assert any(len(links) < count for links, count in zip(touched, COUNTS, strict=True))
+    probability, link_probability = np.empty(len(COUNTS)), np.zeros(3)
+    state_marginal_probabilities(rows, COUNTS, probability, link_probability)
     np.testing.assert_allclose(rows[:, PROBABILITY], expected)
+    np.testing.assert_array_equal(probability, STATED)
+    links = [sum(p for p, own in zip(STATED, touched, strict=True) if link in own) for link in range(3)]
+    np.testing.assert_allclose(link_probability, links)
+
+
+@pytest.mark.parametrize(
+    "deviations", [(0.02, 0.02, 0.02), (0.3, 1e-4, 1e-4), (0.05, 0.05, 0.001), (0, 0, 0)]
+)
+def test_the_largest_deviation_is_along_an_axis_of_the_ellipsoid(deviations: tuple[float, ...]) -> None:
+    axes, _ = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))
+    covariance = axes @ np.diag(np.square(deviations)) @ axes.T
+    assert _largest_deviation(covariance) == pytest.approx(max(deviations), rel=1e-9)
