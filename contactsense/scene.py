@@ -56,6 +56,11 @@ class SceneError(ValueError):
 
 
 def _as_robot(value: object) -> object:
+    if not isinstance(value, str | Robot):
+        raise ValueError(
+            "expected a name that `contactsense robots` lists, or the path of a URDF or YAML file, got "
+            f"{value!r:.60}"
+        )
     return robots.load(value) if isinstance(value, str) else value
 
 
