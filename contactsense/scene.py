@@ -45,6 +45,8 @@ _MOUNTINGS: dict[str, Vector] = {
     "wall": (0.0, np.pi / 2, 0.0),
 }
 LinkPrior = Literal["area", "equal"]
+_FURTHEST_BODY = 50.0
+"""Largest coordinate of a body's frame [m]: beyond it are only numbers in mm."""
 SURFACE_ERROR = {"coarse": 0.004, "fine": 0.0005, "skin": 0.0005}
 """Level of detail -> standard deviation of the primitives' distance from the real surface [m]: a Gaussian
 with the same 90 % quantile as measured (`contactsense bench geometry --json`: 6.5 and 0.8 mm). In most places
@@ -56,6 +58,11 @@ class SceneError(ValueError):
 
 
 def _as_robot(value: object) -> object:
+    if not isinstance(value, str | Robot):
+        raise ValueError(
+            "expected a name that `contactsense robots` lists, or the path of a URDF or YAML file, got "
+            f"{value!r:.60}"
+        )
     return robots.load(value) if isinstance(value, str) else value
 
 
@@ -92,7 +99,7 @@ class Scene(BaseModel):
     mounting: Literal["table", "wall", "ceiling"] | Vector = "table"
     """Orientation of the base in the world, whose z points up: `table`, `ceiling` (upside down), `wall` (base
     x points down), or roll, pitch, yaw of the base frame about fixed world axes [rad]."""
-    gravity: PositiveFloat = 9.81
+    gravity: Annotated[float, Field(gt=0.0, le=30.0)] = 9.81
     """Acceleration of gravity [m/s^2]."""
     inertia: dict[str, LinkInertia] | None = None
     """Inertia of links by name, where calibration has changed it. None: the robot's data."""
@@ -127,22 +134,22 @@ class Scene(BaseModel):
     meshes: Path | None = None
     """Folder of visual meshes for `detail: skin`, LINK.ply in each link's frame [m]. Those of UR3e and UR5e
     are part of the package airo-models and need no folder."""
-    friction: PositiveFloat = 0.5
+    friction: Annotated[float, Field(gt=0.0, le=10.0)] = 0.5
     """Coefficient of friction between the arm and what touches it: contact forces are rarely inclined further
     from the normal."""
     force: PositiveFloat = 20.0
     """Usual normal force of contacts [N]: a third and three times as much are common, a tenth and ten times
     are rare. It matters only if the sensors do not determine the magnitude of the force."""
-    torsion: PositiveFloat = 0.0025
+    torsion: Annotated[float, Field(gt=0.0, le=1.0)] = 0.0025
     """Torsional moment per normal force, standard deviation [m]: about friction times the radius of the
     contact patch."""
     contacts: Annotated[int, Field(ge=1, le=3)] = 1
     """Largest number of simultaneous contacts in a stream; a further one is distinguished from those already
     tracked."""
-    clearance: NonNegativeFloat = 0.005
+    clearance: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
     """Free space above a point that an object needs to touch it, at least a fingertip [m]: faces in the gap
     of a joint cannot be touched."""
-    surface_error: PositiveFloat | None = None
+    surface_error: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
     """Standard deviation of the primitives' distance from the real surface [m], the same everywhere. None:
     that of each place in the arm's surface file; where it has none, 0.0005, with `coarse` 0.004. A
     number also keeps coarse primitives where they are."""
@@ -211,10 +218,7 @@ class Scene(BaseModel):
         if self.base_wrench is None and self.joint_torque is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two sensors, got none")
         if self.tool is not None:
-            try:
-                in_metres(self.tool.com)
-            except ValueError as error:
-                raise ValueError(f"tool.com: {error}") from None
+            self._can_carry(self.tool)
         for name in self.touchable or ():
             if name not in self.link_names:
                 raise ValueError(f"touchable: expected links of {', '.join(self.link_names)}, got {name!r}")
@@ -257,6 +261,19 @@ class Scene(BaseModel):
             return cls(**content)
         except SceneError as error:
             raise SceneError(f"{path}: {error}") from None
+
+    def _can_carry(self, tool: Tool) -> None:
+        """Raise a ValueError if the tool's mass or centre of mass is beyond what any arm carries."""
+        try:
+            in_metres(tool.com)
+        except ValueError as error:
+            raise ValueError(f"tool.com: {error}") from None
+        own = sum(link.inertia.mass for link in self.robot.links)
+        if tool.mass > own > 0.0:
+            raise ValueError(
+                f"tool.mass: expected kg, at most the {own:.4g} kg of {self.robot.name} itself, got "
+                f"{tool.mass:g}; if this is g: {1e-3 * tool.mass:.4g}"
+            )
 
     def _has_surface(self) -> None:
         """Raise a ValueError if no link can be touched: no contact could ever be explained."""
@@ -306,7 +323,7 @@ class Scene(BaseModel):
                 )
 
     def _has_bodies(self) -> None:
-        """Raise a ValueError if name or angles of a body cannot be, or a pedestal has no sensor below it."""
+        """Raise a ValueError if a body has a wrong name or pose, or a pedestal no sensor below it."""
         names = list(self.link_names)
         for index, body in enumerate(self.bodies):
             if body.name in names:
@@ -323,6 +340,12 @@ class Scene(BaseModel):
                 within_one_turn(body.rpy)
             except ValueError as error:
                 raise ValueError(f"bodies[{index}].rpy: {error}") from None
+            if max(map(abs, body.translation)) > _FURTHEST_BODY:
+                meant = ", ".join(f"{1e-3 * x:.4g}" for x in body.translation)
+                raise ValueError(
+                    f"bodies[{index}].translation: expected m, none above {_FURTHEST_BODY:g}, got "
+                    f"{list(body.translation)}; if these are mm: [{meant}]"
+                )
             names.append(body.name)
 
     @property

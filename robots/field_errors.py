@@ -1,21 +1,33 @@
 """Errors of a validation in words: field, expected value, given value."""
 
 import re
+import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from contactsense.robots.near_names import did_you_mean, fields_at
+from contactsense.robots.field_places import Place, find
+from contactsense.robots.near_names import did_you_mean
 
-_UNION_BRANCH = re.compile(r"^(constrained-|literal\[|tuple\[|dict\[|float$|str$|function-)")
-"""Parts of pydantic's locations that name a branch of a union of types, not a field."""
+__all__ = ["Place", "describe", "joined", "reasons"]
 
 _WORDS = {
     "missing": "expected a value, the field is missing",
     "extra_forbidden": "unknown field",
     "model_type": "expected fields",
     "model_attributes_type": "expected an object with fields",
+    "dict_type": "expected an object with fields",
+    "list_type": "expected a list",
+    "tuple_type": "expected a list",
+    "string_type": "expected text",
+    "bool_type": "expected true or false",
+    "bool_parsing": "expected true or false",
+    "float_type": "expected a number",
+    "float_parsing": "expected a number",
+    "int_type": "expected a whole number",
+    "int_parsing": "expected a whole number",
+    "int_from_float": "expected a whole number",
     "union_tag_invalid": "expected {discriminator} to be one of {expected_tags}, got {tag!r}",
     "union_tag_not_found": "expected the field {discriminator}",
     "greater_than": "expected a number above {gt:.10g}",
@@ -26,36 +38,42 @@ _WORDS = {
     "too_long": "expected at most {max_length}, there are {actual_length}",
     "string_too_short": "expected at least {min_length} characters",
     "string_too_long": "expected at most {max_length} characters",
+    "string_pattern_mismatch": "expected text that matches {pattern}",
 }
 """Type of one of pydantic's errors -> message, where pydantic's own does not speak of fields."""
 _COMPLETE = {"missing", "value_error", "union_tag_invalid", "union_tag_not_found", "too_short", "too_long"}
 """Types whose messages say what was given, or that nothing was."""
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 60
+_SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
+_LITERALS = {None: "null", True: "true", False: "false"}
 
-Place = tuple[str | int, ...]
-"""Path to a field: names of fields, keys and indices."""
 
+def reasons(issues: Iterable[Mapping[str, Any]], annotation: Any) -> dict[Place, str]:
+    """Field -> what was expected and what was given, of pydantic's errors.
 
-def reason(issue: Mapping[str, Any], model: type[BaseModel] | None = None) -> str:
-    """Message of one of pydantic's errors.
+    Of a field that may have one of several types, the errors of the type that came closest are given.
 
     Args:
-        issue: The error.
-        model: What was validated; its fields are proposed for unknown ones that are nearly the same.
+        issues: The errors.
+        annotation: What was validated: a model or another type.
     """
-    words = _WORDS.get(issue["type"])
-    if words is not None:
-        near = ""
-        if issue["type"] == "extra_forbidden" and model is not None:
-            *place, name = issue["loc"]
-            near = did_you_mean(str(name), fields_at(model, place))
-        return words.format(**issue.get("ctx", {})) + near
-    message: str = issue["msg"]
-    return re.sub("^Input should be ", "expected ", message.removeprefix("Value error, "))
-
-
-def says_what_was_given(issue: Mapping[str, Any]) -> bool:
-    """Whether `reason` already has what was given."""
-    return issue["type"] in _COMPLETE
+    found: dict[Place, tuple[list[str], str]] = {}
+    for issue in issues:
+        place = find(annotation, issue["loc"]).place
+        last = place[-1] if place else None
+        if issue["type"] == "missing" and isinstance(last, int):
+            # Of a list that is too short, pydantic names every value that is missing.
+            found[place[:-1]] = ([f"expected {last + 1} values"], f", got {len(issue['input'])}")
+            continue
+        got = "" if issue["type"] in _COMPLETE else _given(issue["input"])
+        messages, _ = found.setdefault(place, ([], got))
+        messages.append(_message(issue, annotation))
+    return {
+        place: _either(messages) + got
+        for place, (messages, got) in found.items()
+        if not any(len(other) > len(place) and other[: len(place)] == place for other in found)
+    }
 
 
 def joined(place: Iterable[str | int]) -> str:
@@ -68,31 +86,40 @@ def joined(place: Iterable[str | int]) -> str:
 
 def describe(
     error: ValidationError,
-    model: type[BaseModel] | None = None,
+    model: type[BaseModel],
     spelled: Callable[[Place], str] = joined,
 ) -> str:
     """All errors in one line: field, expected value, given value.
 
-    Of a field that may have one of several types, the errors of the type that came closest are given.
-
     Args:
         error: Of the validation.
-        model: What was validated; its fields are proposed for unknown ones that are nearly the same.
+        model: What was validated.
         spelled: How the user writes a field.
     """
-    found: dict[Place, tuple[list[str], str]] = {}
-    for item in error.errors(include_url=False):
-        place = tuple(step for step in item["loc"] if not _UNION_BRANCH.match(str(step)))
-        got = "" if says_what_was_given(item) else f", got {item['input']!r:.200}"
-        messages, _ = found.setdefault(place, ([], got))
-        messages.append(reason(item, model))
-    deepest = {
-        place: entry
-        for place, entry in found.items()
-        if not any(len(other) > len(place) and other[: len(place)] == place for other in found)
-    }
     parts = []
-    for place, (messages, got) in deepest.items():
-        text = " or ".join(dict.fromkeys(messages)) + got
+    for place, text in reasons(error.errors(include_url=False), model).items():
         parts.append(f"{spelled(place)}: {text}" if place else text)
     return "; ".join(parts)
+
+
+def _message(issue: Mapping[str, Any], annotation: Any) -> str:
+    words = _WORDS.get(issue["type"])
+    if words is None:
+        return re.sub("^Input should be ", "expected ", issue["msg"].removeprefix("Value error, "))
+    near = ""
+    if issue["type"] == "extra_forbidden":
+        *place, name = issue["loc"]
+        near = did_you_mean(str(name), find(annotation, place).fields)
+    return words.format(**issue.get("ctx", {})) + near
+
+
+def _either(messages: list[str]) -> str:
+    first, *others = dict.fromkeys(messages)
+    return " or ".join((first, *(other.removeprefix("expected ") for other in others)))
+
+
+def _given(value: Any) -> str:
+    """What was given, in words of YAML and JSON, shortened."""
+    if value is None or isinstance(value, bool):
+        return f", got {_LITERALS[value]}"
+    return f", got {_SHORT.repr(value)}"

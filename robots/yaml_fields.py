@@ -36,8 +36,8 @@ def read_fields(path: str | Path, what: str, example: str) -> dict[str, Any]:
         example: A field that it may have, for messages, such as `robot: ur5e`.
 
     Raises:
-        ValueError: The file cannot be read, is not YAML, has no fields, or has one twice; the message names
-            it.
+        ValueError: The file cannot be read, is not YAML, has no fields, a key that is no name, or one
+            twice; the message names it.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -57,7 +57,8 @@ def fields_in(text: str, name: str, example: str) -> dict[str, Any]:
         example: A field that it may have, for messages.
 
     Raises:
-        ValueError: The text is not YAML, has no fields, or has one twice; the message names it.
+        ValueError: The text is not YAML, has no fields, a key that is no name, or one twice; the message
+            names it.
     """
     try:
         content: Any = yaml.load(text, Loader=_Loader)
@@ -68,4 +69,7 @@ def fields_in(text: str, name: str, example: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         got = "nothing" if content is None else f"{content!r:.40}"
         raise ValueError(f"{name}: expected fields such as `{example}`, got {got}")
+    other = next((key for key in content if not isinstance(key, str)), None)
+    if other is not None:
+        raise ValueError(f"{name}: expected names of fields such as `{example}`, got {other!r:.40}")
     return content

@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
-from contactsense.robots.field_errors import joined, reason, says_what_was_given
+from contactsense.robots.field_errors import joined, reasons
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import Inertia, Joint, Link, LocalDeviation, Robot
 from contactsense.robots.rotations import rotation_from_rpy, symmetric
@@ -218,11 +218,10 @@ def check(entry: type[Entry], content: Any, path: Path) -> Entry:
     try:
         return entry.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = joined(first["loc"]) or "file"
-        got = "" if says_what_was_given(first) else f", got {first['input']!r:.60}"
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise RobotError(f"{path}: {place}: {reason(first, entry)}{got}{more}") from error
+        found = reasons(error.errors(), entry)
+        place, text = next(iter(found.items()))
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise RobotError(f"{path}: {joined(place) or 'file'}: {text}{more}") from error
 
 
 def robot(path: Path) -> Robot:

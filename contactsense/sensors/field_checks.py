@@ -6,6 +6,8 @@ from contactsense.robots.primitives import Vector
 
 FURTHEST = 5.0
 """Largest coordinate of a sensor's origin or of a tool's centre of mass [m]."""
+LATEST = 0.5
+"""Largest delay of a sensor [s]."""
 
 
 def within_one_turn(rpy: Vector) -> Vector:
@@ -35,3 +37,16 @@ def in_metres(place: Vector) -> Vector:
             f"if these are mm: [{', '.join(f'{1e-3 * x:.4g}' for x in place)}]"
         )
     return place
+
+
+def in_seconds(delay: float) -> float:
+    """A delay of a sensor [s] as it is.
+
+    Raises:
+        ValueError: it is beyond any sensor, as delays in ms are.
+    """
+    if abs(delay) > LATEST:
+        raise ValueError(
+            f"expected s, none above {LATEST:g}, got {delay:g}; if this is ms: {1e-3 * delay:.4g}"
+        )
+    return delay

@@ -16,7 +16,7 @@ from pydantic import (
 from contactsense.robots import Inertia
 from contactsense.robots.primitives import Vector
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.sensors.field_checks import in_metres, within_one_turn
+from contactsense.sensors.field_checks import in_metres, in_seconds, within_one_turn
 
 JointTorqueSignal = Literal[
     "actual_current_as_torque",
@@ -87,7 +87,7 @@ class WrenchSensor(Part):
     force along -z."""
     bias: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     """Reading of the sensor without load, in its own frame and sign: force, then moment [N, Nm]."""
-    delay: float = 0.0
+    delay: Annotated[float, AfterValidator(in_seconds)] = 0.0
     """Delay of the readings relative to the joint positions of the same instant [s]."""
 
     range: Annotated[tuple[PositiveFloat, ...] | None, AfterValidator(_two_or_six)] = None

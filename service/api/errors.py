@@ -7,8 +7,9 @@ from fastapi import FastAPI, Request, Response, WebSocket
 from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection
 
-from contactsense.robots.field_errors import joined, reason, says_what_was_given
+from contactsense.robots.field_errors import joined, reasons
 from contactsense.service.api.messages import ErrorOut, FieldError
 
 Responses = dict[int | str, dict[str, Any]]
@@ -59,25 +60,40 @@ def _errors(status: int, errors: list[FieldError], headers: Mapping[str, str] | 
     return JSONResponse(ErrorOut(errors=errors).model_dump(), status, headers)
 
 
-def _field_errors(error: RequestValidationError | WebSocketRequestValidationError) -> list[FieldError]:
-    """Convert Pydantic's errors to field and reason; received values become text, since they may be NaN."""
-    errors = []
-    for issue in error.errors():
-        field = joined(step for step in issue["loc"] if step not in ("body", "query", "one", "many"))
-        text = reason(issue)
-        if isinstance(issue["input"], str | int | float) and not says_what_was_given(issue):
-            text += f", got {issue['input']!r:.40}"
-        if issue["loc"] == ("body",) and issue["type"] == "missing":
-            text = "expected a body in JSON, got none"
-        if issue["type"] == "json_invalid":
-            field, text = "", f"not JSON: {issue['ctx']['error']} at character {issue['loc'][-1]}"
-        errors.append(FieldError(field=field, reason=text))
-    return errors
+def _field_errors(
+    connection: HTTPConnection, error: RequestValidationError | WebSocketRequestValidationError
+) -> list[FieldError]:
+    """Convert the errors of a body or of parameters to field and reason."""
+    issues = error.errors()
+    for issue in issues:
+        text = _reason_of_body(connection, issue)
+        if text is not None:
+            return [FieldError(field="", reason=text)]
+    # A location begins with where it is: in the body, the query or the path.
+    placed = [{**issue, "loc": issue["loc"][1:]} for issue in issues]
+    bodies = connection.scope["route"].dependant.body_params
+    annotation = bodies[0].field_info.annotation if bodies else None
+    return [
+        FieldError(field=joined(place), reason=text) for place, text in reasons(placed, annotation).items()
+    ]
+
+
+def _reason_of_body(connection: HTTPConnection, issue: Mapping[str, Any]) -> str | None:
+    """What is wrong with the body as a whole; None: nothing."""
+    if issue["type"] == "json_invalid":
+        return f"not JSON: {issue['ctx']['error']} at character {issue['loc'][-1]}"
+    if issue["type"] == "missing" and issue["loc"] == ("body",):
+        return "expected a body in JSON, got none"
+    if isinstance(issue["input"], bytes):
+        # It has not been parsed, as its type does not say that it is JSON.
+        given = connection.headers.get("content-type", "none")
+        return f"expected the header Content-Type: application/json, got {given:.60}"
+    return None
 
 
 async def _refuse(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    return _errors(422, _field_errors(error))
+    return _errors(422, _field_errors(request, error))
 
 
 async def _refuse_field(request: Request, error: Exception) -> Response:
@@ -87,7 +103,7 @@ async def _refuse_field(request: Request, error: Exception) -> Response:
 
 async def _refuse_stream(websocket: WebSocket, error: Exception) -> None:
     assert isinstance(error, WebSocketRequestValidationError)
-    errors = _field_errors(error)
+    errors = _field_errors(websocket, error)
     await websocket.accept()
     await websocket.send_text(ErrorOut(errors=errors).model_dump_json())
     text = "; ".join(f"{issue.field}: {issue.reason}" for issue in errors)
@@ -101,4 +117,9 @@ async def _http_error(request: Request, error: Exception) -> Response:
     text = str(error.detail)
     if error.status_code == 404 and text == "Not Found":
         text = f"there is no {request.url.path:.80}; GET /docs describes the interface"
+    elif error.status_code == 405:
+        allowed = (error.headers or {}).get("Allow", "another method")
+        text = f"{request.url.path:.80}: expected {allowed}, got {request.method:.20}"
+    elif error.status_code == 400 and text == "There was an error parsing the body":
+        text = "expected a body in JSON: text in UTF-8, not nested deeply"
     return _errors(error.status_code, [FieldError(field="", reason=text)], error.headers)

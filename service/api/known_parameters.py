@@ -28,7 +28,7 @@ def refuse_unknown_parameters(connection: HTTPConnection) -> None:
     known = f"known: {', '.join(names)}" if names else "there are none here"
     errors: list[dict[str, Any]] = [
         {
-            "type": "unknown_parameter",
+            "type": "value_error",
             "loc": ("query", name[:40]),
             "msg": f"unknown parameter{did_you_mean(name, names)}; {known}",
             "input": None,

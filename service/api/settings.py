@@ -39,6 +39,15 @@ PREFIX = "CONTACTSENSE_"
 `CONTACTSENSE_ROBOT_HOST`."""
 
 
+_READERS = (
+    "ft_host", "ft_fields", "ft_port", "ft_http_port", "ft_counts", "robot_port", "robot_client",
+    "wrist_fields", "link_wrenches", "constant_readings",
+)  # fmt: skip
+"""Settings of how the robot and its sensors are read: without effect where the service reads no robot."""
+_VARIABLES = ("wrist_fields", "link_wrenches")
+"""Those of them that have no option."""
+
+
 def is_loopback(host: str) -> bool:
     """Whether only this computer can reach a service at that address."""
     if host == "localhost":
@@ -81,9 +90,19 @@ def _as_variable(place: Place) -> str:
     return joined((PREFIX + str(place[0]).upper(), *place[1:]))
 
 
+def _option(name: str) -> str:
+    """How the user writes a setting of the readers."""
+    return PREFIX + name.upper() if name in _VARIABLES else f"--{name.replace('_', '-')}"
+
+
 def _from_json(value: Any) -> Any:
     """Parse a group of settings from an environment variable."""
-    return json.loads(value) if isinstance(value, str) and value.lstrip().startswith("{") else value
+    if not isinstance(value, str):
+        return value
+    try:
+        return json.loads(value)
+    except ValueError as error:
+        raise ValueError(f"expected an object in JSON ({error}), got {value!r:.60}") from None
 
 
 Port = Annotated[int, Field(ge=0, le=65535)]
@@ -277,20 +296,32 @@ class Settings(BaseModel):
         """Load the scene.
 
         Raises:
-            SettingsError: The scene file cannot be used, or there is no such robot.
+            SettingsError: The scene file cannot be used or has another robot, or there is no such robot.
         """
         try:
-            return (
-                Scene.load(self.scene)
-                if self.scene is not None
-                else Scene.model_validate({"robot": self.robot})
-            )
+            if self.scene is None:
+                return Scene.model_validate({"robot": self.robot})
+            scene = Scene.load(self.scene)
         except SceneError as error:
             raise SettingsError(str(error)) from None
         except ValidationError as error:
             raise SettingsError(describe(error, Scene)) from None
         except LookupError as error:
             raise SettingsError(str(error.args[0] if error.args else error)) from None
+        own = scene.robot
+        if "robot" in self.model_fields_set and self.robot not in (own.name, str(own.file)):
+            raise SettingsError(
+                f"--robot: expected {own.name}, the robot of {self.scene}, or no --robot, got {self.robot!r}"
+            )
+        return scene
+
+    def unused(self, scene: Scene) -> tuple[str, ...]:
+        """Settings that have no effect with this scene, one readable line each."""
+        given = self.ft_host is not None or self.ft_fields is not None
+        if scene.base_wrench is None and given and self.controllers.source == "robot":
+            option = "--ft-host" if self.ft_host is not None else "--ft-fields"
+            return (f"{option} is not used: the scene has no base_wrench",)
+        return ()
 
     def listeners(self) -> tuple[Callable[[Scene], Listener], ...]:
         """Factories of the pipeline's listeners, picklable.
@@ -317,12 +348,18 @@ class Settings(BaseModel):
         Raises:
             SettingsError: The scene requires a signal that these settings do not provide.
         """
+        readers = [name for name in _READERS if name in self.model_fields_set]
         if self.controllers.source == "push":
+            if readers:
+                raise SettingsError(
+                    f"{_option(readers[0])} is for samples that are read from the robot: expected it without "
+                    "--source push, where the controller sends them"
+                )
             return partial(PushSource, path=self.controllers.socket_path)
         if self.robot_host is None:
-            if self.ft_host is not None or self.ft_fields is not None:
+            if readers:
                 raise SettingsError(
-                    f"{'--ft-host' if self.ft_host else '--ft-fields'} is read together with the robot: "
+                    f"{_option(readers[0])} is read together with the robot: "
                     "expected --robot-host too, got none"
                 )
             return None

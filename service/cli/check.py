@@ -30,7 +30,16 @@ _VERDICTS = {
     "cannot_tell": "[yellow]cannot be told[/]",
 }
 
-_UNITS = {"tool.mass": "kg", "tool.com": "m", ".translation": "m", ".rpy": "rad", ".delay": "s"}
+_UNITS = {
+    "mounting": "rad",
+    "tool.mass": "kg",
+    "tool.com": "m",
+    ".translation": "m",
+    ".rpy": "rad",
+    ".delay": "s",
+    ".bias": "N, Nm",
+    ".range": "N, Nm",
+}
 """Units of the lines with these endings."""
 
 
@@ -68,6 +77,9 @@ def check(
     given = {name: value for name, value in source.items() if value is not None}
     if bool(recordings) == ("robot_host" in given):
         raise click.UsageError("check: expected either recordings or --robot-host")
+    if recordings and given:
+        option = as_options()((next(iter(given)),))
+        raise click.UsageError(f"{option} is for a live robot: expected it with --robot-host, not recordings")
     errors = Console(stderr=True)
     try:
         scene = Scene.load(scene_file)
@@ -166,7 +178,8 @@ def _with_unit(line: str, value: str) -> str:
     if line == "tool":
         return value.replace(", com", " kg, com") + " m"
     unit = next((unit for end, unit in _UNITS.items() if line.endswith(end)), None)
-    return value if unit is None else f"{value} {unit}"
+    # Some values are words: a mounting by name, or what is to be done.
+    return f"{value} {unit}" if unit is not None and value[-1:] in "]0123456789" else value
 
 
 def _listed(residuals: Residuals) -> dict[str, tuple[float, str]]:

@@ -48,7 +48,9 @@ the sensors' clocks are aligned."""
 @click.option(
     "--view", is_flag=True, help="Show the arm and its contacts in a browser, until interrupted, as --serve."
 )
-@click.option("--port", default=0, help="Port to serve at.  [default: a free one]")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="Port to serve at.  [default: a free one]"
+)
 @click.option(
     "--react", is_flag=True, help="Move into obstacles without and with a reaction, and compare the forces."
 )

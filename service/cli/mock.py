@@ -18,6 +18,7 @@ from contactsense.service.mock.servers import MockSettings
 READY = "mock arm at "
 """Beginning of the line on stdout that lists the addresses."""
 
+_PORT = click.IntRange(0, 65535)
 _FURTHER = "  [default: its usual port if RTDE has its own, else none; 0 takes a free one]"
 
 
@@ -31,15 +32,23 @@ _FURTHER = "  [default: its usual port if RTDE has its own, else none; 0 takes a
     help="Scene (YAML) to simulate: its arm, mounting, tool and sensors.",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at.")
-@click.option("--rtde-port", default=PORT, show_default=True, help="RTDE port (TCP); 0 takes a free one.")
-@click.option("--ft-port", default=49152, show_default=True, help="Force/torque sensor's port (UDP).")
 @click.option(
-    "--ft-http-port", default=49180, show_default=True, help="Port of its configuration page (TCP)."
+    "--rtde-port", type=_PORT, default=PORT, show_default=True, help="RTDE port (TCP); 0 takes a free one."
 )
-@click.option("--dashboard-port", type=int, help=f"Dashboard server (TCP).{_FURTHER}")
-@click.option("--primary-port", type=int, help=f"Primary client interface (TCP).{_FURTHER}")
-@click.option("--secondary-port", type=int, help=f"Secondary client interface (TCP).{_FURTHER}")
-@click.option("--realtime-port", type=int, help=f"Real-time client interface (TCP).{_FURTHER}")
+@click.option(
+    "--ft-port", type=_PORT, default=49152, show_default=True, help="Force/torque sensor's port (UDP)."
+)
+@click.option(
+    "--ft-http-port",
+    type=_PORT,
+    default=49180,
+    show_default=True,
+    help="Port of its configuration page (TCP).",
+)
+@click.option("--dashboard-port", type=_PORT, help=f"Dashboard server (TCP).{_FURTHER}")
+@click.option("--primary-port", type=_PORT, help=f"Primary client interface (TCP).{_FURTHER}")
+@click.option("--secondary-port", type=_PORT, help=f"Secondary client interface (TCP).{_FURTHER}")
+@click.option("--realtime-port", type=_PORT, help=f"Real-time client interface (TCP).{_FURTHER}")
 @click.option("--loop", is_flag=True, help="Repeat the script; it must end where it begins.")
 @click.option(
     "--sent-log", type=click.Path(path_type=Path), help="File to record when each robot packet left."

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -75,6 +76,12 @@ def record(
     if (out is None) == (url is None):
         raise click.UsageError("record: expected either --out or --url")
     given = {name: value for name, value in source.items() if value is not None}
+    if url is not None:
+        _refuse_others("--url", {"seconds"})
+    elif origin is not None:
+        _refuse_others("--from", {"out", "scene", "columns"})
+    elif columns is not None:
+        raise click.UsageError("--columns is for --from, which is not given")
     try:
         if url is not None:
             record_by_service(url, seconds)
@@ -98,6 +105,15 @@ def record(
             _run(live, recorder, seconds, out)
     except (SettingsError, SensorError, RecordingError, MappingError, SceneError) as error:
         raise click.ClickException(str(error)) from None
+
+
+def _refuse_others(mode: str, allowed: set[str]) -> None:
+    """Refuse options that have no effect beside that of `mode`."""
+    ctx = click.get_current_context()
+    for option in ctx.command.params:
+        source = ctx.get_parameter_source(option.name or "")
+        if source is ParameterSource.COMMANDLINE and option.opts[0] != mode and option.name not in allowed:
+            raise click.UsageError(f"{option.opts[0]} has no effect with {mode}: expected one of the two")
 
 
 def _inherited() -> dict[str, Any]:

@@ -111,8 +111,11 @@ def serve(**options: Any) -> int:
         logs.configure(settings.log_level, settings.log_format, settings.log_file)
         app = create_app(settings, on_loading=bar.update)
         app.state.service.ports.check()
-        for warning in scene_warnings(app.state.service.scene):
-            logging.getLogger("contactsense").warning("scene: %s", warning)
+        scene, log = app.state.service.scene, logging.getLogger("contactsense")
+        for warning in scene_warnings(scene):
+            log.warning("scene: %s", warning)
+        for unused in settings.unused(scene):
+            log.warning("%s", unused)
     except (SettingsError, PortError) as error:
         raise click.ClickException(str(error)) from None
     except OSError as error:

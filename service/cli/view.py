@@ -39,7 +39,13 @@ LESS_URGENT = 5
     help="Scene file (YAML).  [default: that of the service or recording]",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve the page at.")
-@click.option("--port", default=8080, show_default=True, help="Its port; 0 takes a free one.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8080,
+    show_default=True,
+    help="Its port; 0 takes a free one.",
+)
 def view(
     file: Path | None,
     url: str | None,

@@ -10,7 +10,8 @@ from pydantic import ValidationError
 
 from contactsense import robots
 from contactsense.robots import Robot, RobotError
-from contactsense.scene import Scene, describe
+from contactsense.robots.field_errors import joined, reasons
+from contactsense.scene import Scene
 from contactsense.service.controllers.sample_message import MessageError
 
 MAX_URDF = 400_000
@@ -45,7 +46,8 @@ def make_scene(fields: Any) -> Scene:
     try:
         return Scene.model_validate(given)
     except ValidationError as error:
-        raise MessageError("scene", describe(error, Scene)[:1000]) from None
+        place, reason = next(iter(reasons(error.errors(), Scene).items()))
+        raise MessageError(joined(("scene", *place)), reason[:1000]) from None
 
 
 def _text(name: str, value: Any) -> str:

@@ -16,6 +16,7 @@ from pydantic import (
     Field,
     PositiveFloat,
     PositiveInt,
+    field_validator,
     model_validator,
 )
 
@@ -24,6 +25,14 @@ Port = Annotated[int, Field(ge=0, le=65535)]
 
 def _split(value: Any) -> Any:
     return tuple(part.strip() for part in value.split(",")) if isinstance(value, str) else value
+
+
+def _address(text: str) -> str:
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        raise ValueError(f"expected an IP address, got {text!r}") from None
+    return text
 
 
 class ControllerSettings(BaseModel):
@@ -49,18 +58,23 @@ class ControllerSettings(BaseModel):
     connections: PositiveInt = 16
     """Largest number of simultaneous connections on each of the two ports."""
 
+    @field_validator("host")
+    @classmethod
+    def _is_an_address(cls, host: str) -> str:
+        return _address(host)
+
+    @field_validator("clients")
+    @classmethod
+    def _are_addresses(cls, clients: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(_address(client) for client in clients)
+
     @model_validator(mode="after")
     def _is_closed(self) -> Self:
-        for name, addresses in (("host", (self.host,)), ("clients", self.clients)):
-            for address in addresses:
-                try:
-                    ipaddress.ip_address(address)
-                except ValueError:
-                    raise ValueError(f"{name}: expected an IP address, got {address!r}") from None
         opened = self.xmlrpc_port is not None or self.line_port is not None
         if opened and not ipaddress.ip_address(self.host).is_loopback and not self.clients:
             raise ValueError(
-                f"clients: expected the addresses of the robots that may connect at {self.host}, got none"
+                f"at {self.host}, other computers reach the ports for robot programs: expected the addresses "
+                "of the robots that may connect (--controller-clients), got none"
             )
         if self.source == "push" and os.name == "nt":
             raise ValueError("source: push needs Unix sockets, which this system does not have")

@@ -128,6 +128,30 @@ def test_a_name_is_no_scene() -> None:
             "robot: ur5e\nbase_wrench: {translation: [0, 0, -35]}",
             "base_wrench.translation: expected x, y, z in m",
         ),
+        ("robot: 5", "robot: expected a name that `contactsense robots` lists, .*got 5"),
+        ("robot: ur5e\n1: 2", "expected names of fields"),
+        (
+            "robot: ur5e\nbase_wrench: {delay: 8}",
+            "base_wrench.delay: expected s, none above 0.5, got 8; if this is ms: 0.008",
+        ),
+        (
+            "robot: ur5e\ntool: {mass: 1200}",
+            r"tool.mass: expected kg, at most the 21.7 kg of ur5e itself, got 1200; if this is g: 1.2",
+        ),
+        (
+            "robot: ur5e\ntool: {mass: 1, tensor: [1, 0, 0, 1, 0, 9]}",
+            "tool.tensor: expected .*got principal moments 1, 1, 9 kg",
+        ),
+        ("robot: ur5e\ntool: {mass: 1, tensor: [-1, 0, 0, 1, 0, 1]}", "tool.tensor: expected"),
+        ("robot: ur5e\ngravity: 9810", "gravity: expected a number of at most 30, got 9810"),
+        ("robot: ur5e\nclearance: 5", "clearance: expected a number of at most 1, got 5"),
+        ("robot: ur5e\nsurface_error: 0.5", "surface_error: expected a number of at most 0.1, got 0.5"),
+        ("robot: ur5e\nfriction: 50", "friction: expected a number of at most 10, got 50"),
+        (
+            "robot: ur5e\nbodies: [{name: table, translation: [600, 0, -20], "
+            "primitives: [{kind: sphere, center: [0, 0, 0], radius: 0.1}]}]",
+            r"bodies\[0\].translation: expected m, none above 50, got .*; if these are mm: \[0.6, 0, -0.02\]",
+        ),
         ("robot: [", "not YAML"),
     ],
 )

@@ -6,7 +6,10 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError
 
 from contactsense.robots.field_errors import describe, joined
-from contactsense.robots.near_names import did_you_mean, fields_at
+from contactsense.robots.field_places import find
+from contactsense.robots.near_names import did_you_mean
+
+Positive = Annotated[float, Field(gt=0.0)]
 
 
 class Part(BaseModel):
@@ -29,6 +32,9 @@ class Whole(Part):
     place: tuple[float, float] | None = None
     long: Annotated[tuple[float, ...], Field(min_length=2)] = (0.0, 0.0)
     while_: str = Field("", alias="while")
+    share: Positive | tuple[Positive, ...] = 1.0
+    six: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    on: bool = False
 
 
 @pytest.mark.parametrize(
@@ -41,7 +47,7 @@ class Whole(Part):
         ({"parts": [{}]}, "parts[0]: expected the field 'kind'"),
         (
             {"parts": [{"kind": "slab", "thicknes": 1}]},
-            "parts[0].slab.thicknes: unknown field (did you mean thickness?), got 1",
+            "parts[0].thicknes: unknown field (did you mean thickness?), got 1",
         ),
         (
             {"named": {"a": {"raduis": 1}}},
@@ -50,14 +56,21 @@ class Whole(Part):
         ({"named": {"a": {"radius": 0}}}, "named.a.radius: expected a number above 0, got 0"),
         (
             {"parts": [{"kind": "slab", "thickness": 6}]},
-            "parts[0].slab.thickness: expected a number of at most 5, got 6",
+            "parts[0].thickness: expected a number of at most 5, got 6",
         ),
         ({"long": [1]}, "long: expected at least 2, there are 1"),
-        ({"place": [1]}, "place[1]: expected a value, the field is missing"),
-        (
-            {"place": [1, "x"]},
-            "place[1]: expected a valid number, unable to parse string as a number, got 'x'",
-        ),
+        ({"place": [1]}, "place: expected 2 values, got 1"),
+        ({"place": [1, "x"]}, "place[1]: expected a number, got 'x'"),
+        ({"place": 3}, "place: expected a list, got 3"),
+        ({"six": [1]}, "six: expected 3 values, got 1"),
+        ({"six": [1, 2, 3, 4]}, "six: expected at most 3, there are 4"),
+        ({"parts": [{"kind": "slab", "radius": 1}]}, "parts[0].radius: unknown field, got 1"),
+        ({"share": 0}, "share: expected a number above 0 or a list, got 0"),
+        ({"share": [1, 0]}, "share[1]: expected a number above 0, got 0"),
+        ({"share": None}, "share: expected a number or a list, got null"),
+        ({"on": "x"}, "on: expected true or false, got 'x'"),
+        ({"named": 3}, "named: expected an object with fields, got 3"),
+        ({"place": [True, {"a": 1}]}, "place[1]: expected a number, got {'a': 1}"),
     ],
 )
 def test_words(given: dict[str, Any], words: str) -> None:
@@ -69,11 +82,20 @@ def test_words(given: dict[str, Any], words: str) -> None:
 def test_a_field_as_the_user_writes_it() -> None:
     with pytest.raises(ValidationError) as refused:
         Whole.model_validate({"named": {"a": {"radius": 0}}})
-    told = describe(refused.value, spelled=lambda place: "--" + joined(place[1:]))
+    told = describe(refused.value, Whole, spelled=lambda place: "--" + joined(place[1:]))
     assert told == "--a.radius: expected a number above 0, got 0"
 
 
 def test_nothing_is_proposed_where_nothing_is_near() -> None:
     assert did_you_mean("rat", ["rate", "every"]) == " (did you mean rate?)"
     assert did_you_mean("x", ["rate", "every"]) == did_you_mean("x", []) == ""
-    assert fields_at(Whole, ("parts", 0, "ball")) == {"kind", "radius", "thickness"}
+    assert find(Whole, ("parts", 0, "ball")).fields == {"kind", "radius"}
+
+
+def test_a_field_with_the_name_of_a_branch_keeps_it() -> None:
+    """Only what pydantic has inserted is left out of the path."""
+    with pytest.raises(ValidationError) as refused:
+        Whole.model_validate({"parts": [{"kind": "ball", "ball": 1}], "named": {"ball": {"radius": 0}}})
+    assert describe(refused.value, Whole) == (
+        "parts[0].ball: unknown field, got 1; named.ball.radius: expected a number above 0, got 0"
+    )

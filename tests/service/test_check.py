@@ -72,11 +72,13 @@ def test_where_nothing_can_be_told_and_residuals_remain_a_contact_is_suspected()
 
 def test_values_have_their_units() -> None:
     stated = {
-        "mounting": ("table", "table"),
+        "mounting": ("[0.1, 0, 0]", "[0.1, 0, 0] rad"),
         "tool": ("mass 0.909, com [0, 0, 0.06]", "mass 0.909 kg, com [0, 0, 0.06] m"),
         "tool.mass": ("0.909", "0.909 kg"),
         "tool.com": ("[0, 0, 0.06]", "[0, 0, 0.06] m"),
         "base_wrench.delay": ("0.0120", "0.0120 s"),
+        "base_wrench.range": ("[1800, 350]", "[1800, 350] N, Nm"),
+        "wrist_wrench.bias": ("[1, 2, 3, 0.1, 0.2, 0.3]", "[1, 2, 3, 0.1, 0.2, 0.3] N, Nm"),
     }
     findings = tuple(Finding(line, "fits", value) for line, (value, _) in stated.items())
     wrong = Finding("base_wrench.delay", "does_not_fit", "0.0000", "0.0080")
@@ -84,6 +86,16 @@ def test_values_have_their_units() -> None:
     for _, value in stated.values():
         assert value in text
     assert "this would: 0.0080 s" in text
+
+
+def test_values_that_are_words_have_no_unit() -> None:
+    wrong = (
+        Finding("mounting", "does_not_fit", "[3.14, 0, 0]", "ceiling"),
+        Finding("base_wrench.range", "does_not_fit", "[100, 20]", "a sensor of larger range"),
+    )
+    text = _printed(SetupCheck(wrong, Residuals(None, None, 0.1), (), 10.0))
+    assert "this would: ceiling\n" in text
+    assert "this would: a sensor of larger range\n" in text
 
 
 def test_a_right_scene_fits(folder: Path) -> None:
@@ -103,7 +115,7 @@ def test_a_wrong_line_is_named_with_the_value_that_fits(
     assert max(len(line) for line in result.stdout.splitlines()) <= 80
     scene = Scene.load(folder / "right.yaml")
     right = "[" + ", ".join(f"{round(x, 4):g}" for x in scene.mounting) + "]"
-    assert f"this would: {right} (opposite sign)" in result.stdout
+    assert f"this would: {right} rad (opposite sign)" in result.stdout
 
     said = json.loads(CliRunner().invoke(check, [*arguments, "--json"]).stdout)
     assert not said["fits"]
@@ -128,6 +140,10 @@ def test_units_of_a_recording_are_a_matter_of_its_columns(folder: Path) -> None:
         (["right.yaml"], "expected either recordings or --robot-host"),
         (["right.yaml", "free.csv", "--columns", "unit"], "unit: cannot read the column mapping"),
         (["right.yaml", "--robot-host", "127.0.0.1"], "expected either its address"),
+        (
+            ["right.yaml", "free.csv", "--ft-port", "1"],
+            "--ft-port is for a live robot: expected it with --ro",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_said(folder: Path, arguments: list[str], message: str) -> None:

@@ -122,8 +122,23 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
         ),
         (("serve", "--port", "70000"), "serve: --port: expected a number of at most 65535, got 70000"),
         (("serve", "--xmlrpc-port", "-2"), "serve: --xmlrpc-port: expected a number of at least 0, got -2"),
+        (
+            ("serve", "--source", "push", "--ft-host", "192.0.2.2"),
+            "--ft-host is for samples that are read from",
+        ),
+        (
+            ("serve", "--robot-client", "rtde"),
+            "--robot-client is read together with the robot: expected --ro",
+        ),
+        (
+            ("serve", "--controller-host", "0.0.0.0", "--line-port", "0"),
+            "expected the addresses of the robots that may connect (--controller-clients), got none",
+        ),
+        (("serve", "--controller-clients", "x"), "--controller-clients: expected an IP address, got 'x'"),
         (("serve", "--tls-key", "key.pem"), "expected both --tls-certificate and --tls-key"),
         (("mock", "--script", "none.yaml"), "none.yaml"),
+        (("mock", "--rtde-port", "70000"), "'--rtde-port': 70000 is not in the range"),
+        (("view", "--port", "70000"), "'--port': 70000 is not in the range"),
         (("demo", "--script", "none.yaml"), "none.yaml"),
     ],
 )
@@ -138,7 +153,7 @@ def test_what_cannot_be_used_is_one_line_on_stderr(
     with pytest.raises(SystemExit) as ended:
         main()
     out, err = capsys.readouterr()
-    assert ended.value.code == 1
+    assert ended.value.code == (2 if "range" in complaint else 1)
     assert out == ""
     assert complaint in err
     assert err.count("\n") == 1

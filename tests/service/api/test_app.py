@@ -139,14 +139,16 @@ GOOD = {"q": POSTURE, "base_wrench": ZERO6}
         (json.dumps(GOOD).replace("-1.3, ", ""), "q", "expected 6 numbers, one per joint of ur5e, got 5"),
         (json.dumps({**GOOD, "base_wrench": [0.0]}), "base_wrench", "at least 6, there are 1"),
         (json.dumps({**GOOD, "joint_torque": [0.0]}), "joint_torque", "expected 6 numbers"),
-        (json.dumps({**GOOD, "torque": 1}), "torque", "unknown field, got 1"),
-        (json.dumps({**GOOD, "external": "no"}), "external", "boolean"),
+        (json.dumps({**GOOD, "torque": 1}), "torque", "unknown field (did you mean joint_torque?), got 1"),
+        (json.dumps({**GOOD, "one": 1}), "one", "unknown field, got 1"),
+        (json.dumps({"samples": [{**GOOD, "many": 1}]}), "samples[0].many", "unknown field, got 1"),
+        (json.dumps({**GOOD, "external": "no"}), "external", "expected true or false, got 'no'"),
         (json.dumps({**GOOD, "wrist_wrench": ZERO6}), "wrist_wrench", "the scene has no such sensor"),
         (json.dumps({"q": POSTURE}), "base_wrench", "got neither"),
         (json.dumps({"base_wrench": ZERO6}), "q", "the field is missing"),
         (json.dumps({"samples": []}), "samples", "at least 1, there are 0"),
         (json.dumps({"samples": [GOOD, {**GOOD, "q": [0.0]}]}), "samples[1].q", "expected 6 numbers"),
-        (json.dumps({"samples": [GOOD, {**GOOD, "q": None}]}), "samples[1].q", "list"),
+        (json.dumps({"samples": [GOOD, {**GOOD, "q": None}]}), "samples[1].q", "list, got null"),
         (json.dumps({**GOOD, "\ud800": 1}), "", "unicode"),
         (json.dumps({**GOOD, "q": "\ud800"}), "q", "list"),
         ("{", "", "not JSON"),
@@ -166,7 +168,22 @@ def test_other_errors_have_the_same_form(idle: httpx.Client) -> None:
     assert idle.get("/v1/nothing").json() == {
         "errors": [{"field": "", "reason": "there is no /v1/nothing; GET /docs describes the interface"}]
     }
-    assert idle.get("/v1/locate").status_code == 405
+    answer = idle.get("/v1/locate")
+    assert answer.status_code == 405
+    assert answer.json()["errors"][0]["reason"] == "/v1/locate: expected POST, got GET"
+    deep = idle.post("/v1/locate", content="[" * 100_000, headers={"content-type": "application/json"})
+    assert deep.status_code == 400
+    assert "expected a body in JSON" in deep.json()["errors"][0]["reason"]
+
+
+def test_a_body_that_is_not_declared_as_json(idle: httpx.Client) -> None:
+    """The default of curl: the body would be taken for text without fields."""
+    form = "application/x-www-form-urlencoded"
+    answer = idle.post("/v1/locate", content=json.dumps(GOOD), headers={"content-type": form})
+    assert answer.status_code == 422
+    assert answer.json()["errors"] == [
+        {"field": "", "reason": f"expected the header Content-Type: application/json, got {form}"}
+    ]
 
 
 def test_the_interface_tells_units_and_frames(idle: httpx.Client) -> None:

@@ -32,6 +32,7 @@ def test_from_the_environment() -> None:
         ("FT_COUNTS", "5", "CONTACTSENSE_FT_COUNTS: expected two numbers.* 1000000,1000000, got '5'"),
         ("FT_COUNTS", "5,x", "expected two numbers.* got '5,x'"),
         ("FT_COUNTS", "5,-1", "expected two numbers.* got '5,-1'"),
+        ("EVENTS", '{"path": ', "CONTACTSENSE_EVENTS: expected an object in JSON"),
         ("EVENTS", '{"pth": "a"}', r"CONTACTSENSE_EVENTS.pth: unknown field \(did you mean path\?\)"),
     ],
 )
@@ -79,6 +80,46 @@ def test_a_sensor_without_a_robot_is_refused(given: dict[str, str]) -> None:
     settings = Settings.model_validate(given)
     with pytest.raises(SettingsError, match=r"^--ft-\w+ is read together with the robot: expected --robot-h"):
         settings.open_source(settings.load_scene())
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"ft_host": "192.0.2.2"}, "--ft-host"),
+        ({"robot_port": 30004}, "--robot-port"),
+        ({"wrist_fields": "a"}, "CONTACTSENSE_WRIST_FIELDS"),
+        ({"constant_readings": True}, "--constant-readings"),
+    ],
+)
+def test_readers_of_a_robot_are_refused_where_a_controller_sends_the_samples(
+    given: dict[str, object], said: str
+) -> None:
+    settings = Settings.model_validate(
+        {"controllers": {"source": "push"}, "robot_host": "192.0.2.1", **given}
+    )
+    with pytest.raises(SettingsError, match=rf"^{said} is for samples that are read from the robot"):
+        settings.open_source(settings.load_scene())
+
+
+def test_the_address_of_the_robot_remains_of_use_to_reactions() -> None:
+    settings = Settings.model_validate({"controllers": {"source": "push"}, "robot_host": "192.0.2.1"})
+    assert settings.open_source(settings.load_scene()) is not None
+
+
+def test_a_sensor_that_the_scene_does_not_have_is_named(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\nbase_wrench: null\n")
+    settings = Settings(scene=tmp_path / "scene.yaml", robot_host="192.0.2.1", ft_host="192.0.2.2")
+    assert settings.unused(settings.load_scene()) == ("--ft-host is not used: the scene has no base_wrench",)
+    assert Settings(robot_host="192.0.2.1", ft_host="192.0.2.2").unused(Settings().load_scene()) == ()
+
+
+def test_another_robot_than_that_of_the_scene_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    assert Settings(scene=tmp_path / "scene.yaml", robot="ur5e").load_scene().robot.name == "ur5e"
+    with pytest.raises(
+        SettingsError, match=r"--robot: expected ur5e, the robot of .*scene.yaml.* got 'ur10e'"
+    ):
+        Settings(scene=tmp_path / "scene.yaml", robot="ur10e").load_scene()
 
 
 @ur_rtde_installed

@@ -35,7 +35,7 @@ def test_a_good_script() -> None:
         ("push: 20", "push: 20, force_base: [1, 0, 0]", ["got ['push', 'force_base']"]),
         ("normal: [0, 0, 2], ", "", ["contacts[0]", "normal: expected an outward normal"]),
         ("normal: [0, 0, 2]", "normal: [0, 0, 0]", ["normal: expected a vector of some length"]),
-        ("point: [0, 0, 0.1]", "point: [0, 0]", ["contacts[0].point[2]"]),
+        ("point: [0, 0, 0.1]", "point: [0, 0]", ["contacts[0].point: expected 3 values, got 2"]),
         ("to: [1, 1]", "to: [1]", ["trajectory.moves[0].to: expected 2 joint positions", "got 1"]),
         (
             "start: 1.0, duration: 1.0",

@@ -93,10 +93,10 @@ def test_a_missing_file_is_named() -> None:
     [
         ("{type: webhook, url: 'http://h/'}", "expected either secret or secret_file, got neither"),
         ("{type: webhook, url: 'http://h/', secret: hunter2}", "secret: expected whsec_"),
-        ("{type: webhook, url: 'ftp://h/', secret_file: f}", "url: String should match"),
+        ("{type: webhook, url: 'ftp://h/', secret_file: f}", "url: expected text that matches"),
         ("{type: command, command: []}", "command: expected at least 1, there are 0"),
         ("{type: dashboard, command: unlock protective stop}", "command: expected"),
-        ('{type: dashboard, command: popup, text: "a\\nplay"}', "text: String should match"),
+        ('{type: dashboard, command: popup, text: "a\\nplay"}', "text: expected text that matches"),
     ],
 )
 def test_wrong_actions(tmp_path: Path, action: str, complaint: str) -> None:

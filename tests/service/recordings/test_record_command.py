@@ -84,6 +84,26 @@ def test_without_an_address_it_says_what_is_missing(tmp_path: Path) -> None:
     assert "expected --robot-host" in result.output
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["--url", "http://127.0.0.1:1", "--robot-host", "192.0.2.1"],
+            "--robot-host has no effect with --url",
+        ),
+        (
+            ["--from", "a.csv", "--out", "b.csv", "--ft-host", "192.0.2.1"],
+            "--ft-host has no effect with --from",
+        ),
+        (["--out", "folder", "--columns", "q=x"], "--columns is for --from"),
+    ],
+)
+def test_options_of_another_kind_of_recording_are_refused(arguments: list[str], message: str) -> None:
+    result = CliRunner().invoke(record, arguments)
+    assert result.exit_code == 2
+    assert message in result.output
+
+
 def test_a_recording_is_converted_and_its_problems_are_named(tmp_path: Path) -> None:
     chance = np.random.default_rng(1)
     columns = {"timestamp": 0.01 * np.arange(30)}
