@@ -125,7 +125,7 @@ def _evaluate_samples(
             continue
         R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
         w, P = hypotheses.wrench[link], hypotheses.covariance[link]
-        squared_force, force_variance = _wrench_in_link(w, P, hypotheses.information[link], R, o, cells)
+        squared_force, force_variance = _squared_force(w, P)
         force_measured = force_variance < squared_force
         limit = lowest_energy + ENERGY_CUTOFF - link_energy
         # The first link has no limit yet: no contact that is kept is that far above its link's energy.
@@ -154,6 +154,9 @@ def _evaluate_samples(
                 cells.queue[queued] = blocks.first[b] + j
                 cells.bound[queued] = bound if bound < LARGEST_BOUND else LARGEST_BOUND
                 queued += 0 if bound == math.inf else 1
+        if queued == 0:
+            continue
+        to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
         rows, lowest_energy = _evaluate_queue(
             samples, queued, force_measured, prior, link_energy, rows, lowest_energy, cells
         )
@@ -176,7 +179,7 @@ def _evaluate_queue(
     lowest_bound = math.inf
     for i in range(queued):
         lowest_bound = min(lowest_bound, cells.bound[i])
-    upper = lowest_bound + BOUND_STEP
+    upper, first_bound = lowest_bound + BOUND_STEP, lowest_bound
     mode_count = 0
     while queued > 0:
         remaining, lowest_bound = 0, math.inf
@@ -196,6 +199,12 @@ def _evaluate_queue(
                     samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
                 )
                 mode_count = 0
+        if mode_count > 0 and lowest_bound > first_bound + ENERGY_CUTOFF:
+            # What the block finds probably excludes all others: a full block would take longer.
+            rows, lowest_energy = _evaluate_block(
+                samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+            )
+            mode_count, first_bound = 0, lowest_bound
         queued, upper = remaining, max(lowest_bound + BOUND_STEP, BOUND_GROWTH * upper)
     if mode_count > 0:
         rows, lowest_energy = _evaluate_block(
@@ -233,7 +242,8 @@ def _evaluate_subsamples(
             last, link_energy = link, hypotheses.energy[link]
             R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
             w, P = hypotheses.wrench[link], hypotheses.covariance[link]
-            squared_force, force_variance = _wrench_in_link(w, P, hypotheses.information[link], R, o, cells)
+            to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
+            squared_force, force_variance = _squared_force(w, P)
             force_measured = force_variance < squared_force
         cells.score[row] = -math.inf
         for s in range(subsamples.start[cells.sample[row]], subsamples.start[cells.sample[row] + 1]):
@@ -252,17 +262,9 @@ def _evaluate_subsamples(
 
 
 @fused_kernel
-def _wrench_in_link(
-    w: np.ndarray, P: np.ndarray, L: np.ndarray, R: np.ndarray, o: np.ndarray, cells: SurfaceCells
-) -> tuple[float, float]:
-    """Transform the fused wrench and its information matrix to the link frame, written to `cells`.
-
-    Returns:
-        Squared force and the trace of its covariance [N^2].
-    """
-    u = cells.wrench
-    to_body_frame(w, L, R, o, u, cells.information)
-    return u[0] * u[0] + u[1] * u[1] + u[2] * u[2], P[0, 0] + P[1, 1] + P[2, 2]
+def _squared_force(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
+    """Squared force of a wrench w and the trace of its covariance, of the wrench's covariance P [N^2]."""
+    return w[0] * w[0] + w[1] * w[1] + w[2] * w[2], P[0, 0] + P[1, 1] + P[2, 2]
 
 
 @fused_kernel
