@@ -151,7 +151,7 @@ def _evaluate_samples(
                 cells.bound_block[BOUND:] = 0.0
             for j in range(blocks.length[b]):
                 bound = cells.bound_block[BOUND + j]
-                cells.queue[queued] = blocks.first[b] + j
+                cells.queue[queued] = blocks.sample[b, j]
                 cells.bound[queued] = bound if bound < LARGEST_BOUND else LARGEST_BOUND
                 queued += 0 if bound == math.inf else 1
         if queued == 0:

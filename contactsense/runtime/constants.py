@@ -77,7 +77,7 @@ def sizes_of(constants: Constants) -> dict[str, int]:
         "links": len(constants.touchable),
         "primitives": len(constants.surfaces.kind),
         "samples": len(constants.samples.spread),
-        "blocks": len(constants.surface_blocks.first),
+        "blocks": len(constants.surface_blocks.length),
         "subsamples": len(constants.subsamples.spread),
         "link_sensors": len(constants.link_sensors.body),
         "deviations": len(constants.deviations.ratio),

@@ -27,8 +27,9 @@ def test_each_sample_is_in_one_lane_and_its_cell_in_the_sphere() -> None:
     seen: list[int] = []
     for link, (first, last) in enumerate(itertools.pairwise(blocks.start)):
         for b in range(first, last):
-            rows = blocks.first[b] + np.arange(blocks.length[b])
+            rows = blocks.sample[b, : blocks.length[b]]
             seen.extend(rows)
+            assert (blocks.sample[b, len(rows) :] == rows[-1]).all()
             assert (constants.surfaces.link[samples.primitive[rows]] == link).all()
             for i, lane in enumerate((X, Y, Z)):
                 np.testing.assert_array_equal(
@@ -37,7 +38,22 @@ def test_each_sample_is_in_one_lane_and_its_cell_in_the_sphere() -> None:
             np.testing.assert_array_equal(blocks.cells[b, SPREAD : SPREAD + len(rows)], samples.spread[rows])
             distance = np.linalg.norm(samples.point[rows] - blocks.centre[b], axis=1)
             assert (distance + CELL_REACH * samples.spread[rows] < blocks.radius[b] + 1e-12).all()
-    assert seen == list(range(len(samples.spread)))
+    assert sorted(seen) == list(range(len(samples.spread)))
+
+
+def test_blocks_are_compact() -> None:
+    """Spheres about samples that are near each other are small beside those about any of the same link."""
+    constants = build_constants(SCENE)
+    samples, blocks = constants.samples, constants.surface_blocks
+    rng = np.random.default_rng(0)
+    for first, last in itertools.pairwise(blocks.start):
+        members = np.unique(blocks.sample[first:last])
+        if len(members) < 8 * LANES:
+            continue
+        chosen = (samples.point[rng.choice(members, LANES, replace=False)] for _ in range(100))
+        usual = np.median([0.5 * np.linalg.norm(np.ptp(points, axis=0)) for points in chosen])
+        own = [0.5 * np.linalg.norm(np.ptp(samples.point[row], axis=0)) for row in blocks.sample[first:last]]
+        assert np.median(own) < 0.5 * usual
 
 
 def test_links_without_samples_have_no_blocks() -> None:
