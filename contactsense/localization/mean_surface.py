@@ -21,9 +21,9 @@ from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import cross, divide, dot, norm, subtract, vector
 from contactsense.solvers.posterior import STUDENT_DOF
 
-CELL_SPREAD = 0.0115
-"""Standard deviation of places in a cell along each tangent [m]: a square of 40 mm, see
-`contactsense.robots.decomposition.local_deviation.CELL`."""
+CELL_SPREAD = 0.0081
+"""Standard deviation of places in a cell along each tangent [m]: a square of 28 mm, see
+`contactsense.robots.decomposition.local_deviation.MOVED_CELL`."""
 LEAST_PUSH = 0.05
 """A force whose cosine to the inward normal is smaller than this does not push on a cell."""
 S = TypeVar("S", SurfaceSamples, SurfaceSubsamples)

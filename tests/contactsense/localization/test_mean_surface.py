@@ -7,7 +7,7 @@ from contactsense import Localizer, Scene, WrenchSensor, robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.localization.local_prior import DeviationCells, nearest_cell
 from contactsense.localization.mean_surface import CELL_SPREAD, LEAST_PUSH, entered_cell, mean_frame
-from contactsense.robots.decomposition.local_deviation import CELL
+from contactsense.robots.decomposition.local_deviation import MOVED_CELL
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.buffers import Buffers, buffer_views
@@ -22,7 +22,7 @@ def constants() -> Constants:
 
 
 def test_the_spread_of_a_cell_is_that_of_a_square() -> None:
-    assert pytest.approx(CELL / np.sqrt(12.0), rel=0.01) == CELL_SPREAD
+    assert pytest.approx(MOVED_CELL / np.sqrt(12.0), rel=0.01) == CELL_SPREAD
 
 
 def test_each_coarse_primitive_is_moved_in_its_cells_as_the_file_says(constants: Constants) -> None:
