@@ -87,7 +87,9 @@ def meshes_of(robot: Robot, folder: Path | None = None) -> dict[str, trimesh.Tri
     if robot.file is not None and robot.file.suffix != ".yaml":
         return _of_chain(read_chain(robot.file, robot.tip), None)
     if not in_library(robot) or robot.name not in airo_models.AIRO_MODEL_NAMES:
-        raise RobotError(f"{robot.name}: no meshes known; name a folder of them with --meshes")
+        raise RobotError(
+            f"{robot.name}: no meshes known; name a folder of them (--meshes, or `meshes` of a scene)"
+        )
     return _from_airo(robot)
 
 

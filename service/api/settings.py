@@ -30,6 +30,7 @@ from contactsense.service.live.listener import Listener
 from contactsense.service.logs import Format, Level
 from contactsense.service.reactions.state import ReactionSettings
 from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
+from contactsense.service.scene.skin_meshes import check_meshes
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
@@ -308,6 +309,10 @@ class Settings(BaseModel):
             raise SettingsError(describe(error, Scene)) from None
         except LookupError as error:
             raise SettingsError(str(error.args[0] if error.args else error)) from None
+        try:
+            check_meshes(scene)
+        except SceneError as error:
+            raise SettingsError(f"{self.scene}: {error}") from None
         own = scene.robot
         if "robot" in self.model_fields_set and self.robot not in (own.name, str(own.file)):
             raise SettingsError(

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, default_groups
 from contactsense.calibration import calibrate as run
+from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_page import Section, channels, page
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
@@ -69,6 +70,7 @@ def calibrate(
         stretches: list[FreeMotion] = []
         for recording in recordings:
             found_here, problems = read_free_motion(recording, scene, mapping)
+            _in_radians(recording, scene, found_here)
             stretches += found_here
             for problem in problems:
                 errors.print(f"{recording}: {problem}", soft_wrap=True)
@@ -101,6 +103,16 @@ def calibrate(
         _print_page(found, sections)
         if verbose:
             _print_everything(found, scene)
+
+
+def _in_radians(recording: Path, scene: Scene, stretches: list[FreeMotion]) -> None:
+    """Raise a RecordingError if joint positions are beyond what the arm reaches, as angles in degrees are."""
+    limits = PlausibleLimits(scene)
+    for stretch in stretches:
+        for extreme in (stretch.q.min(axis=0), stretch.q.max(axis=0)):
+            found = limits.position(extreme)
+            if found is not None:
+                raise RecordingError(f"{recording}: {found.field}: {found.reason} (--columns angle_unit=deg)")
 
 
 def scene_text(path: Path, scene: Scene) -> str:

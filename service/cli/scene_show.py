@@ -11,6 +11,7 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.cli.picture_file import picture_file
 from contactsense.service.drawing.posture import usual_posture
+from contactsense.service.scene.skin_meshes import check_meshes
 from contactsense.service.scene.summary import (
     as_plain,
     link_prior_line,
@@ -31,6 +32,10 @@ def show(path: Path, picture: Path | None, pose: str | None, as_json: bool) -> N
         scene = Scene.load(path)
     except SceneError as error:
         raise click.ClickException(str(error)) from None
+    try:
+        check_meshes(scene)
+    except SceneError as error:
+        raise click.ClickException(f"{path}: {error}") from None
     joints = len(scene.robot.joints)
     q = usual_posture(joints) if pose is None else joint_angles("--pose", pose, joints)
     if picture is not None:

@@ -8,6 +8,7 @@ from contactsense.calibration import FreeMotion
 from contactsense.calibration.free_motion import without_delays
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
+from contactsense.sensors.timing import LONGEST_GAP
 from contactsense.service.recordings.column_mapping import ColumnMapping
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording_file import RecordingFile
@@ -34,7 +35,7 @@ def read_free_motion(
         The sections, and the problems found in the file.
 
     Raises:
-        RecordingError: The file cannot be read, or has no section of three samples.
+        RecordingError: The file cannot be read, has no section of three samples, or they are too far apart.
         MappingError: `columns` cannot be used.
     """
     mapping = columns if isinstance(columns, ColumnMapping) else ColumnMapping.parse(columns)
@@ -70,7 +71,14 @@ def read_free_motion(
             )
     if not stretches:
         raise RecordingError(
-            f"{path}: expected at least {_SHORTEST} samples with finite numbers in all columns, "
-            f"got {int(finite.sum())} of {len(found)}"
+            f"{path}: expected at least {_SHORTEST} samples with finite numbers in all columns and rising "
+            f"times, got {int(finite.sum())} of {len(found)} with finite numbers, and {len(resets)} times at "
+            "which the clock was set back"
+        )
+    step = float(np.median(np.concatenate([np.diff(part.t) for part in stretches])))
+    if step > LONGEST_GAP:
+        raise RecordingError(
+            f"{path}: timestamp: expected samples at most {LONGEST_GAP:g} s apart, got {step:.3g} s; "
+            "is another unit meant (--columns time_unit=ms)?"
         )
     return stretches, found.problems

@@ -56,4 +56,5 @@ def _within(contact: Contact) -> str:
     if not np.isfinite(contact.covariance).all():
         return "unknown"
     largest = np.linalg.eigvalsh(tangential @ contact.covariance @ tangential)[-1]
-    return f"{1e3 * math.sqrt(REGION_90 * max(largest, 0.0)):.0f} mm"
+    radius = 1e3 * math.sqrt(REGION_90 * max(largest, 0.0))
+    return f"{radius:.0f} mm" if radius >= 9.5 else f"{radius:.1f} mm"

@@ -40,6 +40,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_columns(made / "free.csv", columns)
     columns["joint_torque_2"] = stretch.torque[:, 2] + 15.0 * ((stretch.t > 3.5) & (stretch.t < 4.5))
     write_columns(made / "pushed.csv", columns)
+    columns |= {f"actual_q_{i}": np.degrees(stretch.q[:, i]) for i in range(6)}
+    write_columns(made / "degrees.csv", columns)
     (made / "scene.yaml").write_text("robot: ur5e\nbase_wrench: null\ndetail: coarse\n")
     return made
 
@@ -130,6 +132,7 @@ def test_the_page_names_contacts_changes_and_next_steps(folder: Path) -> None:
     [
         (["absent.csv", "--scene", "scene.yaml"], "absent.csv: cannot read the recording"),
         (["free.csv", "--scene", "absent.yaml"], "absent.yaml: cannot read the scene"),
+        (["degrees.csv", "--scene", "scene.yaml"], "are they in degrees? (--columns angle_unit=deg)"),
     ],
 )
 def test_what_is_wrong_is_said(folder: Path, arguments: list[str], message: str) -> None:

@@ -4,8 +4,10 @@ import pickle
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.scene_show import show
 from tests.service.ur_rtde import ur_rtde_installed
 
 
@@ -62,6 +64,17 @@ def test_an_unknown_robot_is_told_the_names() -> None:
 def test_a_missing_scene_file(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match=r"none\.yaml"):
         Settings(scene=tmp_path / "none.yaml").load_scene()
+
+
+def test_missing_meshes_are_told_at_the_start(tmp_path: Path) -> None:
+    """Not by a traceback of each process that loads the scene."""
+    pytest.importorskip("trimesh")
+    (tmp_path / "scene.yaml").write_text(f"robot: ur5e\ndetail: skin\nmeshes: {tmp_path / 'none'}\n")
+    with pytest.raises(SettingsError, match=r"scene\.yaml: meshes: .*none: no such folder of meshes"):
+        Settings(scene=tmp_path / "scene.yaml").load_scene()
+    shown = CliRunner().invoke(show, [str(tmp_path / "scene.yaml")])
+    assert shown.exit_code == 1
+    assert "no such folder of meshes" in shown.output
 
 
 def test_no_robot_no_source() -> None:

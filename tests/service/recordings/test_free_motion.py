@@ -96,5 +96,24 @@ def test_too_few_samples_and_wrong_columns_are_refused(tmp_path: Path) -> None:
     write_columns(tmp_path / "a.csv", made)
     with pytest.raises(RecordingError, match=r"expected at least 3 samples .* got 2 of 20"):
         read_free_motion(tmp_path / "a.csv", SCENE)
+    made = columns() | {"timestamp": np.arange(N, 0, -1) * 0.002}
+    write_columns(tmp_path / "a.csv", made)
+    with pytest.raises(
+        RecordingError, match=r"rising times, got 20 of 20 .* 19 times at which the clock was"
+    ):
+        read_free_motion(tmp_path / "a.csv", SCENE)
     with pytest.raises(MappingError):
         read_free_motion(tmp_path / "a.csv", SCENE, "no_such_field=x")
+
+
+def test_times_in_milliseconds_are_told(tmp_path: Path) -> None:
+    """They would leave nothing to fit: no two samples belong together."""
+    made = columns()
+    made["timestamp"] = 1e3 * made["timestamp"]
+    write_columns(tmp_path / "a.csv", made)
+    with pytest.raises(
+        RecordingError, match=r"timestamp: expected samples at most 0.05 s apart, got 2 s; is"
+    ):
+        read_free_motion(tmp_path / "a.csv", SCENE)
+    (found,), _ = read_free_motion(tmp_path / "a.csv", SCENE, "time_unit=ms")
+    assert found.t[1] - found.t[0] == pytest.approx(0.002)

@@ -29,6 +29,8 @@ def test_the_place_is_within_the_ninety_percent_radius() -> None:
     # 90 % of a two-dimensional Gaussian lie within 2.146 standard deviations.
     words = in_words(estimate(SCENE, contact(SCENE, POSTURE, 3, POINT, deviation=0.01)))
     assert "| forearm | 20.0 N | 21 mm | 100.0 % |" in words
+    sharp = in_words(estimate(SCENE, contact(SCENE, POSTURE, 3, POINT, deviation=0.0002)))
+    assert "| forearm | 20.0 N | 0.4 mm | 100.0 % |" in sharp
 
 
 def test_an_unbounded_place_is_unknown() -> None:

@@ -1,0 +1,22 @@
+"""Whether the meshes of a scene with `detail: skin` are there."""
+
+from contactsense.robots import RobotError
+from contactsense.scene import Scene, SceneError
+
+
+def check_meshes(scene: Scene) -> None:
+    """Look for the links' meshes, as far as the scene needs them; their skin is not computed.
+
+    Raises:
+        SceneError: They or the packages to read them are missing; the message names the field.
+    """
+    if scene.detail != "skin":
+        return
+    try:
+        from contactsense.robots.decomposition.mesh_sources import meshes_of
+    except ImportError as error:
+        raise SceneError(f"detail: skin needs the extra packages: contactsense[geometry] ({error})") from None
+    try:
+        meshes_of(scene.robot, scene.meshes)
+    except RobotError as error:
+        raise SceneError(f"meshes: {error}") from None
