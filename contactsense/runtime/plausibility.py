@@ -259,4 +259,5 @@ def _first(field: str, wrench: np.ndarray, limits: list[float], what: str) -> Im
 
 def in_words(force: np.ndarray) -> str:
     """A force, shape (3,) [N], to a tenth of a newton."""
-    return f"({', '.join(f'{value + 0.0:.1f}' for value in np.round(force, 1))})"
+    numbers = (value + 0.0 for value in np.round(force, 1).tolist())
+    return f"({', '.join(f'{value:.1f}' if abs(value) < 1e6 else f'{value:.3g}' for value in numbers)})"

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import dist
+from math import dist, hypot
 
 import numpy as np
 
@@ -195,7 +195,8 @@ class StreamScreening:
         found = np.zeros(len(base), dtype=bool)
         if not self._checks_weight:
             return found
-        off = np.linalg.norm(base[:, :3] - self._weight, axis=1).tolist()
+        # The square of a number that cannot be may overflow.
+        off = np.hypot.reduce(base[:, :3] - self._weight, axis=1).tolist()
         speed = np.abs(qd).max(axis=1).tolist()
         for i, skip in enumerate(skipped.tolist()):
             if self._right >= _SAMPLES:
@@ -211,8 +212,9 @@ class StreamScreening:
     def _explain(self, force: np.ndarray) -> str:
         """What is wrong with a force, shape (3,) [N], that contradicts the arm's weight."""
         weight = np.array(self._weight)
-        size, expected = float(np.linalg.norm(force)), float(np.linalg.norm(weight))
-        tilt = np.degrees(np.arccos(np.clip(force @ weight / (size * expected), -1.0, 1.0))) if size else 0.0
+        size, expected = hypot(*force.tolist()), hypot(*self._weight)
+        cosine = (force / size) @ (weight / expected) if size else 1.0
+        tilt = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
         if size < WEIGHT_TOLERANCE * expected:
             advice = "is the sensor tared? See base_wrench.bias"
         elif tilt > 180.0 - 15.0:
@@ -220,8 +222,10 @@ class StreamScreening:
         elif abs(size - expected) < 0.5 * WEIGHT_TOLERANCE * expected:
             advice = f"it is tilted by {tilt:.0f} deg; see mounting and base_wrench.rpy"
         else:
+            ratio = size / expected
+            times = f"{ratio:.2f}" if ratio < 1e3 else f"{ratio:.2g}"
             advice = (
-                f"it carries {size / expected:.2f} times the mass of the scene; see robot and tool.mass, or "
+                f"it carries {times} times the mass of the scene; see robot and tool.mass, or "
                 "is the arm touched?"
             )
         return (

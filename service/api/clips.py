@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
-from contactsense.service.api.errors import BODY_REFUSALS, Responses
+from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Responses
 from contactsense.service.api.messages import ErrorOut
 from contactsense.service.recordings.clip_listener import RecordingSettings
 
@@ -80,12 +80,30 @@ class Clips:
         self.recording = RecordingOut(folder=str(settings.folder), on=False)
 
     def request(self, before: float | None, after: float | None, reason: str) -> dict[str, Any]:
-        """Number a new clip; returns the command for the pipeline."""
+        """Number a new clip; returns the command for the pipeline.
+
+        Raises:
+            FieldRefusedError: the clip is longer than what the service keeps in memory.
+        """
+        self._check_length(before, after)
         number = next(self._numbers)
         self.clips[number] = ClipOut(number=number, reason=reason)
         while len(self.clips) > _MOST:
             del self.clips[next(iter(self.clips))]
         return {"type": "clip", "number": number, "before": before, "after": after, "reason": reason}
+
+    def _check_length(self, before: float | None, after: float | None) -> None:
+        if before is None and after is None:
+            return
+        length = {"before": before or self.settings.before, "after": after or self.settings.after}
+        kept = 60.0 * self.settings.minutes
+        if sum(length.values()) > kept:
+            longer, shorter = sorted(length, key=lambda name: -length[name])
+            raise FieldRefusedError(
+                longer,
+                f"expected at most {max(kept - length[shorter], 0.0):g} s, since with {shorter} the clip may "
+                f"have the {kept:g} s that the service keeps, got {length[longer]:g} s",
+            )
 
     def handle_report(self, report: dict[str, Any]) -> None:
         """Process a report of the pipeline."""

@@ -191,3 +191,20 @@ def _marks(estimate: Estimate) -> tuple[bool, bool, bool]:
         "base_wrench: " in estimate.reason,
         "joint_torque: " in estimate.reason,
     )
+
+
+@pytest.mark.parametrize("huge", [1e9, 1e300])
+def test_a_huge_reading_is_refused_in_few_words(huge: float) -> None:
+    """Nothing overflows, in single samples and in blocks; a message has no hundreds of digits."""
+    scene = Scene(robot=ARM, base_wrench=WrenchSensor())
+    samples = [replace(s, base_wrench=np.array([huge, 0.0, 0.0, 0.0, 0.0, 0.0])) for s in at_rest(scene, 4)]
+    localizer = Localizer(scene)
+    reasons = [estimate.reason for estimate in answers(localizer, samples)]
+    assert f"got ({huge:.3g}, 0.0, 0.0) N" in reasons[-1]
+    assert len(reasons[-1]) < 400
+    block = SampleBlock(
+        np.array([s.t for s in samples]), np.array([s.q for s in samples]), np.array([s.qd for s in samples]),
+        None, np.array([s.base_wrench for s in samples]),
+    )  # fmt: skip
+    list(localizer.run_blocks([block]))
+    assert len(localizer.refusals[0]) < 400

@@ -168,6 +168,18 @@ def test_bad_requests_name_the_field(service: tuple[str, Path]) -> None:
     assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "before")
 
 
+@pytest.mark.parametrize("span", [{"after": 1e9}, {"before": 1e9}, {"before": 100.0, "after": 21.0}])
+def test_a_clip_longer_than_the_memory_is_refused(service: tuple[str, Path], span: dict[str, float]) -> None:
+    url, _ = service
+    before = listed(url)
+    answer = http.post(f"{url}/v1/clip", json=span)
+    assert answer.status_code == 422
+    error = answer.json()["errors"][0]
+    assert error["field"] == max(span, key=lambda name: span[name])
+    assert "120 s that the service keeps" in error["reason"]
+    assert listed(url) == before
+
+
 def test_without_a_folder_it_says_what_to_do() -> None:
     with serving(create_app(Settings())) as place:
         answer = http.post(f"http://{place}/v1/clip", json={})
