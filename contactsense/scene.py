@@ -47,6 +47,8 @@ _MOUNTINGS: dict[str, Vector] = {
 LinkPrior = Literal["area", "equal"]
 _FURTHEST_BODY = 50.0
 """Largest coordinate of a body's frame [m]: beyond it are only numbers in mm."""
+_LIGHTEST_ARM = 1.0
+"""Mass [kg]: the links of a lighter arm have placeholders for their masses."""
 SURFACE_ERROR = {"coarse": 0.004, "fine": 0.0005, "skin": 0.0005}
 """Level of detail -> standard deviation of the primitives' distance from the real surface [m]: a Gaussian
 with the same 90 % quantile as measured (`contactsense bench geometry --json`: 6.5 and 0.8 mm). In most places
@@ -269,7 +271,7 @@ class Scene(BaseModel):
         except ValueError as error:
             raise ValueError(f"tool.com: {error}") from None
         own = sum(link.inertia.mass for link in self.robot.links)
-        if tool.mass > own > 0.0:
+        if tool.mass > own > _LIGHTEST_ARM:
             raise ValueError(
                 f"tool.mass: expected kg, at most the {own:.4g} kg of {self.robot.name} itself, got "
                 f"{tool.mass:g}; if this is g: {1e-3 * tool.mass:.4g}"

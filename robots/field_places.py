@@ -96,7 +96,9 @@ def _within(kind: Any, step: str | int) -> Sequence[Any]:
     if get_origin(kind) is dict:
         return parts[1:]
     if get_origin(kind) in (tuple, list) and isinstance(step, int):
-        return parts[step : step + 1] or parts[:1] if Ellipsis not in parts else parts[:1]
+        # A tuple with a type for each position, or one type for all.
+        own = () if Ellipsis in parts else parts[step : step + 1]
+        return own or parts[:1]
     return []
 
 

@@ -96,6 +96,14 @@ def test_an_arm_without_a_surface_is_refused() -> None:
         Scene(robot=bare, tool=ball, touchable=("forearm",))
 
 
+def test_an_arm_with_placeholders_for_its_masses_carries_any_tool() -> None:
+    arm = robots.load("ur5e")
+    light = tuple(
+        replace(link, inertia=replace(link.inertia, mass=1e-3, tensor=1e-6 * np.eye(3))) for link in arm.links
+    )
+    assert Scene(robot=replace(arm, links=light), tool=Tool(mass=1.0)).tool.mass == 1.0
+
+
 def test_a_name_is_no_scene() -> None:
     with pytest.raises(
         TypeError, match=r"expected a Scene, as in Localizer\(Scene\(robot='ur5e'\)\), got 'ur5e'"
