@@ -15,7 +15,7 @@ from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact
 from contactsense.multi_contact.joint_layout import FX, LOG_EVIDENCE, NX, PX
 from contactsense.multi_contact.locator import MultiContactLocator
-from contactsense.multi_contact.set_evidence import fill_set_evidence, known_evidence
+from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.jit.lanes import LANES
@@ -154,10 +154,10 @@ def _optimize_from(
             joint.contact[i, FX + k * LANES] = push[k]
     best: float = -math.inf
     for _ in range(MAX_RESTARTS):
-        fill_set_evidence(
-            surfaces, constants.deviations, constants.prior, frames, buffers.rows, m, known_count, count, 1,
-            math.inf, joint,
-        )  # fmt: skip
+        fill_set_evidence(surfaces, constants.prior, buffers.rows, m, known_count, count, 1, math.inf, joint)
+        add_accessibility(
+            surfaces, constants.deviations, frames, constants.prior, known_count, count, 1, joint
+        )
         score = joint.lane[LOG_EVIDENCE, 0]
         if score <= best + MIN_GAIN:
             break

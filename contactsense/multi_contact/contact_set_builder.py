@@ -150,8 +150,9 @@ def _largest_deviation(covariance: np.ndarray) -> float:
     size = math.sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
     if size == 0.0:
         return math.sqrt(max(mean, 0.0))
+    x, y, z, xy, xz, yz = x / size, y / size, z / size, xy / size, xz / size, yz / size
     det = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz)
-    cosine = min(max(0.5 * det / size**3, -1.0), 1.0)
+    cosine = min(max(0.5 * det, -1.0), 1.0)
     return math.sqrt(max(mean + 2.0 * size * math.cos(math.acos(cosine) / 3.0), 0.0))
 
 
@@ -164,9 +165,9 @@ def state_marginal_probabilities(
     Args:
         rows: Contacts of all S sets, those of a set one after another, as in
             `contactsense.runtime.result_rows`, shape (N, WIDTH); with the probabilities of the sets.
-        counts: Number of contacts of each set, shape (S,).
+        counts: Number of contacts of each set, at least 1, shape (S,).
         probability: Filled: probability of each set, shape (S,).
-        link_probability: Probability that each link is touched; those of the sets are added.
+        link_probability: Probability that each link is touched, shape (links,); those of the sets are added.
     """
     row = 0
     for s in range(counts.shape[0]):

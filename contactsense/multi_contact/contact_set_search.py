@@ -35,7 +35,7 @@ from contactsense.multi_contact.ranked_sets import (
 )
 from contactsense.multi_contact.sample_likelihood import initialize_seeding
 from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
-from contactsense.multi_contact.set_evidence import fill_set_evidence, known_evidence
+from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -139,18 +139,9 @@ def search_contact_sets(
                 )  # fmt: skip
             count = known_count + further
             fill_set_evidence(
-                surfaces,
-                scene.deviations,
-                prior,
-                frames,
-                rows,
-                m,
-                known_count,
-                count,
-                lanes,
-                lowest_energy + ENERGY_MARGIN,
-                joint,
+                surfaces, prior, rows, m, known_count, count, lanes, lowest_energy + ENERGY_MARGIN, joint
             )
+            add_accessibility(surfaces, scene.deviations, frames, prior, known_count, count, lanes, joint)
             fill_covariances(count, joint)
             for j in range(lanes):
                 if joint.lane[LOG_EVIDENCE, j] > -math.inf:

@@ -65,7 +65,7 @@ class PairLikelihoods(NamedTuple):
     """Likelihoods of the pairs of one first contact and the samples of a block."""
 
     total: float
-    """Their sum, relative to that of the highest `GAIN` so far; if `higher` is zero."""
+    """Their sum, relative to that of the highest `GAIN` so far; too small unless `higher` is zero."""
     higher: int
     """Number of samples with a higher `GAIN`."""
     near: int

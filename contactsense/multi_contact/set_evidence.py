@@ -42,9 +42,7 @@ def known_evidence(
 @fused_kernel
 def fill_set_evidence(
     surfaces: Surfaces,
-    deviations: DeviationCells,
     prior: Prior,
-    frames: PrimitiveFrames,
     rows: MeasurementRows,
     m: int,
     known_count: int,
@@ -53,8 +51,8 @@ def fill_set_evidence(
     limit: float,
     joint: JointState,
 ) -> None:
-    """Optimize the contacts in `joint`, the known ones first; `LOG_EVIDENCE` is that with the priors of the
-    further contacts.
+    """Optimize the contacts in `joint`, the known ones first; `LOG_EVIDENCE` is that with the prior odds of
+    the further contacts.
 
     Arguments as for `contactsense.multi_contact.joint_optimization.find_joint_modes`.
     """
@@ -62,6 +60,28 @@ def fill_set_evidence(
     for j in range(lanes):
         if joint.lane[ENERGY, j] < math.inf:
             joint.lane[LOG_EVIDENCE, j] += (count - known_count) * math.log(FURTHER_CONTACT_ODDS)
+
+
+@fused_kernel
+def add_accessibility(
+    surfaces: Surfaces,
+    deviations: DeviationCells,
+    frames: PrimitiveFrames,
+    prior: Prior,
+    known_count: int,
+    count: int,
+    lanes: int,
+    joint: JointState,
+) -> None:
+    """Add to `LOG_EVIDENCE` how far the further contacts are accessible.
+
+    Args:
+        surfaces, prior, known_count, count, lanes, joint: After `fill_set_evidence`.
+        deviations: Where the surface is on average.
+        frames: Body frames of the primitives, base frame.
+    """
+    for j in range(lanes):
+        if joint.lane[ENERGY, j] < math.inf:
             for i in range(known_count, count):
                 joint.lane[LOG_EVIDENCE, j] += _log_accessibility(
                     surfaces, deviations, frames, prior, joint, j, i
