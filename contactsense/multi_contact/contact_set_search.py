@@ -114,7 +114,9 @@ def search_contact_sets(
         is_broad, is_pooled = False, further == 2
         if further == 1:
             candidates_used = min(
-                locate_further_contact(scene, motion, wrench_measured, prior, arrays, rows, m, seeding),
+                locate_further_contact(
+                    scene, motion, wrench_measured, prior, arrays, rows, m, known_count, seeding
+                ),
                 MAX_SEEDS,
             )
             is_broad = candidates_used > 0 and is_any_broad(candidates, candidates_used)

@@ -30,6 +30,7 @@ def locate_further_contact(
     arrays: SearchArrays,
     rows: MeasurementRows,
     m: int,
+    known_count: int,
     seeding: SeedingBuffers,
 ) -> int:
     """Fill `arrays.candidates`, whose `order` lists the candidates by falling probability.
@@ -38,6 +39,7 @@ def locate_further_contact(
         scene, motion, wrench_measured, prior, arrays: As for
             `contactsense.localization.ranking.locate_contacts`.
         rows, m: The measurement and the number of its rows.
+        known_count: Number of known contacts.
         seeding: After `initialize_seeding`.
 
     Returns:
@@ -51,7 +53,8 @@ def locate_further_contact(
             scene, scene.touchable, motion, seeding.hypotheses, wrench_measured, prior, arrays,
             seeding.link_probability,
         )  # fmt: skip
-        if found > 0:
+        if found > 0 or known_count == 0:
+            # Without known contacts, none means that no single contact explains the measurement.
             break
         # The known contacts have changed by more than their priors allow.
         scale = max(2.0 * energy, 1.0)
