@@ -29,7 +29,7 @@ from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.yaml_fields import read_fields
-from contactsense.sensors.field_checks import in_metres, within_one_turn
+from contactsense.sensors.field_checks import FURTHEST_BODY, carried_by, in_metres, within_one_turn
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
 if TYPE_CHECKING:
@@ -45,10 +45,6 @@ _MOUNTINGS: dict[str, Vector] = {
     "wall": (0.0, np.pi / 2, 0.0),
 }
 LinkPrior = Literal["area", "equal"]
-_FURTHEST_BODY = 50.0
-"""Largest coordinate of a body's frame [m]: beyond it are only numbers in mm."""
-_LIGHTEST_ARM = 1.0
-"""Mass [kg]: the links of a lighter arm have placeholders for their masses."""
 SURFACE_ERROR = {"coarse": 0.004, "fine": 0.0005, "skin": 0.0005}
 """Level of detail -> standard deviation of the primitives' distance from the real surface [m]: a Gaussian
 with the same 90 % quantile as measured (`contactsense bench geometry --json`: 6.5 and 0.8 mm). In most places
@@ -61,10 +57,8 @@ class SceneError(ValueError):
 
 def _as_robot(value: object) -> object:
     if not isinstance(value, str | Robot):
-        raise ValueError(
-            "expected a name that `contactsense robots` lists, or the path of a URDF or YAML file, got "
-            f"{value!r:.60}"
-        )
+        what = "a name that `contactsense robots` lists, or the path of a URDF or YAML file"
+        raise ValueError(f"expected {what}, got {value!r:.60}")
     return robots.load(value) if isinstance(value, str) else value
 
 
@@ -266,16 +260,13 @@ class Scene(BaseModel):
 
     def _can_carry(self, tool: Tool) -> None:
         """Raise a ValueError if the tool's mass or centre of mass is beyond what any arm carries."""
+        field, own = "com", sum(link.inertia.mass for link in self.robot.links)
         try:
             in_metres(tool.com)
+            field = "mass"
+            carried_by(own, tool.mass)
         except ValueError as error:
-            raise ValueError(f"tool.com: {error}") from None
-        own = sum(link.inertia.mass for link in self.robot.links)
-        if tool.mass > own > _LIGHTEST_ARM:
-            raise ValueError(
-                f"tool.mass: expected kg, at most the {own:.4g} kg of {self.robot.name} itself, got "
-                f"{tool.mass:g}; if this is g: {1e-3 * tool.mass:.4g}"
-            )
+            raise ValueError(f"tool.{field}: {error}") from None
 
     def _has_surface(self) -> None:
         """Raise a ValueError if no link can be touched: no contact could ever be explained."""
@@ -338,16 +329,13 @@ class Scene(BaseModel):
                     f"bodies[{index}].role: pedestal: expected a base_wrench below it, got none; "
                     "a body below the sensor is a cover"
                 )
+            field = "rpy"
             try:
                 within_one_turn(body.rpy)
+                field = "translation"
+                in_metres(body.translation, FURTHEST_BODY)
             except ValueError as error:
-                raise ValueError(f"bodies[{index}].rpy: {error}") from None
-            if max(map(abs, body.translation)) > _FURTHEST_BODY:
-                meant = ", ".join(f"{1e-3 * x:.4g}" for x in body.translation)
-                raise ValueError(
-                    f"bodies[{index}].translation: expected m, none above {_FURTHEST_BODY:g}, got "
-                    f"{list(body.translation)}; if these are mm: [{meant}]"
-                )
+                raise ValueError(f"bodies[{index}].{field}: {error}") from None
             names.append(body.name)
 
     @property

@@ -6,6 +6,10 @@ from contactsense.robots.primitives import Vector
 
 FURTHEST = 5.0
 """Largest coordinate of a sensor's origin or of a tool's centre of mass [m]."""
+FURTHEST_BODY = 50.0
+"""Largest coordinate of the frame of a body of the cell [m]."""
+LIGHTEST_ARM = 1.0
+"""Mass [kg]: the links of a lighter arm have placeholders for their masses."""
 LATEST = 0.5
 """Largest delay of a sensor [s]."""
 
@@ -25,15 +29,15 @@ def within_one_turn(rpy: Vector) -> Vector:
     return rpy
 
 
-def in_metres(place: Vector) -> Vector:
-    """A place on the arm [m] as it is.
+def in_metres(place: Vector, furthest: float = FURTHEST) -> Vector:
+    """A place [m] as it is; by default one on the arm.
 
     Raises:
-        ValueError: a coordinate is beyond any arm, as coordinates in mm are.
+        ValueError: a coordinate is above `furthest` [m], as coordinates in mm are.
     """
-    if max(map(abs, place)) > FURTHEST:
+    if max(map(abs, place)) > furthest:
         raise ValueError(
-            f"expected x, y, z in m, none above {FURTHEST:g}, got {list(place)}; "
+            f"expected x, y, z in m, none above {furthest:g}, got {list(place)}; "
             f"if these are mm: [{', '.join(f'{1e-3 * x:.4g}' for x in place)}]"
         )
     return place
@@ -50,3 +54,16 @@ def in_seconds(delay: float) -> float:
             f"expected s, none above {LATEST:g}, got {delay:g}; if this is ms: {1e-3 * delay:.4g}"
         )
     return delay
+
+
+def carried_by(arm: float, tool: float) -> None:
+    """Check the mass of a tool [kg].
+
+    Raises:
+        ValueError: it is above that of the arm itself [kg], as masses in g are.
+    """
+    if tool > arm > LIGHTEST_ARM:
+        raise ValueError(
+            f"expected kg, at most the {arm:.4g} kg of the arm itself, got {tool:g}; "
+            f"if this is g: {1e-3 * tool:.4g}"
+        )

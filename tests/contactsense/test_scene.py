@@ -144,7 +144,7 @@ def test_a_name_is_no_scene() -> None:
         ),
         (
             "robot: ur5e\ntool: {mass: 1200}",
-            r"tool.mass: expected kg, at most the 21.7 kg of ur5e itself, got 1200; if this is g: 1.2",
+            r"tool.mass: expected kg, at most the 21.7 kg of the arm itself, got 1200; if this is g: 1.2",
         ),
         (
             "robot: ur5e\ntool: {mass: 1, tensor: [1, 0, 0, 1, 0, 9]}",
@@ -158,7 +158,8 @@ def test_a_name_is_no_scene() -> None:
         (
             "robot: ur5e\nbodies: [{name: table, translation: [600, 0, -20], "
             "primitives: [{kind: sphere, center: [0, 0, 0], radius: 0.1}]}]",
-            r"bodies\[0\].translation: expected m, none above 50, got .*; if these are mm: \[0.6, 0, -0.02\]",
+            r"bodies\[0\].translation: expected x, y, z in m, none above 50, got .*; "
+            r"if these are mm: \[0.6, 0, -0.02\]",
         ),
         ("robot: [", "not YAML"),
     ],
