@@ -20,10 +20,11 @@ from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.robots.jit.declaration import numbers
 from contactsense.robots.jit.direct_call import direct_call
 from contactsense.robots.jit.progress_bar import shown_compilation
+from contactsense.runtime.answer import COUNT, NUMBER, PHASE, PRIMITIVE, SENSORS
 from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
-from contactsense.runtime.detectable import usable_in
+from contactsense.runtime.detectable import usable_code, usable_in
 from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
-from contactsense.runtime.kernels import detect, explain
+from contactsense.runtime.kernels import DETECTED, SCREENED, process
 from contactsense.runtime.picked_up_payload import PickedUpPayload
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.runtime.stream_screening import StreamScreening
@@ -54,7 +55,7 @@ _EVENTS: dict[int, EventKind] = {HOLD: "hold", SLIDE: "slide"}
 
 def kernels_of(scene: Scene, method: Method = "joint") -> tuple[Any, ...]:
     """Compiled functions that a localizer for this scene calls from Python for single samples."""
-    kernels: tuple[Any, ...] = (detect, explain)
+    kernels: tuple[Any, ...] = (process,)
     if method == "intrinsic":
         kernels += (localize_intrinsic, batch_intrinsic)
     several = explain_contact_sets, state_marginal_probabilities
@@ -87,10 +88,9 @@ class Localizer(StaticLocalizer):
         self._screening = StreamScreening(scene, self._plausible)
         self._start = StreamStart(scene.bandwidth)
         # For each sample: one look-up instead of two.
-        self._arguments = self._buffers.arguments
         self._fields, self._relevant_flags = self._sample_fields.fields, self._sample_fields.relevant_flags
         self._no_contact = self._estimate_builder.no_contact
-        self._stream, self._bandwidth = self._buffers.state.stream, scene.bandwidth
+        self._stream = self._buffers.state.stream
         status = self._buffers.state.track.status
         self._contact_phase, self._contact_number = numbers(status, "phase"), numbers(status, "number")
         self._multi_tracker: MultiContactTracker | None = None
@@ -99,6 +99,8 @@ class Localizer(StaticLocalizer):
                 scene, self._buffers, self._locator, ContactSetBuilder(scene, self._estimate_builder)
             )
         self._payload = PickedUpPayload(scene, self._buffers) if scene.picks_up else None
+        # A contact's estimate needs no more than the kernel's answer.
+        self._is_plain = self._multi_tracker is None and self._payload is None and not self._intrinsic
         self._block_runner: BlockRunner | None = None
         self.reset()
         with shown_compilation(kernels_of(scene, method), progress):
@@ -176,12 +178,12 @@ class Localizer(StaticLocalizer):
                 screening.refused = {}
             try:
                 t, sensor_bits, readings = self._fields(sample)
-                flags = self._detect(self._arguments, self._bandwidth, t, sensor_bits, readings, False)
+                flags = self._process(self._arguments, self._skin, self._options, t, sensor_bits, readings)
             except _NO_VECTORS:
                 flags = WRONG_SIZE
         if flags:
             if flags & (SUSPECT | WRONG_SIZE):
-                sample, flags = self._detect_screened(sample)
+                sample, flags = self._process_screened(sample)
             flags &= self._relevant_flags
         if flags == 0 and self._phase == NONE:
             if self._start.watches:
@@ -199,7 +201,7 @@ class Localizer(StaticLocalizer):
             return replace(estimate, reason=reason)
         return estimate
 
-    def _detect_screened(self, sample: Sample) -> tuple[Sample, int]:
+    def _process_screened(self, sample: Sample) -> tuple[Sample, int]:
         """Process a sample without what is implausible in it; values of other types are converted.
 
         Returns:
@@ -210,30 +212,32 @@ class Localizer(StaticLocalizer):
             TypeError: it is no sample.
         """
         screen, fields = self._screening.screened, self._fields
-        flags, arguments = WRONG_SIZE, (self._arguments, self._bandwidth)
+        flags, arguments = WRONG_SIZE, (*self._kernel_args, self._options | SCREENED)
         with contextlib.suppress(*_NO_VECTORS):
-            flags = self._detect(*arguments, *fields(screen(sample)), True)
+            flags = self._process(*arguments, *fields(screen(sample)))
         if flags == WRONG_SIZE:
             sample = self._sample_fields.shaped(sample)
-            flags = self._detect(*arguments, *fields(screen(sample)), True)
+            flags = self._process(*arguments, *fields(screen(sample)))
         return sample, flags
 
     def _estimate(self, t: float, flags: int) -> Estimate:
-        """The estimate for the sample that `detect` has processed, unless it is simply `none`."""
-        self._estimate_builder.detectable = self._detectable.after_change()
+        """The estimate for the sample that has been processed, unless it is simply `none`."""
+        found = self._found() if flags & TOUCHED else self._nothing_found()
+        self._estimate_builder.detectable = self._detectable.after_change(found[SENSORS])
+        if flags == TOUCHED and self._is_plain:
+            kinds = () if found[PHASE] == self._phase else self._phase_change(t, found)[0]
+            return self._estimate_builder.contacts(t, found, "", self._number, _PHASES[self._phase], kinds)
         if flags & (UNUSABLE | REPEATED):
             return self._not_used(t, flags, self._screening.refused.get("q", _NOT_FINITE))
         if flags & RESTARTED and self._multi_tracker is not None:
             self._multi_tracker.forget()
-        count = -1
-        if flags & TOUCHED:
-            count, _ = self._explain(
-                *self._kernel_args, True, self._bandwidth, self._gate, self._no_measurement, self._rows
-            )
-            if self._intrinsic:
-                base = self._usable()[0]
-                count = localize_intrinsic(*self._kernel_args, self._rows) if base else 0
-        kinds, release = self._phase_change(t)
+        if flags & TOUCHED and self._intrinsic:
+            found[COUNT] = 0
+            if self._usable()[0]:
+                localize_intrinsic(*self._kernel_args)
+                found[: PRIMITIVE + 1] = self._found()[: PRIMITIVE + 1]
+        count = found[COUNT]
+        kinds, release = self._phase_change(t, found)
         if self._phase == HOLD and self._payload is not None and self._usable()[:2] == (True, True):
             mass = self._payload.step()
             if mass is not None:
@@ -258,9 +262,17 @@ class Localizer(StaticLocalizer):
             return self._estimate_builder.without_contacts(
                 t, "degraded" if reason else "none", reason, release
             )
-        return self._estimate_builder.contacts(
-            t, self._buffers.state, self._rows, count, reason, self._number, _PHASES[self._phase], kinds
-        )
+        return self._estimate_builder.contacts(t, found, reason, self._number, _PHASES[self._phase], kinds)
+
+    def _nothing_found(self) -> list[int]:
+        """As `Answer.integers`, for a sample without contact."""
+        return [-1, 0, 0, NONE, 0, usable_code(self._stream)]
+
+    def _estimate_in_block(self, t: float, flags: int) -> Estimate:
+        """`_estimate` for a sample whose contact has been detected only."""
+        if flags & TOUCHED:
+            self._process(*self._kernel_args, self._options | DETECTED, *self._no_sample)
+        return self._estimate(t, flags)
 
     def _not_used(self, t: float, flags: int, why: str) -> Estimate:
         """The estimate for a sample that is not used; `why`: what is unusable about it."""
@@ -279,16 +291,16 @@ class Localizer(StaticLocalizer):
         self._phase = NONE
         return self._estimate_builder.without_contacts(t, "none", events=(event,))
 
-    def _phase_change(self, t: float) -> tuple[tuple[EventKind, ...], tuple[Event, ...]]:
+    def _phase_change(self, t: float, found: list[int]) -> tuple[tuple[EventKind, ...], tuple[Event, ...]]:
         """Events of the contact in this sample: kinds of its own events, and its release."""
-        phase, previous = int(self._contact_phase[0]), self._phase
+        phase, previous = found[PHASE], self._phase
         if phase == previous:
             return (), ()
         self._phase = phase
         if phase == NONE:
             return (), (Event("release", self._number, t),)
         if phase == NEW:
-            last, self._number = self._number, int(self._contact_number[0])
+            last, self._number = self._number, found[NUMBER]
             return ("onset" if self._number != last else "resume",), ()
         return (_EVENTS[phase],), ()
 
@@ -321,14 +333,13 @@ class Localizer(StaticLocalizer):
             self._block_runner = BlockRunner(
                 self.scene, self._scene_sensors, self._links, first, track.status
             )
-        compiled = self._multi_tracker is None and self._payload is None and not self._intrinsic
-        compiled_only = compiled and not estimates
-        settings = (self._bandwidth, self._gate, self._sample_fields.relevant_flags)
+        compiled_only = self._is_plain and not estimates
+        settings = (self.scene.bandwidth, self._gate, self._sample_fields.relevant_flags)
         for block in recording:
             whole = self._screening.screened_block(SampleBlock.checked(block, self._joints))
             for part in whole.split(MAX_BLOCK):
                 found = self._block_runner.run(
-                    self._kernel_args, settings, part, self._rows, None if compiled_only else self._estimate
+                    self._kernel_args, settings, part, None if compiled_only else self._estimate_in_block
                 )
                 self._phase, self._number = int(self._contact_phase[0]), int(self._contact_number[0])
                 self._start.update_block(found.t, found.flags)
@@ -353,7 +364,7 @@ class Localizer(StaticLocalizer):
             consistency = self._buffers.state.consistency
             reason = degraded_reason(self._sample_fields.names, flags, consistency, {}, 0.0)
             return self._estimate_builder.without_contacts(t, "degraded", reason)
-        return self._estimate_builder.no_contact(t, self._detectable.after_change())
+        return self._estimate_builder.no_contact(t, self._detectable.after_change(usable_code(self._stream)))
 
     def _warm_up(self) -> None:
         """Compile the sample path before the first sample."""
@@ -362,9 +373,8 @@ class Localizer(StaticLocalizer):
             for size, in_scene in zip((6, self._joints), self._scene_sensors, strict=True)
         )
         links = dict.fromkeys(self._link_sensors, np.zeros(6))
-        compile_sample = self._fields(self._sample_fields.compile_sample())
-        self._detect = direct_call(detect, self._arguments, self._bandwidth, *compile_sample, True)
-        self._compile_explain()
+        self._no_sample = self._fields(self._sample_fields.compile_sample())
+        self._process = direct_call(process, *self._kernel_args, self._options, *self._no_sample)
         self.locate(
             np.zeros(self._joints),
             base_wrench=base,

@@ -1,6 +1,6 @@
 """`StaticLocalizer`: explains measurements of an arm at rest, each independent of all others."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Literal
 
@@ -8,11 +8,9 @@ import numpy as np
 
 from contactsense.detection.thresholds import SampleThresholds, Usable
 from contactsense.kinematics.simd_kinematics import empty_lanes
-from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.output.batch import Batch, batch_of
 from contactsense.output.estimate_builder import EstimateBuilder
-from contactsense.robots.jit.direct_call import direct_call
 from contactsense.robots.jit.kernel import loaded
 from contactsense.robots.jit.progress_bar import Notify, shown_compilation
 from contactsense.runtime.buffers import Buffers, KernelBuffers
@@ -20,8 +18,8 @@ from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
 from contactsense.runtime.explanation import Measured
 from contactsense.runtime.intrinsic import batch_intrinsic
-from contactsense.runtime.kernels import batch, explain
-from contactsense.runtime.measurement import DOUBTFUL, NOT_FINITE, Measurement
+from contactsense.runtime.kernels import AT_REST, CHECKED, EXTERNAL, GATE, batch
+from contactsense.runtime.measurement import DOUBTFUL, NOT_FINITE, UNTOUCHED
 from contactsense.runtime.parallel_batch import explain_rows
 from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.runtime.result_rows import WIDTH
@@ -59,15 +57,17 @@ class StaticLocalizer:
             )
         self.scene = scene
         self._gate = method != "joint"
+        self._options = GATE if self._gate else 0
         self._intrinsic = method == "intrinsic"
         constants = build_constants(scene)
         self._buffers = KernelBuffers(constants, empty_state(constants))
         self._skin = skin_argument(scene)
-        self._kernel_args = (self._buffers.arguments, self._skin)
+        self._arguments = self._buffers.arguments
+        self._kernel_args = (self._arguments, self._skin)
         self._plausible = PlausibleLimits(scene)
-        self._joints, self._links, primitives = self._buffers.arguments[2][:3]
-        self._rows = np.zeros((max(primitives, MAX_CANDIDATES), WIDTH))
-        self._estimate_builder = EstimateBuilder(scene, constants, self._buffers.state.motion)
+        self._joints, self._links = constants.model.joints, len(constants.touchable)
+        self._found: Callable[[], list[int]] = self._buffers.state.answer.integers.tolist
+        self._estimate_builder = EstimateBuilder(scene, constants, self._buffers.state)
         self._locator: MultiContactLocator | None = None
         if scene.contacts > 1:
             self._locator = MultiContactLocator(
@@ -80,6 +80,7 @@ class StaticLocalizer:
         self._detectable = DetectableForce(constants, self._buffers.state, self._thresholds)
         # Threshold and detectable force of single measurements, for the sets of sensors given so far.
         self._detection_limits: dict[Usable, tuple[float, float]] = {}
+        self._process: Callable[..., int]
 
     def locate(
         self,
@@ -130,30 +131,34 @@ class StaticLocalizer:
             usable = self._given_sensors((base_wrench, joint_torque), links)
             limits = self._thresholds.threshold(usable), self._detectable.of_measurement(usable)
             self._detection_limits[usable] = limits
-        look_for_sets = contacts != 1 or len(known) > 0
+        look_for_sets = contacts != 1 or bool(known)
         if look_for_sets:
             self._locator = self._locator or MultiContactLocator(
                 self.scene, self._buffers, self._kernel_args, self._estimate_builder
             )
             self._locator.check(contacts, known, drift)
         threshold, self._estimate_builder.detectable = limits
+        options = self._options | AT_REST
+        if external:
+            options |= EXTERNAL
         if not detect:
             threshold = -1.0
+        elif not (self._intrinsic or (links and self._plausible.has_link_range)):
+            # The kernel knows no ranges of link sensors.
+            options |= CHECKED
         values = self._sample_fields.values(q, joint_torque, base_wrench, links)
-        # The kernel knows no ranges of link sensors.
-        check = detect and not (self._intrinsic or (links and self._plausible.has_link_range))
-        count, no_contact_energy = self._locate_once(values, external, usable, threshold, check)
-        if detect and (not check or count == DOUBTFUL):
+        count = self._locate_once(values, usable, options, threshold)
+        if detect and (count == DOUBTFUL or not options & CHECKED):
             self._refuse_implausible("", q, (base_wrench, joint_torque), links, external)
-            if check:
-                count, no_contact_energy = self._locate_once(values, external, usable, threshold, False)
-        if no_contact_energy <= threshold:
+            if options & CHECKED:
+                count = self._locate_once(values, usable, options - CHECKED, threshold)
+        if count == UNTOUCHED:
             return self._estimate_builder.without_contacts(0.0, "none")
         if look_for_sets and self._locator is not None:
             multiple = self._locator.explain(usable, contacts, known, drift)
             if known or len(multiple.contacts) > 1:
                 return multiple
-        return self._estimate_builder.contacts(0.0, self._buffers.state, self._rows, count)
+        return self._estimate_builder.contacts(0.0, self._found())
 
     def _refuse_implausible(
         self,
@@ -171,41 +176,32 @@ class StaticLocalizer:
         if found is not None:
             raise ValueError(f"{found.field}{row}: {found.reason}")
 
-    def _locate_once(
-        self, values: Measured, external: bool, usable: Usable, threshold: float, check: bool
-    ) -> tuple[int, float]:
-        """`contactsense.runtime.kernels.explain`; values of other array types are converted.
+    def _locate_once(self, values: Measured, usable: Usable, options: int, threshold: float) -> int:
+        """`contactsense.runtime.kernels.process`; values of other array types are converted.
 
         Raises:
             ValueError: a value cannot be converted; the message names the argument.
         """
         if self._intrinsic:
-            return self._locate_once_intrinsic(values, external, usable)
-        args, gate, rows = self._kernel_args, self._gate, self._rows
+            return self._locate_once_intrinsic(values, usable, options & EXTERNAL != 0, threshold)
+        base, torque, links = usable
+        arguments = (self._arguments, self._skin, options, threshold, base + 2 * torque + 4 * links)
         if self._sample_fields.are_vectors(values):
-            measurement = (values, external, usable, threshold, check)
-            found = self._explain(*args, False, 0.0, gate, measurement, rows)
-            if found[0] != NOT_FINITE:
+            # No velocities: any vector.
+            found = self._process(*arguments, (values[0], *values))
+            if found != NOT_FINITE:
                 return found
-        measurement = (self._sample_fields.checked(*values), external, usable, threshold, check)
-        return self._explain(*args, False, 0.0, gate, measurement, rows)
+        values = self._sample_fields.checked(*values)
+        return self._process(*arguments, (values[0], *values))
 
-    def _compile_explain(self) -> None:
-        """Compile or load the kernel for measurements and streams."""
-        values = self._sample_fields.values(self._sample_fields.compile_sample().q)
-        self._no_measurement: Measurement = (values, False, (True, True, 0), 0.0, False)
-        self._explain = direct_call(
-            explain, *self._kernel_args, False, 0.0, False, self._no_measurement, self._rows
-        )
-
-    def _locate_once_intrinsic(self, values: Measured, external: bool, usable: Usable) -> tuple[int, float]:
+    def _locate_once_intrinsic(
+        self, values: Measured, usable: Usable, external: bool, threshold: float
+    ) -> int:
         q, torque, base, link_wrench = self._sample_fields.checked(*values)
         measured = (q[None], torque[None], base[None], link_wrench[None])
-        energy, link_probability = np.empty(1), np.empty((1, self._links))
-        batch_intrinsic(
-            *self._kernel_args, measured, external, *usable[1:], energy, link_probability, self._rows[:1]
-        )  # fmt: skip
-        return int(self._rows[0, 0] >= 0.0), float(energy[0])
+        energy, link_probability, best = np.empty(1), np.empty((1, self._links)), np.empty((1, WIDTH))
+        batch_intrinsic(*self._kernel_args, measured, external, *usable[1:], energy, link_probability, best)
+        return UNTOUCHED if energy[0] <= threshold else int(best[0, 0] >= 0.0)
 
     def locate_batch(
         self,

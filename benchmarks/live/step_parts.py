@@ -117,8 +117,8 @@ def measure() -> list[tuple[str, float]]:
     for _ in range(TURNS):
         stream()
         steps.append(_each(localizer.step, quiet))
-    fields, detect = localizer._fields, localizer._detect
-    rest = (localizer._arguments, localizer._bandwidth)
+    fields, process = localizer._fields, localizer._process
+    rest = (localizer._arguments, localizer._skin, localizer._options)
     converted = [fields(sample) for sample in quiet]
     # A vector of the wrong size: the call returns at once.
     refused = [(t, bits, (np.zeros(1), *readings[1:])) for t, bits, readings in converted]
@@ -132,7 +132,7 @@ def measure() -> list[tuple[str, float]]:
         ),
         (
             "call: conversion of the arguments, views of the arrays",
-            min(_each(lambda x: detect(*rest, *x, False), refused) for _ in range(10 * TURNS)),
+            min(_each(lambda x: process(*rest, *x), refused) for _ in range(10 * TURNS)),
         ),
     ]
     t, _, readings = converted[-1]
@@ -141,7 +141,7 @@ def measure() -> list[tuple[str, float]]:
         for _ in range(TURNS):
             stream()
             began = time.perf_counter()
-            _repeat(rest[0], part, LOOP, rest[1], readings, t)
+            _repeat(rest[0], part, LOOP, localizer.scene.bandwidth, readings, t)
             fastest = min(fastest, time.perf_counter() - began)
         found.append((f"machine code: {name}", fastest / LOOP))
     energy, decision = len(found) - 2, len(found) - 1

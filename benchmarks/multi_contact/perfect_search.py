@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Contact, Estimate, Scene
-from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.multi_contact.buffers import MultiContactBuffers, PrimitiveFrames
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact
@@ -22,8 +21,7 @@ from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.buffers import Buffers, KernelBuffers, buffer_views
 from contactsense.runtime.constants import build_constants
-from contactsense.runtime.kernels import explain
-from contactsense.runtime.result_rows import WIDTH
+from contactsense.runtime.kernels import AT_REST, EXTERNAL, process
 from contactsense.runtime.skin_grids import skin_argument
 from contactsense.runtime.state import empty_state
 from contactsense.solvers.posterior import pushing_force
@@ -54,9 +52,8 @@ class Oracle:
         constants = build_constants(scene)
         self._kernel_buffers = KernelBuffers(constants, empty_state(constants))
         self._arguments = (self._kernel_buffers.arguments, skin_argument(scene))
-        self._estimate_builder = EstimateBuilder(scene, constants, self._kernel_buffers.state.motion)
+        self._estimate_builder = EstimateBuilder(scene, constants, self._kernel_buffers.state)
         self._sets = MultiContactLocator(scene, self._kernel_buffers, self._arguments, self._estimate_builder)
-        self._rows = np.zeros((max(len(constants.surfaces.kind), MAX_CANDIDATES), WIDTH))
         self._best_evidence = -np.inf
 
     def locate(
@@ -70,16 +67,15 @@ class Oracle:
     ) -> Estimate:
         """The estimate of `Localizer.locate`; arguments as there."""
         present = (True, True, 0)
-        measured = (q, joint_torque, base_wrench, np.zeros((0, 6)))
-        measurement = (measured, True, present, -1.0, False)
-        listed, _ = explain(*self._arguments, False, 0.0, False, measurement, self._rows)
+        readings = (q, q, joint_torque, base_wrench, np.zeros((0, 6)))
+        process(*self._arguments, AT_REST | EXTERNAL, -1.0, 3, readings)
         if contacts > 1:
             estimate = self._sets.explain(present, contacts, known, drift)
             found = self._sets.explanations
             ranked = found.order[: len(estimate.explanations)]
             self._best_evidence = float(found.log_evidence[ranked].max(initial=-np.inf))
             return estimate
-        return self._estimate_builder.contacts(0.0, self._kernel_buffers.state, self._rows, listed)
+        return self._estimate_builder.contacts(0.0, self._kernel_buffers.state.answer.integers.tolist())
 
     def from_truth(
         self, links: np.ndarray, points: np.ndarray, forces: np.ndarray, known_count: int

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,6 @@ UNTRACKED: Sequence[tuple[int, Phase]] = [(0, "")] * MAX_CONTACTS
 """Number and phase of contacts without a stream."""
 
 _MutableExplanation = mutable_twin(Explanation)
-_new = object.__new__
 
 
 class ContactSetBuilder:
@@ -109,10 +109,11 @@ class ContactSetBuilder:
         labels: Sequence[tuple[int, Phase]],
     ) -> tuple[Explanation, ...]:
         """The sets of contacts; arguments as above, `labels` as `tracked`."""
-        build, row, sets = self._estimate_builder.contact, iter(rows), []
+        of_each = [label for count in counts for label in labels[:count]]
+        contacts, sets = iter(self._estimate_builder.contacts_of(rows, of_each)), []
         for count, probability in zip(counts, probabilities, strict=True):
-            explanation: Any = _new(_MutableExplanation)
-            explanation.contacts = tuple([build(next(row), *labels[i]) for i in range(count)])
+            explanation: Any = _MutableExplanation()
+            explanation.contacts = tuple(islice(contacts, count))
             explanation.probability = probability
             explanation.__class__ = Explanation
             sets.append(explanation)

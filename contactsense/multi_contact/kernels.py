@@ -14,9 +14,9 @@ from contactsense.multi_contact.sample_likelihood import estimate_force_scale, t
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.runtime.buffers import Buffers, buffer_views
+from contactsense.runtime.candidate_rows import MIN_PROBABILITY, CandidateRow, write_row
 from contactsense.runtime.no_contact_hypothesis import update_covariances
 from contactsense.runtime.residual_update import residual_variance_ratio
-from contactsense.runtime.result_rows import MIN_PROBABILITY, CandidateRow, write_row
 
 
 @kernel
@@ -34,7 +34,7 @@ def explain_contact_sets(
 
     Args:
         kernel_buffers, skin: The localizer's kernel buffers after
-            `contactsense.runtime.kernels.explain`, and the signed distance grids.
+            `contactsense.runtime.kernels.process`, and the signed distance grids.
         buffers: With the known contacts filled in.
         present: Which sensors have measured.
         bandwidth: Cut-off frequency of the observers [Hz]; infinite for an arm at rest, whose external

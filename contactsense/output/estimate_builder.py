@@ -1,12 +1,12 @@
 """Build an `Estimate` from rows of numbers."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
-from contactsense.kinematics.model import Motion
 from contactsense.output.fast_dataclass import mutable_twin
 from contactsense.output.touched_body import TouchedBody
 from contactsense.runtime.constants import Constants
@@ -16,24 +16,30 @@ from contactsense.scene import Scene
 from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Status
 
 _MutableEstimate, _MutableContact = mutable_twin(Estimate), mutable_twin(Contact)
-_new = object.__new__
+_split = itemgetter(0, 1, 2, 3, slice(4, 7))
+"""Point, point in the base frame, normal, force and covariance, of the vectors of one contact."""
 NOT_EXPLAINED = "an external force acts on the arm, but no single push on a touchable link explains it well"
 
 
 class EstimateBuilder:
     """Builds estimates for one scene."""
 
-    def __init__(self, scene: Scene, constants: Constants, motion: Motion) -> None:
+    def __init__(self, scene: Scene, constants: Constants, state: State) -> None:
         """Look up names and frames.
 
         Args:
             scene: The scene.
             constants: Its constants.
-            motion: Poses of the links in the sample that is being explained.
+            state: Answer and poses of the sample that is being explained.
         """
+        # For each sample: one look-up instead of four.
+        answer = state.answer
+        self._rows, self._numbers, self._vectors = answer.rows, answer.numbers.tolist, answer.vectors.copy
+        self._wrench, self._covariance = answer.wrench.copy, answer.covariance.copy
+        self._link_probability = state.link_probability.copy
         self._names = scene.link_names
         self._first_primitive: list[int] = constants.surfaces.start.tolist()
-        self._touched_body = TouchedBody(scene, constants, motion) if scene.bodies else None
+        self._touched_body = TouchedBody(scene, constants, state.motion) if scene.bodies else None
         self._clear = scene.clear
         self._flange = (scene.robot.flange_rotation, scene.robot.flange_translation)
         self._joints = len(scene.robot.joints)
@@ -55,55 +61,36 @@ class EstimateBuilder:
     def contacts(
         self,
         t: float,
-        state: State,
-        rows: np.ndarray,
-        count: int,
+        found: list[int],
         reason: str = "",
         number: int = 0,
         phase: Phase = "",
         kinds: tuple[EventKind, ...] = (),
     ) -> Estimate:
-        """Estimate from the candidates in the first `count` of `rows`, see
-        `contactsense.runtime.result_rows`, and from `State.answer`.
+        """Estimate from `State.answer`, whose `integers` are `found`.
 
         With a `reason` the estimate is `degraded`. `number`, `phase` and the `kinds` of its events are those
         of the stream's contact.
         """
-        link_probability, wrench = state.link_probability.copy(), state.answer.wrench.copy()
-        if count == 0:
-            return self._filled(t, (), link_probability, wrench, 1.0, reason, number, kinds)
-        best = self._contact(state.answer.numbers.tolist(), state.answer.vectors.copy(), number, phase)
-        candidates: tuple[Contact, ...] = (best,)
-        other = 1.0 - best.probability
-        if count > 1:
-            others = [self.contact(rows[k].copy(), number, phase) for k in range(1, count)]
-            candidates = (best, *others)
-            for contact in others:
-                other -= contact.probability
-        return self._filled(t, candidates, link_probability, wrench, other, reason, number, kinds)
-
-    def _filled(
-        self,
-        t: float,
-        candidates: tuple[Contact, ...],
-        link_probability: np.ndarray,
-        wrench: np.ndarray,
-        other: float,
-        reason: str,
-        number: int,
-        kinds: tuple[EventKind, ...],
-    ) -> Estimate:
-        """The estimate; arguments as for `contacts`, `other` as in `Estimate`, `wrench` as `State.answer`."""
-        best, name = (candidates[0].probability, candidates[0].link) if candidates else (0.0, "")
+        count, link, primitive, _, _, _ = found
+        contacts: tuple[Contact, ...] = ()
+        best, other, name = 0.0, 1.0, ""
+        if count:
+            best, torsion, other = self._numbers()
+            vectors = self._vectors()
+            contacts = (self._contact(link, primitive, best, torsion, vectors, number, phase),)
+            name = contacts[0].link
+            if count > 1:
+                contacts += self.contacts_of(self._rows[1:count].copy(), [(number, phase)] * (count - 1))
         status: Status = "contact" if best >= self._clear else "ambiguous"
         if reason:
             status = "degraded"
         if other > best:
             reason = f"{reason}; {NOT_EXPLAINED}" if reason else NOT_EXPLAINED
-        estimate: Any = _new(_MutableEstimate)
-        estimate.t, estimate.status, estimate.contacts = t, status, candidates
-        estimate.link_probability = link_probability
-        estimate.wrench, estimate.covariance = wrench[0], wrench[1:]
+        estimate: Any = _MutableEstimate()
+        estimate.t, estimate.status, estimate.contacts = t, status, contacts
+        estimate.link_probability = self._link_probability()
+        estimate.wrench, estimate.covariance = self._wrench(), self._covariance()
         estimate.other, estimate.reason = other if other > 0.0 else 0.0, reason
         estimate.events = tuple([Event(kind, number, t, name) for kind in kinds]) if kinds else ()
         estimate.explanations, estimate.detectable = (), self.detectable
@@ -111,24 +98,43 @@ class EstimateBuilder:
         filled: Estimate = estimate
         return filled
 
-    def contact(self, row: np.ndarray, number: int = 0, phase: Phase = "") -> Contact:
-        """One contact from a row, see `contactsense.runtime.result_rows`; it keeps views of the row."""
-        return self._contact(row[NUMBERS].tolist(), row[VECTORS].reshape(7, 3), number, phase)
+    def contacts_of(self, rows: np.ndarray, labels: Iterable[tuple[int, Phase]]) -> tuple[Contact, ...]:
+        """Contacts from rows, see `contactsense.runtime.result_rows`, shape (N, WIDTH); they keep views of
+        these. `labels`: number and phase of each."""
+        vectors, first, found = rows[:, VECTORS].reshape(len(rows), 7, 3), self._first_primitive, []
+        numbers: list[list[float]] = rows[:, NUMBERS].tolist()
+        for i, ((link, primitive, probability, torsion), label) in enumerate(
+            zip(numbers, labels, strict=True)
+        ):
+            index = int(link)
+            found.append(
+                self._contact(index, int(primitive) - first[index], probability, torsion, vectors[i], *label)
+            )
+        return tuple(found)
 
-    def _contact(self, numbers: list[float], vectors: np.ndarray, number: int, phase: Phase) -> Contact:
-        link, primitive = int(numbers[0]), int(numbers[1])
-        primitive -= self._first_primitive[link]
-        point, point_base, force, covariance, body = vectors[0], vectors[1], vectors[3], vectors[4:], ""
+    def _contact(
+        self,
+        link: int,
+        primitive: int,
+        probability: float,
+        torsion: float,
+        vectors: np.ndarray,
+        number: int,
+        phase: Phase,
+    ) -> Contact:
+        """One contact, which keeps views of `vectors`; `primitive` is that among the link's own."""
+        point, point_base, normal, force, covariance = _split(vectors)
+        body = ""
         if self._touched_body is not None:
             body = self._touched_body.name(link, primitive, point_base, force, covariance)
         if link > self._joints:
             # A tool's points are given in the flange frame, not in that of its body.
             point = (point - self._flange[1]) @ self._flange[0]
-        contact: Any = _new(_MutableContact)
+        contact: Any = _MutableContact()
         contact.link, contact.link_index, contact.primitive = self._names[link], link, primitive
-        contact.probability, contact.torsion = numbers[2], numbers[3]
+        contact.probability, contact.torsion = probability, torsion
         contact.point, contact.point_base = point, point_base
-        contact.normal_base, contact.force_base = vectors[2], force
+        contact.normal_base, contact.force_base = normal, force
         contact.covariance, contact.body = covariance, body
         contact.id, contact.phase = number, phase
         contact.__class__ = Contact
@@ -142,7 +148,7 @@ def _without_contact(
     """A function that creates estimates which differ in time and detectable force only."""
 
     def create(t: float, detectable: float) -> Estimate:
-        estimate: Any = _new(_MutableEstimate)
+        estimate: Any = _MutableEstimate()
         estimate.t, estimate.status, estimate.contacts = t, "none", ()
         estimate.link_probability, estimate.wrench = link_probability, wrench
         estimate.covariance, estimate.other, estimate.reason = covariance, 0.0, ""

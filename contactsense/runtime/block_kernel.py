@@ -39,13 +39,12 @@ def detect_and_localize_block(
     first: int,
     samples: BlockInputs,
     out: BlockOutputs,
-    rows: np.ndarray,
     lanes: np.ndarray,
 ) -> int:
     """Work through samples `first`, `first` + 1, ... of a block.
 
     Args:
-        buffers, skin, rows: As for `contactsense.runtime.newest_sample.localize`.
+        buffers, skin: As for `contactsense.runtime.newest_sample.localize`.
         settings: Cut-off frequency of the observers [Hz]; `gate` as for `localize`; mask of the flags that
             can be set for samples of this scene.
         stop_at_touch: Return after the first sample that touches, ends a contact or restarts the stream;
@@ -96,9 +95,9 @@ def detect_and_localize_block(
                 row[16 + 2 * n + k] = state.torque_model.bias[k]
                 row[16 + 3 * n + k] = friction_above_scene(state.bias_filter, state.torque_model, k)
         if found & TOUCHED and not stop_at_touch:
-            listed[i] = localize(buffers, skin, bandwidth, gate, rows)
+            listed[i] = localize(buffers, skin, gate)
             if listed[i] > 0:
-                copy(rows[0], best[i])
+                copy(state.answer.rows[0], best[i])
                 copy(state.link_probability, link_probability[i])
         phases[i, 0], phases[i, 1] = state.track.status[0].phase, state.track.status[0].number
         if stop_at_touch and (found & (TOUCHED | RESTARTED) or before != state.track.status[0].phase):

@@ -57,7 +57,6 @@ class BlockRunner:
         parts: tuple[Buffers, Skin],
         settings: tuple[float, bool, int],
         block: SampleBlock,
-        rows: np.ndarray,
         estimate: Callable[[float, int], Estimate] | None,
     ) -> BlockEstimates:
         """Process a block of at most `MAX_BLOCK` samples.
@@ -66,7 +65,6 @@ class BlockRunner:
             parts: Buffers and skin, as arguments of the kernel.
             settings: Bandwidth [Hz], whether the link is chosen first, mask of the relevant flags.
             block: The samples.
-            rows: Scratch for explanations.
             estimate: Called with time and flags of each sample with a contact or its end, if that needs more
                 than the kernel; None if the kernel does everything.
         """
@@ -79,7 +77,7 @@ class BlockRunner:
         while at < count:
             after = detect_and_localize_block(
                 *parts, settings, estimate is not None, at, inputs,
-                (flags, phases, residuals, listed, self._best, self._link_probability), rows, self._lanes,
+                (flags, phases, residuals, listed, self._best, self._link_probability), self._lanes,
             )  # fmt: skip
             at = abs(after)
             if after < 0 and estimate is not None:

@@ -9,13 +9,13 @@ from contactsense.runtime.constants import Constants, sizes_of
 from contactsense.runtime.state import State
 
 SIZES = ("joints", "links", "primitives", "samples", "blocks", "subsamples", "link_sensors", "deviations")
-"""Order of the sizes in `KernelBuffers.arguments`."""
+"""Order of the sizes in the buffers."""
 
 buffer_views = views_kernel("buffer_views", (Constants, State), SIZES, __name__)
 """Kernel that finds `Constants` and `State` in `KernelBuffers.arguments`."""
 
-Buffers: TypeAlias = tuple[np.ndarray, np.ndarray, tuple[int, ...]]
-"""Buffer of floats, buffer of integers, sizes."""
+Buffers: TypeAlias = tuple[np.ndarray, np.ndarray]
+"""Buffer of floats, buffer of integers."""
 
 
 class KernelBuffers(FlatBuffers):
@@ -24,8 +24,8 @@ class KernelBuffers(FlatBuffers):
     def __init__(self, constants: Constants, state: State) -> None:
         """Copy everything into the buffers."""
         sizes = sizes_of(constants)
-        super().__init__((constants, state), sizes)
-        self.arguments: Buffers = (self.floats, self.integers, tuple(sizes[name] for name in SIZES))
+        super().__init__((constants, state), {name: sizes[name] for name in SIZES})
+        self.arguments: Buffers = (self.floats, self.integers)
         """What kernels take. A plain tuple: Numba takes longer to recognize a named one."""
         self.constants: Constants
         self.state: State

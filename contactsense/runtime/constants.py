@@ -62,6 +62,8 @@ class Constants(NamedTuple):
     """Place and load of the force/torque sensors within the arm."""
     torque_model: JointTorqueModel
     """Bias and friction in the joint torque signal."""
+    bandwidth: float
+    """Cut-off frequency of the observers [Hz]."""
     bias_rate: float
     """Inverse of the averaging time of biases [1/s]; 0: biases are constant."""
     limits: ReadingLimits
@@ -117,6 +119,7 @@ def build_constants(scene: Scene) -> Constants:
         gravity=scene.gravity_base,
         link_sensors=link_sensors(scene),
         torque_model=joint_torque_model(torque, len(scene.robot.joints)),
+        bandwidth=scene.bandwidth,
         bias_rate=0.0 if scene.bias_time is None else 1.0 / scene.bias_time,
         limits=reading_limits(scene, wrench_transform(base.rotation, np.array(base.translation))),
         thresholds=stream_thresholds(scene),

@@ -8,8 +8,9 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel, nogil_kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.robots.vectors import add, rotate, vector
-from contactsense.runtime.best_answer import store_best
+from contactsense.runtime.answer import store_first
 from contactsense.runtime.buffers import Buffers, buffer_views
+from contactsense.runtime.candidate_rows import CandidateRow, write_row
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import (
     Measured,
@@ -17,7 +18,6 @@ from contactsense.runtime.explanation import (
     most_probable_link,
     take_static_sample,
 )
-from contactsense.runtime.result_rows import CandidateRow, write_row
 from contactsense.runtime.state import State
 from contactsense.solvers.wrench import Wrench, in_frame
 
@@ -75,21 +75,20 @@ def write_intrinsic_contact(constants: Constants, state: State, skin: Grids, row
 def localize_intrinsic(
     buffers: Buffers,
     skin: Skin,
-    rows: np.ndarray,
 ) -> int:
     """The contact of a stream's newest residuals, after `contactsense.runtime.newest_sample.localize`.
 
     Args:
         buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
         skin: As for `contactsense.runtime.newest_sample.localize`.
-        rows: The first row is filled.
 
     Returns:
         Number of contacts.
     """
     constants, state = buffer_views(buffers)
+    rows = state.answer.rows
     count: int = write_intrinsic_contact(constants, state, Grids(*skin), rows[0])
-    store_best(count, rows, state.hypotheses, state.answer)
+    store_first(count, rows, state.hypotheses, constants.surfaces.start, state.answer)
     return count
 
 
@@ -117,5 +116,5 @@ def batch_intrinsic(
         if count == 0:
             best[i] = 0.0
             best[i, 0] = -1.0
-        store_best(count, best[i : i + 1], state.hypotheses, state.answer)
+        store_first(count, best[i : i + 1], state.hypotheses, constants.surfaces.start, state.answer)
         copy(state.link_probability, link_probability[i])

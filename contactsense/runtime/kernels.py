@@ -11,11 +11,11 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel, nogil_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.signed_distance_grid import Skin
-from contactsense.runtime.best_answer import store_best
+from contactsense.runtime.answer import store_first
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.explanation import Measured, explain_sample, take_static_residuals
-from contactsense.runtime.measurement import Measurement, take_measurement
+from contactsense.runtime.measurement import UNTOUCHED, take_measurement
 from contactsense.runtime.newest_sample import localize
 from contactsense.runtime.reading_limits import is_sample_plausible
 from contactsense.runtime.residual_update import update_residuals
@@ -23,6 +23,7 @@ from contactsense.sensors.stream_state import (
     REPEATED,
     RESTARTED,
     SUSPECT,
+    TOUCHED,
     UNUSABLE,
     WRONG_SIZE,
     Readings,
@@ -31,6 +32,14 @@ from contactsense.sensors.stream_state import (
 )
 from contactsense.tracking.contact_tracker import end_contact
 
+GATE, SCREENED, DETECTED, AT_REST, EXTERNAL, CHECKED = 1, 2, 4, 8, 16, 32
+"""Options of `process`, bits of one number. `GATE`: as `gate` of
+`contactsense.runtime.explanation.explain_sample`. `SCREENED`: the readings are known to be plausible;
+otherwise that is checked, and a sample whose readings may not be is not used. `DETECTED`: a contact has been
+detected in the stream's newest sample, which is explained; no sample is taken. `AT_REST`: it is no sample of
+the stream, but one measurement of an arm at rest; `EXTERNAL` and `CHECKED` are then those of
+`contactsense.runtime.measurement.take_measurement`."""
+
 BatchOutputs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Of each of N measurements: energy of the no-contact hypothesis, shape (N,); probability of each link, shape
 (N, links); row of the most probable candidate, shape (N, WIDTH), whose first number is -1 if there is none,
@@ -38,32 +47,49 @@ see `contactsense.runtime.result_rows`."""
 
 
 @kernel
-def detect(
-    buffers: Buffers,
-    bandwidth: float,
-    t: float,
-    sensor_bits: int,
-    readings: Readings,
-    screened: bool,
+def process(
+    buffers: Buffers, skin: Skin, options: int, t: float, sensor_bits: int, readings: Readings
 ) -> int:
-    """Detect a contact in one sample of a live stream.
+    """Detect a contact in one sample of a live stream and, if there is one, explain it; or explain one
+    measurement of an arm at rest.
 
-    Without a contact the bias filter is updated.
+    One call for each sample, and one function for both: a call costs as much as a tenth of an explanation,
+    and each function that contains the whole search takes as long to compile as all the others.
 
     Args:
-        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
-        bandwidth: Cut-off frequency of the observers [Hz].
-        t: Time of the sample [s].
+        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`; what is found is in `State.answer`.
+        skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
+        options: See `GATE`.
+        t: Time of the sample [s]; of a measurement, `threshold` of
+            `contactsense.runtime.explanation.explain_sample`.
         sensor_bits: Which sensors have a value, see `contactsense.sensors.stream_state.register_sample`.
-        readings: See `contactsense.sensors.stream_state.Readings`; any values for a sensor without a value.
-        screened: Whether the readings are known to be plausible; otherwise that is checked, and a sample
-            whose readings may not be is not used.
+        readings: See `contactsense.sensors.stream_state.Readings`; any values for a sensor without a value,
+            and for the velocities of a measurement.
 
     Returns:
-        Flags of the sample, see `contactsense.sensors.stream_state`.
+        Of a sample, its flags, see `contactsense.sensors.stream_state`. Of a measurement, the number of
+        candidates, or why there are none, see `contactsense.runtime.measurement`.
+    """
+    gate = options & GATE != 0
+    if options & AT_REST:
+        return _explain_measurement(buffers, skin, options, t, sensor_bits, readings)
+    if options & DETECTED:
+        localize(buffers, skin, gate)
+        return TOUCHED
+    flags: int = detect(buffers, t, sensor_bits, readings, options & SCREENED != 0)
+    if flags & TOUCHED:
+        localize(buffers, skin, gate)
+    return flags
+
+
+@kernel
+def detect(buffers: Buffers, t: float, sensor_bits: int, readings: Readings, screened: bool) -> int:
+    """Detect a contact in one sample of a live stream. Without a contact the bias filter is updated.
+
+    Arguments and result as for `process`.
     """
     constants, state = buffer_views(buffers)
-    stream = state.stream
+    stream, bandwidth = state.stream, constants.bandwidth
     if not store_sample(stream, readings):
         return WRONG_SIZE
     if not screened and not is_sample_plausible(
@@ -82,41 +108,29 @@ def detect(
 
 
 @kernel
-def explain(
-    buffers: Buffers,
-    skin: Skin,
-    stream: bool,
-    bandwidth: float,
-    gate: bool,
-    measurement: Measurement,
-    rows: np.ndarray,
-) -> tuple[int, float]:
-    """Explain a stream's newest residuals, after `detect` has detected a contact, or one measurement of an
-    arm at rest.
-
-    Either takes the whole search for contacts; one function for both is compiled in half the time.
-
-    Args:
-        buffers, skin, gate, rows: As for `localize`.
-        stream: Whether it is the stream.
-        bandwidth: For the stream: cut-off frequency of the observers [Hz].
-        measurement: For the measurement; any values for the stream.
-
-    Returns:
-        For the stream, the number of candidates in `rows` and 0. For the measurement, the number of
-        candidates, or what `take_measurement` returns if that is not 0; and the energy of the no-contact
-        hypothesis.
-    """
-    if stream:
-        return localize(buffers, skin, bandwidth, gate, rows), 0.0
+def _explain_measurement(
+    buffers: Buffers, skin: Skin, options: int, threshold: float, sensor_bits: int, readings: Readings
+) -> int:
+    """`process` for a measurement of an arm at rest."""
     constants, state = buffer_views(buffers)
-    unusable = take_measurement(constants, state, measurement)
+    q, _, torque, base_wrench, link_wrench = readings
+    usable = (sensor_bits & 1 != 0, sensor_bits & 2 != 0, sensor_bits >> 2)
+    unusable: int = take_measurement(
+        constants,
+        state,
+        (q, torque, base_wrench, link_wrench),
+        options & EXTERNAL != 0,
+        usable,
+        options & CHECKED != 0,
+    )
     if unusable:
-        return unusable, 0.0
-    _, _, usable, threshold, _ = measurement
-    listed, no_contact_energy = explain_sample(buffers, skin, usable, 1.0, gate, threshold, rows)
-    store_best(listed, rows, state.hypotheses, state.answer)
-    return listed, no_contact_energy
+        return unusable
+    rows = state.answer.rows
+    listed, energy = explain_sample(buffers, skin, usable, 1.0, options & GATE != 0, threshold, rows)
+    if energy <= threshold:
+        return UNTOUCHED
+    store_first(listed, rows, state.hypotheses, constants.surfaces.start, state.answer)
+    return int(listed)
 
 
 @nogil_kernel
@@ -131,7 +145,7 @@ def batch(
     found: BatchOutputs,
     lanes: np.ndarray,
 ) -> None:
-    """`explain` for N measurements, whose arrays have a leading axis.
+    """Explain N measurements of an arm at rest, whose arrays have a leading axis.
 
     Args:
         buffers, skin, usable, gate: As for `contactsense.runtime.explanation.explain_sample`.

@@ -1,7 +1,6 @@
 """One measurement of an arm at rest, which a caller has given and which may be unusable."""
 
 import math
-from typing import TypeAlias
 
 import numpy as np
 
@@ -18,24 +17,26 @@ from contactsense.runtime.reading_limits import (
 )
 from contactsense.runtime.state import State
 
-NOT_FINITE, DOUBTFUL = -1, -2
-"""What `take_measurement` returns for values that cannot be used."""
-
-Measurement: TypeAlias = tuple[Measured, bool, Usable, float, bool]
-"""The values and whether the arm's weight has been subtracted from them, as for `take_static_sample`; which
-sensors have measured; threshold as for `explain_sample`; whether the values are checked: where they may be
-implausible, apart from link sensors with a known range, they are not explained."""
+NOT_FINITE, DOUBTFUL, UNTOUCHED = -1, -2, -3
+"""Why a measurement has no candidates: its values cannot be used, may be implausible, or show no contact."""
 
 
 @inlined_kernel
-def take_measurement(constants: Constants, state: State, measurement: Measurement) -> int:
+def take_measurement(
+    constants: Constants, state: State, measured: Measured, external: bool, usable: Usable, checked: bool
+) -> int:
     """`take_static_sample` for values that may be unusable.
+
+    Args:
+        constants, state, measured, external: As there.
+        usable: Which sensors have measured.
+        checked: Whether values that may be implausible are refused, apart from link sensors with a known
+            range.
 
     Returns:
         0; `NOT_FINITE` where a vector has the wrong size or is not finite, `DOUBTFUL` where the measurement
         may be implausible.
     """
-    measured, external, usable, _, check = measurement
     q, torque, base_wrench, link_wrench = measured
     n = state.torque.shape[0]
     if not (is_finite_vector(q, n) and is_finite_vector(torque, n) and is_finite_vector(base_wrench, 6)):
@@ -44,7 +45,7 @@ def take_measurement(constants: Constants, state: State, measurement: Measuremen
         if not is_finite_vector(link_wrench[s], 6):
             return NOT_FINITE
     take_static_sample(constants, state, measured, external)
-    if check and not _is_plausible(constants, state, measured, external, usable):
+    if checked and not _is_plausible(constants, state, measured, external, usable):
         return DOUBTFUL
     return 0
 

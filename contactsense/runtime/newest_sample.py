@@ -7,7 +7,7 @@ from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Skin
-from contactsense.runtime.best_answer import store_best
+from contactsense.runtime.answer import NUMBER, PHASE, SENSORS, store_first
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import explain_sample
@@ -23,31 +23,29 @@ from contactsense.tracking.sliding import extrapolate_sliding
 def localize(
     buffers: Buffers,
     skin: Skin,
-    bandwidth: float,
     gate: bool,
-    rows: np.ndarray,
 ) -> int:
     """Average the residuals over windows and explain them, after `detect` has detected a contact.
 
     Args:
-        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`.
+        buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`; `State.answer` is filled.
         skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
-        bandwidth: Cut-off frequency of the observers [Hz].
         gate: As for `contactsense.runtime.explanation.explain_sample`.
-        rows: Filled with the candidates.
 
     Returns:
-        Number of candidates in `rows`.
+        Number of candidates.
     """
     constants, state = buffer_views(buffers)
-    track, stream = state.track, state.stream
+    track, stream, bandwidth = state.track, state.stream, constants.bandwidth
+    answer, sensors = state.answer, usable_sensors_code(stream)
+    rows = answer.rows
     dt, begins = stream.clock[0].step, track.status[0].phase == NONE
     state.bias_filter.status[0].time_since_contact = 0.0
     average_windows(
         track,
         state.observers,
         stream.clock[0].variance_ratio,
-        usable_sensors_code(stream),
+        sensors,
         dt,
         bandwidth,
     )
@@ -70,7 +68,9 @@ def localize(
             if window > 0:
                 _update_to_newest(constants, state, window, rows[:listed])
         _store_last_contact(constants, state, rows[0])
-    store_best(listed, rows, state.hypotheses, state.answer)
+    store_first(listed, rows, state.hypotheses, constants.surfaces.start, answer)
+    answer.integers[PHASE], answer.integers[NUMBER] = track.status[0].phase, track.status[0].number
+    answer.integers[SENSORS] = sensors
     return listed
 
 
@@ -101,13 +101,14 @@ def _store_last_contact(constants: Constants, state: State, row: np.ndarray) -> 
 
 @inlined_kernel
 def _update_to_newest(constants: Constants, state: State, window: int, rows: np.ndarray) -> None:
-    """Update force, torsion and wrench from the window mean to the newest residual; point and link remain
-    those of the window mean."""
+    """Update force and torsion of the candidates, and the wrench for the link of the first one, from the
+    window mean to the newest residual; point and link remain those of the window mean."""
     track = state.track
     wrench_change = state.wrench_change
     for k in range(rows.shape[0]):
         row = rows[k]
-        body = constants.sensors.depth[int(row[0])]
+        link = int(row[0])
+        body = constants.sensors.depth[link]
         wrench_difference(state.motion, track.mean[0], track.mean[window], body, wrench_change)
         fx, fy, fz = wrench_change[0], wrench_change[1], wrench_change[2]
         cx, cy, cz = row[7], row[8], row[9]
@@ -119,13 +120,10 @@ def _update_to_newest(constants: Constants, state: State, window: int, rows: np.
             + row[11] * (wrench_change[4] - cz * fx + cx * fz)
             + row[12] * (wrench_change[5] - cx * fy + cy * fx)
         )
-    wrench, covariance = state.hypotheses.wrench, state.hypotheses.covariance
-    covariance_factor = track.variance_ratio[0] / track.variance_ratio[window]
-    for link in range(wrench.shape[0]):
-        wrench_difference(
-            state.motion, track.mean[0], track.mean[window], constants.sensors.depth[link], wrench_change
-        )
-        for i in range(6):
-            wrench[link, i] += wrench_change[i]
-            for j in range(6):
-                covariance[link, i, j] *= covariance_factor
+        if k == 0:
+            wrench, covariance = state.hypotheses.wrench[link], state.hypotheses.covariance[link]
+            covariance_factor = track.variance_ratio[0] / track.variance_ratio[window]
+            for i in range(6):
+                wrench[i] += wrench_change[i]
+                for j in range(6):
+                    covariance[i, j] *= covariance_factor

@@ -37,9 +37,9 @@ def explain_rows(explain: Explain, rows: int, buffers: KernelBuffers, jobs: int 
         explain(buffers.arguments, slice(0, rows))
         return
     copies: SimpleQueue[Buffers] = SimpleQueue()
-    floats, integers, sizes = buffers.arguments
+    floats, integers = buffers.arguments
     for _ in range(threads):
-        copies.put((floats.copy(), integers.copy(), sizes))
+        copies.put((floats.copy(), integers.copy()))
 
     def explain_chunk(start: int) -> None:
         own = copies.get()

@@ -1,15 +1,5 @@
 """Candidates as rows of numbers, the form in which the kernels return them."""
 
-from typing import NamedTuple
-
-import numpy as np
-
-from contactsense.robots.jit.kernel import inlined_kernel, kernel
-from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin
-from contactsense.robots.vectors import add, rotate, rotate_back, subtract, vector
-from contactsense.runtime.constants import Constants
-from contactsense.runtime.state import State
-
 LINK, PRIMITIVE, PROBABILITY, TORSION = 0, 1, 2, 3
 POINT, POINT_BASE, NORMAL, FORCE = slice(4, 7), slice(7, 10), slice(10, 13), slice(13, 16)
 COVARIANCE = slice(16, 25)
@@ -18,73 +8,3 @@ WIDTH = 25
 """Columns of a row: link index; primitive index in the arm; probability; torsion [Nm]; point in the frame of
 the body that carries the link [m]; point in the base frame [m]; normal; force [N]; covariance of the point
 [m^2]. `NUMBERS` are the first four columns, `VECTORS` the seven groups of three that follow."""
-
-SKIN_STEPS = 5
-"""Newton steps from the primitive to the skin along the line of action."""
-SKIN_TOLERANCE = 1e-4
-"""Largest distance from the skin at which the point counts as on it [m]."""
-MIN_PROBABILITY = 0.01
-"""Candidates less probable than this are not reported."""
-
-
-class CandidateRow(NamedTuple):
-    """What is written of one contact; base frame."""
-
-    primitive: int
-    """Index of the primitive in the arm."""
-    probability: float
-    torsion: float
-    """[Nm]"""
-    point: np.ndarray
-    """Shape (3,) [m]."""
-    normal: np.ndarray
-    """Outward unit normal, shape (3,)."""
-    force: np.ndarray
-    """Shape (3,) [N]."""
-    covariance: np.ndarray
-    """Of the point, shape (3, 3) [m^2]."""
-
-
-@inlined_kernel
-def write_candidates(constants: Constants, state: State, skin: Grids, count: int, rows: np.ndarray) -> int:
-    """Write those of the first `count` candidates in `state` that are probable enough; returns how many.
-
-    Where `skin` has a grid for the link, point and normal are those where the line of action crosses the
-    skin. Shifting a force along its line does not change its wrench, so that point explains the measurement
-    equally well.
-    """
-    candidates = state.candidates
-    written = 0
-    for k in range(count):
-        p = candidates.order[k]
-        if candidates.probability[p] < MIN_PROBABILITY:
-            break
-        found = CandidateRow(
-            candidates.primitive[p], candidates.probability[p], candidates.torsion[p], candidates.point[p],
-            candidates.normal[p], candidates.force[p], candidates.covariance[p],
-        )  # fmt: skip
-        write_row(constants, state, skin, found, rows[k])
-        written += 1
-    return written
-
-
-@kernel
-def write_row(constants: Constants, state: State, skin: Grids, found: CandidateRow, row: np.ndarray) -> None:
-    """Write one contact as a row; its point on the skin where a grid is available."""
-    link = constants.surfaces.link[found.primitive]
-    body = constants.sensors.depth[link]
-    R, o = state.motion.rotation[body], vector(state.motion.origin[body])
-    row[LINK], row[PRIMITIVE] = link, found.primitive
-    row[PROBABILITY], row[TORSION] = found.probability, found.torsion
-    c, n = rotate_back(R, subtract(vector(found.point), o)), vector(found.normal)
-    if link < skin.shape.shape[0]:
-        distance, point, normal = intersect_skin(
-            skin, link, c, rotate_back(R, vector(found.force)), SKIN_STEPS
-        )
-        if abs(distance) < SKIN_TOLERANCE:
-            c, n = point, rotate(R, normal)
-    base = add(o, rotate(R, c))
-    for i in range(3):
-        row[4 + i], row[7 + i], row[10 + i], row[13 + i] = c[i], base[i], n[i], found.force[i]
-        for j in range(3):
-            row[16 + 3 * i + j] = found.covariance[i, j]

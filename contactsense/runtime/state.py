@@ -18,7 +18,7 @@ from contactsense.residuals.sensor_consistency import SensorConsistency
 from contactsense.residuals.timing_error import TimingError
 from contactsense.robots.jit.declaration import Floats, Integers, Sized
 from contactsense.robots.jit.flat_buffers import zeros
-from contactsense.runtime.best_answer import BestAnswer
+from contactsense.runtime.answer import Answer
 from contactsense.runtime.constants import Constants, sizes_of
 from contactsense.sensors.stream_state import StreamState
 from contactsense.solvers.posterior import SearchBuffers
@@ -43,7 +43,7 @@ class State(NamedTuple):
     surface_cells: Annotated[SurfaceCells, Sized(cells="samples + subsamples")]
     link_probability: Annotated[Floats, "links"]
     """Probability of each link."""
-    answer: BestAnswer
+    answer: Answer
     """The newest answer of a kernel that Python calls for one sample."""
     observers: Observers
     track: ContactTrack

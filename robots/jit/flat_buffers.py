@@ -2,8 +2,9 @@
 compiled function takes longer than its computation.
 
 One buffer holds floats and records, the other one integers, in the order in which the fields are declared.
-The integers begin with the place of each field in its buffer: were it the sum of the sizes of all fields
-before it, LLVM would take seconds to simplify such sums of a hundred products in every loop.
+The integers begin with the sizes: Python passes a number as slowly as an array. The place of each field in
+its buffer follows: were it the sum of the sizes of all fields before it, LLVM would take seconds to simplify
+such sums of a hundred products in every loop.
 """
 
 import functools
@@ -46,13 +47,14 @@ class FlatBuffers:
 
         Args:
             values: NamedTuples whose types are declared.
-            sizes: The sizes that the declarations name.
+            sizes: The sizes that the declarations name, in the order of `views_kernel`.
 
         Raises:
             ValueError: An array does not have the declared shape.
         """
         leaves = [leaf for value in values for leaf in _leaves(fields_of(type(value)), value)]
-        floats, integers = [np.zeros(0)], [np.zeros(len(leaves), dtype=np.int64)]
+        floats = [np.zeros(0)]
+        integers = [np.array([*sizes.values(), *(0 for _ in leaves)], dtype=np.int64)]
         for leaf, array in leaves:
             if np.shape(array) != _shape(leaf, sizes):
                 raise ValueError(f"{leaf.name}: expected shape {_shape(leaf, sizes)}, got {np.shape(array)}")
@@ -63,7 +65,7 @@ class FlatBuffers:
                 floats.append(words.view(np.float64))
         self.floats = np.concatenate(floats)
         self.integers = np.concatenate(integers)
-        self._field, self._float, self._integer = 0, 0, len(leaves)
+        self._field, self._float, self._integer = len(sizes), 0, len(sizes) + len(leaves)
         self.views = tuple(self._view(fields_of(type(value)), sizes) for value in values)
         """The same declarations; their arrays are parts of the buffers."""
 
@@ -87,9 +89,8 @@ class FlatBuffers:
 def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], module: str) -> Any:
     """A kernel, inlined into others, that finds declared arrays in flat buffers.
 
-    Its argument is a tuple of `FlatBuffers.floats`, `FlatBuffers.integers`, and the sizes as a tuple of
-    integers. It returns the declarations as a tuple. It is generated, as Numba cannot loop over fields of
-    different types.
+    Its argument is a tuple of `FlatBuffers.floats` and `FlatBuffers.integers`. It returns the declarations as
+    a tuple. It is generated, as Numba cannot loop over fields of different types.
 
     Args:
         name: Name of the kernel.
@@ -99,11 +100,11 @@ def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], mod
     """
     lines = [
         f"def {name}(buffers):",
-        "    floats, integers, sizes = buffers",
-        f"    {', '.join(sizes)}, = sizes",
+        "    floats, integers = buffers",
+        *(f"    {size} = integers[{i}]" for i, size in enumerate(sizes)),
     ]
     names: dict[str, Any] = {"block": block, "records": records}
-    fields = itertools.count()
+    fields = itertools.count(len(sizes))
 
     def value(part: Node | Leaf) -> str:
         if isinstance(part, Node):

@@ -12,7 +12,7 @@ import numpy as np
 
 from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin
 from contactsense.robots.vectors import vector
-from contactsense.runtime.result_rows import SKIN_STEPS, SKIN_TOLERANCE
+from contactsense.runtime.candidate_rows import SKIN_STEPS, SKIN_TOLERANCE
 from contactsense.service.analysis.place_search import Place
 
 SKIN_DEVIATION = 2e-4

@@ -12,7 +12,7 @@ from contactsense.robots.jit.declaration import WORD
 from contactsense.robots.jit.kernel import generated_kernel, kernel
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
-from contactsense.runtime.buffers import KernelBuffers, buffer_views
+from contactsense.runtime.buffers import SIZES, KernelBuffers, buffer_views
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
 from tests.plain_arm import plain_ur5e
@@ -82,5 +82,5 @@ def test_every_array_is_the_same_memory_on_both_sides(links: tuple[str, ...]) ->
         assert mine.size == 0 or mine.ctypes.data == place[0]
         assert from_dtype(mine.dtype) == kind.dtype
     covered = sum(1 if isinstance(part, float) else part.nbytes // WORD for part in python)
-    # The integers begin with the place of each.
-    assert covered + len(python) == work.floats.size + work.integers.size
+    # The integers begin with the sizes and the place of each.
+    assert covered + len(SIZES) + len(python) == work.floats.size + work.integers.size

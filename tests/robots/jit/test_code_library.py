@@ -16,7 +16,7 @@ from contactsense.robots.jit.code_library import (
     _rare_garbage_collection,
     _takes_large_structures,
 )
-from contactsense.runtime.kernels import detect
+from contactsense.runtime.kernels import process
 
 
 def test_kernels_within_another_have_no_names() -> None:
@@ -24,12 +24,12 @@ def test_kernels_within_another_have_no_names() -> None:
     called there. It is called differently: with fewer arguments, in other registers."""
     joints = np.zeros(6)
     Localizer(Scene(robot="ur5e")).step(Sample(t=0.0, q=joints, qd=joints, base_wrench=joints))
-    files = Path(detect._cache.cache_path).glob("kernels.detect-*.nbc")
+    files = Path(process._cache.cache_path).glob("kernels.process-*.nbc")
     # LLVM's own form of the code, for other kernels, follows that for the processor.
     code = max(files, key=lambda file: file.stat().st_mtime).read_bytes()
     machine_code = code.partition(b"\x7fELF")[2].partition(b"BC\xc0\xde")[0]
     names = re.findall(rb"_ZN[0-9A-Za-z_$.]+", machine_code)
-    assert any(b"detect" in name for name in names)
+    assert any(b"process" in name for name in names)
     # Variables of Numba's are shared by name; code is not.
     shared = [name for name in names if b"called_by_kernels" in name]
     assert [name for name in shared if not name.startswith(b"_ZN08NumbaEnv")] == []
