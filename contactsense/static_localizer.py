@@ -16,7 +16,6 @@ from contactsense.robots.jit.progress_bar import Notify, shown_compilation
 from contactsense.runtime.buffers import Buffers, KernelBuffers
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
-from contactsense.runtime.explanation import Measured
 from contactsense.runtime.intrinsic import batch_intrinsic
 from contactsense.runtime.kernels import AT_REST, CHECKED, EXTERNAL, GATE, batch
 from contactsense.runtime.measurement import DOUBTFUL, NOT_FINITE, UNTOUCHED
@@ -28,6 +27,7 @@ from contactsense.runtime.state import empty_state
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import by_field
 from contactsense.sensors.sample_fields import SENSORS, SampleFields
+from contactsense.sensors.stream_state import Readings
 from contactsense.sensors.validation import checked_rows
 from contactsense.types import Contact, Estimate
 
@@ -78,8 +78,9 @@ class StaticLocalizer:
         self._sample_fields = SampleFields(self._scene_sensors, self._link_sensors, self._joints)
         self._thresholds = SampleThresholds(scene)
         self._detectable = DetectableForce(constants, self._buffers.state, self._thresholds)
-        # Threshold and detectable force of single measurements, for the sets of sensors given so far.
-        self._detection_limits: dict[Usable, tuple[float, float]] = {}
+        # Threshold, detectable force and `sensor_bits` of single measurements, for the sets of sensors given
+        # so far.
+        self._detection_limits: dict[Usable, tuple[float, float, int]] = {}
         self._process: Callable[..., int]
 
     def locate(
@@ -129,7 +130,12 @@ class StaticLocalizer:
         limits = None if links else self._detection_limits.get(usable)
         if limits is None:
             usable = self._given_sensors((base_wrench, joint_torque), links)
-            limits = self._thresholds.threshold(usable), self._detectable.of_measurement(usable)
+            base, torque, bits = usable
+            limits = (
+                self._thresholds.threshold(usable),
+                self._detectable.of_measurement(usable),
+                base + 2 * torque + 4 * bits,
+            )
             self._detection_limits[usable] = limits
         look_for_sets = contacts != 1 or bool(known)
         if look_for_sets:
@@ -137,7 +143,7 @@ class StaticLocalizer:
                 self.scene, self._buffers, self._kernel_args, self._estimate_builder
             )
             self._locator.check(contacts, known, drift)
-        threshold, self._estimate_builder.detectable = limits
+        threshold, self._estimate_builder.detectable, sensor_bits = limits
         options = self._options | AT_REST
         if external:
             options |= EXTERNAL
@@ -146,12 +152,12 @@ class StaticLocalizer:
         elif not (self._intrinsic or (links and self._plausible.has_link_range)):
             # The kernel knows no ranges of link sensors.
             options |= CHECKED
-        values = self._sample_fields.values(q, joint_torque, base_wrench, links)
-        count = self._locate_once(values, usable, options, threshold)
+        readings = self._sample_fields.values(q, joint_torque, base_wrench, links)
+        count = self._locate_once(readings, sensor_bits, options, threshold)
         if detect and (count == DOUBTFUL or not options & CHECKED):
             self._refuse_implausible("", q, (base_wrench, joint_torque), links, external)
             if options & CHECKED:
-                count = self._locate_once(values, usable, options - CHECKED, threshold)
+                count = self._locate_once(readings, sensor_bits, options - CHECKED, threshold)
         if count == UNTOUCHED:
             return self._estimate_builder.without_contacts(0.0, "none")
         if look_for_sets and self._locator is not None:
@@ -176,31 +182,30 @@ class StaticLocalizer:
         if found is not None:
             raise ValueError(f"{found.field}{row}: {found.reason}")
 
-    def _locate_once(self, values: Measured, usable: Usable, options: int, threshold: float) -> int:
-        """`contactsense.runtime.kernels.process`; values of other array types are converted.
+    def _locate_once(self, readings: Readings, sensor_bits: int, options: int, threshold: float) -> int:
+        """`contactsense.runtime.kernels.process`; readings of other array types are converted.
 
         Raises:
-            ValueError: a value cannot be converted; the message names the argument.
+            ValueError: a reading cannot be converted; the message names the argument.
         """
         if self._intrinsic:
-            return self._locate_once_intrinsic(values, usable, options & EXTERNAL != 0, threshold)
-        base, torque, links = usable
-        arguments = (self._arguments, self._skin, options, threshold, base + 2 * torque + 4 * links)
-        if self._sample_fields.are_vectors(values):
-            # No velocities: any vector.
-            found = self._process(*arguments, (values[0], *values))
+            return self._locate_once_intrinsic(readings, sensor_bits, options & EXTERNAL != 0, threshold)
+        buffers, skin = self._kernel_args
+        if self._sample_fields.are_vectors(readings):
+            found = self._process(buffers, skin, options, threshold, sensor_bits, readings)
             if found != NOT_FINITE:
                 return found
-        values = self._sample_fields.checked(*values)
-        return self._process(*arguments, (values[0], *values))
+        readings = self._sample_fields.checked(readings)
+        return self._process(buffers, skin, options, threshold, sensor_bits, readings)
 
     def _locate_once_intrinsic(
-        self, values: Measured, usable: Usable, external: bool, threshold: float
+        self, readings: Readings, sensor_bits: int, external: bool, threshold: float
     ) -> int:
-        q, torque, base, link_wrench = self._sample_fields.checked(*values)
+        q, _, torque, base, link_wrench = self._sample_fields.checked(readings)
         measured = (q[None], torque[None], base[None], link_wrench[None])
         energy, link_probability, best = np.empty(1), np.empty((1, self._links)), np.empty((1, WIDTH))
-        batch_intrinsic(*self._kernel_args, measured, external, *usable[1:], energy, link_probability, best)
+        present = (sensor_bits & 2 != 0, sensor_bits >> 2)
+        batch_intrinsic(*self._kernel_args, measured, external, *present, energy, link_probability, best)
         return UNTOUCHED if energy[0] <= threshold else int(best[0, 0] >= 0.0)
 
     def locate_batch(

@@ -53,8 +53,8 @@ def process(
     """Detect a contact in one sample of a live stream and, if there is one, explain it; or explain one
     measurement of an arm at rest.
 
-    One call for each sample, and one function for both: a call costs as much as a tenth of an explanation,
-    and each function that contains the whole search takes as long to compile as all the others.
+    One call for each sample, since a call takes a good part of the time of an explanation; one function for
+    both, since the whole search would be compiled again for a second one.
 
     Args:
         buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`; what is found is in `State.answer`.

@@ -81,8 +81,9 @@ class SampleFields:
         torque: np.ndarray | None = None,
         base: np.ndarray | None = None,
         links: Mapping[str, np.ndarray] | None = None,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Positions and a value for each sensor, in the order of the kernels; zeros for missing values.
+    ) -> Readings:
+        """One measurement of an arm at rest: positions and a value for each sensor, zeros for missing values.
+        In place of the velocities, which nothing reads, are the positions again.
 
         Raises:
             ValueError: the value of a link sensor has the wrong shape or is not finite; the message names it.
@@ -93,15 +94,16 @@ class SampleFields:
                 self._link_wrench[s] = 0.0 if value is None else checked_vector(name, value, 6, "N, Nm")
         return (
             q,
+            q,
             self._no_torque if torque is None else torque,
             self._no_wrench if base is None else base,
             self._link_wrench,
         )
 
     @staticmethod
-    def are_vectors(values: tuple[np.ndarray, ...]) -> bool:
-        """Whether kernels that are called directly take positions, torques and base wrench of `values`."""
-        q, torque, base, _ = values
+    def are_vectors(values: Readings) -> bool:
+        """Whether kernels that are called directly take what `values` returns."""
+        q, _, torque, base, _ = values
         try:
             return (
                 q.dtype is torque.dtype is base.dtype is _FLOAT and q.ndim == torque.ndim == base.ndim == 1
@@ -109,16 +111,17 @@ class SampleFields:
         except AttributeError:
             return False
 
-    def checked(
-        self, q: np.ndarray, torque: np.ndarray, base: np.ndarray, link_wrench: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """The same as arrays of finite floats that the kernels accept.
+    def checked(self, values: Readings) -> Readings:
+        """What `values` returns as arrays of finite floats that the kernels accept.
 
         Raises:
             ValueError: one has the wrong shape or is not finite; the message names it.
         """
+        q, _, torque, base, link_wrench = values
+        q = checked_vector("q", q, self._joints, "rad")
         return (
-            checked_vector("q", q, self._joints, "rad"),
+            q,
+            q,
             checked_vector("joint_torque", torque, self._joints, "N, Nm"),
             checked_vector("base_wrench", base, 6, "N, Nm"),
             link_wrench,
