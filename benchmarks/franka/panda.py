@@ -3,6 +3,8 @@
 from importlib import metadata
 from pathlib import Path
 
+import click
+
 from contactsense import JointTorqueSensor, Scene, robots
 from contactsense.robots import Robot
 from contactsense.robots.yaml_schema import with_surface
@@ -36,6 +38,20 @@ def urdf() -> Path:
 def load() -> Robot:
     """Kinematics and inertia from the URDF, hand included; primitives from `SURFACE`."""
     return with_surface(robots.load(urdf()), SURFACE)
+
+
+def arm(name: str) -> str | Robot:
+    """What a scene takes for an arm by that name: the Panda is none of the library's.
+
+    Raises:
+        click.ClickException: it is the Panda, and its URDF is not installed.
+    """
+    if name != "panda":
+        return name
+    try:
+        return load()
+    except NoPandaError as error:
+        raise click.ClickException(str(error)) from None
 
 
 def scene(false_alarms_per_hour: float, link_prior: LinkPrior = "area") -> Scene:
