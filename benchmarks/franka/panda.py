@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from contactsense import JointTorqueSensor, Scene, robots
-from contactsense.robots import Robot
+from contactsense.robots import Robot, RobotError
 from contactsense.robots.yaml_schema import with_surface
 from contactsense.scene import LinkPrior
 
@@ -40,17 +40,17 @@ def load() -> Robot:
     return with_surface(robots.load(urdf()), SURFACE)
 
 
-def arm(name: str) -> str | Robot:
-    """What a scene takes for an arm by that name: the Panda is none of the library's.
+def arm(name: str) -> Robot:
+    """The arm that `robots.load` knows by that name or path, or the Panda.
 
     Raises:
-        click.ClickException: it is the Panda, and its URDF is not installed.
+        click.ClickException: there is no such arm, or the URDF of the Panda is not installed.
     """
-    if name != "panda":
-        return name
     try:
+        if name != "panda":
+            return robots.load(name)
         return load()
-    except NoPandaError as error:
+    except (RobotError, NoPandaError) as error:
         raise click.ClickException(str(error)) from None
 
 
