@@ -24,8 +24,8 @@ from scipy.stats import binomtest
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, Noise
+from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.compare import NEAR
-from contactsense.benchmarks.franka.panda import arm
 from contactsense.benchmarks.peers.exploration_filter import ExplorationFilter, Found
 from contactsense.benchmarks.peers.one_by_one import OneByOne
 from contactsense.benchmarks.peers.touches import Toucher, Touches

@@ -7,7 +7,7 @@ import numpy as np
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_points import StaticPoints
-from contactsense.benchmarks.franka.panda import arm
+from contactsense.benchmarks.arms import arm
 from contactsense.scene import LinkPrior
 
 SENSORS = {

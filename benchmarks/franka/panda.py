@@ -3,10 +3,8 @@
 from importlib import metadata
 from pathlib import Path
 
-import click
-
 from contactsense import JointTorqueSensor, Scene, robots
-from contactsense.robots import Robot, RobotError
+from contactsense.robots import Robot
 from contactsense.robots.yaml_schema import with_surface
 from contactsense.scene import LinkPrior
 
@@ -38,20 +36,6 @@ def urdf() -> Path:
 def load() -> Robot:
     """Kinematics and inertia from the URDF, hand included; primitives from `SURFACE`."""
     return with_surface(robots.load(urdf()), SURFACE)
-
-
-def arm(name: str) -> Robot:
-    """The arm that `robots.load` knows by that name or path, or the Panda.
-
-    Raises:
-        click.ClickException: there is no such arm, or the URDF of the Panda is not installed.
-    """
-    try:
-        if name != "panda":
-            return robots.load(name)
-        return load()
-    except (RobotError, NoPandaError) as error:
-        raise click.ClickException(str(error)) from None
 
 
 def scene(false_alarms_per_hour: float, link_prior: LinkPrior = "area") -> Scene:

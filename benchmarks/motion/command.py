@@ -14,7 +14,7 @@ from rich.table import Table
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, SENSORS, Noise
-from contactsense.benchmarks.franka.panda import arm
+from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.motion import options as motion_options
 from contactsense.benchmarks.motion.at_rest import static_error, with_noise_scaled
 from contactsense.benchmarks.motion.averaging_limit import averaging_limit

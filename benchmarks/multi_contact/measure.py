@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from contactsense import Contact, JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, Noise
-from contactsense.benchmarks.franka.panda import arm
+from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links, Trials
 
 Arrival = Literal["at_once", "one_by_one"]
