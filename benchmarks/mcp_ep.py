@@ -22,8 +22,9 @@ from rich.progress import track
 from rich.table import Table
 from scipy.stats import binomtest
 
-from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, Noise
+from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.compare import NEAR
 from contactsense.benchmarks.peers.exploration_filter import ExplorationFilter, Found
 from contactsense.benchmarks.peers.one_by_one import OneByOne
@@ -60,14 +61,14 @@ def scene_of(robot: str, noise: Noise) -> Scene:
     """The arm with both sensors and that noise; its base link cannot be touched.
 
     Args:
-        robot: A name that `robots.load` knows, or a path to a URDF with its `.surface.yaml` beside it.
+        robot: A name that `robots.load` knows, a path to a URDF with its `.surface.yaml` beside it, or panda.
         noise: Noise of one sample.
     """
-    arm = robots.load(robot)
+    known = arm(robot)
     stated = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
     return Scene(
-        robot=arm,
-        touchable=arm.link_names[1:],
+        robot=known,
+        touchable=known.link_names[1:],
         base_wrench=WrenchSensor(force_noise=stated.force, moment_noise=stated.moment),
         joint_torque=JointTorqueSensor(noise=stated.torque),
     )
@@ -174,7 +175,7 @@ def compare(robot: str, noise: Noise, runs: int, seed: int) -> Iterator[Row]:
 
 @click.command()
 @click.option(
-    "--robot", "names", multiple=True, default=("ur5e",), help="Arm by name, or a URDF with a surface."
+    "--robot", "names", multiple=True, default=("ur5e",), help="Arm by name, panda, or a URDF with a surface."
 )
 @click.option("--runs", default=150, show_default=True, help="Postures with three contacts each.")
 @click.option("--seed", default=0, show_default=True, help="Of everything random.")

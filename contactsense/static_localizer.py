@@ -117,8 +117,9 @@ class StaticLocalizer:
                 `multiple` if several explain the measurement better than one.
             known: Contacts that are already present, from an estimate in the same posture: their positions
                 have their covariances as prior. They count towards `contacts`.
-            drift: Standard deviation of the change of each component of their forces since then [N]; None:
-                their forces are free. The smaller, the better a new contact is distinguished from them.
+            drift: Standard deviation of the change of each component of their forces since then [N], to which
+                the noise of one sample of the base sensor is added; None: their forces are free. The smaller,
+                the better a new contact is distinguished from them.
 
         Raises:
             ValueError: an argument has the wrong shape, is not finite or cannot be (units mistaken, values

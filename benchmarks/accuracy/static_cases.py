@@ -7,6 +7,7 @@ import numpy as np
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_points import StaticPoints
+from contactsense.benchmarks.arms import arm
 from contactsense.scene import LinkPrior
 
 SENSORS = {
@@ -68,7 +69,7 @@ def scene_of(
     stated = stated_noise(noise)
     has_base, has_torque = SENSORS[sensors]
     return Scene(
-        robot=points.robot,
+        robot=arm(points.robot),
         gravity=points.gravity,
         detail=detail,
         meshes=meshes / points.robot if detail == "skin" and meshes is not None else None,

@@ -34,14 +34,15 @@ def locate_at_rest(
         noise: Standard deviations of base force, base moment and joint torque [N, Nm, Nm].
         sensors: Whether there are base sensor and joint torques.
     """
-    model, motion = build_model(localizer.scene.robot), empty_motion(6)
+    joints = len(localizer.scene.robot.joints)
+    model, motion = build_model(localizer.scene.robot), empty_motion(joints)
     q = np.array([stream.q[i] for stream, i in rows])
     wrench = np.array([stream.wrench[i] for stream, i in rows])
     link = np.array([stream.link[i] for stream, i in rows])
-    torque = np.empty((len(rows), 6))
+    torque = np.empty((len(rows), joints))
     for row in range(len(rows)):
         forward_kinematics(model, q[row], motion)
-        torque[row] = np.where(np.arange(6) < link[row], -motion.screw @ wrench[row], 0.0)
+        torque[row] = np.where(np.arange(joints) < link[row], -motion.screw @ wrench[row], 0.0)
     reading = wrench + np.array([stream.noise_wrench[i] for stream, i in rows]) * np.repeat(noise[:2], 3)
     torque += np.array([stream.noise_torque[i] for stream, i in rows]) * noise[2]
     return localizer.locate_batch(

@@ -11,13 +11,20 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor, robots
+from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, SENSORS, Noise
+from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.motion import options as motion_options
 from contactsense.benchmarks.motion.at_rest import static_error, with_noise_scaled
 from contactsense.benchmarks.motion.averaging_limit import averaging_limit
-from contactsense.benchmarks.motion.model_error import MASS_ERROR, assumed_friction, friction, heavier
+from contactsense.benchmarks.motion.model_error import (
+    COULOMB,
+    MASS_ERROR,
+    assumed_friction,
+    friction,
+    heavier,
+)
 from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, Answer, Score
 from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn
@@ -93,7 +100,12 @@ def scene_for(
     stated standard deviations. `sensors`: a key of `SENSORS`."""
     has_base, has_torque = SENSORS[sensors]
     stated = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
-    robot = robots.load(stream.robot)
+    robot = arm(stream.robot)
+    if wrong and len(robot.joints) != len(COULOMB):
+        raise click.ClickException(
+            f"{stream.robot}: expected --model exact, as the friction of the wrong model is that of "
+            f"{len(COULOMB)} joints, got {len(robot.joints)}"
+        )
     return Scene(
         robot=heavier(robot, MASS_ERROR) if wrong else robot,
         gravity=stream.gravity,

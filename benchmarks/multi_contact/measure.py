@@ -9,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from contactsense import Contact, JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, Noise
+from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links, Trials
 
 Arrival = Literal["at_once", "one_by_one"]
@@ -36,7 +37,7 @@ def localizer_for(robot: str, noise: Noise, gravity: float = 9.81, contacts: int
     assumed = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
     return Localizer(
         Scene(
-            robot=robot,
+            robot=arm(robot),
             gravity=gravity,
             contacts=contacts,
             base_wrench=WrenchSensor(force_noise=assumed.force, moment_noise=assumed.moment),

@@ -4,5 +4,5 @@ Nothing of contactsense is imported here, neither its kinematics nor its meshes 
 estimator's models shows in what is measured with these contacts.
 """
 
-ROBOTS = ("ur3e", "ur5e")
-"""Arms whose visual meshes `airo-models` carries."""
+ROBOTS = {"ur3e": "universal_robots", "ur5e": "universal_robots", "panda": "panda"}
+"""Arm -> module that reads it."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .arm import LINKS, Arm
+from .arm import Arm
 
 POSITION = 2.0**-30
 """Grid of joint positions [rad]."""
@@ -29,12 +29,12 @@ def on_grid(values: np.ndarray, step: float) -> np.ndarray:
     return np.asarray(np.round(values / step) * step)
 
 
-def noise(rng: np.random.Generator, samples: int, runs: int) -> dict[str, np.ndarray]:
+def noise(rng: np.random.Generator, samples: int, runs: int, joints: int) -> dict[str, np.ndarray]:
     """White noise of unit variance for each sample, and one bias of unit variance for each run."""
     return {
-        "noise_tau": rng.standard_normal((samples, 6)).astype(np.float16),
+        "noise_tau": rng.standard_normal((samples, joints)).astype(np.float16),
         "noise_wrench": rng.standard_normal((samples, 6)).astype(np.float16),
-        "bias_tau": rng.standard_normal((runs, 6)).astype(np.float32),
+        "bias_tau": rng.standard_normal((runs, joints)).astype(np.float32),
         "bias_wrench": rng.standard_normal((runs, 6)).astype(np.float32),
     }
 
@@ -45,10 +45,10 @@ def described(arm: Arm, suite: str, seed: int) -> np.ndarray:
         "suite": suite,
         "robot": arm.name,
         "seed": seed,
-        "links": LINKS,
+        "links": [link.name for link in arm.links],
         "rate_hz": RATE,
         "mujoco": version("mujoco"),
-        "airo-models": version("airo-models"),
+        arm.package: version(arm.package),
         "mass": round(arm.mass, 6),
     }
     return np.array(json.dumps(facts))

@@ -30,7 +30,7 @@ def contact_columns(
 
     Args:
         model: Of `simulation.dynamics`.
-        q, qd, qdd: Positions, speeds, accelerations of the joints, shape (N, 6) each [rad, rad/s, rad/s^2].
+        q, qd, qdd: Positions, speeds, accelerations of the joints, shape (N, n) each [rad, rad/s, rad/s^2].
         touched: What touches the arm.
 
     Returns:

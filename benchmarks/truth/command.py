@@ -26,7 +26,13 @@ def main() -> None:
 
 @main.command()
 @click.option(
-    "--robot", "names", type=click.Choice(ROBOTS), multiple=True, default=ROBOTS, help="Arm; may be repeated."
+    "--robot",
+    "names",
+    type=click.Choice(list(ROBOTS)),
+    multiple=True,
+    default=("ur3e", "ur5e"),
+    show_default=True,
+    help="Arm; may be repeated. The Panda needs the extra `panda`.",
 )
 @click.option(
     "--into",
@@ -70,7 +76,10 @@ def make(
         raise click.ClickException(f"{', '.join(missing)} cannot be imported; install contactsense[truth]")
     from . import arm
 
-    arms = [arm.read(name) for name in names]
+    try:
+        arms = [arm.read(name) for name in names]
+    except ImportError as error:
+        raise click.ClickException(str(error)) from None
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for one in arms:

@@ -43,7 +43,7 @@ class Exposure:
         self._directions = _hemisphere()
 
     def place(self, q: np.ndarray) -> None:
-        """Bring the arm into a posture, shape (6,) [rad]."""
+        """Bring the arm into a posture, shape (n,) [rad]."""
         self._data.qpos[:] = q
         mujoco.mj_kinematics(self._model, self._data)
 
@@ -51,7 +51,7 @@ class Exposure:
         """Whether a point of a link can be touched in this posture.
 
         Args:
-            link: 0 to 6.
+            link: 0 to n.
             point, normal: Shape (3,) each, in the link's frame [m].
         """
         origin, rotation = self._data.xpos[link + 1], self._data.xmat[link + 1].reshape(3, 3)

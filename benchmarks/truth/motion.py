@@ -58,7 +58,7 @@ def make(arm: Arm, runs: int, seed: int, step: Callable[[], None] = lambda: None
     lengths = [len(run.trajectory.q) for run in drawn]
     return {
         **together,
-        **arrays.noise(rng, sum(lengths), runs),
+        **arrays.noise(rng, sum(lengths), runs, len(arm.speeds)),
         "run": np.repeat(np.arange(runs), lengths).astype(np.int16),
         "run_kind": np.array([run.kind for run in drawn], dtype=np.int8),
         "run_multi": np.array([run.multi for run in drawn]),

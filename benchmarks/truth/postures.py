@@ -30,7 +30,7 @@ class Postures:
         self._vertices = [link.vertices[ConvexHull(link.vertices).vertices] for link in arm.links]
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """A free posture, uniform within the limits, shape (6,) [rad]."""
+        """A free posture, uniform within the limits, shape (n,) [rad]."""
         low, high = self._arm.limits
         while True:
             q = np.asarray(rng.uniform(low, high))

@@ -10,8 +10,6 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from .arm import JOINTS
-
 
 class Contacts(NamedTuple):
     """Up to K contacts at a time on N samples, in base axes."""
@@ -30,7 +28,7 @@ class Readings(NamedTuple):
     """Readings of N samples without noise."""
 
     torque: np.ndarray
-    """Of the joints, shape (N, 6) [Nm]."""
+    """Of the joints, shape (N, n) [Nm]."""
     base_wrench: np.ndarray
     """Force and moment, shape (N, 6) [N, Nm]."""
 
@@ -42,16 +40,16 @@ def read(
 
     Args:
         model: Of `simulation.dynamics`.
-        q, qd, qdd: Positions, speeds, accelerations of the joints, shape (N, 6) each [rad, rad/s, rad/s^2].
+        q, qd, qdd: Positions, speeds, accelerations of the joints, shape (N, n) each [rad, rad/s, rad/s^2].
         contacts: What touches it.
     """
     data = mujoco.MjData(model)
-    torque, base_wrench = np.empty((len(q), len(JOINTS))), np.empty((len(q), 6))
+    torque, base_wrench = np.empty((len(q), model.nv)), np.empty((len(q), 6))
     for i in range(len(q)):
         data.qpos[:], data.qvel[:], data.qacc[:] = q[i], qd[i], qdd[i]
         mujoco.mj_fwdPosition(model, data)
         data.xfrc_applied[:] = 0.0
-        held = np.zeros(len(JOINTS))
+        held = np.zeros(model.nv)
         for k in np.flatnonzero(contacts.link[i] >= 0):
             body = int(contacts.link[i, k]) + 1  # body 0 is the world
             point, force, moment = contacts.point[i, k], contacts.force[i, k], contacts.moment[i, k]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from .arm import JOINTS, Arm, Link
+from .arm import Arm, Link
 
 GRAVITY = (0.0, 0.0, -9.81)
 """In base axes [m/s^2]: the arm stands upright."""
@@ -19,7 +19,7 @@ def dynamics(arm: Arm) -> mujoco.MjModel:
     for name, kind in zip(
         SENSORS, (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE), strict=True
     ):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="base")
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=arm.links[0].name)
     return spec.compile()
 
 
@@ -61,14 +61,14 @@ def add_mesh(
 
 
 def poses(model: mujoco.MjModel, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Origins, shape (N, 7, 3) [m], and rotations, shape (N, 7, 3, 3), of the link frames in base axes.
+    """Origins, shape (N, n + 1, 3) [m], and rotations, shape (N, n + 1, 3, 3), of the link frames, base axes.
 
     Args:
         model: Any model of the arm.
-        q: Joint positions, shape (N, 6) [rad].
+        q: Joint positions, shape (N, n) [rad].
     """
     data = mujoco.MjData(model)
-    origin, rotation = np.empty((len(q), len(JOINTS) + 1, 3)), np.empty((len(q), len(JOINTS) + 1, 3, 3))
+    origin, rotation = np.empty((len(q), model.nv + 1, 3)), np.empty((len(q), model.nv + 1, 3, 3))
     for i, posture in enumerate(q):
         data.qpos[:] = posture
         mujoco.mj_kinematics(model, data)
@@ -95,7 +95,7 @@ def _chain(arm: Arm, add: Callable[[mujoco.MjSpec, mujoco.MjsBody, Link], None])
         if j == 0:
             body.add_site(name=link.name)
         else:
-            body.add_joint(name=JOINTS[j - 1], type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 0.0, 1.0))
+            body.add_joint(name=f"joint_{j}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 0.0, 1.0))
             spec.add_exclude(bodyname1=arm.links[j - 1].name, bodyname2=link.name)
         add(spec, body, link)
     return spec

@@ -58,7 +58,7 @@ def make(
         **{name: column[:, 0] for name, column in columns.items()},
         "fn": push.astype(np.float32),
         "run": run.astype(np.int16),
-        **arrays.noise(rng, contacts, int(run[-1]) + 1),
+        **arrays.noise(rng, contacts, int(run[-1]) + 1, len(arm.speeds)),
         "gravity": np.array(simulation.GRAVITY),
         "meta": arrays.described(arm, "static_points", seed),
     }

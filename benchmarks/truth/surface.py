@@ -12,7 +12,7 @@ class Place(NamedTuple):
     """A point on the visual mesh of a link; vectors of shape (3,) in the link's frame."""
 
     link: int
-    """0 to 6."""
+    """0 to n."""
     facet: int
     """Row of the link's faces."""
     point: np.ndarray

@@ -72,7 +72,7 @@ class Toucher:
 
         Args:
             planned: When, and of which type.
-            q: Postures of the arm during the contact, shape (M, 6) [rad].
+            q: Postures of the arm during the contact, shape (M, n) [rad].
             twisted: Whether it has torsion.
             without: A link that it must not be on.
             rng: Random numbers.

@@ -25,7 +25,7 @@ CHECKED = 20
 
 
 class Trajectory(NamedTuple):
-    """N samples of the joints, shape (N, 6) each [rad, rad/s, rad/s^2]."""
+    """N samples of the joints, shape (N, n) each [rad, rad/s, rad/s^2]."""
 
     q: np.ndarray
     qd: np.ndarray

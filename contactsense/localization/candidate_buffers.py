@@ -13,14 +13,6 @@ from contactsense.solvers.posterior_mode import Mode
 
 MAX_CANDIDATES = 8
 """Number of candidates that the search over the surface returns at most."""
-TILT_LENGTH = 0.0035
-"""Ratio of the real surface's offset from a primitive to its tilt [m].
-
-Both are standard deviations of normal distributions with the measured 90th percentiles (`contactsense
-bench geometry --json`: 0.8 mm and 16 to 19 degrees).
-"""
-MAX_TILT = 0.33
-"""Upper bound of the tilt, as measured on the `coarse` primitives (36 to 44 degrees) [rad]."""
 
 
 class Candidates(NamedTuple):
@@ -87,6 +79,7 @@ def store_candidate(
     frame: tuple[np.ndarray, np.ndarray],
     mode: Mode,
     surface_deviation: float,
+    tilt: float,
 ) -> None:
     """Store a contact found on primitive p in row `row`, in the base frame.
 
@@ -101,6 +94,7 @@ def store_candidate(
         frame: Its body frame, base frame: rotation (3, 3) and origin (3,) [m].
         mode: The contact, body frame.
         surface_deviation: Standard deviation of the surface's offset along the normal [m].
+        tilt: Standard deviation of the angle between the normals along each tangent [rad].
     """
     point, normal, force, xi = mode.contact
     v11, v12, v22 = mode.variances
@@ -109,7 +103,7 @@ def store_candidate(
     # Everything is read before anything is written: the compiler cannot know that these are other arrays.
     c, n, f = add(o, rotate(R, point)), rotate(R, normal), rotate(R, force)
     t1, t2 = rotate(R, mode.tangents[0]), rotate(R, mode.tangents[1])
-    shift = min(surface_deviation / TILT_LENGTH, MAX_TILT) * xi / dot(force, normal)
+    shift = tilt * xi / dot(force, normal)
     v11 += shift * shift
     v22 += shift * shift
     along_normal = surface_deviation * surface_deviation

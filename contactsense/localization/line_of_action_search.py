@@ -20,7 +20,7 @@ from contactsense.localization.line_distance import (
     shift_energies,
     shift_energy,
 )
-from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell
+from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell, tilt_in_cell
 from contactsense.localization.mean_surface import entered_cell, mean_frame
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -242,14 +242,16 @@ def _take_modes(
         if block[SEARCH + j] != CONVERGED:
             continue
         p = rows[j]
-        local = prior_in_cell(prior, deviations, candidates.deviation_cell[p])
+        cell = candidates.deviation_cell[p]
+        local = prior_in_cell(prior, deviations, cell)
         mode, link_energy = mode_of(j, local, block), hypotheses.energy[surfaces.link[p]]
         block[SEARCH + j] = IDLE
         score = mode.log_evidence - link_energy
         if mode.log_evidence == -math.inf or score < best_score - ENERGY_CUTOFF:
             continue
-        frame = mean_frame(deviations, candidates, p, candidates.deviation_cell[p])
-        store_candidate(candidates, p, p, frame, mode, local.surface_deviation)
+        frame = mean_frame(deviations, candidates, p, cell)
+        tilt = tilt_in_cell(prior, deviations, cell)
+        store_candidate(candidates, p, p, frame, mode, local.surface_deviation, tilt)
         if is_mounting_face(
             surfaces.link[p], candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation
         ):

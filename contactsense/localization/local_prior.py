@@ -14,6 +14,15 @@ from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.solvers.posterior import Prior
 
+TILT_LENGTH = 0.0035
+"""Ratio of the real surface's offset from a primitive to its tilt [m], where no cell has measured the tilt.
+
+Both are standard deviations of normal distributions with the measured 90th percentiles (`contactsense
+bench geometry --json`: 0.8 mm and 16 to 19 degrees).
+"""
+MAX_TILT = 0.33
+"""Upper bound of that tilt, as measured on the `coarse` primitives (36 to 44 degrees) [rad]."""
+
 
 class DeviationCells(NamedTuple):
     """D cells of the surface of the primitives, sorted by primitive; body frames of the primitives."""
@@ -74,6 +83,16 @@ def prior_in_cell(prior: Prior, cells: DeviationCells, i: int) -> Prior:
         prior.area,
         prior.log_link_density,
     )
+
+
+@fused_kernel
+def tilt_in_cell(prior: Prior, cells: DeviationCells, i: int) -> float:
+    """Standard deviation of the angle between the normals of surface and primitive along each tangent in cell
+    i [rad]; -1: where there is no cell."""
+    if i < 0:
+        return min(prior.surface_deviation / TILT_LENGTH, MAX_TILT)
+    tilt: float = cells.tilt[i]
+    return tilt
 
 
 def no_cells(primitives: int) -> DeviationCells:

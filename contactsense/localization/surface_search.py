@@ -19,7 +19,7 @@ from contactsense.localization.candidate_buffers import (
     store_candidate,
 )
 from contactsense.localization.ellipse_scale import ellipse_scale
-from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell
+from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell, tilt_in_cell
 from contactsense.localization.mean_surface import mean_frame
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_cells import SurfaceCells
@@ -207,7 +207,8 @@ def _build_candidate(
     mode = find_posterior_mode(
         surfaces.kind, surfaces.size, cells.primitive[s : s + 1], w, L, local, start, buffers.block, tolerance
     )
-    store_candidate(candidates, row, p, frame, mode, local.surface_deviation)
+    tilt = tilt_in_cell(prior, scene.deviations, cell)
+    store_candidate(candidates, row, p, frame, mode, local.surface_deviation, tilt)
     max_variance = max(mode.variances[0], mode.variances[2])
     x, y, z = (
         candidates.point[row, 0] - o[0],

@@ -56,6 +56,7 @@ class MultiContactLocator:
         self._rows = np.zeros((MAX_EXPLANATIONS * MAX_CONTACTS, WIDTH))
         self._builder = ContactSetBuilder(scene, estimate_builder)
         self._search: Callable[..., tuple[int, int]] | None = None
+        self._force_noise = 0.0 if scene.base_wrench is None else scene.base_wrench.force_noise
 
     @property
     def explanations(self) -> Explanations:
@@ -105,13 +106,15 @@ class MultiContactLocator:
         Arguments as in `Localizer.locate`, already checked.
         """
         start = self._constants.surfaces.start
+        # A known force has the noise of the sample that it comes from.
+        deviation = math.inf if drift is None else math.hypot(drift, self._force_noise)
         known_contacts = [
             KnownContact(
                 int(start[contact.link_index]) + contact.primitive,
                 contact.point_base,
                 contact.covariance,
                 contact.force_base,
-                math.inf if drift is None else drift,
+                deviation,
             )
             for contact in known
         ]

@@ -13,9 +13,9 @@ from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.scene import Scene
 
 LONG_TAILS = 1.1
-"""Factor on the root mean square of a cell. Distances have longer tails than a Gaussian; with this one,
-regions of 90 % hold their share of the contacts that it was tuned on (`contactsense bench calibration`: UR5e
-of own truth, first half of the given UR10e)."""
+"""Factor on the root mean squares of a cell. Distances and tilts have longer tails than a Gaussian; with this
+one, regions of 90 % hold their share of the contacts that it was tuned on (`contactsense bench calibration`:
+UR3e and UR5e of own truth, `--seed 11`, first half of the given UR10e)."""
 CELL_RADIUS = math.sqrt(6.0) * CELL_SPREAD
 """Distance of a cell's corners from its centre [m]."""
 LEAST_OFFSET = 1e-4
@@ -91,7 +91,7 @@ def _in_body_frame(surfaces: Surfaces, p: int, cell: LocalDeviation) -> _Cell:
         primitive=p,
         point=point,
         offset=max(LONG_TAILS * cell.offset, LEAST_OFFSET),
-        tilt=cell.tilt,
+        tilt=LONG_TAILS * cell.tilt,
         rotation=rotation,
         translation=translation,
         mean_point=mean_point,

@@ -31,6 +31,8 @@ def robots(name: str | None, as_json: bool, picture: Path | None, pose: str | No
 
     Of a URDF, the arm is the longest chain of revolute joints, without a gripper's fingers.
     """
+    if picture is None and (pose is not None or coarse):
+        raise click.UsageError(f"{'--coarse' if pose is None else '--pose'} needs --picture")
     if name is None:
         if picture is not None:
             raise click.UsageError("--picture needs the NAME of a robot")

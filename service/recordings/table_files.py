@@ -237,7 +237,10 @@ class _Csv:
         self.problems: list[Problem] = []
         self.rows: int | None = None
         with self._open() as stream:
-            head = (stream.read(_HEAD) or b"").split(b"\n", 1)[0].decode("utf-8", "replace").strip()
+            # Spreadsheets begin a text in UTF-8 with a mark, which is no part of the first name.
+            head = (stream.read(_HEAD) or b"").split(b"\n", 1)[0].decode("utf-8-sig", "replace").strip()
+        if not head.replace("\t", "").isprintable():
+            raise RecordingError(f"{path}: expected a table as text, got binary data")
         self._delimiter = "," if "," in head else "\t" if "\t" in head else " "
         self.names = [name.strip().strip('"') for name in head.split(self._delimiter)]
         if not any(name and not _is_number(name) for name in self.names):

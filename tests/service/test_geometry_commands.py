@@ -55,6 +55,8 @@ def test_robots_draws_one(tmp_path: Path) -> None:
     [
         (["robots", "ur7"], 1, "there are ur10e"),
         (["robots", "--picture", "x.png"], 2, "needs the NAME"),
+        (["robots", "ur5e", "--pose", "0,0,0,0,0,0"], 2, "--pose needs --picture"),
+        (["robots", "ur5e", "--coarse"], 2, "--coarse needs --picture"),
         (
             ["robots", "ur5e", "--picture", "x.png", "--pose", "1,2"],
             2,

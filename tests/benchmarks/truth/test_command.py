@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from contactsense.benchmarks.truth.arm import LINKS
 from contactsense.benchmarks.truth.arm import read as arm
 from contactsense.benchmarks.truth.command import main
+from contactsense.benchmarks.truth.universal_robots import LINKS
 from contactsense.robots.meshes import from_folder
 from contactsense.service.cli.main import cli
 
@@ -72,7 +72,7 @@ def test_the_meshes_are_those_of_the_arm(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--robot", "ur9"), "Invalid value for '--robot': 'ur9' is not one of 'ur3e', 'ur5e'."),
+        (("--robot", "ur9"), "Invalid value for '--robot': 'ur9' is not one of 'ur3e', 'ur5e', 'panda'."),
         (("--contacts", "0"), "Invalid value for '--contacts': 0 is not in the range x>=1."),
         (("--runs", "0"), "Invalid value for '--runs': 0 is not in the range x>=1."),
         (("--seed", "-1"), "Invalid value for '--seed': -1 is not in the range x>=0."),

@@ -73,7 +73,7 @@ def test_share_and_mean_agree_with_monte_carlo(
     contact = Contact(tuple(projected[:3]), tuple(projected[3:]), force, 0.0)
     t1, t2 = (tuple(R.T @ t) for t in np.array(tangents(tuple(normal))))
     mode = Mode(0.0, 0.0, contact, (V[0, 0], V[0, 1], V[1, 1]), (t1, t2))
-    store_candidate(state.candidates, 0, p, (R, o), mode, constants.prior.surface_deviation)
+    store_candidate(state.candidates, 0, p, (R, o), mode, constants.prior.surface_deviation, 0.1)
     state.candidates.score[0] = 0.0
     start = state.candidates.point[0].copy()
     share, mean = _monte_carlo(constants, state, p, start, normal, root)
@@ -85,7 +85,7 @@ def test_share_and_mean_agree_with_monte_carlo(
     assert math.exp(state.candidates.score[0]) == pytest.approx(share, abs=0.12)
     if share > 0.2:
         assert np.linalg.norm(state.candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
-    store_candidate(state.candidates, 0, p, (R, o), mode, constants.prior.surface_deviation)
+    store_candidate(state.candidates, 0, p, (R, o), mode, constants.prior.surface_deviation, 0.1)
     state.candidates.score[0] = 0.0
     apply_accessibility(
         constants.surfaces, constants.deviations, state.candidates, 0, (R, o), constants.prior, -8.0

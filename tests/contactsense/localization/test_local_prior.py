@@ -40,7 +40,7 @@ def test_a_place_has_the_deviations_of_the_nearest_cell_of_its_primitive() -> No
         in_link = constants.surfaces.rotation[p] @ place + constants.surfaces.origin[p]
         nearest = min(own, key=lambda c: float(np.linalg.norm(np.array(c.point) - in_link)))
         assert deviation == pytest.approx(max(LONG_TAILS * nearest.offset, LEAST_OFFSET))
-        assert friction_ratio == pytest.approx(np.hypot(prior.friction_ratio, nearest.tilt))
+        assert friction_ratio == pytest.approx(np.hypot(prior.friction_ratio, LONG_TAILS * nearest.tilt))
         ratios = [max(LONG_TAILS * c.offset, LEAST_OFFSET) / prior.surface_deviation for c in own]
         assert cells.largest[p] == pytest.approx(max(ratios))
 

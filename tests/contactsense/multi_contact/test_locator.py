@@ -106,6 +106,25 @@ def test_a_second_contact_is_found_beside_a_known_one(precise: Localizer) -> Non
     assert np.mean(np.array(errors) < 0.0225) >= 0.9
 
 
+def test_a_known_force_has_the_noise_of_the_sensor() -> None:
+    """The force of a contact is known to two standard deviations of the sensor's noise on each axis. Then
+    there is nothing else to explain, however little forces have changed since."""
+    noisy = Localizer(
+        Scene(
+            robot=ARM,
+            base_wrench=WrenchSensor(force_noise=1.0, moment_noise=0.2),
+            joint_torque=JointTorqueSensor(noise=1.0),
+        )
+    )
+    trials = Trials(noisy.scene, seed=3)
+    for _ in range(10):
+        trial = trials.draw(1, 20.0, "different", "cone")
+        known = _single_contact(noisy, trial, trial.pushes[0])
+        known = replace(known, force_base=known.force_base + 2.0)
+        found = _locate(noisy, trial, trial.pushes, contacts=2, known=[known], drift=0.1)
+        assert len(found.contacts) == 1
+
+
 def test_a_third_contact_is_found_beside_two_known_ones(precise: Localizer) -> None:
     trials, errors = Trials(PRECISE, seed=2), []
     for _ in range(15):

@@ -99,6 +99,19 @@ def test_every_table_format_reads_the_same(
     np.testing.assert_array_equal(recording.rows, np.arange(N))
 
 
+def test_the_mark_with_which_spreadsheets_begin_a_file_is_no_part_of_a_name(tmp_path: Path) -> None:
+    path = as_csv(tmp_path, columns())
+    expected = read(path, SCENE).t
+    path.write_text("\ufeff" + path.read_text(), encoding="utf-8")
+    np.testing.assert_array_equal(read(path, SCENE).t, expected)
+
+
+def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(np.random.default_rng(0).bytes(4000))
+    with pytest.raises(RecordingError, match=r"a\.csv: expected a table as text, got binary data$"):
+        read(tmp_path / "a.csv", SCENE)
+
+
 @pytest.mark.parametrize("size", [1, 7, 50, 1000])
 def test_blocks_hold_every_row_once(tmp_path: Path, size: int) -> None:
     found = columns()
