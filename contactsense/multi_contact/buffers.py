@@ -18,8 +18,8 @@ MAX_CONTACTS = 3
 """Maximum number of simultaneous contacts."""
 UNKNOWNS = 7
 """Unknowns of one contact: force (3), torsion, step along two tangents, offset of the surface."""
-COVARIANCE_ROOTS = 5 * MAX_CONTACTS + 6
-"""Of force (3) and place (2) of each contact, and of the sum of the wrenches (6)."""
+COVARIANCE_ROOTS = 2 * MAX_CONTACTS + 6
+"""Of the place of each contact (2), and of the sum of the wrenches (6)."""
 MAX_SEEDS = 24
 """Maximum number of seeds with the same number of contacts."""
 BEAM_WIDTH = 48
@@ -111,7 +111,7 @@ class JointState(NamedTuple):
     root: Annotated[Floats, f"{COVARIANCE_ROOTS}, {MAX_CONTACTS} * {UNKNOWNS} * {LANES}"]
     """Scratch of the covariances."""
     covariance: Annotated[Floats, f"{COVARIANCE_ROOTS} * {COVARIANCE_ROOTS} * {LANES}"]
-    """Covariances of force and place of each contact, in its frame, and of the sum of the wrenches."""
+    """Covariances of the place of each contact, in its frame, and of the sum of the wrenches."""
 
 
 class SeedingBuffers(NamedTuple):
@@ -197,8 +197,6 @@ class Explanations(NamedTuple):
     """Moments about the outward normals [Nm]."""
     covariance: Annotated[Floats, f"{MAX_EXPLANATIONS}, {MAX_CONTACTS}, 3, 3"]
     """Covariance of each point [m^2]."""
-    force_covariance: Annotated[Floats, f"{MAX_EXPLANATIONS}, {MAX_CONTACTS}, 3, 3"]
-    """Covariance of each force [N^2]."""
     wrench: Annotated[Floats, f"{MAX_EXPLANATIONS}, 6"]
     """Sum of the wrenches about the base origin [N, Nm]."""
     wrench_covariance: Annotated[Floats, f"{MAX_EXPLANATIONS}, 6, 6"]

@@ -11,7 +11,6 @@ from contactsense.multi_contact.joint_covariance import covariance_of
 from contactsense.multi_contact.joint_layout import (
     ENERGY,
     FX,
-    JACOBIAN,
     LOG_EVIDENCE,
     NX,
     PX,
@@ -57,49 +56,26 @@ def store_explanation(
             explanations.force[t, i, k] = block[FX + at]
         for k in range(6):
             explanations.wrench[t, k] += block[W0 + k * LANES + lane]
-        _contact_covariance(
-            joint,
-            lane,
-            i,
-            surface_deviation,
-            explanations.covariance[t, i],
-            explanations.force_covariance[t, i],
-        )
+        _place_covariance(joint, lane, i, surface_deviation, explanations.covariance[t, i])
     for a in range(6):
         for b in range(6):
-            explanations.wrench_covariance[t, a, b] = covariance_of(joint, 5 * count + a, 5 * count + b, lane)
+            explanations.wrench_covariance[t, a, b] = covariance_of(joint, 2 * count + a, 2 * count + b, lane)
 
 
 @fused_kernel
-def _contact_covariance(
-    joint: JointState,
-    lane: int,
-    i: int,
-    surface_deviation: float,
-    point_covariance: np.ndarray,
-    force_covariance: np.ndarray,
+def _place_covariance(
+    joint: JointState, lane: int, i: int, surface_deviation: float, out: np.ndarray
 ) -> None:
-    """Covariance of point [m^2] and force [N^2] of contact i."""
+    """Covariance of the place of contact i, shape (3, 3) [m^2]."""
     block = joint.contact[i]
     n, tangents = vector_of(block, NX, lane), (vector_of(block, SX, lane), vector_of(block, TX, lane))
     for k in range(3):
         for a in range(3):
-            point_covariance[k, a] = surface_deviation * surface_deviation * n[k] * n[a]
+            out[k, a] = surface_deviation * surface_deviation * n[k] * n[a]
             for b in range(2):
                 for d in range(2):
-                    point_covariance[k, a] += (
-                        tangents[b][k]
-                        * tangents[d][a]
-                        * covariance_of(joint, 5 * i + 3 + b, 5 * i + 3 + d, lane)
-                    )
-            force_covariance[k, a] = 0.0
-            for b in range(3):
-                for d in range(3):
-                    # Derivatives of the force by its unknowns.
-                    force_covariance[k, a] += (
-                        block[JACOBIAN + (6 * b + k) * LANES + lane]
-                        * block[JACOBIAN + (6 * d + a) * LANES + lane]
-                        * covariance_of(joint, 5 * i + b, 5 * i + d, lane)
+                    out[k, a] += (
+                        tangents[b][k] * tangents[d][a] * covariance_of(joint, 2 * i + b, 2 * i + d, lane)
                     )
 
 
