@@ -24,15 +24,18 @@ MAX_SEEDS = 24
 """Maximum number of seeds with the same number of contacts."""
 BEAM_WIDTH = 48
 """Maximum number of pairs of samples that are extended by a third (beam search)."""
-MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1
+MAX_SUMMED_PAIRS = 12
+"""Maximum number of pairs of links without an optimum that are explanations."""
+MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1 + MAX_SUMMED_PAIRS
 """Maximum number of explanations before ranking."""
-X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE = range(0, 9 * LANES, LANES)
+X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE, SIGNED_LIKELIHOOD = range(0, 10 * LANES, LANES)
 """Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
 
 `X` to `NZ`: point [m] and outward unit normal, base frame. `GAIN`, `DET`, `NORMAL_FORCE`: see
-`contactsense.multi_contact.link_information.likelihood_near_samples`.
+`contactsense.multi_contact.link_information.likelihood_near_samples`. `SIGNED_LIKELIHOOD`: see
+`contactsense.multi_contact.pair_likelihood.likelihood_beside_first`.
 """
-BLOCK_LENGTH = 9 * LANES
+BLOCK_LENGTH = 10 * LANES
 """Length of a block."""
 
 
@@ -160,8 +163,27 @@ class SeedingBuffers(NamedTuple):
     """Initial forces of a seed, base axes [N]."""
     pair_evidence: Annotated[Floats, "links, links"]
     """Log evidence of two contacts on each pair of links, k >= l in row k, up to a constant."""
+    pair_gain: Annotated[Floats, "links, links"]
+    """Highest `GAIN` on each pair of links."""
     pair_sum: Annotated[Floats, "links, links"]
-    """Scratch: that evidence relative to its largest term."""
+    """Sum of the likelihoods on each pair of links, relative to exp(`pair_gain`)."""
+    pair_likelihood: Annotated[Floats, "coarse, coarse"]
+    """Likelihood of each pair of samples, that on the link farther from the base in the row; negative where
+    they do not both push. Zero in unused lanes."""
+    pair_reference: Annotated[Floats, "coarse, blocks"]
+    """Logarithm to which those of a row and block are relative, on the scale of `GAIN`; -infinity where they
+    are negligible."""
+    place_likelihood: Annotated[Floats, "2, coarse"]
+    """Likelihood of each sample as the place of a contact, wherever the other one is: of the contact on the
+    farther link, of the other. The sums are one."""
+    sample_order: Annotated[Floats, "coarse"]
+    """Scratch: how far each sample is in one direction."""
+    place_covariance: Annotated[Floats, "3, 3"]
+    """Scratch: covariance of the place of a contact [m^2]."""
+    wrench_prior: Annotated[Floats, "6, 6"]
+    """Prior covariance of the wrench of a contact near a sample."""
+    wrench_root: Annotated[Floats, "rows, 6"]
+    """Covariance of the rows and the sum of the wrenches, divided by the factor."""
     seed_score: Annotated[Floats, f"{MAX_SEEDS}"]
     """Log likelihood of each seed, in falling order."""
     seed: Annotated[Integers, f"{MAX_SEEDS}, {MAX_CONTACTS}"]
@@ -176,11 +198,11 @@ class Explanations(NamedTuple):
     ones."""
 
     order: Annotated[Integers, f"{MAX_EXPLANATIONS}"]
-    """Rows by falling probability."""
+    """Rows by falling probability, but for the first one, see `contactsense.multi_contact.ranked_sets`."""
     contacts: Annotated[Integers, f"{MAX_EXPLANATIONS}"]
     """Number of contacts."""
     log_evidence: Annotated[Floats, f"{MAX_EXPLANATIONS}"]
-    """Log evidence of the optimum alone."""
+    """Log evidence of the optimum alone; -infinity without one."""
     score: Annotated[Floats, f"{MAX_EXPLANATIONS}"]
     """Log evidence with what else is known about the places near it, by which they are ranked."""
     energy: Annotated[Floats, f"{MAX_EXPLANATIONS}"]

@@ -21,6 +21,7 @@ from contactsense.multi_contact.joint_layout import (
 )
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
+from contactsense.runtime.result_rows import MIN_PROBABILITY
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LARGEST_UNLISTED = 20.0
@@ -112,6 +113,8 @@ def rank_sets(
 ) -> int:
     """Sort the explanations, drop duplicates and improbable ones, normalize; returns how many remain.
 
+    They are in order of falling probability, but for the first one, which has an optimum.
+
     `unlisted`: log evidence of what is not among them.
     """
     order = explanations.order
@@ -125,7 +128,24 @@ def rank_sets(
         total += explanations.probability[order[i]]
     for i in range(kept):
         explanations.probability[order[i]] /= total
+    _put_optimum_first(explanations, kept)
     return kept
+
+
+@fused_kernel
+def _put_optimum_first(explanations: Explanations, kept: int) -> None:
+    """Put the most probable one with an optimum before those without, if it is reported.
+
+    Of the places of the latter, fewer are right, even where that pair of links is more probable.
+    """
+    order, first = explanations.order, 0
+    while first < kept and explanations.log_evidence[order[first]] == -math.inf:
+        first += 1
+    if first < kept and explanations.probability[order[first]] >= MIN_PROBABILITY:
+        t = order[first]
+        for i in range(first, 0, -1):
+            order[i] = order[i - 1]
+        order[0] = t
 
 
 @fused_kernel
