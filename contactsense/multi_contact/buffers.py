@@ -167,12 +167,12 @@ class SeedingBuffers(NamedTuple):
     """Highest `GAIN` on each pair of links."""
     pair_sum: Annotated[Floats, "links, links"]
     """Sum of the likelihoods on each pair of links, relative to exp(`pair_gain`)."""
-    pair_likelihood: Annotated[Floats, "coarse, coarse"]
-    """Likelihood of each pair of samples, that on the link farther from the base in the row; negative where
-    they do not both push. Zero in unused lanes."""
-    pair_reference: Annotated[Floats, "coarse, blocks"]
-    """Logarithm to which those of a row and block are relative, on the scale of `GAIN`; -infinity where they
-    are negligible."""
+    pair_likelihood: Annotated[Floats, f"blocks, blocks, {LANES}, {LANES}"]
+    """Likelihood of each pair of samples of two blocks, the one on the farther link first; negative
+    where not both push."""
+    pair_reference: Annotated[Floats, f"blocks, blocks, {LANES}"]
+    """Logarithm to which those of a first sample are relative, as `GAIN`; -infinity where all are
+    negligible."""
     place_likelihood: Annotated[Floats, "2, coarse"]
     """Likelihood of each sample as the place of a contact, wherever the other one is: of the contact on the
     farther link, of the other. The sums are one."""

@@ -34,16 +34,16 @@ def find_likeliest_pair(
             if chosen.link[d] != link:
                 continue
             # The first sample of a block has none before it in the block.
-            for j in range(b * LANES + (0 if d < b else 1), b * LANES + chosen.filled[b]):
-                likelihood = seeding.pair_likelihood[j]
-                best = 0.0
-                for e in range(d * LANES, (d + 1) * LANES):
+            for j in range(0 if d < b else 1, chosen.filled[b]):
+                likelihood, best = seeding.pair_likelihood[b, d, j], 0.0
+                lanes = chosen.filled[d] if d < b else j
+                for e in range(lanes):
                     best = max(best, likelihood[e])
-                scaled = best * math.exp(seeding.pair_reference[j, d] - reference)
+                scaled = best * math.exp(seeding.pair_reference[b, d, j] - reference)
                 if scaled > highest:
-                    highest, one = scaled, j
-                    for e in range(d * LANES, (d + 1) * LANES):
-                        other = e if likelihood[e] == best else other
+                    highest, one = scaled, b * LANES + j
+                    for e in range(lanes):
+                        other = d * LANES + e if likelihood[e] == best else other
     return one, other
 
 
@@ -61,7 +61,7 @@ def fill_place_likelihood(
         seed_samples, own, link, seeding: As for `find_likeliest_pair`.
         pair: What that returned; of no account on different links.
     """
-    chosen, likelihood, place = seed_samples.coarse, seeding.pair_likelihood, seeding.place_likelihood
+    chosen, place = seed_samples.coarse, seeding.place_likelihood
     reference, far, total = seeding.pair_gain[own, link], seeding.sample_order, 0.0
     place[:] = 0.0
     p, q = (
@@ -78,14 +78,16 @@ def fill_place_likelihood(
             if chosen.link[d] != link:
                 continue
             # The first sample of a block has none before it in the block.
-            for j in range(b * LANES + (0 if d < b else 1), b * LANES + chosen.filled[b]):
-                scale = math.exp(seeding.pair_reference[j, d] - reference)
-                for e in range(d * LANES, (d + 1) * LANES):
-                    x = scale * abs(likelihood[j, e])
+            for j in range(0 if d < b else 1, chosen.filled[b]):
+                likelihood = seeding.pair_likelihood[b, d, j]
+                scale = math.exp(seeding.pair_reference[b, d, j] - reference)
+                i = b * LANES + j
+                for e in range(chosen.filled[d] if d < b else j):
+                    x, k = scale * abs(likelihood[e]), d * LANES + e
                     total += x
-                    swapped = own == link and far[e] > far[j]
-                    place[0, e if swapped else j] += x
-                    place[1, j if swapped else e] += x
+                    swapped = own == link and far[k] > far[i]
+                    place[0, k if swapped else i] += x
+                    place[1, i if swapped else k] += x
     for i in range(place.shape[1]):
         place[0, i] /= total
         place[1, i] /= total

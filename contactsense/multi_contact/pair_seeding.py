@@ -73,13 +73,11 @@ def seed_pairs(
                     j, lanes, deviations, highest, limit, lowest_force, seeding.first, block
                 )
                 _add_pair_evidence(found, block, lanes, gain[own], seeding.pair_sum[own], link)
-                i = b * LANES + j
-                seeding.pair_reference[i, d] = -math.inf
+                seeding.pair_reference[b, d, j] = gain[own, link] if found.near > 0 else -math.inf
                 if found.near > 0:
-                    seeding.pair_reference[i, d] = gain[own, link]
+                    likelihood = seeding.pair_likelihood[b, d, j]
                     for e in range(LANES):
-                        likelihood = block[SIGNED_LIKELIHOOD + e] if e < lanes else 0.0
-                        seeding.pair_likelihood[i, d * LANES + e] = likelihood
+                        likelihood[e] = block[SIGNED_LIKELIHOOD + e]
                 if found.high == 0 and found.higher == 0:
                     continue
                 for e in range(lanes):
