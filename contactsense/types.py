@@ -129,7 +129,8 @@ class Estimate:
     """Changes of the stream's contacts in this sample."""
     explanations: tuple[Explanation, ...] = ()
     """With several contacts enabled: sets of simultaneous contacts, most probable first; with `other` their
-    probabilities add up to one."""
+    probabilities add up to one. Of two contacts at once, a set that is known only as a pair of links is not
+    the first one, unless no other is listed."""
     detectable: float = math.inf
     """Smallest force that the usable sensors detect with probability 0.9, wherever and in whichever direction
     it acts on the arm, while it is held [N]; infinite where no force is sure to be detected, as with joint

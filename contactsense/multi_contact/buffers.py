@@ -18,21 +18,24 @@ MAX_CONTACTS = 3
 """Maximum number of simultaneous contacts."""
 UNKNOWNS = 7
 """Unknowns of one contact: force (3), torsion, step along two tangents, offset of the surface."""
-COVARIANCE_ROOTS = 5 * MAX_CONTACTS + 6
-"""Of force (3) and place (2) of each contact, and of the sum of the wrenches (6)."""
+COVARIANCE_ROOTS = 2 * MAX_CONTACTS + 6
+"""Of the place of each contact (2), and of the sum of the wrenches (6)."""
 MAX_SEEDS = 24
 """Maximum number of seeds with the same number of contacts."""
 BEAM_WIDTH = 48
 """Maximum number of pairs of samples that are extended by a third (beam search)."""
-MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1
+MAX_SUMMED_PAIRS = 12
+"""Maximum number of pairs of links without an optimum that are explanations."""
+MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1 + MAX_SUMMED_PAIRS
 """Maximum number of explanations before ranking."""
-X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE = range(0, 9 * LANES, LANES)
+X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE, SIGNED_LIKELIHOOD = range(0, 10 * LANES, LANES)
 """Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
 
 `X` to `NZ`: point [m] and outward unit normal, base frame. `GAIN`, `DET`, `NORMAL_FORCE`: see
-`contactsense.multi_contact.link_information.likelihood_near_samples`.
+`contactsense.multi_contact.link_information.likelihood_near_samples`. `SIGNED_LIKELIHOOD`: see
+`contactsense.multi_contact.pair_likelihood.likelihood_beside_first`.
 """
-BLOCK_LENGTH = 9 * LANES
+BLOCK_LENGTH = 10 * LANES
 """Length of a block."""
 
 
@@ -111,7 +114,7 @@ class JointState(NamedTuple):
     root: Annotated[Floats, f"{COVARIANCE_ROOTS}, {MAX_CONTACTS} * {UNKNOWNS} * {LANES}"]
     """Scratch of the covariances."""
     covariance: Annotated[Floats, f"{COVARIANCE_ROOTS} * {COVARIANCE_ROOTS} * {LANES}"]
-    """Covariances of force and place of each contact, in its frame, and of the sum of the wrenches."""
+    """Covariances of the place of each contact, in its frame, and of the sum of the wrenches."""
 
 
 class SeedingBuffers(NamedTuple):
@@ -160,8 +163,27 @@ class SeedingBuffers(NamedTuple):
     """Initial forces of a seed, base axes [N]."""
     pair_evidence: Annotated[Floats, "links, links"]
     """Log evidence of two contacts on each pair of links, k >= l in row k, up to a constant."""
+    pair_gain: Annotated[Floats, "links, links"]
+    """Highest `GAIN` on each pair of links."""
     pair_sum: Annotated[Floats, "links, links"]
-    """Scratch: that evidence relative to its largest term."""
+    """Sum of the likelihoods on each pair of links, relative to exp(`pair_gain`)."""
+    pair_likelihood: Annotated[Floats, f"blocks, blocks, {LANES}, {LANES}"]
+    """Likelihood of each pair of samples of two blocks, the one on the farther link first; negative
+    where not both push."""
+    pair_reference: Annotated[Floats, f"blocks, blocks, {LANES}"]
+    """Logarithm to which those of a first sample are relative, as `GAIN`; -infinity where all are
+    negligible."""
+    place_likelihood: Annotated[Floats, "2, coarse"]
+    """Likelihood of each sample as the place of a contact, wherever the other one is: of the contact on the
+    farther link, of the other. The sums are one."""
+    sample_order: Annotated[Floats, "coarse"]
+    """Scratch: how far each sample is in one direction."""
+    place_covariance: Annotated[Floats, "3, 3"]
+    """Scratch: covariance of the place of a contact [m^2]."""
+    wrench_prior: Annotated[Floats, "6, 6"]
+    """Prior covariance of the wrench of a contact near a sample."""
+    wrench_root: Annotated[Floats, "rows, 6"]
+    """Covariance of the rows and the sum of the wrenches, divided by the factor."""
     seed_score: Annotated[Floats, f"{MAX_SEEDS}"]
     """Log likelihood of each seed, in falling order."""
     seed: Annotated[Integers, f"{MAX_SEEDS}, {MAX_CONTACTS}"]
@@ -176,11 +198,11 @@ class Explanations(NamedTuple):
     ones."""
 
     order: Annotated[Integers, f"{MAX_EXPLANATIONS}"]
-    """Rows by falling probability."""
+    """Rows by falling probability, but for the first one, see `contactsense.multi_contact.ranked_sets`."""
     contacts: Annotated[Integers, f"{MAX_EXPLANATIONS}"]
     """Number of contacts."""
     log_evidence: Annotated[Floats, f"{MAX_EXPLANATIONS}"]
-    """Log evidence of the optimum alone."""
+    """Log evidence of the optimum alone; -infinity without one."""
     score: Annotated[Floats, f"{MAX_EXPLANATIONS}"]
     """Log evidence with what else is known about the places near it, by which they are ranked."""
     energy: Annotated[Floats, f"{MAX_EXPLANATIONS}"]
@@ -197,8 +219,6 @@ class Explanations(NamedTuple):
     """Moments about the outward normals [Nm]."""
     covariance: Annotated[Floats, f"{MAX_EXPLANATIONS}, {MAX_CONTACTS}, 3, 3"]
     """Covariance of each point [m^2]."""
-    force_covariance: Annotated[Floats, f"{MAX_EXPLANATIONS}, {MAX_CONTACTS}, 3, 3"]
-    """Covariance of each force [N^2]."""
     wrench: Annotated[Floats, f"{MAX_EXPLANATIONS}, 6"]
     """Sum of the wrenches about the base origin [N, Nm]."""
     wrench_covariance: Annotated[Floats, f"{MAX_EXPLANATIONS}, 6, 6"]

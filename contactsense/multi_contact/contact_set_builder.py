@@ -52,7 +52,7 @@ class ContactSetBuilder:
         tracked: Sequence[tuple[int, Phase]] = (),
         events: tuple[Event, ...] = (),
     ) -> Estimate:
-        """Estimate from S sets of contacts, the most probable first.
+        """Estimate from S sets of contacts, the answer first.
 
         Args:
             t: Time of the sample [s].

@@ -26,7 +26,8 @@ from contactsense.multi_contact.initial_contacts import (
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
-from contactsense.multi_contact.pooled_evidence import pool_link_evidence
+from contactsense.multi_contact.pooled_evidence import log_of_sum, pool_link_evidence
+from contactsense.multi_contact.pooled_places import pool_places, widen_places
 from contactsense.multi_contact.ranked_sets import (
     adopt_candidate,
     rank_sets,
@@ -36,6 +37,7 @@ from contactsense.multi_contact.ranked_sets import (
 from contactsense.multi_contact.sample_likelihood import initialize_seeding
 from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
 from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
+from contactsense.multi_contact.summed_pairs import store_summed_pairs
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -165,7 +167,7 @@ def search_contact_sets(
         if is_pooled:
             if further == 1:
                 _fill_link_evidence(seeding.link_probability, seeding.pair_evidence)
-            unlisted = pool_link_evidence(
+            pool_link_evidence(
                 surfaces.link,
                 explanations,
                 first,
@@ -175,6 +177,17 @@ def search_contact_sets(
                 seeding.pair_evidence,
                 prior.surface_deviation,
             )
+            if further == 2 and known_count == 0:
+                pool_places(
+                    surfaces.link, seed_samples, prior.surface_deviation, seeding, explanations, first, stored
+                )
+                stored = store_summed_pairs(
+                    seed_samples, prior.friction_ratio, force_scale, prior.surface_deviation, rows, m,
+                    seeding, explanations, stored,
+                )  # fmt: skip
+            else:
+                widen_places(explanations, first, stored, known_count, further, prior.surface_deviation)
+            unlisted = log_of_sum(seeding.pair_evidence, explanations.score, 0)
         elif is_broad:
             share_evidence(explanations, first, stored)
         best = min(best, lowest_energy)

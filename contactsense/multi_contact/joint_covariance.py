@@ -1,4 +1,4 @@
-"""Covariances of the contacts at a joint optimum: of forces, places, and the sum of the wrenches.
+"""Covariances of the contacts at a joint optimum: of their places, and of the sum of the wrenches.
 
 With the matrix H = L L^T, the covariance of a^T x and b^T x is (L^-1 a) . (L^-1 b). Only a few directions are
 needed of the inverse.
@@ -15,21 +15,21 @@ from contactsense.robots.jit.lanes import LANES
 def fill_covariances(count: int, joint: JointState) -> None:
     """Fill `joint.covariance`, after `contactsense.multi_contact.joint_optimization.find_joint_modes`.
 
-    Directions 5 i to 5 i + 2: logarithm of the force and friction ratios of contact i; 5 i + 3, 5 i + 4: its
-    step along the tangents; 5 `count` to 5 `count` + 5: sum of the wrenches.
+    Directions 2 i, 2 i + 1: step of contact i along the tangents; 2 `count` to 2 `count` + 5: sum of the
+    wrenches.
     """
     size = count * UNKNOWNS
     for i in range(count):
-        for e in range(5):
-            root = joint.root[5 * i + e]
+        for e in range(2):
+            root = joint.root[2 * i + e]
             clear(root, 0, size)
-            a = i * UNKNOWNS + (e if e < 3 else e + 1)
+            a = i * UNKNOWNS + 4 + e
             for j in range(LANES):
                 root[a * LANES + j] = 1.0
             substitute(joint.matrix, size, joint.inverse_diagonal, root)
             for d in range(e + 1):
-                _fill(size, 5 * i + e, 5 * i + d, joint)
-    first = 5 * count
+                _fill(size, 2 * i + e, 2 * i + d, joint)
+    first = 2 * count
     for k in range(6):
         root = joint.root[first + k]
         for i in range(count):

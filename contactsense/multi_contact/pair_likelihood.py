@@ -38,6 +38,7 @@ from contactsense.multi_contact.buffers import (
     NX,
     NY,
     NZ,
+    SIGNED_LIKELIHOOD,
     SeedingBuffers,
     X,
     Y,
@@ -224,7 +225,8 @@ def likelihood_beside_first(
 
     Fills `GAIN`, `DET` and `NORMAL_FORCE` as
     `contactsense.multi_contact.link_information.likelihood_near_samples` does, with what the first contact
-    adds. `NORMAL_FORCE` is the smaller one of both.
+    adds. `NORMAL_FORCE` is the smaller one of both. `SIGNED_LIKELIHOOD` is relative to `highest`, too small
+    unless `higher` is zero, and negative where that force is too low.
 
     Args:
         j: The first contact.
@@ -267,6 +269,7 @@ def likelihood_beside_first(
         exponent = min(max(log_likelihood - highest, LOWEST_EXPONENT), 0.0)
         likelihood = exponential(exponent) / math.sqrt(squared_volume)
         counts = e < lanes
+        block[SIGNED_LIKELIHOOD + e] = likelihood if force > lowest_force else -likelihood
         total += likelihood if counts else 0.0
         higher += 1 if counts & (log_likelihood > highest) else 0
         near += 1 if counts & (log_likelihood > highest - NEGLIGIBLE) else 0

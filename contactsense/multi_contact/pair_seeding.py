@@ -6,7 +6,14 @@ import math
 import numpy as np
 
 from contactsense.kinematics.exponential import exponential
-from contactsense.multi_contact.buffers import DET, GAIN, NORMAL_FORCE, MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.buffers import (
+    DET,
+    GAIN,
+    NORMAL_FORCE,
+    SIGNED_LIKELIHOOD,
+    MeasurementRows,
+    SeedingBuffers,
+)
 from contactsense.multi_contact.link_information import fill_link_information, fill_sample_blocks, log_gain
 from contactsense.multi_contact.pair_likelihood import (
     LOWEST_EXPONENT,
@@ -20,6 +27,7 @@ from contactsense.multi_contact.sample_likelihood import copy_lower, force_devia
 from contactsense.multi_contact.seed_list import find_slot, put_seed
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
 
 EXPONENTIAL_ERROR = 1e-3
 """More than twice the relative error of `contactsense.kinematics.exponential`."""
@@ -36,7 +44,7 @@ def seed_pairs(
     seeding: SeedingBuffers,
 ) -> None:
     """Every pair of the coarse samples: seeds of two contacts, or the beam for three."""
-    chosen, evidence = seed_samples.coarse, seeding.pair_evidence
+    chosen, gain = seed_samples.coarse, seeding.pair_gain
     scores, seeds = seeding.seed_score, seeding.seed
     if count > 2:
         scores, seeds = seeding.beam_score, seeding.beam
@@ -46,7 +54,7 @@ def seed_pairs(
     deviations = force_deviations(force_scale, friction_ratio)
     base = take_samples(seed_samples, force_scale, rows, m, seeding)
     fill_cross_information(m, seeding)
-    evidence[:] = -math.inf
+    gain[:] = -math.inf
     seeding.pair_sum[:] = 0.0
     for b in range(chosen.link.shape[0]):
         own, link = chosen.link[b], -1
@@ -59,12 +67,17 @@ def seed_pairs(
             # The first sample of a block has none before it in the block.
             for j in range(0 if d < b else 1, chosen.filled[b]):
                 lanes = chosen.filled[d] if d < b else j
-                highest = evidence[own, link]
+                highest = gain[own, link]
                 limit = _likelihood_limit(scores[-1] - base - highest)
                 found = likelihood_beside_first(
                     j, lanes, deviations, highest, limit, lowest_force, seeding.first, block
                 )
-                _add_pair_evidence(found, block, lanes, evidence[own], seeding.pair_sum[own], link)
+                _add_pair_evidence(found, block, lanes, gain[own], seeding.pair_sum[own], link)
+                seeding.pair_reference[b, d, j] = gain[own, link] if found.near > 0 else -math.inf
+                if found.near > 0:
+                    likelihood = seeding.pair_likelihood[b, d, j]
+                    for e in range(LANES):
+                        likelihood[e] = block[SIGNED_LIKELIHOOD + e]
                 if found.high == 0 and found.higher == 0:
                     continue
                 for e in range(lanes):
@@ -78,12 +91,15 @@ def seed_pairs(
                     )
                     if slot >= 0:
                         put_seed(score, samples, slot, scores, seeds)
-    for k in range(evidence.shape[0]):
+    seeding.pair_evidence[:] = -math.inf
+    for k in range(gain.shape[0]):
         for link in range(k + 1):
             if seeding.pair_sum[k, link] > 0.0:
                 # The sum over samples is one over the surface.
                 cells = seed_samples.spread[k] * seed_samples.spread[link]
-                evidence[k, link] += base + math.log(seeding.pair_sum[k, link] * cells * cells)
+                seeding.pair_evidence[k, link] = (
+                    base + gain[k, link] + math.log(seeding.pair_sum[k, link] * cells * cells)
+                )
 
 
 @fused_kernel
@@ -116,6 +132,9 @@ def _add_pair_evidence(
 ) -> None:
     """Add the likelihoods of pairs of one sample and the first `lanes` samples of a block to those of a link.
 
+    `SIGNED_LIKELIHOOD` becomes relative to the new `reference`.
+
+
     Args:
         found, block: After `likelihood_beside_first`.
         lanes: Number of its samples.
@@ -128,7 +147,9 @@ def _add_pair_evidence(
             highest = max(highest, block[GAIN + e])
         for e in range(lanes):
             exponent = max(block[GAIN + e] - highest, LOWEST_EXPONENT)
-            added += exponential(exponent) / math.sqrt(block[DET + e])
+            likelihood = exponential(exponent) / math.sqrt(block[DET + e])
+            block[SIGNED_LIKELIHOOD + e] = math.copysign(likelihood, block[SIGNED_LIKELIHOOD + e])
+            added += likelihood
         total[link] = total[link] * math.exp(reference[link] - highest) + added
         reference[link] = highest
     elif found.near > 0:

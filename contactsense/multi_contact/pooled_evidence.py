@@ -14,8 +14,8 @@ The pool is the weighted geometric mean of both,
     log p_t = w log(s_kl / n_kl) + (1 - w) log p'_t + constant,
 
 with the share s_kl of links k, l in the sum (k = l for one contact), n_kl distinct optima on them, and the
-share p'_t of optimum t in the evidence of all optima. A normal distribution to the power 1 - w has a
-covariance 1 / (1 - w) times as large. Places known before are in both, and stay as they are.
+share p'_t of optimum t in the evidence of all optima. The places become less certain as well, see
+`contactsense.multi_contact.pooled_places`; those known before are in both, and stay as they are.
 """
 
 import math
@@ -25,6 +25,7 @@ import numpy as np
 from contactsense.multi_contact.buffers import Explanations
 from contactsense.multi_contact.ranked_sets import order_distinct
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.runtime.candidate_rows import MIN_PROBABILITY
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 SUM_WEIGHT = 0.6
@@ -43,7 +44,7 @@ def pool_link_evidence(
     further: int,
     evidence: np.ndarray,
     surface_deviation: float,
-) -> float:
+) -> None:
     """Pool the evidence of the explanations `first` to `last` - 1 with that of the links of their further
     contacts.
 
@@ -54,11 +55,9 @@ def pool_link_evidence(
         explanations, first, last: The explanations.
         i, further: Their first further contact, and the number of further contacts, 1 or 2.
         evidence: Log evidence of each pair of links, the sum over the surface, k >= j in row k. Of one
-            further contact: of each link in the diagonal, -infinity elsewhere.
+            further contact: of each link in the diagonal, -infinity elsewhere. On return relative to the
+            same as `score`, and that of links without an explanation only, -infinity for the others.
         surface_deviation: Standard deviation of the surface along its normal [m].
-
-    Returns:
-        Log evidence of the links without an explanation.
     """
     order, score, pooled = explanations.order, explanations.score, explanations.probability
     highest = _highest(evidence)
@@ -66,28 +65,52 @@ def pool_link_evidence(
     cutoff = ENERGY_CUTOFF / (1.0 - SUM_WEIGHT)
     kept = order_distinct(link, explanations, first, last, 2.0 * surface_deviation, cutoff)
     if kept == 0 or highest == -math.inf:
-        return -math.inf
+        evidence[:] = -math.inf
+        return
     best = score[order[0]]
     total, pooled_total = 0.0, 0.0
     for a in range(kept):
         t = order[a]
-        k, j = _links(link, explanations, t, i, further)
+        k, j = links_of(link, explanations, t, i, further)
         distinct = 0
         for b in range(kept):
-            distinct += 1 if _links(link, explanations, order[b], i, further) == (k, j) else 0
+            distinct += 1 if links_of(link, explanations, order[b], i, further) == (k, j) else 0
         share = max(math.exp(evidence[k, j] - highest), SMALLEST) / distinct
         pooled[t] = math.exp(SUM_WEIGHT * math.log(share) + (1.0 - SUM_WEIGHT) * (score[t] - best))
         total += math.exp(score[t] - best)
         pooled_total += pooled[t]
-    listed = _listed_share(link, explanations, first, last, i, further, evidence)
+    listed = _take_listed(link, explanations, first, last, i, further, highest, evidence)
+    offset = best + math.log(total / max(listed, SMALLEST)) - highest
+    for k in range(evidence.shape[0]):
+        for j in range(k + 1):
+            evidence[k, j] += offset
     for t in range(first, last):
         score[t] = -math.inf
     for a in range(kept):
         t = order[a]
         score[t] = best + math.log(total * pooled[t] / pooled_total)
-        for contact in range(i, i + further):
-            _widen(explanations.covariance[t, contact], explanations.normal[t, contact], surface_deviation)
-    return float(best + math.log(total * max(1.0 - listed, SMALLEST) / max(listed, SMALLEST)))
+
+
+@fused_kernel
+def lowest_reported(evidence: np.ndarray, score: np.ndarray, stored: int) -> float:
+    """Log evidence below which nothing is reported, given all evidence; arguments as for `log_of_sum`."""
+    return math.log(MIN_PROBABILITY) + log_of_sum(evidence, score, stored)
+
+
+@fused_kernel
+def log_of_sum(evidence: np.ndarray, score: np.ndarray, stored: int) -> float:
+    """Logarithm of the sum of all evidence: of the pairs of links, and of the first `stored` scores."""
+    highest, total = _highest(evidence), 0.0
+    for t in range(stored):
+        highest = max(highest, score[t])
+    if highest == -math.inf:
+        return highest
+    for t in range(stored):
+        total += math.exp(score[t] - highest)
+    for k in range(evidence.shape[0]):
+        for j in range(k + 1):
+            total += math.exp(evidence[k, j] - highest)
+    return highest + math.log(total)
 
 
 @fused_kernel
@@ -100,51 +123,29 @@ def _highest(evidence: np.ndarray) -> float:
 
 
 @fused_kernel
-def _listed_share(
+def _take_listed(
     link: np.ndarray,
     explanations: Explanations,
     first: int,
     last: int,
     i: int,
     further: int,
+    highest: float,
     evidence: np.ndarray,
 ) -> float:
-    """Share in the sum of the links that have explanations; arguments as above."""
-    highest = _highest(evidence)
-    total, listed = 0.0, 0.0
-    for k in range(evidence.shape[0]):
-        for j in range(k + 1):
-            part = math.exp(evidence[k, j] - highest)
-            total += part
-            for t in range(first, last):
-                if _links(link, explanations, t, i, further) == (k, j):
-                    listed += part
-                    break
-    return listed / total
+    """Evidence of the links that have explanations, relative to exp(`highest`), taken out of `evidence`.
+    Arguments as above."""
+    listed = 0.0
+    for t in range(first, last):
+        k, j = links_of(link, explanations, t, i, further)
+        # Those of another explanation are zero already.
+        listed += math.exp(evidence[k, j] - highest)
+        evidence[k, j] = -math.inf
+    return listed
 
 
 @fused_kernel
-def _links(link: np.ndarray, explanations: Explanations, t: int, i: int, further: int) -> tuple[int, int]:
+def links_of(link: np.ndarray, explanations: Explanations, t: int, i: int, further: int) -> tuple[int, int]:
     """Links of the further contacts of explanation t, the farther from the base first."""
     a, b = link[explanations.primitive[t, i]], link[explanations.primitive[t, i + further - 1]]
     return max(a, b), min(a, b)
-
-
-@fused_kernel
-def _widen(covariance: np.ndarray, normal: np.ndarray, surface_deviation: float) -> None:
-    """Covariance [m^2] of a place whose normal distribution along the surface is taken to the power 1 - w.
-
-    What a covariance that was adopted from elsewhere has along the normal is dropped.
-    """
-    C, n = covariance, normal
-    x, y, z = (
-        C[0, 0] * n[0] + C[0, 1] * n[1] + C[0, 2] * n[2],
-        C[1, 0] * n[0] + C[1, 1] * n[1] + C[1, 2] * n[2],
-        C[2, 0] * n[0] + C[2, 1] * n[1] + C[2, 2] * n[2],
-    )
-    along = (x, y, z)
-    twice = n[0] * x + n[1] * y + n[2] * z
-    for k in range(3):
-        for j in range(3):
-            tangential = C[k, j] - n[k] * along[j] - along[k] * n[j] + twice * n[k] * n[j]
-            C[k, j] = surface_deviation * surface_deviation * n[k] * n[j] + tangential / (1.0 - SUM_WEIGHT)

@@ -11,7 +11,6 @@ from contactsense.multi_contact.joint_covariance import covariance_of
 from contactsense.multi_contact.joint_layout import (
     ENERGY,
     FX,
-    JACOBIAN,
     LOG_EVIDENCE,
     NX,
     PX,
@@ -22,6 +21,7 @@ from contactsense.multi_contact.joint_layout import (
 )
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
+from contactsense.runtime.candidate_rows import MIN_PROBABILITY
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LARGEST_UNLISTED = 20.0
@@ -57,49 +57,26 @@ def store_explanation(
             explanations.force[t, i, k] = block[FX + at]
         for k in range(6):
             explanations.wrench[t, k] += block[W0 + k * LANES + lane]
-        _contact_covariance(
-            joint,
-            lane,
-            i,
-            surface_deviation,
-            explanations.covariance[t, i],
-            explanations.force_covariance[t, i],
-        )
+        _place_covariance(joint, lane, i, surface_deviation, explanations.covariance[t, i])
     for a in range(6):
         for b in range(6):
-            explanations.wrench_covariance[t, a, b] = covariance_of(joint, 5 * count + a, 5 * count + b, lane)
+            explanations.wrench_covariance[t, a, b] = covariance_of(joint, 2 * count + a, 2 * count + b, lane)
 
 
 @fused_kernel
-def _contact_covariance(
-    joint: JointState,
-    lane: int,
-    i: int,
-    surface_deviation: float,
-    point_covariance: np.ndarray,
-    force_covariance: np.ndarray,
+def _place_covariance(
+    joint: JointState, lane: int, i: int, surface_deviation: float, out: np.ndarray
 ) -> None:
-    """Covariance of point [m^2] and force [N^2] of contact i."""
+    """Covariance of the place of contact i, shape (3, 3) [m^2]."""
     block = joint.contact[i]
     n, tangents = vector_of(block, NX, lane), (vector_of(block, SX, lane), vector_of(block, TX, lane))
     for k in range(3):
         for a in range(3):
-            point_covariance[k, a] = surface_deviation * surface_deviation * n[k] * n[a]
+            out[k, a] = surface_deviation * surface_deviation * n[k] * n[a]
             for b in range(2):
                 for d in range(2):
-                    point_covariance[k, a] += (
-                        tangents[b][k]
-                        * tangents[d][a]
-                        * covariance_of(joint, 5 * i + 3 + b, 5 * i + 3 + d, lane)
-                    )
-            force_covariance[k, a] = 0.0
-            for b in range(3):
-                for d in range(3):
-                    # Derivatives of the force by its unknowns.
-                    force_covariance[k, a] += (
-                        block[JACOBIAN + (6 * b + k) * LANES + lane]
-                        * block[JACOBIAN + (6 * d + a) * LANES + lane]
-                        * covariance_of(joint, 5 * i + b, 5 * i + d, lane)
+                    out[k, a] += (
+                        tangents[b][k] * tangents[d][a] * covariance_of(joint, 2 * i + b, 2 * i + d, lane)
                     )
 
 
@@ -136,6 +113,8 @@ def rank_sets(
 ) -> int:
     """Sort the explanations, drop duplicates and improbable ones, normalize; returns how many remain.
 
+    They are in order of falling probability, but for the first one, which has an optimum.
+
     `unlisted`: log evidence of what is not among them.
     """
     order = explanations.order
@@ -149,7 +128,24 @@ def rank_sets(
         total += explanations.probability[order[i]]
     for i in range(kept):
         explanations.probability[order[i]] /= total
+    _put_optimum_first(explanations, kept)
     return kept
+
+
+@fused_kernel
+def _put_optimum_first(explanations: Explanations, kept: int) -> None:
+    """Put the most probable one with an optimum before those without, if it is reported.
+
+    Of the places of the latter, fewer are right, even where that pair of links is more probable.
+    """
+    order, first = explanations.order, 0
+    while first < kept and explanations.log_evidence[order[first]] == -math.inf:
+        first += 1
+    if first < kept and explanations.probability[order[first]] >= MIN_PROBABILITY:
+        t = order[first]
+        for i in range(first, 0, -1):
+            order[i] = order[i - 1]
+        order[0] = t
 
 
 @fused_kernel

@@ -277,10 +277,10 @@ def test_covariances_are_those_of_the_inverse_matrix(case: Case) -> None:
     for lane, lower in enumerate(matrices):
         inverse = np.linalg.inv(np.tril(lower) + np.tril(lower, -1).T)
         for i in range(3):
-            chosen = i * UNKNOWNS + np.array([0, 1, 2, 4, 5])
-            for a in range(5):
-                for b in range(5):
-                    found = covariance_of(joint, 5 * i + a, 5 * i + b, lane)
+            chosen = i * UNKNOWNS + np.array([4, 5])
+            for a in range(2):
+                for b in range(2):
+                    found = covariance_of(joint, 2 * i + a, 2 * i + b, lane)
                     assert found == pytest.approx(inverse[chosen[a], chosen[b]], rel=1e-6, abs=1e-9)
         wrench = np.hstack(
             [
@@ -289,7 +289,7 @@ def test_covariances_are_those_of_the_inverse_matrix(case: Case) -> None:
             ]
         )
         expected = wrench @ inverse @ wrench.T
-        stated = [[covariance_of(joint, 15 + a, 15 + b, lane) for b in range(6)] for a in range(6)]
+        stated = [[covariance_of(joint, 6 + a, 6 + b, lane) for b in range(6)] for a in range(6)]
         np.testing.assert_allclose(stated, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
 
 
@@ -305,8 +305,8 @@ def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
     _optimize(case, m, 1, 1)
     assert np.linalg.norm(np.array(vector_of(block, PX, 0)) - before) < 0.003
     fill_covariances(1, joint)
-    assert covariance_of(joint, 3, 3, 0) < 1.0 / information
-    assert covariance_of(joint, 4, 4, 0) < 1.0 / information
+    assert covariance_of(joint, 0, 0, 0) < 1.0 / information
+    assert covariance_of(joint, 1, 1, 0) < 1.0 / information
 
 
 def test_contacts_above_the_limit_are_rejected(case: Case) -> None:

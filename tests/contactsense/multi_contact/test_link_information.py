@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from contactsense import Scene
-from contactsense.multi_contact.buffers import NORMAL_FORCE, MultiContactBuffers, empty_multi_contact_buffers
+from contactsense.multi_contact.buffers import NORMAL_FORCE
 from contactsense.multi_contact.link_information import (
     fill_link_information,
     fill_sample_blocks,
@@ -16,56 +15,20 @@ from contactsense.multi_contact.sample_likelihood import RATIO_FACTOR
 from contactsense.multi_contact.seed_list import SAME_SIDE_COSINE
 from contactsense.multi_contact.seed_samples import in_blocks
 from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
-from contactsense.runtime.constants import build_constants
-from tests.plain_arm import plain_ur5e
+from tests.contactsense.multi_contact.random_measurement import (
+    ROWS,
+    added_covariance,
+    by_force,
+    chosen_samples,
+    random_measurement,
+)
 
-ROWS = 12
 NORMAL, TANGENTIAL, MOMENT = 20.0, 8.0, 0.7
 """Standard deviations of the force [N] and of the moment [Nm]."""
 
 
-def _cross(c: np.ndarray) -> np.ndarray:
-    return np.array([[0.0, -c[2], c[1]], [c[2], 0.0, -c[0]], [-c[1], c[0], 0.0]])
-
-
-def _measurement() -> tuple[MultiContactBuffers, np.ndarray, np.ndarray]:
-    """Random rows, places and normals of the samples; the covariance of the rows, and their values."""
-    buffers = empty_multi_contact_buffers(build_constants(Scene(robot=plain_ur5e())))
-    rows, seeding = buffers.rows, buffers.seeding
-    rng = np.random.default_rng(3)
-    for link in range(len(rows.seen)):
-        rows.seen[link] = np.arange(ROWS) < 6 + link
-        rows.matrix[link] = rng.standard_normal((ROWS, 6)) * rows.seen[link][:, None]
-    root = rng.standard_normal((ROWS, ROWS))
-    covariance = np.eye(ROWS) + root @ root.T
-    y = 10.0 * rng.standard_normal(ROWS)
-    seeding.innovation[:] = y
-    seeding.prior_covariance[:], seeding.factor[:] = covariance, covariance
-    count = len(buffers.seed_samples.link)
-    seeding.point_normal[:, :3] = rng.standard_normal((count, 3))
-    normal = rng.standard_normal((count, 3))
-    seeding.point_normal[:, 3:] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    return buffers, covariance, y
-
-
-def _by_force(buffers: MultiContactBuffers, i: int) -> np.ndarray:
-    """Derivative of the rows by a force at sample i."""
-    A, c = buffers.rows.matrix[buffers.seed_samples.link[i]], buffers.seeding.point_normal[i, :3]
-    return np.asarray(A[:, :3] + A[:, 3:] @ _cross(c))
-
-
-def _added_covariance(
-    buffers: MultiContactBuffers, i: int, normal: float, tangential: float, moment: float
-) -> np.ndarray:
-    """Covariance of the rows due to a contact near sample i; arguments as the constants above."""
-    n, J = buffers.seeding.point_normal[i, 3:], _by_force(buffers, i)
-    M = buffers.rows.matrix[buffers.seed_samples.link[i]][:, 3:]
-    Q = tangential**2 * np.eye(3) + (normal**2 - tangential**2) * np.outer(n, n)
-    return np.asarray(J @ Q @ J.T + moment**2 * M @ M.T)
-
-
 def test_the_likelihood_is_that_of_dense_linear_algebra() -> None:
-    buffers, covariance, y = _measurement()
+    buffers, covariance, y = random_measurement()
     seed_samples, seeding = buffers.seed_samples, buffers.seeding
     chosen = seed_samples.coarse
     fill_sample_blocks(seed_samples, seeding)
@@ -80,28 +43,24 @@ def test_the_likelihood_is_that_of_dense_linear_algebra() -> None:
         for j in range(chosen.filled[b]):
             i = chosen.sample[b, j]
             n = seeding.point_normal[i, 3:]
-            S = covariance + _added_covariance(buffers, i, NORMAL, TANGENTIAL, MOMENT)
+            S = covariance + added_covariance(buffers, i, NORMAL, TANGENTIAL, MOMENT)
             expected = multivariate_normal(np.zeros(ROWS), S).logpdf(y) - alone
             np.testing.assert_allclose(log_gain(seeding.block[b], j), expected, rtol=1e-8, atol=1e-8)
-            push = -(NORMAL**2) * n @ _by_force(buffers, i).T @ np.linalg.solve(S, y)
+            push = -(NORMAL**2) * n @ by_force(buffers, i).T @ np.linalg.solve(S, y)
             np.testing.assert_allclose(seeding.block[b, NORMAL_FORCE + j], push, rtol=1e-7, atol=1e-7)
     log_volume = -0.5 * ROWS * np.log(2.0 * np.pi)
     np.testing.assert_allclose(base + log_volume, alone)
 
 
 def test_the_evidence_of_a_pair_of_links_is_the_sum_over_pairs_of_samples() -> None:
-    buffers, covariance, y = _measurement()
+    buffers, covariance, y = random_measurement()
     seed_samples, friction_ratio, force_scale = buffers.seed_samples, 0.25, 15.0
     find_seeds(seed_samples, friction_ratio, 2, force_scale, buffers.rows, ROWS, buffers.seeding)
-    chosen = [
-        int(i)
-        for samples, filled in zip(seed_samples.coarse.sample, seed_samples.coarse.filled, strict=True)
-        for i in samples[:filled]
-    ]
-    link = seed_samples.link[chosen]
+    chosen = chosen_samples(buffers)
+    link = seed_samples.link[list(chosen)]
     spread = seed_samples.spread[link]
     parts = [
-        _added_covariance(buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale, moment)
+        added_covariance(buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale, moment)
         for i, moment in zip(chosen, force_scale * spread, strict=True)
     ]
     log_area = 2.0 * np.log(spread)
@@ -118,17 +77,17 @@ def test_the_evidence_of_a_pair_of_links_is_the_sum_over_pairs_of_samples() -> N
 
 
 def test_seeds_of_two_contacts_are_the_most_likely_pairs_that_push() -> None:
-    buffers, covariance, y = _measurement()
+    buffers, covariance, y = random_measurement()
     seed_samples, seeding, friction_ratio, force_scale = buffers.seed_samples, buffers.seeding, 0.25, 15.0
     count = find_seeds(seed_samples, friction_ratio, 2, force_scale, buffers.rows, ROWS, seeding)
     parts, pushes_with = {}, {}
     chosen = np.unique(seed_samples.coarse.sample)
     for i in chosen:
         moment = force_scale * seed_samples.spread[seed_samples.link[i]]
-        parts[i] = _added_covariance(
+        parts[i] = added_covariance(
             buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale, moment
         )
-        pushes_with[i] = -seeding.point_normal[i, 3:] @ _by_force(buffers, i).T
+        pushes_with[i] = -seeding.point_normal[i, 3:] @ by_force(buffers, i).T
     score = {}
     for i in chosen:
         for k in chosen[chosen < i]:
@@ -143,7 +102,7 @@ def test_seeds_of_two_contacts_are_the_most_likely_pairs_that_push() -> None:
 
 
 def test_no_seed_is_where_a_candidate_starts() -> None:
-    buffers, _, _ = _measurement()
+    buffers, _, _ = random_measurement()
     seed_samples, seeding, candidates = buffers.seed_samples, buffers.seeding, buffers.candidates
     count = find_seeds(seed_samples, 0.25, 1, 15.0, buffers.rows, ROWS, seeding)
     before = seeding.seed[:count, 0].copy()
@@ -166,17 +125,17 @@ def test_no_seed_is_where_a_candidate_starts() -> None:
 
 
 def test_seeds_of_one_contact_are_the_most_likely_samples_that_push() -> None:
-    buffers, covariance, y = _measurement()
+    buffers, covariance, y = random_measurement()
     seed_samples, seeding, friction_ratio, force_scale = buffers.seed_samples, buffers.seeding, 0.25, 15.0
     count = find_seeds(seed_samples, friction_ratio, 1, force_scale, buffers.rows, ROWS, seeding)
     score = {}
     for i in np.unique(seed_samples.coarse.sample):
         n = seeding.point_normal[i, 3:]
-        S = covariance + _added_covariance(
+        S = covariance + added_covariance(
             buffers, i, force_scale, RATIO_FACTOR * friction_ratio * force_scale,
             force_scale * seed_samples.spread[seed_samples.link[i]],
         )  # fmt: skip
-        if n @ _by_force(buffers, i).T @ np.linalg.solve(S, y) < 0.0:
+        if n @ by_force(buffers, i).T @ np.linalg.solve(S, y) < 0.0:
             score[i] = multivariate_normal(np.zeros(ROWS), S).logpdf(y) + 0.5 * ROWS * np.log(2.0 * np.pi)
     found, expected = seeding.seed[:count, 0], sorted(score.values(), reverse=True)
     np.testing.assert_allclose(seeding.seed_score[:count], [score[i] for i in found], rtol=1e-8)

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import logsumexp
 
 from contactsense.multi_contact.buffers import Explanations
-from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT, pool_link_evidence
+from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT, log_of_sum, pool_link_evidence
 from contactsense.robots.jit.flat_buffers import zeros
 
 LINKS = 4
@@ -39,11 +39,11 @@ def _evidence(**pairs: float) -> np.ndarray:
     return evidence
 
 
-def _pooled(optima: Sequence[Optimum], evidence: np.ndarray) -> tuple[np.ndarray, float]:
+def _pooled(optima: Sequence[Optimum], evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Log evidence of each optimum after pooling, and that of the pairs of links without one."""
-    explanations = _explanations(optima)
-    unlisted = pool_link_evidence(LINK, explanations, 0, len(optima), 0, 2, evidence, SURFACE_DEVIATION)
-    return explanations.score[: len(optima)].copy(), unlisted
+    explanations, evidence = _explanations(optima), evidence.copy()
+    pool_link_evidence(LINK, explanations, 0, len(optima), 0, 2, evidence, SURFACE_DEVIATION)
+    return explanations.score[: len(optima)].copy(), evidence
 
 
 def test_the_pool_is_the_weighted_geometric_mean() -> None:
@@ -71,45 +71,35 @@ def test_seeds_that_end_in_one_optimum_count_once() -> None:
     often, same = _pooled([(2.0, (3, 1), 0.0), (1.99, (1, 3), 0.0), (1.0, (2, 1), 0.0)], evidence)
     np.testing.assert_allclose(often[[0, 2]], once, rtol=1e-12)
     assert often[1] == -np.inf
-    assert same == pytest.approx(unlisted)
+    np.testing.assert_allclose(same, unlisted, rtol=1e-12)
 
 
 def test_links_without_an_explanation_keep_their_share_of_the_samples() -> None:
-    score, unlisted = _pooled([(2.0, (3, 1), 0.0)], _evidence(l31=0.0, l20=np.log(0.25)))
-    assert unlisted - score[0] == pytest.approx(np.log(0.25))
+    evidence = _evidence(l31=0.0, l20=np.log(0.25), l11=np.log(0.125))
+    score, unlisted = _pooled([(2.0, (3, 1), 0.0)], evidence)
+    # Those of the explanation are not among them.
+    np.testing.assert_allclose(
+        unlisted - score[0], _evidence(l20=np.log(0.25), l11=np.log(0.125)), rtol=1e-12
+    )
 
 
-def test_a_region_grows_along_the_surface_only() -> None:
-    explanations = _explanations([(0.0, (3, 1), 0.0)])
-    pool_link_evidence(LINK, explanations, 0, 1, 0, 2, _evidence(l31=0.0), SURFACE_DEVIATION)
-    grown = 1.0 / (1.0 - SUM_WEIGHT)
-    expected = np.diag((4e-4 * grown, 1e-4 * grown, SURFACE_DEVIATION**2))
-    np.testing.assert_allclose(explanations.covariance[0, :2], [expected, expected], atol=1e-15)
-
-
-def test_a_covariance_on_another_side_of_an_edge_stays_one() -> None:
-    explanations = _explanations([(0.0, (3, 1), 0.0)])
-    normal = np.array([0.0, 0.6, 0.8])
-    explanations.normal[0, :2] = normal
-    pool_link_evidence(LINK, explanations, 0, 1, 0, 2, _evidence(l31=0.0), SURFACE_DEVIATION)
-    for covariance in explanations.covariance[0, :2]:
-        assert np.linalg.eigvalsh(covariance).min() > 0.0
-        assert normal @ covariance @ normal == pytest.approx(SURFACE_DEVIATION**2)
+def test_the_sum_of_all_evidence_is_that_of_links_and_explanations() -> None:
+    evidence, score = _evidence(l31=-700.0, l20=-701.0), np.array([-702.0, -np.inf, 5.0])
+    assert log_of_sum(evidence, score, 2) == pytest.approx(logsumexp([-700.0, -701.0, -702.0]))
+    assert log_of_sum(evidence, score, 3) == pytest.approx(5.0)
+    assert log_of_sum(_evidence(), score[1:2], 1) == -np.inf
 
 
 def test_one_further_contact_is_pooled_by_its_link_alone() -> None:
     optima = [(1.0, (0, 3), 0.0), (0.5, (0, 3), 0.2), (2.0, (0, 2), 0.0)]
     explanations = _explanations(optima)
     # The first contact is known: its link is the same in all.
-    unlisted = pool_link_evidence(
-        LINK, explanations, 0, 3, 1, 1, _evidence(l33=0.0, l22=-1.0, l11=-2.0), SURFACE_DEVIATION
-    )
+    evidence = _evidence(l33=0.0, l22=-1.0, l11=-2.0)
+    pool_link_evidence(LINK, explanations, 0, 3, 1, 1, evidence, SURFACE_DEVIATION)
     own, shares = np.array([1.0, 0.5, 2.0]), np.array([-np.log(2.0), -np.log(2.0), -1.0])
     expected = SUM_WEIGHT * shares + (1.0 - SUM_WEIGHT) * own
     expected += logsumexp(own) - logsumexp(expected)
     np.testing.assert_allclose(explanations.score[:3], expected, rtol=1e-12)
     listed = logsumexp([0.0, -1.0])
-    assert unlisted == pytest.approx(logsumexp(own) - 2.0 - listed)
-    # What is known of the first place is known to both.
-    np.testing.assert_array_equal(explanations.covariance[0, 0], np.diag((4e-4, 1e-4, SURFACE_DEVIATION**2)))
-    assert explanations.covariance[0, 1, 0, 0] == pytest.approx(4e-4 / (1.0 - SUM_WEIGHT))
+    assert evidence[1, 1] == pytest.approx(logsumexp(own) - 2.0 - listed)
+    assert log_of_sum(evidence, explanations.score, 0) == evidence[1, 1]
