@@ -23,7 +23,7 @@ from contactsense.multi_contact.seed_samples import in_blocks
 from contactsense.multi_contact.seeding import find_seeds
 from contactsense.multi_contact.summed_pairs import store_summed_pairs
 from contactsense.robots.jit.flat_buffers import zeros
-from contactsense.runtime.result_rows import MIN_PROBABILITY
+from contactsense.runtime.candidate_rows import MIN_PROBABILITY
 from tests.contactsense.multi_contact.random_measurement import (
     ROWS,
     added_covariance,
