@@ -158,7 +158,7 @@ class StaticLocalizer:
         if detect and (count == DOUBTFUL or not options & CHECKED):
             self._refuse_implausible("", q, (base_wrench, joint_torque), links, external)
             if options & CHECKED:
-                count = self._locate_once(readings, sensor_bits, options - CHECKED, threshold)
+                count = self._locate_once(readings, sensor_bits, options & ~CHECKED, threshold)
         if count == UNTOUCHED:
             return self._estimate_builder.without_contacts(0.0, "none")
         if look_for_sets and self._locator is not None:

@@ -47,12 +47,12 @@ class _Body:
         com, turn = origin + rotation @ shift, rotation @ turn
         self.mass += mass
         self.moment += mass * com
-        self.tensor += turn @ own @ turn.T + mass * _spread(com)
+        self.tensor += turn @ own @ turn.T + mass * _point_inertia(com)
 
     def link(self, name: str, where: tuple[np.ndarray, np.ndarray]) -> Link:
         """The body as a link, whose joint has an origin and a rotation in the link before."""
         com = self.moment / self.mass
-        tensor = self.tensor - self.mass * _spread(com)
+        tensor = self.tensor - self.mass * _point_inertia(com)
         return Link(name, *where, self.vertices, self.faces, self.mass, com, tensor)
 
 
@@ -106,6 +106,6 @@ def _placed(urdf: ElementTree.Element, *joints: str) -> tuple[np.ndarray, np.nda
     return origin, rotation
 
 
-def _spread(place: np.ndarray) -> np.ndarray:
-    """Inertia about the origin of a unit mass at a place, shape (3, 3)."""
+def _point_inertia(place: np.ndarray) -> np.ndarray:
+    """Inertia about the origin of a unit point mass at a place (3,) [m], shape (3, 3) [m^2]."""
     return np.asarray((place @ place) * np.eye(3) - np.outer(place, place))

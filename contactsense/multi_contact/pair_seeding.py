@@ -134,7 +134,6 @@ def _add_pair_evidence(
 
     `SIGNED_LIKELIHOOD` becomes relative to the new `reference`.
 
-
     Args:
         found, block: After `likelihood_beside_first`.
         lanes: Number of its samples.
