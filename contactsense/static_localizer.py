@@ -17,7 +17,7 @@ from contactsense.runtime.buffers import Buffers, KernelBuffers
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
 from contactsense.runtime.intrinsic import batch_intrinsic
-from contactsense.runtime.kernels import AT_REST, CHECKED, EXTERNAL, GATE, batch
+from contactsense.runtime.kernels import AT_REST, CHECKED, DETECT_ONLY, EXTERNAL, GATE, batch
 from contactsense.runtime.measurement import DOUBTFUL, NOT_FINITE, UNTOUCHED
 from contactsense.runtime.parallel_batch import explain_rows
 from contactsense.runtime.plausibility import PlausibleLimits
@@ -148,6 +148,8 @@ class StaticLocalizer:
         options = self._options | AT_REST
         if external:
             options |= EXTERNAL
+        if look_for_sets:
+            options |= DETECT_ONLY
         if not detect:
             threshold = -1.0
         elif not (self._intrinsic or (links and self._plausible.has_link_range)):
@@ -165,6 +167,7 @@ class StaticLocalizer:
             multiple = self._locator.explain(usable, contacts, known, drift)
             if known or len(multiple.contacts) > 1:
                 return multiple
+            self._locate_once(readings, sensor_bits, options & ~(CHECKED | DETECT_ONLY), threshold)
         return self._estimate_builder.contacts(0.0, self._found())
 
     def _refuse_implausible(

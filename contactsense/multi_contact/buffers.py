@@ -7,7 +7,7 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
 from contactsense.multi_contact.joint_layout import CONTACT_LENGTH, LANE_NUMBERS
-from contactsense.multi_contact.pair_layout import FIRST_LENGTH
+from contactsense.multi_contact.pair_layout import FIRST_LENGTH, PAIR_LENGTH, PAIRS
 from contactsense.multi_contact.seed_samples import SeedSamples, choose_seed_samples
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.flat_buffers import zeros
@@ -28,12 +28,11 @@ MAX_SUMMED_PAIRS = 12
 """Maximum number of pairs of links without an optimum that are explanations."""
 MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1 + MAX_SUMMED_PAIRS
 """Maximum number of explanations before ranking."""
-X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE, SIGNED_LIKELIHOOD = range(0, 10 * LANES, LANES)
+X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE, HIGHEST = range(0, 10 * LANES, LANES)
 """Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
 
 `X` to `NZ`: point [m] and outward unit normal, base frame. `GAIN`, `DET`, `NORMAL_FORCE`: see
-`contactsense.multi_contact.link_information.likelihood_near_samples`. `SIGNED_LIKELIHOOD`: see
-`contactsense.multi_contact.pair_likelihood.likelihood_beside_first`.
+`contactsense.multi_contact.link_information.likelihood_near_samples`. `HIGHEST`: scratch.
 """
 BLOCK_LENGTH = 10 * LANES
 """Length of a block."""
@@ -167,12 +166,15 @@ class SeedingBuffers(NamedTuple):
     """Highest `GAIN` on each pair of links."""
     pair_sum: Annotated[Floats, "links, links"]
     """Sum of the likelihoods on each pair of links, relative to exp(`pair_gain`)."""
-    pair_likelihood: Annotated[Floats, f"blocks, blocks, {LANES}, {LANES}"]
+    pair: Annotated[Floats, f"{PAIR_LENGTH}"]
+    """Scratch: the pairs of two blocks, see `contactsense.multi_contact.pair_layout`."""
+    pair_likelihood: Annotated[Floats, f"blocks, blocks, {PAIRS}"]
     """Likelihood of each pair of samples of two blocks, the one on the farther link first; negative
-    where not both push."""
-    pair_reference: Annotated[Floats, f"blocks, blocks, {LANES}"]
-    """Logarithm to which those of a first sample are relative, as `GAIN`; -infinity where all are
-    negligible."""
+    where not both push, zero where there is no such pair."""
+    pair_reference: Annotated[Floats, "blocks, blocks"]
+    """Logarithm to which they are relative, as `GAIN`; -infinity where all are negligible."""
+    pair_bound: Annotated[Floats, "blocks, blocks"]
+    """Scratch: upper bound of the logarithm of the likelihoods that push; -infinity where none is left."""
     place_likelihood: Annotated[Floats, "2, coarse"]
     """Likelihood of each sample as the place of a contact, wherever the other one is: of the contact on the
     farther link, of the other. The sums are one."""

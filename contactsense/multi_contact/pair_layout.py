@@ -1,5 +1,5 @@
-"""Memory layout of a block of first contacts, for `contactsense.multi_contact.pair_likelihood`; see
-`contactsense.localization.simd_layout`."""
+"""Memory layout of a block of first contacts, and of its pairs with a block of second ones, for
+`contactsense.multi_contact.pair_likelihood`; see `contactsense.localization.simd_layout`."""
 
 from contactsense.robots.jit.lanes import LANES
 
@@ -19,3 +19,13 @@ matrix and vector. The first force pushes with `PUSH` - (`Q0` to `Q5`) . (wrench
 """
 FIRST_LENGTH = 53 * LANES
 """Length of a block of first contacts."""
+PAIRS = LANES * LANES
+"""Number of pairs of two blocks; those of the first contact j begin at j * LANES."""
+PAIR_GAIN, PAIR_DET, PAIR_FORCE = range(0, 3 * PAIRS, PAIRS)
+"""Offsets of the quantities of the pairs of two blocks.
+
+`PAIR_GAIN`, `PAIR_DET`: as for a contact near a sample; the gain is -infinity where there is no such pair.
+`PAIR_FORCE`: the smaller one of the two forces along their normals [N].
+"""
+PAIR_LENGTH = 3 * PAIRS
+"""Length of the pairs of two blocks."""

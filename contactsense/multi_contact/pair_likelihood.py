@@ -9,11 +9,9 @@ each sample is then one 3x3 system of equations.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.wrench_information import (
     Block,
     blocks,
@@ -29,16 +27,17 @@ from contactsense.kinematics.wrench_information import (
 from contactsense.multi_contact.pair_layout import (  # isort: skip
     CX, CY, CZ, D00, D01, D02, D10, D11, D12, D20, D21, D22, F0, F00, F1, F10, F11, F2, F20, F21, F22,
     FIRST_DET, FIRST_GAIN, H0, H1, H2, H3, H4, H5, M00, M10, M11, M20, M21, M22, MX, MY, MZ, P0, P1, P10,
-    P2, P20, P21, PUSH, Q0, Q1, Q2, Q3, Q4, Q5, SECOND_DET, SECOND_GAIN,
+    P2, P20, P21, PAIR_DET, PAIR_FORCE, PAIR_GAIN, PAIRS, PUSH, Q0, Q1, Q2, Q3, Q4, Q5, SECOND_DET,
+    SECOND_GAIN,
 )  # fmt: skip
 from contactsense.multi_contact.buffers import (
     DET,
     GAIN,
+    HIGHEST,
     NORMAL_FORCE,
     NX,
     NY,
     NZ,
-    SIGNED_LIKELIHOOD,
     SeedingBuffers,
     X,
     Y,
@@ -55,24 +54,6 @@ from contactsense.multi_contact.force_information import (
 from contactsense.multi_contact.link_information import force_near_sample, force_volume
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
-
-NEGLIGIBLE = 20.0
-"""Log evidence that is lower than another one by this does not count."""
-LOWEST_EXPONENT = -40.0
-"""Nor does exp of less than this."""
-
-
-class PairLikelihoods(NamedTuple):
-    """Likelihoods of the pairs of one first contact and the samples of a block."""
-
-    total: float
-    """Their sum, relative to that of the highest `GAIN` so far; too small unless `higher` is zero."""
-    higher: int
-    """Number of samples with a higher `GAIN`."""
-    near: int
-    """Number of samples whose `GAIN` is not negligible beside that."""
-    high: int
-    """Number of samples whose likelihood, relative to the same, and `NORMAL_FORCE` exceed limits."""
 
 
 @fused_kernel
@@ -211,32 +192,53 @@ def condition_on_first(own: int, link: int, seeding: SeedingBuffers) -> None:
 
 
 @fused_kernel
-def likelihood_beside_first(
+def compare_blocks(
+    filled: int,
+    lanes: int,
+    deviations: tuple[float, float],
+    first: np.ndarray,
+    block: np.ndarray,
+    pairs: np.ndarray,
+) -> float:
+    """Likelihood of each pair of a first contact and a second one near a sample of a block.
+
+    As `contactsense.multi_contact.link_information.likelihood_near_samples`, with what the first contact
+    adds.
+
+    Args:
+        filled: Number of first contacts.
+        lanes: Number of samples of the block; 0 if it is that of the first contacts, each of which has the
+            samples before it.
+        deviations: Standard deviations of the force along the normal and along the tangents [N].
+        first: After `condition_on_first`.
+        block: Of the second contact's link.
+        pairs: Filled, see `contactsense.multi_contact.pair_layout`.
+
+    Returns:
+        The highest gain.
+    """
+    for i in range(filled * LANES, PAIRS):
+        pairs[PAIR_GAIN + i], pairs[PAIR_DET + i], pairs[PAIR_FORCE + i] = -math.inf, 1.0, 0.0
+    for e in range(LANES):
+        block[HIGHEST + e] = -math.inf
+    for j in range(filled):
+        _compare_with_block(j, lanes if lanes > 0 else j, deviations, first, block, pairs)
+    highest: float = block[HIGHEST]
+    for e in range(1, LANES):
+        highest = max(highest, block[HIGHEST + e])
+    return highest
+
+
+@fused_kernel
+def _compare_with_block(
     j: int,
     lanes: int,
     deviations: tuple[float, float],
-    highest: float,
-    limit: float,
-    lowest_force: float,
     first: np.ndarray,
     block: np.ndarray,
-) -> PairLikelihoods:
-    """Likelihood of a pair: a second contact near each sample of a block, beside the j-th first contact.
-
-    Fills `GAIN`, `DET` and `NORMAL_FORCE` as
-    `contactsense.multi_contact.link_information.likelihood_near_samples` does, with what the first contact
-    adds. `NORMAL_FORCE` is the smaller one of both. `SIGNED_LIKELIHOOD` is relative to `highest`, too small
-    unless `higher` is zero, and negative where that force is too low.
-
-    Args:
-        j: The first contact.
-        lanes: Number of samples of the block that count.
-        deviations: Standard deviations of the force along the normal and along the tangents [N].
-        highest: Log likelihood to which others are relative; the highest one so far.
-        limit, lowest_force: For `PairLikelihoods.high`.
-        first: After `condition_on_first`.
-        block: Of the second contact's link.
-    """
+    pairs: np.ndarray,
+) -> None:
+    """The pairs of the j-th first contact and the first `lanes` samples; arguments as above."""
     F = (
         (first[F00 + j], first[F10 + j], first[F20 + j]),
         (first[F10 + j], first[F11 + j], first[F21 + j]),
@@ -257,24 +259,23 @@ def likelihood_beside_first(
     push = first[PUSH + j]
     gain = first[FIRST_GAIN + j] + first[SECOND_GAIN + j]
     det = first[FIRST_DET + j] * first[SECOND_DET + j] * force_volume(deviations)
-    total, higher, near, high = 0.0, 0, 0, 0
+    # Within the block, as the compiler cannot tell that another array does not share its memory.
     for e in range(LANES):
         x, y, z = block[X + e], block[Y + e], block[Z + e]
         n = (block[NX + e], block[NY + e], block[NZ + e])
         f, gain_of_force, det_of_force = force_near_sample(F, D, M, hf, hm, (x, y, z), n, deviations)
-        log_likelihood, squared_volume = gain + gain_of_force, det * det_of_force
-        force = min(-dot(f, n), push - dot(shift_vector(qf, qm, x, y, z), f))
-        block[GAIN + e], block[DET + e], block[NORMAL_FORCE + e] = log_likelihood, squared_volume, force
-        # Within this loop, which is vectorized; a short one of its own would be unrolled instead.
-        exponent = min(max(log_likelihood - highest, LOWEST_EXPONENT), 0.0)
-        likelihood = exponential(exponent) / math.sqrt(squared_volume)
-        counts = e < lanes
-        block[SIGNED_LIKELIHOOD + e] = likelihood if force > lowest_force else -likelihood
-        total += likelihood if counts else 0.0
-        higher += 1 if counts & (log_likelihood > highest) else 0
-        near += 1 if counts & (log_likelihood > highest - NEGLIGIBLE) else 0
-        high += 1 if counts & (likelihood > limit) & (force > lowest_force) else 0
-    return PairLikelihoods(total, higher, near, high)
+        gain_of_pair = gain + gain_of_force if e < lanes else -math.inf
+        block[GAIN + e] = gain_of_pair
+        block[HIGHEST + e] = max(block[HIGHEST + e], gain_of_pair)
+        block[DET + e] = det * det_of_force
+        block[NORMAL_FORCE + e] = min(-dot(f, n), push - dot(shift_vector(qf, qm, x, y, z), f))
+    at = j * LANES
+    for e in range(LANES):
+        pairs[PAIR_GAIN + at + e] = block[GAIN + e]
+    for e in range(LANES):
+        pairs[PAIR_DET + at + e] = block[DET + e]
+    for e in range(LANES):
+        pairs[PAIR_FORCE + at + e] = block[NORMAL_FORCE + e]
 
 
 @inlined_fused_kernel

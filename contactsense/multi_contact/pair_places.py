@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from contactsense.multi_contact.buffers import SeedingBuffers
+from contactsense.multi_contact.pair_layout import PAIRS
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -33,17 +34,13 @@ def find_likeliest_pair(
         for d in range(b + 1):
             if chosen.link[d] != link:
                 continue
-            # The first sample of a block has none before it in the block.
-            for j in range(0 if d < b else 1, chosen.filled[b]):
-                likelihood, best = seeding.pair_likelihood[b, d, j], 0.0
-                lanes = chosen.filled[d] if d < b else j
-                for e in range(lanes):
-                    best = max(best, likelihood[e])
-                scaled = best * math.exp(seeding.pair_reference[b, d, j] - reference)
-                if scaled > highest:
-                    highest, one = scaled, b * LANES + j
-                    for e in range(lanes):
-                        other = d * LANES + e if likelihood[e] == best else other
+            likelihood, best, at = seeding.pair_likelihood[b, d], 0.0, 0
+            scale = math.exp(seeding.pair_reference[b, d] - reference)
+            for i in range(PAIRS if scale > 0.0 else 0):
+                if likelihood[i] > best:
+                    best, at = likelihood[i], i
+            if scale * best > highest:
+                highest, one, other = scale * best, b * LANES + at // LANES, d * LANES + at % LANES
     return one, other
 
 
@@ -77,17 +74,14 @@ def fill_place_likelihood(
         for d in range(b + 1):
             if chosen.link[d] != link:
                 continue
-            # The first sample of a block has none before it in the block.
-            for j in range(0 if d < b else 1, chosen.filled[b]):
-                likelihood = seeding.pair_likelihood[b, d, j]
-                scale = math.exp(seeding.pair_reference[b, d, j] - reference)
-                i = b * LANES + j
-                for e in range(chosen.filled[d] if d < b else j):
-                    x, k = scale * abs(likelihood[e]), d * LANES + e
-                    total += x
-                    swapped = own == link and far[k] > far[i]
-                    place[0, k if swapped else i] += x
-                    place[1, i if swapped else k] += x
+            likelihood = seeding.pair_likelihood[b, d]
+            scale = math.exp(seeding.pair_reference[b, d] - reference)
+            for j in range(PAIRS if scale > 0.0 else 0):
+                x, i, k = scale * abs(likelihood[j]), b * LANES + j // LANES, d * LANES + j % LANES
+                total += x
+                swapped = own == link and far[k] > far[i]
+                place[0, k if swapped else i] += x
+                place[1, i if swapped else k] += x
     for i in range(place.shape[1]):
         place[0, i] /= total
         place[1, i] /= total

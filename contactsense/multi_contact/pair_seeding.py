@@ -6,21 +6,13 @@ import math
 import numpy as np
 
 from contactsense.kinematics.exponential import exponential
-from contactsense.multi_contact.buffers import (
-    DET,
-    GAIN,
-    NORMAL_FORCE,
-    SIGNED_LIKELIHOOD,
-    MeasurementRows,
-    SeedingBuffers,
-)
-from contactsense.multi_contact.link_information import fill_link_information, fill_sample_blocks, log_gain
+from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.link_information import fill_link_information, fill_sample_blocks
+from contactsense.multi_contact.pair_layout import PAIR_DET, PAIR_FORCE, PAIR_GAIN, PAIRS
 from contactsense.multi_contact.pair_likelihood import (
-    LOWEST_EXPONENT,
-    PairLikelihoods,
+    compare_blocks,
     condition_on_first,
     fill_cross_information,
-    likelihood_beside_first,
     take_first_contacts,
 )
 from contactsense.multi_contact.sample_likelihood import copy_lower, force_deviations
@@ -29,8 +21,10 @@ from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 
-EXPONENTIAL_ERROR = 1e-3
-"""More than twice the relative error of `contactsense.kinematics.exponential`."""
+NEGLIGIBLE = 20.0
+"""Log likelihood that is lower than another one on the same links by this does not count."""
+LOWEST_EXPONENT = -40.0
+"""Nor does exp of less than this."""
 
 
 @fused_kernel
@@ -45,10 +39,6 @@ def seed_pairs(
 ) -> None:
     """Every pair of the coarse samples: seeds of two contacts, or the beam for three."""
     chosen, gain = seed_samples.coarse, seeding.pair_gain
-    scores, seeds = seeding.seed_score, seeding.seed
-    if count > 2:
-        scores, seeds = seeding.beam_score, seeding.beam
-        scores[:] = -math.inf
     # Beside a third contact they may push after all.
     lowest_force = 0.0 if count == 2 else -math.inf
     deviations = force_deviations(force_scale, friction_ratio)
@@ -63,34 +53,11 @@ def seed_pairs(
             if chosen.link[d] != link:
                 link = chosen.link[d]
                 condition_on_first(own, link, seeding)
-            block = seeding.block[d]
-            # The first sample of a block has none before it in the block.
-            for j in range(0 if d < b else 1, chosen.filled[b]):
-                lanes = chosen.filled[d] if d < b else j
-                highest = gain[own, link]
-                limit = _likelihood_limit(scores[-1] - base - highest)
-                found = likelihood_beside_first(
-                    j, lanes, deviations, highest, limit, lowest_force, seeding.first, block
-                )
-                _add_pair_evidence(found, block, lanes, gain[own], seeding.pair_sum[own], link)
-                seeding.pair_reference[b, d, j] = gain[own, link] if found.near > 0 else -math.inf
-                if found.near > 0:
-                    likelihood = seeding.pair_likelihood[b, d, j]
-                    for e in range(LANES):
-                        likelihood[e] = block[SIGNED_LIKELIHOOD + e]
-                if found.high == 0 and found.higher == 0:
-                    continue
-                for e in range(lanes):
-                    # Cheaper than the score.
-                    may_count = base + block[GAIN + e] > scores[-1]
-                    if not (may_count and block[NORMAL_FORCE + e] > lowest_force):
-                        continue
-                    score, samples = base + log_gain(block, e), (chosen.sample[b, j], chosen.sample[d, e], 0)
-                    slot = find_slot(
-                        seed_samples.primitive, seeding.point_normal, 2, score, samples, scores, seeds
-                    )
-                    if slot >= 0:
-                        put_seed(score, samples, slot, scores, seeds)
+            highest = compare_blocks(
+                chosen.filled[b], chosen.filled[d] if d < b else 0, deviations, seeding.first,
+                seeding.block[d], seeding.pair,
+            )  # fmt: skip
+            _add_pair_evidence((b, d), (own, link), highest, lowest_force, seeding)
     seeding.pair_evidence[:] = -math.inf
     for k in range(gain.shape[0]):
         for link in range(k + 1):
@@ -100,6 +67,10 @@ def seed_pairs(
                 seeding.pair_evidence[k, link] = (
                     base + gain[k, link] + math.log(seeding.pair_sum[k, link] * cells * cells)
                 )
+    if count == 2:
+        _choose_seeds(seed_samples, base, seeding, seeding.seed_score, seeding.seed)
+    else:
+        _choose_seeds(seed_samples, base, seeding, seeding.beam_score, seeding.beam)
 
 
 @fused_kernel
@@ -116,40 +87,91 @@ def take_samples(
 
 
 @fused_kernel
-def _likelihood_limit(log_limit: float) -> float:
-    """A likelihood that those with a logarithm above a limit exceed.
+def _add_pair_evidence(
+    at: tuple[int, int], links: tuple[int, int], highest: float, lowest_force: float, seeding: SeedingBuffers
+) -> None:
+    """Add the likelihoods of the pairs of two blocks to those of their links, and fill `pair_likelihood`,
+    `pair_reference` and `pair_bound`.
 
-    It spares most logarithms of determinants, of which a score needs one.
+    Args:
+        at, links: The blocks, and their links.
+        highest: The highest gain of a pair.
+        lowest_force: Both forces must exceed this along their normals [N].
+        seeding: With the pairs in `pair`. The logarithm of the sum over all pairs of two links is
+            `pair_gain` + log(`pair_sum`).
     """
-    if not log_limit > LOWEST_EXPONENT:
-        return 0.0
-    return float(exponential(log_limit) * (1.0 - EXPONENTIAL_ERROR))
+    pairs, out = seeding.pair, seeding.pair_likelihood[at]
+    reference = seeding.pair_gain[links]
+    seeding.pair_bound[at] = seeding.pair_reference[at] = -math.inf
+    if not highest > reference - NEGLIGIBLE:
+        return
+    if highest > reference:
+        seeding.pair_sum[links] *= math.exp(reference - highest)
+        seeding.pair_gain[links] = reference = highest
+    total, pushing = 0.0, 0.0
+    for i in range(PAIRS):
+        exponent = max(pairs[PAIR_GAIN + i] - reference, LOWEST_EXPONENT)
+        likelihood = exponential(exponent) / math.sqrt(pairs[PAIR_DET + i])
+        likelihood = likelihood if pairs[PAIR_GAIN + i] > -math.inf else 0.0
+        pushes = pairs[PAIR_FORCE + i] > lowest_force
+        total += likelihood
+        pushing += likelihood if pushes else 0.0
+        out[i] = likelihood if pushes else -likelihood
+    seeding.pair_sum[links] += total
+    seeding.pair_reference[at] = reference
+    if pushing > 0.0:
+        seeding.pair_bound[at] = reference + math.log(pushing)
 
 
 @fused_kernel
-def _add_pair_evidence(
-    found: PairLikelihoods, block: np.ndarray, lanes: int, reference: np.ndarray, total: np.ndarray, link: int
+def _choose_seeds(
+    seed_samples: SeedSamples, base: float, seeding: SeedingBuffers, scores: np.ndarray, seeds: np.ndarray
 ) -> None:
-    """Add the likelihoods of pairs of one sample and the first `lanes` samples of a block to those of a link.
-
-    `SIGNED_LIKELIHOOD` becomes relative to the new `reference`.
+    """Fill the list of seeds, or the beam: from the best blocks down until it is full, then from all.
 
     Args:
-        found, block: After `likelihood_beside_first`.
-        lanes: Number of its samples.
-        reference, total: The logarithm of the sum over all pairs is reference[link] + log(total[link]).
-        link: That of the block.
+        seed_samples: The samples.
+        base: Log likelihood without contacts.
+        seeding: After `_add_pair_evidence` of all blocks; `pair_bound` of those that are used up becomes
+            -infinity.
+        scores, seeds: The list.
     """
-    if found.higher > 0:
-        highest, added = reference[link], 0.0
-        for e in range(lanes):
-            highest = max(highest, block[GAIN + e])
-        for e in range(lanes):
-            exponent = max(block[GAIN + e] - highest, LOWEST_EXPONENT)
-            likelihood = exponential(exponent) / math.sqrt(block[DET + e])
-            block[SIGNED_LIKELIHOOD + e] = math.copysign(likelihood, block[SIGNED_LIKELIHOOD + e])
-            added += likelihood
-        total[link] = total[link] * math.exp(reference[link] - highest) + added
-        reference[link] = highest
-    elif found.near > 0:
-        total[link] += found.total
+    bound = seeding.pair_bound
+    scores[:] = -math.inf
+    while scores[-1] == -math.inf:
+        best, at = -math.inf, (0, 0)
+        for b in range(bound.shape[0]):
+            for d in range(b + 1):
+                if bound[b, d] > best:
+                    best, at = bound[b, d], (b, d)
+        if best == -math.inf:
+            return
+        _add_seeds(seed_samples, base, at, seeding, scores, seeds)
+    for b in range(bound.shape[0]):
+        for d in range(b + 1):
+            if base + bound[b, d] > scores[-1]:
+                _add_seeds(seed_samples, base, (b, d), seeding, scores, seeds)
+
+
+@fused_kernel
+def _add_seeds(
+    seed_samples: SeedSamples,
+    base: float,
+    at: tuple[int, int],
+    seeding: SeedingBuffers,
+    scores: np.ndarray,
+    seeds: np.ndarray,
+) -> None:
+    """Add the pairs of two blocks to the list of seeds where they are good enough; arguments as above."""
+    seeding.pair_bound[at] = -math.inf
+    sample, likelihood = seed_samples.coarse.sample, seeding.pair_likelihood[at]
+    reference = base + seeding.pair_reference[at]
+    limit = math.exp(scores[-1] - reference)
+    for i in range(PAIRS):
+        if likelihood[i] > limit:
+            score = reference + math.log(likelihood[i])
+            samples = sample[at[0], i // LANES], sample[at[1], i % LANES], 0
+            slot = find_slot(seed_samples.primitive, seeding.point_normal, 2, score, samples, scores, seeds)
+            if slot >= 0:
+                put_seed(score, samples, slot, scores, seeds)
+                limit = math.exp(scores[-1] - reference)

@@ -26,6 +26,11 @@ from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LARGEST_UNLISTED = 20.0
 """Upper bound of the log odds of what is not among the explanations."""
+MIN_SEPARATION = 0.3
+"""Distance below which two places are one, in standard deviations of the more certain one.
+
+Optima on neighbouring primitives are often a millimetre apart where places are uncertain by centimetres.
+"""
 
 
 @fused_kernel
@@ -186,7 +191,7 @@ def _is_duplicate_set(
 ) -> bool:
     """Whether one of the first `count_kept` explanations has the same contacts.
 
-    In any order, within `min_separation` [m].
+    In any order, within `min_separation` [m] or `MIN_SEPARATION` of their standard deviations.
     """
     for i in range(count_kept):
         u = explanations.order[i]
@@ -195,15 +200,23 @@ def _is_duplicate_set(
         near = 0
         for a in range(explanations.contacts[t]):
             for b in range(explanations.contacts[t]):
-                dx = explanations.point[u, b, 0] - explanations.point[t, a, 0]
-                dy = explanations.point[u, b, 1] - explanations.point[t, a, 1]
-                dz = explanations.point[u, b, 2] - explanations.point[t, a, 2]
-                if (
-                    link[explanations.primitive[u, b]] == link[explanations.primitive[t, a]]
-                    and dx * dx + dy * dy + dz * dz < min_separation * min_separation
+                if link[explanations.primitive[u, b]] == link[explanations.primitive[t, a]] and _are_close(
+                    explanations, (u, b), (t, a), min_separation
                 ):
                     near += 1
                     break
         if near == explanations.contacts[t]:
             return True
     return False
+
+
+@fused_kernel
+def _are_close(
+    explanations: Explanations, first: tuple[int, int], second: tuple[int, int], min_separation: float
+) -> bool:
+    """Whether two contacts, each given by explanation and index in it, are at one place."""
+    c, d = explanations.point[first], explanations.point[second]
+    C, D = explanations.covariance[first], explanations.covariance[second]
+    variance = min(C[0, 0] + C[1, 1] + C[2, 2], D[0, 0] + D[1, 1] + D[2, 2])
+    distance2 = (c[0] - d[0]) ** 2 + (c[1] - d[1]) ** 2 + (c[2] - d[2]) ** 2
+    return bool(distance2 < max(min_separation**2, MIN_SEPARATION**2 * variance))

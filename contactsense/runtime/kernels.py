@@ -1,6 +1,7 @@
 """The compiled functions that Python calls, once per sample or once per batch. Each first makes views of the
 flat buffers."""
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -32,13 +33,13 @@ from contactsense.sensors.stream_state import (
 )
 from contactsense.tracking.contact_tracker import end_contact
 
-GATE, SCREENED, DETECTED, AT_REST, EXTERNAL, CHECKED = 1, 2, 4, 8, 16, 32
+GATE, SCREENED, DETECTED, AT_REST, EXTERNAL, CHECKED, DETECT_ONLY = 1, 2, 4, 8, 16, 32, 64
 """Options of `process`, bits of one number. `GATE`: as `gate` of
 `contactsense.runtime.explanation.explain_sample`. `SCREENED`: the readings are known to be plausible;
 otherwise that is checked, and a sample whose readings may not be is not used. `DETECTED`: a contact has been
 detected in the stream's newest sample, which is explained; no sample is taken. `AT_REST`: it is no sample of
 the stream, but one measurement of an arm at rest; `EXTERNAL` and `CHECKED` are then those of
-`contactsense.runtime.measurement.take_measurement`."""
+`contactsense.runtime.measurement.take_measurement`, and `DETECT_ONLY`: a contact in it is not explained."""
 
 BatchOutputs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Of each of N measurements: energy of the no-contact hypothesis, shape (N,); probability of each link, shape
@@ -126,7 +127,8 @@ def _explain_measurement(
     if unusable:
         return unusable
     rows = state.answer.rows
-    listed, energy = explain_sample(buffers, skin, usable, 1.0, options & GATE != 0, threshold, rows)
+    unexplained = math.inf if options & DETECT_ONLY else threshold
+    listed, energy = explain_sample(buffers, skin, usable, 1.0, options & GATE != 0, unexplained, rows)
     if energy <= threshold:
         return UNTOUCHED
     store_first(listed, rows, state.hypotheses, constants.surfaces.start, state.answer)

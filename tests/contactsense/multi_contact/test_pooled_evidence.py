@@ -74,6 +74,14 @@ def test_seeds_that_end_in_one_optimum_count_once() -> None:
     np.testing.assert_allclose(same, unlisted, rtol=1e-12)
 
 
+@pytest.mark.parametrize(("deviations", "is_one"), [(0.25, True), (0.4, False)])
+def test_places_far_closer_than_they_are_certain_are_one(deviations: float, is_one: bool) -> None:
+    deviation = np.sqrt(np.trace(_explanations([(0.0, (3, 1), 0.0)]).covariance[0, 1]))
+    optima = [(2.0, (3, 1), 0.0), (1.9, (3, 1), deviations * deviation), (1.0, (2, 1), 0.0)]
+    score, _ = _pooled(optima, _evidence(l31=0.0, l21=1.0))
+    assert (score[1] == -np.inf) == is_one
+
+
 def test_links_without_an_explanation_keep_their_share_of_the_samples() -> None:
     evidence = _evidence(l31=0.0, l20=np.log(0.25), l11=np.log(0.125))
     score, unlisted = _pooled([(2.0, (3, 1), 0.0)], evidence)
