@@ -1,5 +1,6 @@
 """Settings of the sensors: poses, meaning of the signals, noise, and results of calibration."""
 
+import re
 from typing import Annotated, Literal
 
 import numpy as np
@@ -7,7 +8,6 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
-    Field,
     NonNegativeFloat,
     PositiveFloat,
     field_validator,
@@ -110,9 +110,9 @@ class WrenchSensor(Part):
 class LinkWrenchSensor(WrenchSensor):
     """A six-axis force/torque sensor between two links of the arm."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-    """Name of the sensor: small letters, digits and underscores, neither `base` nor `wrist`. The readings in
-    a recording are the columns `NAME_wrench_0` to `NAME_wrench_5`."""
+    name: str
+    """Name of the sensor: small letters, digits and underscores, a letter first; neither `base` nor `wrist`.
+    The readings in a recording are the columns `NAME_wrench_0` to `NAME_wrench_5`."""
     link: str
     """The link at whose proximal end the sensor sits, beyond the joint that moves the link: any of the arm's
     but the first, which `base_wrench` carries. The sensor carries that whole link and everything distal to
@@ -129,6 +129,8 @@ class LinkWrenchSensor(WrenchSensor):
     @field_validator("name")
     @classmethod
     def _is_free(cls, name: str) -> str:
+        if re.fullmatch("[a-z][a-z0-9_]*", name) is None:
+            raise ValueError(f"expected small letters, digits and underscores, a letter first, got {name!r}")
         if name in ("base", "wrist"):
             raise ValueError(f"expected a name other than base and wrist, got {name!r}")
         return name

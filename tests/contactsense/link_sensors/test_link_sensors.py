@@ -249,8 +249,11 @@ def test_arguments_are_checked(localizer: Localizer) -> None:
             r"^link_wrenches\[0\]\.link: expected one of shoulder, .*got 'elbow'",
         ),
         ({"name": "a", "link": "base"}, r"^link_wrenches\[0\]\.link: expected one of shoulder"),
+        (
+            {"name": "Elbow 1", "link": "forearm"},
+            r"^link_wrenches\[0\]\.name: expected small letters.*'Elbow 1'$",
+        ),
         ({"name": "wrist", "link": "forearm"}, r"^link_wrenches\[0\]\.name: expected a name other than base"),
-        ({"name": "A b", "link": "forearm"}, r"^link_wrenches\[0\]\.name: "),
         ({"link": "forearm"}, r"^link_wrenches\[0\]\.name: expected a value, the field is missing"),
     ],
 )
