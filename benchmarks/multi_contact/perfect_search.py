@@ -131,17 +131,19 @@ def _optimize_from(
     """Log evidence of the contacts at which the optimization ends; they remain in lane 0 of
     `buffers.joint`."""
     constants, state = buffer_views(kernel_buffers)
-    surfaces, joint, seeding = constants.surfaces, buffers.joint, buffers.seeding
+    surfaces, prior, joint, seeding = constants.surfaces, constants.prior, buffers.joint, buffers.seeding
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
     count = primitive.shape[0]
     for i in range(known_count):
-        initialize_known_contact(surfaces, frames, buffers.known, joint, seeding.known_normal[i], 1.0, 0, i)
-    prior_log_evidence = known_evidence(surfaces, constants.prior, buffers.rows, known_count, joint)
+        initialize_known_contact(
+            surfaces, prior, frames, buffers.known, joint, seeding.known_normal[i], 1.0, 0, i
+        )
+    prior_log_evidence = known_evidence(surfaces, prior, buffers.rows, known_count, joint)
     for i in range(count):
         c, f = point[i], force[i]
         if i < known_count:
             initialize_known_contact(
-                surfaces, frames, buffers.known, joint, seeding.known_normal[i], 1.0, 0, i
+                surfaces, prior, frames, buffers.known, joint, seeding.known_normal[i], 1.0, 0, i
             )
         else:
             set_contact(surfaces, frames, joint, 0, i, primitive[i], (c[0], c[1], c[2]), (0.0, 0.0, 0.0))
@@ -150,10 +152,8 @@ def _optimize_from(
             joint.contact[i, FX + k * LANES] = push[k]
     best: float = -math.inf
     for _ in range(MAX_RESTARTS):
-        fill_set_evidence(surfaces, constants.prior, buffers.rows, m, known_count, count, 1, math.inf, joint)
-        add_accessibility(
-            surfaces, constants.deviations, frames, constants.prior, known_count, count, 1, joint
-        )
+        fill_set_evidence(surfaces, prior, buffers.rows, m, known_count, count, 1, math.inf, joint)
+        add_accessibility(surfaces, constants.deviations, frames, prior, known_count, count, 1, joint)
         score = joint.lane[LOG_EVIDENCE, 0]
         if score <= best + MIN_GAIN:
             break

@@ -99,7 +99,7 @@ def search_contact_sets(
     surfaces, frames = scene.surfaces, PrimitiveFrames(candidates.rotation, candidates.origin)
     for i in range(known_count):
         initialize_known_contact(
-            surfaces, frames, known_contacts, joint, seeding.known_normal[i], force_scale, 0, i
+            surfaces, prior, frames, known_contacts, joint, seeding.known_normal[i], force_scale, 0, i
         )
     initialize_seeding(
         surfaces.link, prior.friction_ratio, known_contacts, known_count, force_scale, rows, m, seeding
@@ -216,7 +216,15 @@ def _initialize(
     candidates, joint = buffers.candidates, buffers.joint
     for i in range(known_count):
         initialize_known_contact(
-            surfaces, frames, buffers.known, joint, buffers.seeding.known_normal[i], force_scale, lane, i
+            surfaces,
+            prior,
+            frames,
+            buffers.known,
+            joint,
+            buffers.seeding.known_normal[i],
+            force_scale,
+            lane,
+            i,
         )
     if s >= candidates_used:
         initialize_from_seed(

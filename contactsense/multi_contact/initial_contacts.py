@@ -12,11 +12,24 @@ from contactsense.multi_contact.buffers import (
     PrimitiveFrames,
 )
 from contactsense.multi_contact.contact_step import set_contact, vector_of
-from contactsense.multi_contact.joint_layout import FORCE_INFORMATION, FX, GX, I00, MX, NX, PX, SX, TX
+from contactsense.multi_contact.joint_layout import (
+    EXTENT,
+    FORCE_INFORMATION,
+    FORCE_PRIOR,
+    FX,
+    GX,
+    I00,
+    MX,
+    NX,
+    PX,
+    SX,
+    TX,
+)
 from contactsense.multi_contact.sample_likelihood import initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.vectors import dot
 from contactsense.solvers.posterior import Prior, pushing_force
 
 MIN_POINT_DEVIATION = 1e-4
@@ -26,6 +39,7 @@ MIN_POINT_DEVIATION = 1e-4
 @fused_kernel
 def initialize_known_contact(
     surfaces: Surfaces,
+    prior: Prior,
     frames: PrimitiveFrames,
     known_contacts: KnownContacts,
     joint: JointState,
@@ -37,23 +51,43 @@ def initialize_known_contact(
     """Initialize contact i of a lane with known contact i: point, force and their priors.
 
     Without a prior of the force, the initial force is a push of the given scale [N]. `normal` is filled
-    with the outward normal.
+    with the outward normal. The stated covariance of the point contains what the extent of the primitive and
+    the friction of the earlier force tell of it.
     """
     c, f, block = known_contacts.point[i], known_contacts.force[i], joint.contact[i]
     point, force = (c[0], c[1], c[2]), (f[0], f[1], f[2])
     set_contact(surfaces, frames, joint, lane, i, known_contacts.primitive[i], point, force)
     n, place = vector_of(block, NX, lane), vector_of(block, PX, lane)
     normal[0], normal[1], normal[2] = n
-    start = force
-    if known_contacts.drift[i] < math.inf:
-        block[FORCE_INFORMATION + lane] = 1.0 / known_contacts.drift[i] ** 2
+    drift = known_contacts.drift[i]
+    if drift < math.inf:
+        start = pushing_force(force, n)
+        block[FORCE_INFORMATION + lane] = 1.0 / drift**2
+        block[FORCE_PRIOR + lane] = new_share_of_prior(drift, -prior.friction_ratio * dot(start, n))
     else:
         start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
-    start = pushing_force(start, n)
+    block[EXTENT + lane] = 0.0
     for k in range(3):
         at = k * LANES + lane
         block[MX + at], block[GX + at], block[FX + at] = place[k], f[k], start[k]
     _fill_point_information(known_contacts.covariance[i], lane, block)
+
+
+@fused_kernel
+def new_share_of_prior(drift: float, deviation: float) -> float:
+    """Weight with which the prior of a quantity counts again after the quantity has changed.
+
+    The quantity a had the normal prior N(a; 0, s^2), which the earlier estimate contains. It has become b
+    with p(b | a) = N(b; a, d^2) N(b; 0, s^2) / Z(a), Z(a) = N(a; 0, s^2 + d^2) up to a constant: of the
+    changes, those against the prior are less probable. Where b is near a, N(b; 0, s^2) / Z(b) is the prior to
+    the power d^2 / (s^2 + d^2). Without it, each sample would count the friction of the same force once more,
+    and on a curved surface friction tells the place.
+
+    Args:
+        drift: Standard deviation d of the change.
+        deviation: That of the prior, s.
+    """
+    return drift * drift / (drift * drift + deviation * deviation)
 
 
 @fused_kernel

@@ -26,8 +26,8 @@ from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
-    ACTIVE, BNX, BNY, BNZ, BX, BY, BZ, ENERGY, EXTENT, FORCE_INFORMATION, FX, FY, FZ, GX, GY, GZ, I00, I10,
-    I11, I20, I21, I22, JACOBIAN, LOG_FORCE, LOG_TAIL, MX, MY, MZ, NX, NY, NZ, OFFSET, PRIOR_ENERGY,
+    ACTIVE, BNX, BNY, BNZ, BX, BY, BZ, ENERGY, EXTENT, FORCE_INFORMATION, FORCE_PRIOR, FX, FY, FZ, GX, GY, GZ,
+    I00, I10, I11, I20, I21, I22, JACOBIAN, LOG_FORCE, LOG_TAIL, MX, MY, MZ, NX, NY, NZ, OFFSET, PRIOR_ENERGY,
     PRIOR_GRADIENT, PRIOR_MATRIX, PX, PY, PZ, R00, R01, R02, R10, R11, R12, R20, R21, R22, S00, S01, S02, S11,
     S12, S22, SQUARED_RATIO, SX, SY, SZ, TORSION, TX, TY, TZ, W0, W1, W2, W3, W4, W5,
 )  # fmt: skip
@@ -111,7 +111,8 @@ def _prior_energies_and_wrenches(prior: Prior, block: np.ndarray) -> None:
         block[LOG_TAIL + j] = math.log(1.0 + block[SQUARED_RATIO + j] / STUDENT_DOF)
     for j in range(LANES):
         log_force = block[LOG_FORCE + j]
-        block[PRIOR_ENERGY + j] += 0.5 * (log_force * log_force + (STUDENT_DOF + 2.0) * block[LOG_TAIL + j])
+        energy = log_force * log_force + (STUDENT_DOF + 2.0) * block[LOG_TAIL + j]
+        block[PRIOR_ENERGY + j] += 0.5 * block[FORCE_PRIOR + j] * energy
 
 
 @fused_kernel
@@ -229,14 +230,17 @@ def _linearize_contacts(prior: Prior, block: np.ndarray) -> None:
         # Priors. With constant force and torsion, a step turns the normal and changes the ratios.
         q1, q2 = -(alpha * k11 + beta * k12), -(alpha * k12 + beta * k22)
         chi = xi * inverse_lever / F
+        weight = block[FORCE_PRIOR + j]
         # Weight of the Student t term: the factor that gives a quadratic the same gradient.
-        ww = (STUDENT_DOF + 2.0) / (
-            STUDENT_DOF + (alpha * alpha + beta * beta) * inverse_ratio * inverse_ratio
+        ww = (
+            weight
+            * (STUDENT_DOF + 2.0)
+            / (STUDENT_DOF + (alpha * alpha + beta * beta) * inverse_ratio * inverse_ratio)
         )
         a4, a5 = inverse_ratio * (k11 - alpha * q1), inverse_ratio * (k12 - alpha * q2)
         b4, b5 = inverse_ratio * (k12 - beta * q1), inverse_ratio * (k22 - beta * q2)
         ra, rb = ww * inverse_ratio * alpha, ww * inverse_ratio * beta
-        lf, one = block[LOG_FORCE + j], 1.0 + chi * chi
+        lf, one = weight * block[LOG_FORCE + j], weight + chi * chi
         d0, d1, d2 = (
             block[PX + j] - block[MX + j],
             block[PY + j] - block[MY + j],
@@ -265,18 +269,18 @@ def _linearize_contacts(prior: Prior, block: np.ndarray) -> None:
         block[g + 5 * LANES] = lf * q2 - chi * chi * q2 + ra * a5 + rb * b5 + r0 * d0 + r1 * d1 + r2 * d2
         block[g + 6 * LANES] = h / deviation
         H = PRIOR_MATRIX + j
-        block[H] = 1.0 + info * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+        block[H] = weight + info * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
         block[H + LANES] = info * (f[0] * a[0] + f[1] * a[1] + f[2] * a[2])
         block[H + 2 * LANES] = ww + info * scale * scale
         block[H + 3 * LANES] = info * (f[0] * b[0] + f[1] * b[1] + f[2] * b[2])
         block[H + 5 * LANES] = ww + info * scale * scale
         block[H + 9 * LANES] = 1.0
-        block[H + 10 * LANES], block[H + 11 * LANES], block[H + 12 * LANES] = q1, ww * a4, ww * b4
+        block[H + 10 * LANES], block[H + 11 * LANES], block[H + 12 * LANES] = weight * q1, ww * a4, ww * b4
         block[H + 13 * LANES] = -chi * q1
         block[H + 14 * LANES] = (
             one * q1 * q1 + ww * (a4 * a4 + b4 * b4) + p0 * s[0] + p1 * s[1] + p2 * s[2] + block[EXTENT + j]
         )
-        block[H + 15 * LANES], block[H + 16 * LANES], block[H + 17 * LANES] = q2, ww * a5, ww * b5
+        block[H + 15 * LANES], block[H + 16 * LANES], block[H + 17 * LANES] = weight * q2, ww * a5, ww * b5
         block[H + 18 * LANES] = -chi * q2
         block[H + 19 * LANES] = one * q1 * q2 + ww * (a4 * a5 + b4 * b5) + p0 * t[0] + p1 * t[1] + p2 * t[2]
         block[H + 20 * LANES] = (

@@ -1,4 +1,4 @@
-"""Log evidence of a known contact before the measurement."""
+"""Known contacts before the measurement: their log evidence, and their places."""
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from contactsense.multi_contact.buffers import (
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.initial_contacts import initialize_known_contact
+from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
 from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots.primitives import Sphere
 from contactsense.runtime.constants import Constants, build_constants
@@ -39,19 +40,38 @@ def _constants() -> tuple[Constants, State, MultiContactBuffers]:
     return constants, state, empty_multi_contact_buffers(constants)
 
 
-def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
-    """Log evidence of one contact on the sphere before any measurement, and the prior's area."""
+def known_before_measurement(
+    covariance: np.ndarray, force: np.ndarray, drift: float
+) -> tuple[float, np.ndarray]:
+    """Log evidence of one contact on the sphere before any measurement, times the prior's area; and the
+    covariance of its place along two tangents."""
     constants, state, buffers = _constants()
+    surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
     known = buffers.known
     known.primitive[0], known.drift[0] = 0, drift
     known.point[0], known.force[0] = CENTER + RADIUS * NORMAL, force
     known.covariance[0] = covariance
-    initialize_known_contact(
-        constants.surfaces, frames, known, buffers.joint, buffers.seeding.known_normal[0], 10.0, 0, 0
-    )
-    log_evidence = known_evidence(constants.surfaces, constants.prior, buffers.rows, 1, buffers.joint)
-    return float(log_evidence) + float(np.log(constants.prior.area))
+    normal = buffers.seeding.known_normal[0]
+    initialize_known_contact(surfaces, prior, frames, known, joint, normal, 10.0, 0, 0)
+    log_evidence = known_evidence(surfaces, prior, buffers.rows, 1, joint)
+    fill_covariances(1, joint)
+    places = np.array([[covariance_of(joint, a, b, 0) for b in range(2)] for a in range(2)])
+    return float(log_evidence) + float(np.log(prior.area)), places
+
+
+def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
+    """Log evidence, as above."""
+    return known_before_measurement(covariance, force, drift)[0]
+
+
+@pytest.mark.parametrize("drift", [0.1, 0.5, np.inf])
+@pytest.mark.parametrize("sigma", [0.003, 0.02])
+def test_without_a_measurement_the_place_stays_as_uncertain_as_it_was(sigma: float, drift: float) -> None:
+    """What the earlier estimate has concluded from friction does not count again."""
+    force = -20.0 * NORMAL + 3.0 * np.cross(NORMAL, (1.0, 0.0, 0.0))
+    _, places = known_before_measurement(sigma**2 * np.eye(3), force, drift)
+    np.testing.assert_allclose(np.linalg.eigvalsh(places), sigma**2, rtol=0.02)
 
 
 @pytest.mark.parametrize("sigma", [0.003, 0.006])
@@ -71,8 +91,10 @@ def test_the_evidence_of_a_known_force_agrees_with_monte_carlo() -> None:
     draws = force + drift * rng.standard_normal((200_000, 3))
     normal_force = -draws @ NORMAL
     squared_ratio = ((draws**2).sum(axis=1) - normal_force**2) / (prior.friction_ratio * normal_force) ** 2
-    log_density = -0.5 * np.log(normal_force / prior.force) ** 2 - 3.0 * np.log1p(squared_ratio / 4.0)
-    log_density -= np.log(normal_force**3 * prior.friction_ratio**2)
+    # The force has changed by far less than friction permits, so that its prior hardly counts again.
+    weight = 0.5**2 / (0.5**2 + (25.0 * prior.friction_ratio) ** 2)
+    log_prior = -0.5 * np.log(normal_force / prior.force) ** 2 - 3.0 * np.log1p(squared_ratio / 4.0)
+    log_density = weight * log_prior - np.log(normal_force**3 * prior.friction_ratio**2)
     expected = np.log(np.mean(np.exp(log_density))) + 3.0 * np.log(drift)
     assert known - without == pytest.approx(expected, abs=0.05)
 
