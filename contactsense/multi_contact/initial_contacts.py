@@ -12,28 +12,13 @@ from contactsense.multi_contact.buffers import (
     PrimitiveFrames,
 )
 from contactsense.multi_contact.contact_step import set_contact, vector_of
-from contactsense.multi_contact.joint_layout import (
-    EXTENT,
-    FORCE_INFORMATION,
-    FORCE_PRIOR,
-    FX,
-    GX,
-    I00,
-    MX,
-    NX,
-    PX,
-    SX,
-    TX,
-)
+from contactsense.multi_contact.joint_layout import EXTENT, FORCE_PRIOR, FX, MOMENT_PRIOR, NX, TORSION
 from contactsense.multi_contact.sample_likelihood import initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import dot
 from contactsense.solvers.posterior import Prior, pushing_force
-
-MIN_POINT_DEVIATION = 1e-4
-"""Lower bound of the standard deviation of a known point [m]."""
 
 
 @fused_kernel
@@ -43,34 +28,31 @@ def initialize_known_contact(
     frames: PrimitiveFrames,
     known_contacts: KnownContacts,
     joint: JointState,
-    normal: np.ndarray,
+    drift: float,
     force_scale: float,
     lane: int,
     i: int,
 ) -> None:
-    """Initialize contact i of a lane with known contact i: point, force and their priors.
+    """Initialize contact i of a lane with known contact i.
 
-    Without a prior of the force, the initial force is a push of the given scale [N]. `normal` is filled
-    with the outward normal. The stated covariance of the point contains what the extent of the primitive and
-    the friction of the earlier force tell of it.
+    What is known of it is in `joint.known_rows`; the priors that all contacts have count again only as far as
+    its force has changed, and the extent of the primitive not at all. If the force is a new one (infinite
+    `drift`), the initial one is a push of the given scale [N].
     """
     c, f, block = known_contacts.point[i], known_contacts.force[i], joint.contact[i]
     point, force = (c[0], c[1], c[2]), (f[0], f[1], f[2])
     set_contact(surfaces, frames, joint, lane, i, known_contacts.primitive[i], point, force)
-    n, place = vector_of(block, NX, lane), vector_of(block, PX, lane)
-    normal[0], normal[1], normal[2] = n
-    drift = known_contacts.drift[i]
+    n = vector_of(block, NX, lane)
     if drift < math.inf:
         start = pushing_force(force, n)
-        block[FORCE_INFORMATION + lane] = 1.0 / drift**2
+        block[TORSION + lane] = known_contacts.torsion[i]
         block[FORCE_PRIOR + lane] = new_share_of_prior(drift, -prior.friction_ratio * dot(start, n))
+        block[MOMENT_PRIOR + lane] = 0.0
     else:
         start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
     block[EXTENT + lane] = 0.0
     for k in range(3):
-        at = k * LANES + lane
-        block[MX + at], block[GX + at], block[FX + at] = place[k], f[k], start[k]
-    _fill_point_information(known_contacts.covariance[i], lane, block)
+        block[FX + k * LANES + lane] = start[k]
 
 
 @fused_kernel
@@ -88,24 +70,6 @@ def new_share_of_prior(drift: float, deviation: float) -> float:
         deviation: That of the prior, s.
     """
     return drift * drift / (drift * drift + deviation * deviation)
-
-
-@fused_kernel
-def _fill_point_information(C: np.ndarray, lane: int, block: np.ndarray) -> None:
-    """Information matrix of a point: inverse of its covariance C in the tangent plane."""
-    s, t = vector_of(block, SX, lane), vector_of(block, TX, lane)
-    aa, ab, bb = MIN_POINT_DEVIATION * MIN_POINT_DEVIATION, 0.0, MIN_POINT_DEVIATION * MIN_POINT_DEVIATION
-    for i in range(3):
-        for k in range(3):
-            aa += s[i] * C[i, k] * s[k]
-            ab += s[i] * C[i, k] * t[k]
-            bb += t[i] * C[i, k] * t[k]
-    det = aa * bb - ab * ab
-    at = I00 + lane
-    for i in range(3):
-        for k in range(i + 1):
-            block[at] = (bb * s[i] * s[k] - ab * (s[i] * t[k] + t[i] * s[k]) + aa * t[i] * t[k]) / det
-            at += LANES
 
 
 @fused_kernel

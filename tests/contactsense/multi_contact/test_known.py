@@ -11,8 +11,8 @@ from contactsense.multi_contact.buffers import (
     PrimitiveFrames,
     empty_multi_contact_buffers,
 )
-from contactsense.multi_contact.initial_contacts import initialize_known_contact
 from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
+from contactsense.multi_contact.known_prior import Change, fill_known_prior
 from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots.primitives import Sphere
 from contactsense.runtime.constants import Constants, build_constants
@@ -44,17 +44,16 @@ def known_before_measurement(
     covariance: np.ndarray, force: np.ndarray, drift: float
 ) -> tuple[float, np.ndarray]:
     """Log evidence of one contact on the sphere before any measurement, times the prior's area; and the
-    covariance of its place along two tangents."""
+    covariance of its place along two tangents. The force was known exactly before it changed."""
     constants, state, buffers = _constants()
-    surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
+    surfaces, prior, rows, joint = constants.surfaces, constants.prior, buffers.rows, buffers.joint
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
-    known = buffers.known
-    known.primitive[0], known.drift[0] = 0, drift
-    known.point[0], known.force[0] = CENTER + RADIUS * NORMAL, force
-    known.covariance[0] = covariance
-    normal = buffers.seeding.known_normal[0]
-    initialize_known_contact(surfaces, prior, frames, known, joint, normal, 10.0, 0, 0)
-    log_evidence = known_evidence(surfaces, prior, buffers.rows, 1, joint)
+    contact, change = buffers.known, Change(drift, measured=False)
+    contact.primitive[0] = 0
+    contact.point[0], contact.force[0] = CENTER + RADIUS * NORMAL, force
+    contact.covariance[0] = covariance
+    known = fill_known_prior(surfaces, prior, frames, rows, 0, contact, 1, change, joint, buffers.known_prior)
+    log_evidence = known_evidence(surfaces, prior, rows, known, joint)
     fill_covariances(1, joint)
     places = np.array([[covariance_of(joint, a, b, 0) for b in range(2)] for a in range(2)])
     return float(log_evidence) + float(np.log(prior.area)), places
