@@ -43,16 +43,24 @@ def initialize_known_contact(
     point, force = (c[0], c[1], c[2]), (f[0], f[1], f[2])
     set_contact(surfaces, frames, joint, lane, i, known_contacts.primitive[i], point, force)
     n = vector_of(block, NX, lane)
+    start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
     if drift < math.inf:
         start = pushing_force(force, n)
         block[TORSION + lane] = known_contacts.torsion[i]
-        block[FORCE_PRIOR + lane] = new_share_of_prior(drift, -prior.friction_ratio * dot(start, n))
-        block[MOMENT_PRIOR + lane] = 0.0
-    else:
-        start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
     block[EXTENT + lane] = 0.0
     for k in range(3):
         block[FX + k * LANES + lane] = start[k]
+    weigh_priors(prior, drift, lane, block)
+
+
+@fused_kernel
+def weigh_priors(prior: Prior, drift: float, lane: int, block: np.ndarray) -> None:
+    """Set how much the priors that all contacts have count again for a known one in a lane, whose force has
+    changed by `drift` [N]."""
+    if drift < math.inf:
+        normal_force = -dot(vector_of(block, NX, lane), vector_of(block, FX, lane))
+        block[FORCE_PRIOR + lane] = new_share_of_prior(drift, prior.friction_ratio * normal_force)
+        block[MOMENT_PRIOR + lane] = 0.0
 
 
 @fused_kernel

@@ -31,7 +31,7 @@ from contactsense.multi_contact.buffers import (
     PrimitiveFrames,
 )
 from contactsense.multi_contact.contact_step import vector_of
-from contactsense.multi_contact.initial_contacts import initialize_known_contact
+from contactsense.multi_contact.initial_contacts import initialize_known_contact, weigh_priors
 from contactsense.multi_contact.joint_energy import linearize
 from contactsense.multi_contact.joint_layout import (
     ACTIVE,
@@ -100,7 +100,9 @@ def fill_known_prior(
         for b in range(size):
             U[a, b] = 0.0
     for i in range(known_count):
-        initialize_known_contact(surfaces, prior, frames, known_contacts, joint, change.drift, 1.0, 0, i)
+        initialize_known_contact(
+            surfaces, prior, frames, known_contacts, joint, change.drift, prior.force, 0, i
+        )
         _fill_mean(known_contacts, joint, i)
         _fill_place_factor(known_contacts.covariance[i], joint.contact[i], PLACES * i, U)
     if change.drift < math.inf:
@@ -116,7 +118,7 @@ def fill_known_prior(
             _add_change(prior, change.drift, joint.contact[i], OTHERS * i, scratch)
         _fill_conditional_factor(known_count, scratch)
         for i in range(known_count):
-            initialize_known_contact(surfaces, prior, frames, known_contacts, joint, change.drift, 1.0, 0, i)
+            weigh_priors(prior, change.drift, 0, joint.contact[i])
     for i in range(known_count):
         _expand(prior, joint.contact[i], U, size, known_count, i, joint.known_rows[i])
     return KnownRows(known_count, size)

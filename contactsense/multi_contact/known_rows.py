@@ -81,7 +81,12 @@ def add_known_information(known: KnownRows, joint: JointState) -> None:
         add_dots(J[at + 4], (0, 1), matrix, (0, n), block, SX // LANES, count, 3, 1.0)
         add_dots(J[at + 5], (0, 1), matrix, (0, n), block, TX // LANES, count, 3, 1.0)
         add_dots(J[at + 6], (0, 1), matrix, (7, n), block, OFFSET_STEP // LANES, count, 1, 1.0)
-    step = J.shape[1] // LANES
+    # The first rows are those of the places, of one contact each.
+    step, first = J.shape[1] // LANES, PLACES * known.contacts
     for a in range(known.contacts * UNKNOWNS):
         add_dots(g, (a, 1), J[a], (0, 1), residual, 0, 1, count, 1.0)
-        add_dots(H[a], (0, 1), J, (0, step), J[a], 0, a + 1, count, 1.0)
+        add_dots(H[a], (0, 1), J, (first, step), J[a], first, a + 1, count - first, 1.0)
+    for i in range(known.contacts):
+        for a in range(i * UNKNOWNS + 4, i * UNKNOWNS + 4 + PLACES):
+            b = i * UNKNOWNS + 4
+            add_dots(H[a], (b, 1), J, (b * step + PLACES * i, step), J[a], PLACES * i, a - b + 1, PLACES, 1.0)
