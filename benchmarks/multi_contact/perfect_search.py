@@ -13,7 +13,8 @@ from contactsense.multi_contact.buffers import MultiContactBuffers, PrimitiveFra
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact
 from contactsense.multi_contact.joint_layout import FX, LOG_EVIDENCE, NX, PX
-from contactsense.multi_contact.known_prior import Change, fill_known_prior
+from contactsense.multi_contact.known_prior import fill_known_prior
+from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
 from contactsense.output.estimate_builder import EstimateBuilder
@@ -144,15 +145,16 @@ def _optimize_from(
     surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
     count = primitive.shape[0]
+    change = Change(drift, measured=True)
     known = fill_known_prior(
-        surfaces, prior, frames, buffers.rows, m, buffers.known, known_count, Change(drift, True), joint,
+        surfaces, prior, frames, buffers.rows, m, buffers.known, known_count, change, joint,
         buffers.known_prior,
     )  # fmt: skip
     prior_log_evidence = known_evidence(surfaces, prior, buffers.rows, known, joint)
     for i in range(count):
         c, f = point[i], force[i]
         if i < known_count:
-            initialize_known_contact(surfaces, prior, frames, buffers.known, joint, drift, 1.0, 0, i)
+            initialize_known_contact(surfaces, prior, frames, buffers.known, joint, change, 1.0, 0, i)
         else:
             set_contact(surfaces, frames, joint, 0, i, primitive[i], (c[0], c[1], c[2]), (0.0, 0.0, 0.0))
         push = pushing_force((f[0], f[1], f[2]), vector_of(joint.contact[i], NX, 0))

@@ -25,7 +25,8 @@ from contactsense.multi_contact.initial_contacts import (
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
-from contactsense.multi_contact.known_prior import Change, fill_known_prior
+from contactsense.multi_contact.known_prior import fill_known_prior
+from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.pooled_evidence import log_of_sum, pool_link_evidence
 from contactsense.multi_contact.pooled_places import pool_places, widen_places
 from contactsense.multi_contact.ranked_sets import (
@@ -100,11 +101,12 @@ def search_contact_sets(
     seed_samples, rows, joint, seeding = buffers.seed_samples, buffers.rows, buffers.joint, buffers.seeding
     candidates, explanations = buffers.candidates, buffers.explanations
     surfaces, frames = scene.surfaces, PrimitiveFrames(candidates.rotation, candidates.origin)
+    change = Change(drift, at_rest)
     known = fill_known_prior(
-        surfaces, prior, frames, rows, m, buffers.known, known_count, Change(drift, at_rest), joint,
+        surfaces, prior, frames, rows, m, buffers.known, known_count, change, joint,
         buffers.known_prior,
     )  # fmt: skip
-    initialize_seeding(surfaces.link, prior.friction_ratio, buffers, known, force_scale, m)
+    initialize_seeding(surfaces.link, prior.friction_ratio, buffers, known_count, change, force_scale, m)
     prior_log_evidence = known_evidence(surfaces, prior, rows, known, joint)
     stored = 0
     best = math.inf
@@ -142,7 +144,7 @@ def search_contact_sets(
             lanes = min(LANES, starts - start)
             for j in range(lanes):
                 _initialize(
-                    surfaces, frames, prior, buffers, m, (force_scale, drift), (known_count, further),
+                    surfaces, frames, prior, buffers, m, change, force_scale, (known_count, further),
                     candidates_used, start + j, j,
                 )  # fmt: skip
             count = known_count + further
@@ -206,7 +208,8 @@ def _initialize(
     prior: Prior,
     buffers: MultiContactBuffers,
     m: int,
-    forces: tuple[float, float],
+    change: Change,
+    force_scale: float,
     counts: tuple[int, int],
     candidates_used: int,
     s: int,
@@ -214,14 +217,12 @@ def _initialize(
 ) -> None:
     """Initialize a lane with start s: a candidate, or behind them a seed.
 
-    `forces`: approximate magnitude of the forces, and drift of the known ones [N]; `counts`: numbers of known
-    and further contacts.
+    `counts`: numbers of known and further contacts.
     """
     known_count, further = counts
-    force_scale, drift = forces
     candidates, joint = buffers.candidates, buffers.joint
     for i in range(known_count):
-        initialize_known_contact(surfaces, prior, frames, buffers.known, joint, drift, force_scale, lane, i)
+        initialize_known_contact(surfaces, prior, frames, buffers.known, joint, change, force_scale, lane, i)
     if s >= candidates_used:
         initialize_from_seed(
             surfaces, prior, frames, buffers, m, force_scale, known_count, further, lane, s - candidates_used

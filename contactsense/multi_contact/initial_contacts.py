@@ -13,6 +13,7 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.joint_layout import EXTENT, FORCE_PRIOR, FX, MOMENT_PRIOR, NX, TORSION
+from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.sample_likelihood import initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -28,39 +29,42 @@ def initialize_known_contact(
     frames: PrimitiveFrames,
     known_contacts: KnownContacts,
     joint: JointState,
-    drift: float,
+    change: Change,
     force_scale: float,
     lane: int,
     i: int,
 ) -> None:
     """Initialize contact i of a lane with known contact i.
 
-    What is known of it is in `joint.known_rows`; the priors that all contacts have count again only as far as
-    its force has changed, and the extent of the primitive not at all. If the force is a new one (infinite
-    `drift`), the initial one is a push of the given scale [N].
+    What is known of it is in `joint.known_rows`; the extent of the primitive is part of that. If the force is
+    a new one, the initial one is a push of the given scale [N].
     """
     c, f, block = known_contacts.point[i], known_contacts.force[i], joint.contact[i]
     point, force = (c[0], c[1], c[2]), (f[0], f[1], f[2])
     set_contact(surfaces, frames, joint, lane, i, known_contacts.primitive[i], point, force)
     n = vector_of(block, NX, lane)
     start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
-    if drift < math.inf:
+    if change.drift < math.inf:
         start = pushing_force(force, n)
         block[TORSION + lane] = known_contacts.torsion[i]
     block[EXTENT + lane] = 0.0
     for k in range(3):
         block[FX + k * LANES + lane] = start[k]
-    weigh_priors(prior, drift, lane, block)
+    weigh_priors(prior, change, lane, block)
 
 
 @fused_kernel
-def weigh_priors(prior: Prior, drift: float, lane: int, block: np.ndarray) -> None:
-    """Set how much the priors that all contacts have count again for a known one in a lane, whose force has
-    changed by `drift` [N]."""
-    if drift < math.inf:
-        normal_force = -dot(vector_of(block, NX, lane), vector_of(block, FX, lane))
-        block[FORCE_PRIOR + lane] = new_share_of_prior(drift, prior.friction_ratio * normal_force)
+def weigh_priors(prior: Prior, change: Change, lane: int, block: np.ndarray) -> None:
+    """Set how much the priors that all contacts have count again for a known one in a lane.
+
+    Those of torsion and offset are among `joint.known_rows`. In a stream that of the force counts in full:
+    forces change much more in its course than between two samples, and further contacts are found more often.
+    """
+    if change.drift < math.inf:
         block[MOMENT_PRIOR + lane] = 0.0
+        if change.measured:
+            normal_force = -dot(vector_of(block, NX, lane), vector_of(block, FX, lane))
+            block[FORCE_PRIOR + lane] = new_share_of_prior(change.drift, prior.friction_ratio * normal_force)
 
 
 @fused_kernel

@@ -16,7 +16,6 @@ E += 1/2 |U (z - z0)|^2, with z = (point, force, torsion, offset) of each known 
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -45,7 +44,7 @@ from contactsense.multi_contact.joint_layout import (
     TX,
 )
 from contactsense.multi_contact.joint_optimization import take_rows
-from contactsense.multi_contact.known_rows import OTHERS, PLACES, KnownRows, unknown_of_factor
+from contactsense.multi_contact.known_rows import OTHERS, PLACES, Change, KnownRows, unknown_of_factor
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -54,16 +53,6 @@ from contactsense.solvers.posterior import Prior
 
 MIN_POINT_DEVIATION = 1e-4
 """Lower bound of the standard deviation of a known point [m]."""
-
-
-class Change(NamedTuple):
-    """What may have changed since the known contacts were estimated."""
-
-    drift: float
-    """Standard deviation of the change of each component of the forces [N]; infinity: forces and torsions are
-    new ones."""
-    measured: bool
-    """Whether the forces are known as one sample measures them; else exactly."""
 
 
 @fused_kernel
@@ -100,9 +89,7 @@ def fill_known_prior(
         for b in range(size):
             U[a, b] = 0.0
     for i in range(known_count):
-        initialize_known_contact(
-            surfaces, prior, frames, known_contacts, joint, change.drift, prior.force, 0, i
-        )
+        initialize_known_contact(surfaces, prior, frames, known_contacts, joint, change, prior.force, 0, i)
         _fill_mean(known_contacts, joint, i)
         _fill_place_factor(known_contacts.covariance[i], joint.contact[i], PLACES * i, U)
     if change.drift < math.inf:
@@ -118,7 +105,7 @@ def fill_known_prior(
             _add_change(prior, change.drift, joint.contact[i], OTHERS * i, scratch)
         _fill_conditional_factor(known_count, scratch)
         for i in range(known_count):
-            weigh_priors(prior, change.drift, 0, joint.contact[i])
+            weigh_priors(prior, change, 0, joint.contact[i])
     for i in range(known_count):
         _expand(prior, joint.contact[i], U, size, known_count, i, joint.known_rows[i])
     return KnownRows(known_count, size)

@@ -19,6 +19,17 @@ PLACES, OTHERS = 2, 5
 """Unknowns of a contact: steps along two tangents; and force (3), torsion, offset of the surface."""
 
 
+class Change(NamedTuple):
+    """What may have changed since contacts were estimated that are now known."""
+
+    drift: float
+    """Standard deviation of the change of each component of their forces [N]; infinity: forces and torsions
+    are new ones."""
+    measured: bool
+    """Whether the contacts are known from one sample of the same sensors, as at rest. Else, in a stream,
+    their forces are taken for exact before they change."""
+
+
 class KnownRows(NamedTuple):
     """Size of `JointState.known_rows`."""
 

@@ -24,7 +24,7 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_layout import FX, NX, PX, W0
-from contactsense.multi_contact.known_rows import PLACES, KnownRows, unknown_of_factor
+from contactsense.multi_contact.known_rows import PLACES, Change, unknown_of_factor
 from contactsense.multi_contact.link_information import log_likelihood
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
@@ -82,7 +82,8 @@ def initialize_seeding(
     links: np.ndarray,
     friction_ratio: float,
     buffers: MultiContactBuffers,
-    known: KnownRows,
+    known_count: int,
+    change: Change,
     force_scale: float,
     m: int,
 ) -> None:
@@ -97,7 +98,7 @@ def initialize_seeding(
         friction_ratio: That of the prior.
         buffers: With the measurement, and the known contacts after
             `contactsense.multi_contact.known_prior.fill_known_prior`; `seeding` is filled.
-        known: Their number, and that of their rows.
+        known_count, change: Their number, and what has changed of them.
         force_scale: Approximate magnitude of the forces [N].
         m: Number of rows of the measurement.
     """
@@ -106,14 +107,14 @@ def initialize_seeding(
     for r in range(m):
         seeding.prior_covariance[r, r] = 1.0
         seeding.innovation[r] = rows.value[r]
-    deviations, is_held = (
-        force_deviations(force_scale, friction_ratio),
-        known.rows == UNKNOWNS * known.contacts,
-    )
+    deviations, is_held = force_deviations(force_scale, friction_ratio), change.drift < math.inf
     if is_held:
-        _add_held_forces(joint, known.contacts, m, buffers.known_prior, seeding)
-        deviations = (0.0, 0.0)
-    for i in range(known.contacts):
+        deviations = (change.drift, change.drift)
+        _subtract_known_wrenches(joint, known_count, m, seeding)
+        if change.measured:
+            deviations = (0.0, 0.0)
+            _add_known_forces(joint, known_count, m, buffers.known_prior, seeding)
+    for i in range(known_count):
         block, C, force_norm = joint.contact[i], buffers.known.covariance[i], force_scale
         c, n, f = vector_of(block, PX, 0), vector_of(block, NX, 0), vector_of(block, FX, 0)
         if is_held:
@@ -132,11 +133,20 @@ def initialize_seeding(
 
 
 @fused_kernel
-def _add_held_forces(
+def _subtract_known_wrenches(joint: JointState, known_count: int, m: int, seeding: SeedingBuffers) -> None:
+    """The innovation over the wrenches of the known contacts, which are in lane 0."""
+    for r in range(m):
+        for i in range(known_count):
+            for k in range(6):
+                seeding.innovation[r] -= joint.rows[i, (6 * r + k) * LANES] * joint.contact[i, W0 + k * LANES]
+
+
+@fused_kernel
+def _add_known_forces(
     joint: JointState, known_count: int, m: int, known_prior: KnownPriorScratch, seeding: SeedingBuffers
 ) -> None:
     """Covariance of the rows due to what is not known of forces, torsions and offsets of the known contacts,
-    which are in lane 0, given their places; and the innovation over what is.
+    which are in lane 0, given their places.
 
     With the derivative J of the rows by these unknowns and the factor U of the information on them, the
     covariance is (J U^-1) (J U^-1)^T.
@@ -152,9 +162,6 @@ def _add_held_forces(
         for s in range(r + 1):
             for a in range(first, size):
                 seeding.prior_covariance[r, s] += y[a] * Y[s, a]
-        for i in range(known_count):
-            for k in range(6):
-                seeding.innovation[r] -= joint.rows[i, (6 * r + k) * LANES] * joint.contact[i, W0 + k * LANES]
 
 
 @fused_kernel

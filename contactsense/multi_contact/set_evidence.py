@@ -4,9 +4,9 @@ import math
 
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
 from contactsense.localization.local_prior import DeviationCells
-from contactsense.multi_contact.buffers import JointState, MeasurementRows, PrimitiveFrames
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows, PrimitiveFrames
 from contactsense.multi_contact.contact_step import vector_of
-from contactsense.multi_contact.joint_layout import ENERGY, FORCE_PRIOR, LOG_EVIDENCE, NX, PX
+from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, NX, PX
 from contactsense.multi_contact.joint_optimization import find_joint_modes
 from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.robots.jit.kernel import fused_kernel
@@ -34,10 +34,9 @@ def known_evidence(
     score = joint.lane[LOG_EVIDENCE, 0]
     if score == -math.inf:
         return 0.0
-    for i in range(known.contacts):
-        if joint.contact[i, FORCE_PRIOR] == 1.0:
-            # Without a prior of the force, correct Laplace's approximation for the tail of Student's t.
-            score += math.log(1.0 + 2.0 / STUDENT_DOF)
+    if known.rows < UNKNOWNS * known.contacts:
+        # The forces are new ones: correct Laplace's approximation for the tail of Student's t.
+        score += known.contacts * math.log(1.0 + 2.0 / STUDENT_DOF)
     return float(score)
 
 

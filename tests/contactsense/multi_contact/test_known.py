@@ -12,7 +12,8 @@ from contactsense.multi_contact.buffers import (
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
-from contactsense.multi_contact.known_prior import Change, fill_known_prior
+from contactsense.multi_contact.known_prior import fill_known_prior
+from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots.primitives import Sphere
 from contactsense.runtime.constants import Constants, build_constants
@@ -41,14 +42,14 @@ def _constants() -> tuple[Constants, State, MultiContactBuffers]:
 
 
 def known_before_measurement(
-    covariance: np.ndarray, force: np.ndarray, drift: float
+    covariance: np.ndarray, force: np.ndarray, change: Change
 ) -> tuple[float, np.ndarray]:
     """Log evidence of one contact on the sphere before any measurement, times the prior's area; and the
-    covariance of its place along two tangents. The force was known exactly before it changed."""
+    covariance of its place along two tangents."""
     constants, state, buffers = _constants()
     surfaces, prior, rows, joint = constants.surfaces, constants.prior, buffers.rows, buffers.joint
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
-    contact, change = buffers.known, Change(drift, measured=False)
+    contact = buffers.known
     contact.primitive[0] = 0
     contact.point[0], contact.force[0] = CENTER + RADIUS * NORMAL, force
     contact.covariance[0] = covariance
@@ -60,8 +61,8 @@ def known_before_measurement(
 
 
 def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
-    """Log evidence, as above."""
-    return known_before_measurement(covariance, force, drift)[0]
+    """Log evidence, as above, in a stream."""
+    return known_before_measurement(covariance, force, Change(drift, measured=False))[0]
 
 
 @pytest.mark.parametrize("drift", [0.1, 0.5, np.inf])
@@ -69,7 +70,7 @@ def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
 def test_without_a_measurement_the_place_stays_as_uncertain_as_it_was(sigma: float, drift: float) -> None:
     """What the earlier estimate has concluded from friction does not count again."""
     force = -20.0 * NORMAL + 3.0 * np.cross(NORMAL, (1.0, 0.0, 0.0))
-    _, places = known_before_measurement(sigma**2 * np.eye(3), force, drift)
+    _, places = known_before_measurement(sigma**2 * np.eye(3), force, Change(drift, measured=True))
     np.testing.assert_allclose(np.linalg.eigvalsh(places), sigma**2, rtol=0.02)
 
 
@@ -90,10 +91,8 @@ def test_the_evidence_of_a_known_force_agrees_with_monte_carlo() -> None:
     draws = force + drift * rng.standard_normal((200_000, 3))
     normal_force = -draws @ NORMAL
     squared_ratio = ((draws**2).sum(axis=1) - normal_force**2) / (prior.friction_ratio * normal_force) ** 2
-    # The force has changed by far less than friction permits, so that its prior hardly counts again.
-    weight = 0.5**2 / (0.5**2 + (25.0 * prior.friction_ratio) ** 2)
-    log_prior = -0.5 * np.log(normal_force / prior.force) ** 2 - 3.0 * np.log1p(squared_ratio / 4.0)
-    log_density = weight * log_prior - np.log(normal_force**3 * prior.friction_ratio**2)
+    log_density = -0.5 * np.log(normal_force / prior.force) ** 2 - 3.0 * np.log1p(squared_ratio / 4.0)
+    log_density -= np.log(normal_force**3 * prior.friction_ratio**2)
     expected = np.log(np.mean(np.exp(log_density))) + 3.0 * np.log(drift)
     assert known - without == pytest.approx(expected, abs=0.05)
 

@@ -19,8 +19,8 @@ from contactsense.multi_contact.joint_layout import (
     TX,
 )
 from contactsense.multi_contact.joint_optimization import take_rows
-from contactsense.multi_contact.known_prior import Change, fill_known_prior
-from contactsense.multi_contact.known_rows import KnownRows
+from contactsense.multi_contact.known_prior import fill_known_prior
+from contactsense.multi_contact.known_rows import Change, KnownRows
 from contactsense.robots.jit.lanes import LANES
 from tests.contactsense.multi_contact.smooth_arm import Case, empty_case, take
 
