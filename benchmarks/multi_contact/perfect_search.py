@@ -13,6 +13,8 @@ from contactsense.multi_contact.buffers import MultiContactBuffers, PrimitiveFra
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact
 from contactsense.multi_contact.joint_layout import FX, LOG_EVIDENCE, NX, PX
+from contactsense.multi_contact.known_prior import fill_known_prior
+from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
 from contactsense.output.estimate_builder import EstimateBuilder
@@ -54,7 +56,7 @@ class Oracle:
         self._arguments = (self._kernel_buffers.arguments, skin_argument(scene))
         self._estimate_builder = EstimateBuilder(scene, constants, self._kernel_buffers.state)
         self._sets = MultiContactLocator(scene, self._kernel_buffers, self._arguments, self._estimate_builder)
-        self._best_evidence = -np.inf
+        self._best_evidence, self._drift = -np.inf, math.inf
 
     def locate(
         self,
@@ -66,6 +68,7 @@ class Oracle:
         drift: float | None,
     ) -> Estimate:
         """The estimate of `Localizer.locate`; arguments as there."""
+        self._drift = math.inf if drift is None else drift
         present = (True, True, 0)
         readings = (q, q, joint_torque, base_wrench, np.zeros((0, 6)))
         process(*self._arguments, AT_REST | EXTERNAL, -1.0, 3, readings)
@@ -93,7 +96,14 @@ class Oracle:
         choices = [self._primitives(link, point) for link, point in zip(links, points, strict=True)]
         for primitives in product(*choices):
             score = _optimize_from(
-                *self._arguments[:1], buffers, m, known_count, np.array(primitives), points, forces
+                *self._arguments[:1],
+                buffers,
+                m,
+                known_count,
+                self._drift,
+                np.array(primitives),
+                points,
+                forces,
             )
             if score - reference > best.gain:
                 reached = [vector_of(block, PX, 0) for block in buffers.joint.contact[: len(links)]]
@@ -124,6 +134,7 @@ def _optimize_from(
     buffers: MultiContactBuffers,
     m: int,
     known_count: int,
+    drift: float,
     primitive: np.ndarray,
     point: np.ndarray,
     force: np.ndarray,
@@ -131,18 +142,19 @@ def _optimize_from(
     """Log evidence of the contacts at which the optimization ends; they remain in lane 0 of
     `buffers.joint`."""
     constants, state = buffer_views(kernel_buffers)
-    surfaces, joint, seeding = constants.surfaces, buffers.joint, buffers.seeding
+    surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
     count = primitive.shape[0]
-    for i in range(known_count):
-        initialize_known_contact(surfaces, frames, buffers.known, joint, seeding.known_normal[i], 1.0, 0, i)
-    prior_log_evidence = known_evidence(surfaces, constants.prior, buffers.rows, known_count, joint)
+    change = Change(drift, measured=True)
+    known = fill_known_prior(
+        surfaces, prior, frames, buffers.rows, m, buffers.known, known_count, change, joint,
+        buffers.known_prior,
+    )  # fmt: skip
+    prior_log_evidence = known_evidence(surfaces, prior, buffers.rows, known, joint)
     for i in range(count):
         c, f = point[i], force[i]
         if i < known_count:
-            initialize_known_contact(
-                surfaces, frames, buffers.known, joint, seeding.known_normal[i], 1.0, 0, i
-            )
+            initialize_known_contact(surfaces, prior, frames, buffers.known, joint, change, 1.0, 0, i)
         else:
             set_contact(surfaces, frames, joint, 0, i, primitive[i], (c[0], c[1], c[2]), (0.0, 0.0, 0.0))
         push = pushing_force((f[0], f[1], f[2]), vector_of(joint.contact[i], NX, 0))
@@ -150,10 +162,8 @@ def _optimize_from(
             joint.contact[i, FX + k * LANES] = push[k]
     best: float = -math.inf
     for _ in range(MAX_RESTARTS):
-        fill_set_evidence(surfaces, constants.prior, buffers.rows, m, known_count, count, 1, math.inf, joint)
-        add_accessibility(
-            surfaces, constants.deviations, frames, constants.prior, known_count, count, 1, joint
-        )
+        fill_set_evidence(surfaces, prior, buffers.rows, m, known, count, 1, math.inf, joint)
+        add_accessibility(surfaces, constants.deviations, frames, prior, known_count, count, 1, joint)
         score = joint.lane[LOG_EVIDENCE, 0]
         if score <= best + MIN_GAIN:
             break

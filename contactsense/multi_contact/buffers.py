@@ -2,8 +2,6 @@
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
 from contactsense.multi_contact.joint_layout import CONTACT_LENGTH, LANE_NUMBERS
@@ -18,6 +16,8 @@ MAX_CONTACTS = 3
 """Maximum number of simultaneous contacts."""
 UNKNOWNS = 7
 """Unknowns of one contact: force (3), torsion, step along two tangents, offset of the surface."""
+KNOWN_NUMBERS = 8
+"""Numbers of a known contact: point (3), force (3), torsion, offset of the surface."""
 COVARIANCE_ROOTS = 2 * MAX_CONTACTS + 6
 """Of the place of each contact (2), and of the sum of the wrenches (6)."""
 MAX_SEEDS = 24
@@ -65,7 +65,7 @@ class MeasurementRows(NamedTuple):
 
 
 class KnownContacts(NamedTuple):
-    """Contacts that are tracked already: priors of their points and, optionally, forces. Base frame."""
+    """Contacts that are known already, base frame."""
 
     primitive: Annotated[Integers, f"{MAX_CONTACTS}"]
     """Index of the primitive among all of the arm."""
@@ -75,9 +75,23 @@ class KnownContacts(NamedTuple):
     """Covariance of `point` [m^2]; its tangential part is used."""
     force: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
     """Previous force [N]."""
-    drift: Annotated[Floats, f"{MAX_CONTACTS}"]
-    """Standard deviation of the change of each force component since [N]. Infinity: the force has no prior of
-    its own."""
+    torsion: Annotated[Floats, f"{MAX_CONTACTS}"]
+    """Previous moment about the outward normal [Nm]."""
+
+
+class KnownPriorScratch(NamedTuple):
+    """Scratch of the prior of known contacts, see `contactsense.multi_contact.known_prior`."""
+
+    information: Annotated[Floats, f"5 * {MAX_CONTACTS}, 5 * {MAX_CONTACTS}"]
+    """Of the other unknowns given the places, then its Cholesky factor."""
+    gain: Annotated[Floats, f"5 * {MAX_CONTACTS}, 2 * {MAX_CONTACTS}"]
+    """Derivative of the mean of the other unknowns by the places."""
+    covariance: Annotated[Floats, f"5 * {MAX_CONTACTS}, 5 * {MAX_CONTACTS}"]
+    """Of the other unknowns given the places, then its Cholesky factor."""
+    factor: Annotated[Floats, f"{UNKNOWNS} * {MAX_CONTACTS}, {UNKNOWNS} * {MAX_CONTACTS}"]
+    """Factor of the information on all unknowns, the places first; lower triangle."""
+    whitened: Annotated[Floats, f"rows, {UNKNOWNS} * {MAX_CONTACTS}"]
+    """Derivative of the measured rows by the unknowns, divided by the factor."""
 
 
 class JointState(NamedTuple):
@@ -94,6 +108,15 @@ class JointState(NamedTuple):
     """Rows of the link of each contact, six numbers for each."""
     jacobian: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}, {LANES} * rows"]
     """Derivative of the predicted rows by the unknowns."""
+    known_mean: Annotated[Floats, f"{MAX_CONTACTS}, {KNOWN_NUMBERS}"]
+    """Point [m], force [N], torsion [Nm] and offset [m] of each known contact before the measurement."""
+    known_rows: Annotated[Floats, f"{MAX_CONTACTS}, {KNOWN_NUMBERS} * {LANES} * {UNKNOWNS} * {MAX_CONTACTS}"]
+    """Rows of the prior of known contacts: eight numbers of each, by what differs from `known_mean`; the same
+    in all lanes."""
+    known_jacobian: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}, {LANES} * {UNKNOWNS} * {MAX_CONTACTS}"]
+    """Derivative of these rows by the unknowns."""
+    known_residual: Annotated[Floats, f"{LANES} * {UNKNOWNS} * {MAX_CONTACTS}"]
+    """These rows, of the difference to `known_mean`."""
     residual: Annotated[Floats, f"{LANES} * rows"]
     """Measured minus predicted rows."""
     saved_residual: Annotated[Floats, f"{LANES} * rows"]
@@ -156,8 +179,6 @@ class SeedingBuffers(NamedTuple):
     """Blocks of samples."""
     force_jacobian: Annotated[Floats, "rows, 3"]
     """Derivative of the rows by a force at one point."""
-    known_normal: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
-    """Outward normals of the known contacts, base axes."""
     initial_force: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
     """Initial forces of a seed, base axes [N]."""
     pair_evidence: Annotated[Floats, "links, links"]
@@ -242,6 +263,7 @@ class MultiContactBuffers(NamedTuple):
     seed_samples: SeedSamples
     rows: MeasurementRows
     known: KnownContacts
+    known_prior: KnownPriorScratch
     joint: JointState
     rank: Rank
     seeding: SeedingBuffers
@@ -263,5 +285,4 @@ def empty_multi_contact_buffers(constants: Constants) -> MultiContactBuffers:
         primitives=len(constants.surfaces.kind),
         candidates=max(len(constants.surfaces.kind), MAX_CANDIDATES),
     )
-    buffers.known.drift[:] = np.inf
     return buffers._replace(seed_samples=seed_samples)

@@ -14,7 +14,6 @@ from contactsense.kinematics.model import Motion
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.multi_contact.buffers import (
     MAX_SEEDS,
-    KnownContacts,
     MultiContactBuffers,
     PrimitiveFrames,
 )
@@ -26,6 +25,8 @@ from contactsense.multi_contact.initial_contacts import (
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
+from contactsense.multi_contact.known_prior import fill_known_prior
+from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.pooled_evidence import log_of_sum, pool_link_evidence
 from contactsense.multi_contact.pooled_places import pool_places, widen_places
 from contactsense.multi_contact.ranked_sets import (
@@ -57,6 +58,8 @@ class Sought(NamedTuple):
 
     known: int
     """Number of known contacts."""
+    drift: float
+    """Standard deviation of the change of each component of their forces [N]; infinity: these are new."""
     contacts: int
     """Maximum number of contacts in a set, known ones included."""
     at_rest: bool
@@ -94,17 +97,17 @@ def search_contact_sets(
     Returns:
         Number of ranked explanations.
     """
-    known_count, max_contacts, at_rest = sought
-    seed_samples, rows, known_contacts, joint, _, seeding, candidates, explanations = buffers
+    known_count, drift, max_contacts, at_rest = sought
+    seed_samples, rows, joint, seeding = buffers.seed_samples, buffers.rows, buffers.joint, buffers.seeding
+    candidates, explanations = buffers.candidates, buffers.explanations
     surfaces, frames = scene.surfaces, PrimitiveFrames(candidates.rotation, candidates.origin)
-    for i in range(known_count):
-        initialize_known_contact(
-            surfaces, frames, known_contacts, joint, seeding.known_normal[i], force_scale, 0, i
-        )
-    initialize_seeding(
-        surfaces.link, prior.friction_ratio, known_contacts, known_count, force_scale, rows, m, seeding
-    )
-    prior_log_evidence = known_evidence(surfaces, prior, rows, known_count, joint)
+    change = Change(drift, at_rest)
+    known = fill_known_prior(
+        surfaces, prior, frames, rows, m, buffers.known, known_count, change, joint,
+        buffers.known_prior,
+    )  # fmt: skip
+    initialize_seeding(surfaces.link, prior.friction_ratio, buffers, known_count, change, force_scale, m)
+    prior_log_evidence = known_evidence(surfaces, prior, rows, known, joint)
     stored = 0
     best = math.inf
     unlisted = -math.inf
@@ -122,7 +125,10 @@ def search_contact_sets(
                 MAX_SEEDS,
             )
             is_broad = candidates_used > 0 and is_any_broad(candidates, candidates_used)
-            is_pooled = is_broad and at_rest and _are_many_forces_free(known_contacts, known_count)
+            # The search for one contact takes free forces for normally distributed, so that they may pull:
+            # with two of them its candidates are no reliable seeds, and their probabilities not those of
+            # the places.
+            is_pooled = is_broad and at_rest and known_count > 1 and drift == math.inf
         if is_pooled or further > 1:
             samples_used = find_seeds(
                 seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding
@@ -138,12 +144,12 @@ def search_contact_sets(
             lanes = min(LANES, starts - start)
             for j in range(lanes):
                 _initialize(
-                    surfaces, frames, prior, buffers, m, force_scale, (known_count, further), candidates_used,
-                    start + j, j,
+                    surfaces, frames, prior, buffers, m, change, force_scale, (known_count, further),
+                    candidates_used, start + j, j,
                 )  # fmt: skip
             count = known_count + further
             fill_set_evidence(
-                surfaces, prior, rows, m, known_count, count, lanes, lowest_energy + ENERGY_MARGIN, joint
+                surfaces, prior, rows, m, known, count, lanes, lowest_energy + ENERGY_MARGIN, joint
             )
             add_accessibility(surfaces, scene.deviations, frames, prior, known_count, count, lanes, joint)
             fill_covariances(count, joint)
@@ -202,6 +208,7 @@ def _initialize(
     prior: Prior,
     buffers: MultiContactBuffers,
     m: int,
+    change: Change,
     force_scale: float,
     counts: tuple[int, int],
     candidates_used: int,
@@ -210,14 +217,12 @@ def _initialize(
 ) -> None:
     """Initialize a lane with start s: a candidate, or behind them a seed.
 
-    `counts`: Numbers of known and further contacts.
+    `counts`: numbers of known and further contacts.
     """
     known_count, further = counts
     candidates, joint = buffers.candidates, buffers.joint
     for i in range(known_count):
-        initialize_known_contact(
-            surfaces, frames, buffers.known, joint, buffers.seeding.known_normal[i], force_scale, lane, i
-        )
+        initialize_known_contact(surfaces, prior, frames, buffers.known, joint, change, force_scale, lane, i)
     if s >= candidates_used:
         initialize_from_seed(
             surfaces, prior, frames, buffers, m, force_scale, known_count, further, lane, s - candidates_used
@@ -229,19 +234,6 @@ def _initialize(
             lane, known_count,
         )  # fmt: skip
         joint.contact[known_count, TORSION + lane] = candidates.torsion[row]
-
-
-@fused_kernel
-def _are_many_forces_free(known_contacts: KnownContacts, count: int) -> bool:
-    """Whether two or more contacts are known, but not their forces.
-
-    The search for one contact takes these forces for normally distributed, so that they may pull; with two of
-    them its candidates are no reliable seeds, and their probabilities not those of the places.
-    """
-    free = 0
-    for i in range(count):
-        free += 1 if known_contacts.drift[i] == math.inf else 0
-    return free > 1
 
 
 @fused_kernel

@@ -12,9 +12,9 @@ from contactsense.robots.vectors import Vector, tangents
 from contactsense.solvers.posterior import Prior
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
-    BNX, BNY, BNZ, BX, BY, BZ, D0, D1, D2, D3, D4, D5, D6, EXTENT, FORCE_INFORMATION, FX, FY, FZ, I00, I10,
-    I11, I20, I21, I22, ITERATE, MOVES, MOVING, NX, NY, NZ, OFFSET, OX, OY, OZ, PX, PY, PZ, R00, R01, R02,
-    R10, R11, R12, R20, R21, R22, SX, SY, SZ, TORSION, TX, TY, TZ,
+    BNX, BNY, BNZ, BX, BY, BZ, D0, D1, D2, D3, D4, D5, D6, EXTENT, FORCE_PRIOR, FX, FY, FZ, ITERATE,
+    MOMENT_PRIOR, MOVES, MOVING, NX, NY, NZ, OFFSET, OX, OY, OZ, PX, PY, PZ, R00, R01, R02, R10, R11, R12,
+    R20, R21, R22, SX, SY, SZ, TORSION, TX, TY, TZ,
 )  # fmt: skip
 
 
@@ -30,7 +30,7 @@ def set_contact(
     force: Vector,
 ) -> None:
     """Set contact i of a lane to the point on primitive p nearest to a point [m], with a pushing force [N],
-    base frame; without priors of its own."""
+    base frame. Nothing was known of it before."""
     R, o, block = frames.rotation[p], frames.origin[p], joint.contact[i]
     joint.primitive[i, lane] = p
     d = (point[0] - o[0], point[1] - o[1], point[2] - o[2])
@@ -44,9 +44,7 @@ def set_contact(
     _to_base_frame(block)
     block[TORSION + lane], block[OFFSET + lane] = 0.0, 0.0
     block[EXTENT + lane] = 1.0 / (PRIMITIVE_EXTENT * surfaces.radius[p]) ** 2
-    block[FORCE_INFORMATION + lane] = 0.0
-    block[I00 + lane], block[I10 + lane], block[I11 + lane] = 0.0, 0.0, 0.0
-    block[I20 + lane], block[I21 + lane], block[I22 + lane] = 0.0, 0.0, 0.0
+    block[FORCE_PRIOR + lane], block[MOMENT_PRIOR + lane] = 1.0, 1.0
 
 
 @fused_kernel

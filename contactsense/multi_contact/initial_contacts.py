@@ -12,66 +12,76 @@ from contactsense.multi_contact.buffers import (
     PrimitiveFrames,
 )
 from contactsense.multi_contact.contact_step import set_contact, vector_of
-from contactsense.multi_contact.joint_layout import FORCE_INFORMATION, FX, GX, I00, MX, NX, PX, SX, TX
+from contactsense.multi_contact.joint_layout import EXTENT, FORCE_PRIOR, FX, MOMENT_PRIOR, NX, TORSION
+from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.sample_likelihood import initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.vectors import dot
 from contactsense.solvers.posterior import Prior, pushing_force
-
-MIN_POINT_DEVIATION = 1e-4
-"""Lower bound of the standard deviation of a known point [m]."""
 
 
 @fused_kernel
 def initialize_known_contact(
     surfaces: Surfaces,
+    prior: Prior,
     frames: PrimitiveFrames,
     known_contacts: KnownContacts,
     joint: JointState,
-    normal: np.ndarray,
+    change: Change,
     force_scale: float,
     lane: int,
     i: int,
 ) -> None:
-    """Initialize contact i of a lane with known contact i: point, force and their priors.
+    """Initialize contact i of a lane with known contact i.
 
-    Without a prior of the force, the initial force is a push of the given scale [N]. `normal` is filled
-    with the outward normal.
+    What is known of it is in `joint.known_rows`; the extent of the primitive is part of that. If the force is
+    a new one, the initial one is a push of the given scale [N].
     """
     c, f, block = known_contacts.point[i], known_contacts.force[i], joint.contact[i]
     point, force = (c[0], c[1], c[2]), (f[0], f[1], f[2])
     set_contact(surfaces, frames, joint, lane, i, known_contacts.primitive[i], point, force)
-    n, place = vector_of(block, NX, lane), vector_of(block, PX, lane)
-    normal[0], normal[1], normal[2] = n
-    start = force
-    if known_contacts.drift[i] < math.inf:
-        block[FORCE_INFORMATION + lane] = 1.0 / known_contacts.drift[i] ** 2
-    else:
-        start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
-    start = pushing_force(start, n)
+    n = vector_of(block, NX, lane)
+    start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
+    if change.drift < math.inf:
+        start = pushing_force(force, n)
+        block[TORSION + lane] = known_contacts.torsion[i]
+    block[EXTENT + lane] = 0.0
     for k in range(3):
-        at = k * LANES + lane
-        block[MX + at], block[GX + at], block[FX + at] = place[k], f[k], start[k]
-    _fill_point_information(known_contacts.covariance[i], lane, block)
+        block[FX + k * LANES + lane] = start[k]
+    weigh_priors(prior, change, lane, block)
 
 
 @fused_kernel
-def _fill_point_information(C: np.ndarray, lane: int, block: np.ndarray) -> None:
-    """Information matrix of a point: inverse of its covariance C in the tangent plane."""
-    s, t = vector_of(block, SX, lane), vector_of(block, TX, lane)
-    aa, ab, bb = MIN_POINT_DEVIATION * MIN_POINT_DEVIATION, 0.0, MIN_POINT_DEVIATION * MIN_POINT_DEVIATION
-    for i in range(3):
-        for k in range(3):
-            aa += s[i] * C[i, k] * s[k]
-            ab += s[i] * C[i, k] * t[k]
-            bb += t[i] * C[i, k] * t[k]
-    det = aa * bb - ab * ab
-    at = I00 + lane
-    for i in range(3):
-        for k in range(i + 1):
-            block[at] = (bb * s[i] * s[k] - ab * (s[i] * t[k] + t[i] * s[k]) + aa * t[i] * t[k]) / det
-            at += LANES
+def weigh_priors(prior: Prior, change: Change, lane: int, block: np.ndarray) -> None:
+    """Set how much the priors that all contacts have count again for a known one in a lane.
+
+    Those of torsion and offset are among `joint.known_rows`. In a stream that of the force counts in full:
+    forces change much more in its course than between two samples, and further contacts are found more often.
+    """
+    if change.drift < math.inf:
+        block[MOMENT_PRIOR + lane] = 0.0
+        if change.measured:
+            normal_force = -dot(vector_of(block, NX, lane), vector_of(block, FX, lane))
+            block[FORCE_PRIOR + lane] = new_share_of_prior(change.drift, prior.friction_ratio * normal_force)
+
+
+@fused_kernel
+def new_share_of_prior(drift: float, deviation: float) -> float:
+    """Weight with which the prior of a quantity counts again after the quantity has changed.
+
+    The quantity a had the normal prior N(a; 0, s^2), which the earlier estimate contains. It has become b
+    with p(b | a) = N(b; a, d^2) N(b; 0, s^2) / Z(a), Z(a) = N(a; 0, s^2 + d^2) up to a constant: of the
+    changes, those against the prior are less probable. Where b is near a, N(b; 0, s^2) / Z(b) is the prior to
+    the power d^2 / (s^2 + d^2). Without it, each sample would count the friction of the same force once more,
+    and on a curved surface friction tells the place.
+
+    Args:
+        drift: Standard deviation d of the change.
+        deviation: That of the prior, s.
+    """
+    return drift * drift / (drift * drift + deviation * deviation)
 
 
 @fused_kernel

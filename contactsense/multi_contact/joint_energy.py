@@ -3,13 +3,15 @@
 The energy is that of `contactsense.solvers.posterior`, with one measurement for all contacts:
 
     E = 1/2 |y - sum_i A_i w_i|^2 + sum_i [ priors of force, friction ratio, torsion and surface offset ]
+        + 1/2 |U (z - z0)|^2
 
 y are the rows of `contactsense.multi_contact.measurement_rows`, A_i the rows of the link of contact i, and
 w_i = (f, (c + h n) x f + xi n). The unknowns of a contact are the logarithm of its normal force F, the
 friction ratios f_t / F, the torsion ratio xi / F, a step of the point c in the tangent plane, and the offset
 h of the real surface from the primitive; ratios and offset in units of their priors. In these the priors are
 unit normal distributions (Student's t for the friction ratio), so directions that no sensor measures keep
-their prior. A tracked contact also has a prior of its point, and may have one of its force.
+their prior. What is known before of some of the contacts are further rows, see
+`contactsense.multi_contact.known_prior`.
 
 Eight sets of contacts are evaluated at a time, see `contactsense.multi_contact.joint_layout`.
 """
@@ -20,16 +22,17 @@ import numpy as np
 
 from contactsense.kinematics.linalg.lanes import add_dots, clear
 from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows
+from contactsense.multi_contact.known_rows import KnownRows, add_known_information, fill_known_residuals
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
-    ACTIVE, BNX, BNY, BNZ, BX, BY, BZ, ENERGY, EXTENT, FORCE_INFORMATION, FX, FY, FZ, GX, GY, GZ, I00, I10,
-    I11, I20, I21, I22, JACOBIAN, LOG_FORCE, LOG_TAIL, MX, MY, MZ, NX, NY, NZ, OFFSET, PRIOR_ENERGY,
-    PRIOR_GRADIENT, PRIOR_MATRIX, PX, PY, PZ, R00, R01, R02, R10, R11, R12, R20, R21, R22, S00, S01, S02, S11,
-    S12, S22, SQUARED_RATIO, SX, SY, SZ, TORSION, TX, TY, TZ, W0, W1, W2, W3, W4, W5,
+    ACTIVE, BNX, BNY, BNZ, BX, BY, BZ, ENERGY, EXTENT, FORCE_PRIOR, FX, FY, FZ, JACOBIAN, LOG_FORCE,
+    LOG_TAIL, MOMENT_PRIOR, NX, NY, NZ, OFFSET, OFFSET_STEP, PRIOR_ENERGY, PRIOR_GRADIENT, PRIOR_MATRIX, PX,
+    PY, PZ, R00, R01, R02, R10, R11, R12, R20, R21, R22, S00, S01, S02, S11, S12, S22, SQUARED_RATIO, SX, SY,
+    SZ, TORSION, TORSION_STEP, TX, TY, TZ, W0, W1, W2, W3, W4, W5,
 )  # fmt: skip
 
 PRIMITIVE_EXTENT = 0.6
@@ -41,14 +44,14 @@ That of a point anywhere on a rod. It bounds the covariance of directions that c
 
 @fused_kernel
 def fill_energies(
-    rows: MeasurementRows, m: int, prior: Prior, count: int, joint: JointState, number: int
+    rows: MeasurementRows, m: int, prior: Prior, known: KnownRows, count: int, joint: JointState, number: int
 ) -> None:
     """Energies of the contacts of all lanes, infinite where a force pulls.
 
     Also fills `joint.residual` and the wrenches.
 
     Args:
-        rows, m, prior, count, joint: As for
+        rows, m, prior, known, count, joint: As for
             `contactsense.multi_contact.joint_optimization.find_joint_modes`.
         number: Where in `joint.lane` they are put, such as `ENERGY`.
     """
@@ -61,6 +64,9 @@ def fill_energies(
         add_dots(y, (0, 1), joint.rows[i], (0, 6), joint.contact[i], W0 // LANES, m, 6, -1.0)
     clear(energy, 0, 1)
     add_dots(energy, (0, 1), y, (0, 1), y, 0, 1, m, 0.5)
+    fill_known_residuals(known, joint)
+    deviation = joint.known_residual
+    add_dots(energy, (0, 1), deviation, (0, 1), deviation, 0, 1, known.rows, 0.5)
     for i in range(count):
         block = joint.contact[i]
         for j in range(LANES):
@@ -85,20 +91,7 @@ def _prior_energies_and_wrenches(prior: Prior, block: np.ndarray) -> None:
         block[LOG_FORCE + j] = F
         torsion_ratio = xi * inverse_lever / F
         offset = h * inverse_deviation
-        d0, d1, d2 = (
-            block[PX + j] - block[MX + j],
-            block[PY + j] - block[MY + j],
-            block[PZ + j] - block[MZ + j],
-        )
-        e0, e1, e2 = f[0] - block[GX + j], f[1] - block[GY + j], f[2] - block[GZ + j]
-        squares = (
-            torsion_ratio * torsion_ratio
-            + offset * offset
-            + d0 * (block[I00 + j] * d0 + 2.0 * (block[I10 + j] * d1 + block[I20 + j] * d2))
-            + d1 * (block[I11 + j] * d1 + 2.0 * block[I21 + j] * d2)
-            + block[I22 + j] * d2 * d2
-            + block[FORCE_INFORMATION + j] * (e0 * e0 + e1 * e1 + e2 * e2)
-        )
+        squares = block[MOMENT_PRIOR + j] * (torsion_ratio * torsion_ratio + offset * offset)
         block[PRIOR_ENERGY + j] = 0.5 * squares if pushes else math.inf
         x, y, z = block[PX + j] + h * n[0], block[PY + j] + h * n[1], block[PZ + j] + h * n[2]
         block[W0 + j], block[W1 + j], block[W2 + j] = f
@@ -111,12 +104,19 @@ def _prior_energies_and_wrenches(prior: Prior, block: np.ndarray) -> None:
         block[LOG_TAIL + j] = math.log(1.0 + block[SQUARED_RATIO + j] / STUDENT_DOF)
     for j in range(LANES):
         log_force = block[LOG_FORCE + j]
-        block[PRIOR_ENERGY + j] += 0.5 * (log_force * log_force + (STUDENT_DOF + 2.0) * block[LOG_TAIL + j])
+        energy = log_force * log_force + (STUDENT_DOF + 2.0) * block[LOG_TAIL + j]
+        block[PRIOR_ENERGY + j] += 0.5 * block[FORCE_PRIOR + j] * energy
 
 
 @fused_kernel
 def linearize(
-    surfaces: Surfaces, rows: MeasurementRows, m: int, prior: Prior, count: int, joint: JointState
+    surfaces: Surfaces,
+    rows: MeasurementRows,
+    m: int,
+    prior: Prior,
+    known: KnownRows,
+    count: int,
+    joint: JointState,
 ) -> None:
     """Gauss-Newton matrices and gradients of the energies at the contacts in `joint`.
 
@@ -124,7 +124,7 @@ def linearize(
     `contactsense.multi_contact.joint_optimization.find_joint_modes`.
     """
     H, g, J, y = joint.matrix, joint.step, joint.jacobian, joint.residual
-    fill_energies(rows, m, prior, count, joint, ENERGY)
+    fill_energies(rows, m, prior, known, count, joint, ENERGY)
     for i in range(count):
         at, block = i * UNKNOWNS, joint.contact[i]
         _fill_shape_operators(surfaces, joint.primitive[i], joint.lane[ACTIVE], block)
@@ -143,6 +143,7 @@ def linearize(
             for q in range((a + 1) * LANES):
                 H[at + a, at * LANES + q] = block[first + q]
             add_dots(H[at + a], (0, 1), J, (0, J.shape[1] // LANES), J[at + a], 0, at + a + 1, m, 1.0)
+    add_known_information(known, joint)
 
 
 @fused_kernel
@@ -208,6 +209,7 @@ def _linearize_contacts(prior: Prior, block: np.ndarray) -> None:
         block[G + 16 * LANES] = z * b[0] - x * b[2]
         block[G + 17 * LANES] = x * b[1] - y * b[0]
         torsion = prior.torsion_lever * F
+        block[TORSION_STEP + j], block[OFFSET_STEP + j] = torsion, deviation
         block[G + 21 * LANES], block[G + 22 * LANES], block[G + 23 * LANES] = (
             torsion * n[0],
             torsion * n[1],
@@ -229,57 +231,30 @@ def _linearize_contacts(prior: Prior, block: np.ndarray) -> None:
         # Priors. With constant force and torsion, a step turns the normal and changes the ratios.
         q1, q2 = -(alpha * k11 + beta * k12), -(alpha * k12 + beta * k22)
         chi = xi * inverse_lever / F
+        weight, steady = block[FORCE_PRIOR + j], block[MOMENT_PRIOR + j]
         # Weight of the Student t term: the factor that gives a quadratic the same gradient.
-        ww = (STUDENT_DOF + 2.0) / (
-            STUDENT_DOF + (alpha * alpha + beta * beta) * inverse_ratio * inverse_ratio
+        ww = (
+            weight
+            * (STUDENT_DOF + 2.0)
+            / (STUDENT_DOF + (alpha * alpha + beta * beta) * inverse_ratio * inverse_ratio)
         )
         a4, a5 = inverse_ratio * (k11 - alpha * q1), inverse_ratio * (k12 - alpha * q2)
         b4, b5 = inverse_ratio * (k12 - beta * q1), inverse_ratio * (k22 - beta * q2)
         ra, rb = ww * inverse_ratio * alpha, ww * inverse_ratio * beta
-        lf, one = block[LOG_FORCE + j], 1.0 + chi * chi
-        d0, d1, d2 = (
-            block[PX + j] - block[MX + j],
-            block[PY + j] - block[MY + j],
-            block[PZ + j] - block[MZ + j],
-        )
-        i00, i10, i11 = block[I00 + j], block[I10 + j], block[I11 + j]
-        i20, i21, i22 = block[I20 + j], block[I21 + j], block[I22 + j]
-        p0, p1, p2 = (
-            i00 * s[0] + i10 * s[1] + i20 * s[2],
-            i10 * s[0] + i11 * s[1] + i21 * s[2],
-            i20 * s[0] + i21 * s[1] + i22 * s[2],
-        )
-        r0, r1, r2 = (
-            i00 * t[0] + i10 * t[1] + i20 * t[2],
-            i10 * t[0] + i11 * t[1] + i21 * t[2],
-            i20 * t[0] + i21 * t[1] + i22 * t[2],
-        )
-        info = block[FORCE_INFORMATION + j]
-        e0, e1, e2 = f[0] - block[GX + j], f[1] - block[GY + j], f[2] - block[GZ + j]
+        lf, one = weight * block[LOG_FORCE + j], weight + steady * chi * chi
         g = PRIOR_GRADIENT + j
-        block[g] = lf + info * (e0 * f[0] + e1 * f[1] + e2 * f[2])
-        block[g + LANES] = ra + info * (e0 * a[0] + e1 * a[1] + e2 * a[2])
-        block[g + 2 * LANES] = rb + info * (e0 * b[0] + e1 * b[1] + e2 * b[2])
-        block[g + 3 * LANES] = chi
-        block[g + 4 * LANES] = lf * q1 - chi * chi * q1 + ra * a4 + rb * b4 + p0 * d0 + p1 * d1 + p2 * d2
-        block[g + 5 * LANES] = lf * q2 - chi * chi * q2 + ra * a5 + rb * b5 + r0 * d0 + r1 * d1 + r2 * d2
-        block[g + 6 * LANES] = h / deviation
+        block[g], block[g + LANES], block[g + 2 * LANES], block[g + 3 * LANES] = lf, ra, rb, steady * chi
+        block[g + 4 * LANES] = lf * q1 - steady * chi * chi * q1 + ra * a4 + rb * b4
+        block[g + 5 * LANES] = lf * q2 - steady * chi * chi * q2 + ra * a5 + rb * b5
+        block[g + 6 * LANES] = steady * h / deviation
         H = PRIOR_MATRIX + j
-        block[H] = 1.0 + info * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-        block[H + LANES] = info * (f[0] * a[0] + f[1] * a[1] + f[2] * a[2])
-        block[H + 2 * LANES] = ww + info * scale * scale
-        block[H + 3 * LANES] = info * (f[0] * b[0] + f[1] * b[1] + f[2] * b[2])
-        block[H + 5 * LANES] = ww + info * scale * scale
-        block[H + 9 * LANES] = 1.0
-        block[H + 10 * LANES], block[H + 11 * LANES], block[H + 12 * LANES] = q1, ww * a4, ww * b4
-        block[H + 13 * LANES] = -chi * q1
-        block[H + 14 * LANES] = (
-            one * q1 * q1 + ww * (a4 * a4 + b4 * b4) + p0 * s[0] + p1 * s[1] + p2 * s[2] + block[EXTENT + j]
-        )
-        block[H + 15 * LANES], block[H + 16 * LANES], block[H + 17 * LANES] = q2, ww * a5, ww * b5
-        block[H + 18 * LANES] = -chi * q2
-        block[H + 19 * LANES] = one * q1 * q2 + ww * (a4 * a5 + b4 * b5) + p0 * t[0] + p1 * t[1] + p2 * t[2]
-        block[H + 20 * LANES] = (
-            one * q2 * q2 + ww * (a5 * a5 + b5 * b5) + r0 * t[0] + r1 * t[1] + r2 * t[2] + block[EXTENT + j]
-        )
-        block[H + 27 * LANES] = 1.0
+        block[H], block[H + 2 * LANES] = weight, ww
+        block[H + 5 * LANES], block[H + 9 * LANES] = ww, steady
+        block[H + 10 * LANES], block[H + 11 * LANES], block[H + 12 * LANES] = weight * q1, ww * a4, ww * b4
+        block[H + 13 * LANES] = -steady * chi * q1
+        block[H + 14 * LANES] = one * q1 * q1 + ww * (a4 * a4 + b4 * b4) + block[EXTENT + j]
+        block[H + 15 * LANES], block[H + 16 * LANES], block[H + 17 * LANES] = weight * q2, ww * a5, ww * b5
+        block[H + 18 * LANES] = -steady * chi * q2
+        block[H + 19 * LANES] = one * q1 * q2 + ww * (a4 * a5 + b4 * b5)
+        block[H + 20 * LANES] = one * q2 * q2 + ww * (a5 * a5 + b5 * b5) + block[EXTENT + j]
+        block[H + 27 * LANES] = steady

@@ -42,6 +42,7 @@ from contactsense.multi_contact.joint_layout import (
     TRIAL,
     VALID,
 )
+from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -74,6 +75,7 @@ def find_joint_modes(
     rows: MeasurementRows,
     m: int,
     prior: Prior,
+    known: KnownRows,
     count: int,
     lanes: int,
     limit: float,
@@ -85,6 +87,7 @@ def find_joint_modes(
         surfaces: Primitives.
         rows, m: The measurement and the number of its rows.
         prior: Prior of contacts.
+        known: Numbers of known contacts and of their rows, which are in `joint`.
         count: Number of contacts.
         lanes: Number of starts, at most `LANES`.
         limit: Energy above which the contacts are rejected; a search ends as soon as it cannot get below.
@@ -97,14 +100,14 @@ def find_joint_modes(
     for j in range(LANES):
         lane[ACTIVE, j] = 1.0 if j < lanes else 0.0
         lane[DAMPING, j], lane[ENDS, j] = 0.0, 0.0
-    _take_rows(surfaces, rows, m, count, joint)
+    take_rows(surfaces, rows, m, count, joint)
     for iteration in range(MAX_ITERATIONS + 1):
-        linearize(surfaces, rows, m, prior, count, joint)
+        linearize(surfaces, rows, m, prior, known, count, joint)
         _solve(count, joint)
         save_iterate(count, joint)
         if iteration == MAX_ITERATIONS or not _any_goes_on(limit, joint):
             break
-        _descend(surfaces, rows, m, prior, count, joint)
+        _descend(surfaces, rows, m, prior, known, count, joint)
         for j in range(LANES):
             _adapt_damping(j, iteration, joint)
     for j in range(LANES):
@@ -122,7 +125,7 @@ def find_joint_modes(
 
 
 @fused_kernel
-def _take_rows(surfaces: Surfaces, rows: MeasurementRows, m: int, count: int, joint: JointState) -> None:
+def take_rows(surfaces: Surfaces, rows: MeasurementRows, m: int, count: int, joint: JointState) -> None:
     """Fill `joint.rows`: those of the link of each contact."""
     for i in range(count):
         out = joint.rows[i]
@@ -191,7 +194,13 @@ def _adapt_damping(j: int, iteration: int, joint: JointState) -> None:
 
 @fused_kernel
 def _descend(
-    surfaces: Surfaces, rows: MeasurementRows, m: int, prior: Prior, count: int, joint: JointState
+    surfaces: Surfaces,
+    rows: MeasurementRows,
+    m: int,
+    prior: Prior,
+    known: KnownRows,
+    count: int,
+    joint: JointState,
 ) -> None:
     """Search along the steps of the active lanes for lower energies; `DECREASE` is zero where none was
     found."""
@@ -207,8 +216,8 @@ def _descend(
         for j in range(LANES):
             lane[MOVING, j] = lane[SEARCHING, j]
         take_step(surfaces, prior, count, lane[SCALE], step, joint)
-        fill_energies(rows, m, prior, count, joint, TRIAL)
-        _correct(surfaces, rows, m, prior, count, joint)
+        fill_energies(rows, m, prior, known, count, joint, TRIAL)
+        _correct(surfaces, rows, m, prior, known, count, joint)
         searching = False
         for j in range(LANES):
             if lane[SEARCHING, j] == 0.0:
@@ -230,7 +239,13 @@ def _descend(
 
 @fused_kernel
 def _correct(
-    surfaces: Surfaces, rows: MeasurementRows, m: int, prior: Prior, count: int, joint: JointState
+    surfaces: Surfaces,
+    rows: MeasurementRows,
+    m: int,
+    prior: Prior,
+    known: KnownRows,
+    count: int,
+    joint: JointState,
 ) -> None:
     """Correct the steps that lower the energy by less than expected, where that helps; `TRIAL` is the energy
     after it."""
@@ -245,7 +260,7 @@ def _correct(
         return
     _fill_corrected_step(count, m, joint)
     take_step(surfaces, prior, count, lane[SCALE], joint.corrected_step, joint)
-    fill_energies(rows, m, prior, count, joint, CORRECTED)
+    fill_energies(rows, m, prior, known, count, joint, CORRECTED)
     for j in range(LANES):
         if lane[MOVING, j] == 0.0:
             continue

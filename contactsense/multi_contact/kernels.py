@@ -27,6 +27,7 @@ def explain_contact_sets(
     present: Usable,
     bandwidth: float,
     known_count: int,
+    drift: float,
     max_contacts: int,
     rows: np.ndarray,
 ) -> tuple[int, int]:
@@ -39,8 +40,9 @@ def explain_contact_sets(
         present: Which sensors have measured.
         bandwidth: Cut-off frequency of the observers [Hz]; infinite for an arm at rest, whose external
             wrench and torques are not filtered.
-        known_count, max_contacts: Number of known contacts, and maximum number of contacts, those
-            included.
+        known_count, drift: Number of known contacts, and standard deviation of the change of each component
+            of their forces [N]; infinity: their forces are new ones.
+        max_contacts: Maximum number of contacts, the known ones included.
         rows: Filled: the contacts of the best explanation, then those of the next one, as in
             `contactsense.runtime.result_rows`, shape (MAX_EXPLANATIONS * MAX_CONTACTS, WIDTH).
 
@@ -84,7 +86,7 @@ def explain_contact_sets(
     force_scale = estimate_force_scale(external, present)
     count = search_contact_sets(
         scene, state.motion, present[0], constants.prior, arrays, buffers, m, force_scale,
-        Sought(known_count, max_contacts, not bandwidth < math.inf),
+        Sought(known_count, drift, max_contacts, not bandwidth < math.inf),
     )  # fmt: skip
     listed, row = 0, 0
     for k in range(count):

@@ -35,8 +35,8 @@ class KnownContact(NamedTuple):
     """Its covariance, shape (3, 3) [m^2]."""
     force: np.ndarray
     """Previous force, shape (3,) [N]."""
-    drift: float
-    """Standard deviation of the change of each force component [N]; infinity: no prior of the force."""
+    torsion: float
+    """Previous moment about the outward normal [Nm]."""
 
 
 class MultiContactLocator:
@@ -56,7 +56,6 @@ class MultiContactLocator:
         self._rows = np.zeros((MAX_EXPLANATIONS * MAX_CONTACTS, WIDTH))
         self._builder = ContactSetBuilder(scene, estimate_builder)
         self._search: Callable[..., tuple[int, int]] | None = None
-        self._force_noise = 0.0 if scene.base_wrench is None else scene.base_wrench.force_noise
 
     @property
     def explanations(self) -> Explanations:
@@ -73,6 +72,7 @@ class MultiContactLocator:
         present: Usable,
         max_contacts: int,
         known: Sequence[KnownContact],
+        drift: float,
         bandwidth: float = math.inf,
     ) -> tuple[int, int]:
         """Explain the sample last taken by the kernels; `explanations` and `best_rows` return the result.
@@ -81,6 +81,8 @@ class MultiContactLocator:
             present: Which sensors have measured.
             max_contacts: Maximum number of contacts in a set, known ones included.
             known: Contacts known before.
+            drift: Standard deviation of the change of each component of their forces [N]; infinity: their
+                forces are new ones.
             bandwidth: Cut-off frequency of the observers [Hz]; infinite for an arm at rest.
 
         Returns:
@@ -89,10 +91,10 @@ class MultiContactLocator:
         """
         known_contacts = self.buffers.known
         for i, contact in enumerate(known):
-            known_contacts.primitive[i], known_contacts.drift[i] = contact.primitive, contact.drift
+            known_contacts.primitive[i], known_contacts.torsion[i] = contact.primitive, contact.torsion
             known_contacts.point[i], known_contacts.force[i] = contact.point, contact.force
             known_contacts.covariance[i] = contact.covariance
-        sample = present, bandwidth, len(known), max_contacts
+        sample = present, bandwidth, len(known), drift, max_contacts
         arguments = *self._arrays, self.buffers, *sample, self._rows
         if self._search is None:
             self._search = direct_call(explain_contact_sets, *arguments)
@@ -106,19 +108,17 @@ class MultiContactLocator:
         Arguments as in `Localizer.locate`, already checked.
         """
         start = self._constants.surfaces.start
-        # A known force has the noise of the sample that it comes from.
-        deviation = math.inf if drift is None else math.hypot(drift, self._force_noise)
         known_contacts = [
             KnownContact(
                 int(start[contact.link_index]) + contact.primitive,
                 contact.point_base,
                 contact.covariance,
                 contact.force_base,
-                deviation,
+                contact.torsion,
             )
             for contact in known
         ]
-        listed, rank = self.fit(present, contacts, known_contacts)
+        listed, rank = self.fit(present, contacts, known_contacts, math.inf if drift is None else drift)
         order = self.explanations.order[:listed]
         best, counts = self.explanations.order[0], self.explanations.contacts[order]
         return self._builder.sets(
@@ -155,7 +155,12 @@ class MultiContactLocator:
             if not 0 <= contact.primitive < count:
                 expected = f"0 to {count - 1} on {contact.link}"
                 raise ValueError(f"known[{i}].primitive: expected {expected}, got {contact.primitive}")
-            for name, shape in (("point_base", (3,)), ("force_base", (3,)), ("covariance", (3, 3))):
+            for name, shape in (
+                ("point_base", (3,)),
+                ("force_base", (3,)),
+                ("torsion", ()),
+                ("covariance", (3, 3)),
+            ):
                 value = getattr(contact, name)
                 # The sum is finite if and only if all are, unless they are too large for any contact.
                 if np.shape(value) != shape or not math.isfinite(float(np.sum(value))):

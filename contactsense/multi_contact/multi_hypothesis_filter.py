@@ -81,8 +81,8 @@ class MultiHypothesisFilter:
         fits = []
         explanations = self._locator.explanations
         for hypothesis in self.hypotheses:
-            known = predict_known_contacts(self._state.motion, hypothesis.contacts, FORCE_DRIFT, 0.0)
-            listed, rank = self._locator.fit(present, len(known), known, self._scene.bandwidth)
+            known = predict_known_contacts(self._state.motion, hypothesis.contacts, 0.0)
+            listed, rank = self._locator.fit(present, len(known), known, FORCE_DRIFT, self._scene.bandwidth)
             if listed > 0:
                 row = int(explanations.order[0])
                 after = self._posterior_hypothesis(hypothesis, row, 0.0)
@@ -116,8 +116,8 @@ class MultiHypothesisFilter:
         after = []
         explanations = self._locator.explanations
         for hypothesis in before:
-            known = predict_known_contacts(self._state.motion, hypothesis.contacts, drift, slide)
-            listed, _ = self._locator.fit(present, contacts, known, self._scene.bandwidth)
+            known = predict_known_contacts(self._state.motion, hypothesis.contacts, slide)
+            listed, _ = self._locator.fit(present, contacts, known, drift, self._scene.bandwidth)
             after += [
                 self._posterior_hypothesis(hypothesis, int(row), odds)
                 for row in explanations.order[:listed]

@@ -4,10 +4,11 @@ import math
 
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
 from contactsense.localization.local_prior import DeviationCells
-from contactsense.multi_contact.buffers import JointState, MeasurementRows, PrimitiveFrames
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows, PrimitiveFrames
 from contactsense.multi_contact.contact_step import vector_of
-from contactsense.multi_contact.joint_layout import ENERGY, FORCE_INFORMATION, LOG_EVIDENCE, NX, PX
+from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, NX, PX
 from contactsense.multi_contact.joint_optimization import find_joint_modes
+from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
@@ -18,24 +19,24 @@ FURTHER_CONTACT_ODDS = 0.02
 
 @fused_kernel
 def known_evidence(
-    surfaces: Surfaces, prior: Prior, rows: MeasurementRows, known_count: int, joint: JointState
+    surfaces: Surfaces, prior: Prior, rows: MeasurementRows, known: KnownRows, joint: JointState
 ) -> float:
     """Log evidence of the known contacts before the measurement, which are in lane 0.
 
-    The optimization uses the same priors for every contact: of its link and place, and of its force.
-    The priors of known contacts are additional factors exp(-d^2 / 2) and not normalized. Subtracting this
-    log evidence normalizes them, so that explanations with different known contacts are comparable.
+    The optimization uses the same priors for every contact: of its link and place, and of its force as far
+    as it is a new one. What is known of it is an additional factor exp(-d^2 / 2) and not normalized.
+    Subtracting this log evidence normalizes it, so that explanations with different known contacts are
+    comparable.
     """
-    if known_count == 0:
+    if known.contacts == 0:
         return 0.0
-    find_joint_modes(surfaces, rows, 0, prior, known_count, 1, math.inf, joint)
+    find_joint_modes(surfaces, rows, 0, prior, known, known.contacts, 1, math.inf, joint)
     score = joint.lane[LOG_EVIDENCE, 0]
     if score == -math.inf:
         return 0.0
-    for i in range(known_count):
-        if joint.contact[i, FORCE_INFORMATION] == 0.0:
-            # Without a prior of the force, correct Laplace's approximation for the tail of Student's t.
-            score += math.log(1.0 + 2.0 / STUDENT_DOF)
+    if known.rows < UNKNOWNS * known.contacts:
+        # The forces are new ones: correct Laplace's approximation for the tail of Student's t.
+        score += known.contacts * math.log(1.0 + 2.0 / STUDENT_DOF)
     return float(score)
 
 
@@ -45,7 +46,7 @@ def fill_set_evidence(
     prior: Prior,
     rows: MeasurementRows,
     m: int,
-    known_count: int,
+    known: KnownRows,
     count: int,
     lanes: int,
     limit: float,
@@ -56,10 +57,10 @@ def fill_set_evidence(
 
     Arguments as for `contactsense.multi_contact.joint_optimization.find_joint_modes`.
     """
-    find_joint_modes(surfaces, rows, m, prior, count, lanes, limit, joint)
+    find_joint_modes(surfaces, rows, m, prior, known, count, lanes, limit, joint)
     for j in range(lanes):
         if joint.lane[ENERGY, j] < math.inf:
-            joint.lane[LOG_EVIDENCE, j] += (count - known_count) * math.log(FURTHER_CONTACT_ODDS)
+            joint.lane[LOG_EVIDENCE, j] += (count - known.contacts) * math.log(FURTHER_CONTACT_ODDS)
 
 
 @fused_kernel

@@ -63,14 +63,13 @@ def tracked_contact(
 
 
 def predict_known_contacts(
-    motion: Motion, contacts: Sequence[TrackedContact], drift: float, slide: float
+    motion: Motion, contacts: Sequence[TrackedContact], slide: float
 ) -> list[KnownContact]:
     """Predict the contacts at the next sample, base frame.
 
     Args:
         motion: Current poses.
         contacts: Contacts of the previous sample.
-        drift: Standard deviation of the change of each force component [N].
         slide: Standard deviation of the change of the points along each axis [m].
     """
     slide_covariance = slide * slide * np.eye(3)
@@ -83,7 +82,7 @@ def predict_known_contacts(
                 R @ contact.point + motion.origin[contact.body],
                 R @ contact.covariance @ R.T + slide_covariance,
                 R @ contact.force,
-                drift,
+                0.0,
             )
         )
     return known

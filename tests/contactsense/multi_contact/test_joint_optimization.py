@@ -1,131 +1,50 @@
 """The joint optimization of several contacts: its gradient, its optimum against SciPy, and its
 covariances."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from contactsense import Localizer, Scene, robots
-from contactsense.benchmarks.multi_contact.trials import Trial, Trials
-from contactsense.localization.ranking import place_primitives
+from contactsense.benchmarks.multi_contact.trials import Trials
 from contactsense.multi_contact import joint_energy, joint_optimization
 from contactsense.multi_contact.buffers import (
     UNKNOWNS,
     JointState,
-    MultiContactBuffers,
-    PrimitiveFrames,
-    empty_multi_contact_buffers,
 )
-from contactsense.multi_contact.contact_step import save_iterate, set_contact, take_step, vector_of
+from contactsense.multi_contact.contact_step import save_iterate, take_step, vector_of
 from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
 from contactsense.multi_contact.joint_layout import (
     ACTIVE,
     ENERGY,
-    FORCE_INFORMATION,
+    FORCE_PRIOR,
     FX,
-    GX,
-    I00,
-    I11,
-    I22,
     JACOBIAN,
     LOG_EVIDENCE,
+    MOMENT_PRIOR,
     MOVING,
-    MX,
     OFFSET,
     PX,
     TORSION,
     TRIAL,
 )
-from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
+from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.constants import Constants
-from contactsense.runtime.state import State
 from contactsense.solvers.posterior import STUDENT_DOF
-from tests.plain_arm import plain_ur5e
+from tests.contactsense.multi_contact.smooth_arm import SCENE, SHAPES, Case, empty_case, take
 
-SHAPES: tuple[Primitive, ...] = (
-    Sphere(center=(0, 0, 0.05), radius=0.09),
-    Sphere(center=(0, 0, 0), radius=0.08),
-    Capsule(a=(0.05, 0, 0.138), b=(-0.45, 0, 0.138), radius=0.06),
-    Capsule(a=(0.05, 0, 0.007), b=(-0.4, 0, 0.007), radius=0.05),
-    Capsule(a=(0, -0.02, 0), b=(0, 0.05, 0), radius=0.045),
-    Capsule(a=(0, -0.05, 0), b=(0, 0.02, 0), radius=0.045),
-    Ellipsoid(center=(0, 0, -0.02), radii=(0.04, 0.045, 0.05)),
-)
-"""One smooth body per link: at edges the curvature is discontinuous and solvers differ."""
-
-
-def _smooth() -> robots.Robot:
-    constants = plain_ur5e()
-    links = tuple(
-        robots.Link(link.name, link.inertia, (shape,))
-        for link, shape in zip(constants.links, SHAPES, strict=True)
-    )
-    return robots.Robot(
-        constants.name, links, constants.joints, constants.flange_rotation, constants.flange_translation
-    )
-
-
-SCENE = Scene(robot=_smooth())
-
-
-class Case(NamedTuple):
-    localizer: Localizer
-    constants: Constants
-    state: State
-    buffers: MultiContactBuffers
-    trials: Trials
-
-    @property
-    def frames(self) -> PrimitiveFrames:
-        return PrimitiveFrames(self.state.candidates.rotation, self.state.candidates.origin)
+NOTHING_KNOWN = KnownRows(0, 0)
 
 
 @pytest.fixture(scope="module")
 def case() -> Case:
-    localizer = Localizer(SCENE)
-    constants, state = localizer._buffers.constants, localizer._buffers.state
-    return Case(localizer, constants, state, empty_multi_contact_buffers(constants), Trials(SCENE, seed=4))
+    return empty_case()
 
 
-def _take(case: Case, trial: Trial, shift: float, seed: int) -> int:
-    """Noisy measurement of a trial; its contacts, displaced by about `shift` metres, as initial values, other
-    ones in each lane. Number of rows."""
-    rng = np.random.default_rng(seed)
-    base, torque = trial.measure(trial.pushes)
-    base = base + rng.standard_normal(6) * np.repeat((0.25, 0.05), 3)
-    torque = torque + rng.standard_normal(6)
-    case.localizer.locate(trial.q, base_wrench=base, joint_torque=torque, detect=False)
-    surfaces, frames = case.constants.surfaces, case.frames
-    place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, case.state.candidates)
-    for i, push in enumerate(trial.pushes):
-        indices = range(surfaces.start[push.link], surfaces.start[push.link + 1])
-        p = min(indices, key=lambda p: abs(_distance(case, p, push.point)))
-        for lane in range(LANES):
-            start = push.point + shift * rng.standard_normal(3)
-            set_contact(surfaces, frames, case.buffers.joint, lane, i, p, tuple(start), tuple(push.force))
-    state = case.state
-    external = (state.base_wrench, state.torque, state.link_wrench)
-    return int(
-        fill_measurement_rows(
-            case.constants.sensors, state.motion, external,
-            Variances(
-                case.constants.sensors.base_information, 1.0, case.constants.sensors.torque_variance,
-                state.link_variance, state.link_origin,
-            ),
-            (True, True, 0), 0.0, case.buffers.rows,
-        )
-    )  # fmt: skip
-
-
-def _optimize(case: Case, m: int, count: int, lanes: int = LANES) -> None:
+def _optimize(case: Case, m: int, count: int, lanes: int = LANES, known: KnownRows = NOTHING_KNOWN) -> None:
     constants, buffers = case.constants, case.buffers
     joint_optimization.find_joint_modes(
-        constants.surfaces, buffers.rows, m, constants.prior, count, lanes, np.inf, buffers.joint
+        constants.surfaces, buffers.rows, m, constants.prior, known, count, lanes, np.inf, buffers.joint
     )
 
 
@@ -134,28 +53,29 @@ def _in_lane(values: np.ndarray, lane: int, size: int) -> np.ndarray:
     return np.asarray(values.reshape(*values.shape[:-1], -1, LANES)[..., :size, lane].copy())
 
 
-def _distance(case: Case, p: int, point: np.ndarray) -> float:
-    local = case.state.candidates.rotation[p].T @ (point - case.state.candidates.origin[p])
-    return float(project(case.constants.surfaces.kind[p], case.constants.surfaces.size[p], *local)[0])
+def _state_rows(joint: JointState, i: int, rows: np.ndarray) -> None:
+    """Rows of what is known of contact i, shape (R, 8), in all lanes."""
+    joint.known_rows[i, : rows.size * LANES] = np.repeat(rows.reshape(-1), LANES)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None:
     trial = case.trials.draw(count, 20.0, "different", "cone")
-    m = _take(case, trial, 0.01, count)
+    m = take(case, trial, 0.01, count)
     constants, rows, joint = case.constants, case.buffers.rows, case.buffers.joint
-    size = count * UNKNOWNS
-    for block in joint.contact[:count]:
-        for lane in range(LANES):
-            block[TORSION + lane], block[OFFSET + lane] = 0.02, 0.001
-            for k in range(3):
-                at = k * LANES + lane
-                block[MX + at], block[GX + at] = block[PX + at] + 0.002, block[FX + at] + 1.0
-            block[I00 + lane], block[I11 + lane], block[I22 + lane] = 1e4, 2e4, 3e4
-            block[FORCE_INFORMATION + lane] = 0.5
+    size, known = count * UNKNOWNS, KnownRows(min(count, 2), 9)
+    rng = np.random.default_rng(count)
+    scale = np.array([100.0] * 3 + [1.0] * 3 + [10.0, 500.0])
+    for i, block in enumerate(joint.contact[:count]):
+        block.reshape(-1, LANES)[[TORSION // LANES, OFFSET // LANES]] = [[0.02], [0.001]]
+        if i < known.contacts:
+            block.reshape(-1, LANES)[[FORCE_PRIOR // LANES, MOMENT_PRIOR // LANES]] = [[0.3], [0.4]]
+            joint.known_mean[i] = [*vector_of(block, PX, 0), *vector_of(block, FX, 0), 0.01, 0.0]
+            joint.known_mean[i] += rng.standard_normal(8) / scale
+            _state_rows(joint, i, scale * rng.standard_normal((known.rows, 8)))
     joint.lane[ACTIVE], joint.lane[MOVING] = 1.0, 1.0
-    joint_optimization._take_rows(constants.surfaces, rows, m, count, joint)
-    joint_energy.linearize(constants.surfaces, rows, m, constants.prior, count, joint)
+    joint_optimization.take_rows(constants.surfaces, rows, m, count, joint)
+    joint_energy.linearize(constants.surfaces, rows, m, constants.prior, known, count, joint)
     save_iterate(count, joint)
     gradient, length = joint.step[: size * LANES].reshape(size, LANES).copy(), np.ones(LANES)
     for a in range(size):
@@ -164,7 +84,7 @@ def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None
             step = np.zeros((size, LANES))
             step[a] = -change
             take_step(constants.surfaces, constants.prior, count, length, step.reshape(-1), joint)
-            joint_energy.fill_energies(rows, m, constants.prior, count, joint, TRIAL)
+            joint_energy.fill_energies(rows, m, constants.prior, known, count, joint, TRIAL)
             values.append(joint.lane[TRIAL].copy())
         np.testing.assert_allclose((values[0] - values[1]) / 2e-6, gradient[a], rtol=2e-4, atol=2e-3)
 
@@ -210,7 +130,7 @@ def _residuals(case: Case, m: int, primitives: list[int], x: np.ndarray) -> np.n
 def test_the_optimum_agrees_with_scipy(case: Case, seed: int) -> None:
     trials = Trials(SCENE, seed=40 + seed)
     trial = trials.draw(2, 20.0, "different", "cone")
-    m = _take(case, trial, 0.01, seed)
+    m = take(case, trial, 0.01, seed)
     joint = case.buffers.joint
     primitives = [int(p) for p in joint.primitive[:2, 0]]
     start = _solution(joint, 0)
@@ -248,7 +168,7 @@ def _solution(joint: JointState, lane: int) -> np.ndarray:
 
 def test_lanes_do_not_depend_on_each_other(case: Case) -> None:
     trial = case.trials.draw(2, 20.0, "different", "cone")
-    m = _take(case, trial, 0.02, 7)
+    m = take(case, trial, 0.02, 7)
     joint = case.buffers.joint
     contact, primitive = joint.contact.copy(), joint.primitive.copy()
     _optimize(case, m, 2)
@@ -266,11 +186,11 @@ def test_lanes_do_not_depend_on_each_other(case: Case) -> None:
 
 def test_covariances_are_those_of_the_inverse_matrix(case: Case) -> None:
     trial = case.trials.draw(3, 20.0, "different", "cone")
-    m = _take(case, trial, 0.0, 9)
+    m = take(case, trial, 0.0, 9)
     constants, joint, size = case.constants, case.buffers.joint, 3 * UNKNOWNS
     joint.lane[ACTIVE] = 1.0
-    joint_optimization._take_rows(constants.surfaces, case.buffers.rows, m, 3, joint)
-    joint_energy.linearize(constants.surfaces, case.buffers.rows, m, constants.prior, 3, joint)
+    joint_optimization.take_rows(constants.surfaces, case.buffers.rows, m, 3, joint)
+    joint_energy.linearize(constants.surfaces, case.buffers.rows, m, constants.prior, NOTHING_KNOWN, 3, joint)
     matrices = [_in_lane(joint.matrix[:size], lane, size) for lane in range(LANES)]
     joint_optimization._solve(3, joint)
     fill_covariances(3, joint)
@@ -295,14 +215,13 @@ def test_covariances_are_those_of_the_inverse_matrix(case: Case) -> None:
 
 def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
     trial = case.trials.draw(1, 20.0, "different", "cone")
-    m = _take(case, trial, 0.0, 2)
+    m = take(case, trial, 0.0, 2)
     joint, information = case.buffers.joint, 1.0 / 0.001**2
     block = joint.contact[0]
     before = np.array(vector_of(block, PX, 0))
-    for k in range(3):
-        block[MX + k * LANES] = before[k]
-    block[I00], block[I11], block[I22] = information, information, information
-    _optimize(case, m, 1, 1)
+    joint.known_mean[0, :3] = before
+    _state_rows(joint, 0, np.sqrt(information) * np.eye(3, 8))
+    _optimize(case, m, 1, 1, KnownRows(1, 3))
     assert np.linalg.norm(np.array(vector_of(block, PX, 0)) - before) < 0.003
     fill_covariances(1, joint)
     assert covariance_of(joint, 0, 0, 0) < 1.0 / information
@@ -311,10 +230,10 @@ def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
 
 def test_contacts_above_the_limit_are_rejected(case: Case) -> None:
     trial = case.trials.draw(2, 20.0, "different", "cone")
-    m = _take(case, trial, 0.01, 5)
+    m = take(case, trial, 0.01, 5)
     constants, joint = case.constants, case.buffers.joint
     joint_optimization.find_joint_modes(
-        constants.surfaces, case.buffers.rows, m, constants.prior, 2, LANES, -1.0, joint
+        constants.surfaces, case.buffers.rows, m, constants.prior, NOTHING_KNOWN, 2, LANES, -1.0, joint
     )
     assert np.isposinf(joint.lane[ENERGY]).all()
     assert np.isneginf(joint.lane[LOG_EVIDENCE]).all()
@@ -325,10 +244,12 @@ def test_the_prior_over_links_adds_to_the_evidence_once_per_contact(case: Case) 
     found, links = [], np.zeros(2, dtype=np.int64)
     for log_link_density in (np.zeros(len(SHAPES)), density):
         trial = Trials(SCENE, seed=3).draw(2, 20.0, "different", "cone")
-        m = _take(case, trial, 0.01, 3)
+        m = take(case, trial, 0.01, 3)
         prior, joint = case.constants.prior._replace(log_link_density=log_link_density), case.buffers.joint
         surfaces = case.constants.surfaces
-        joint_optimization.find_joint_modes(surfaces, case.buffers.rows, m, prior, 2, 1, np.inf, joint)
+        joint_optimization.find_joint_modes(
+            surfaces, case.buffers.rows, m, prior, NOTHING_KNOWN, 2, 1, np.inf, joint
+        )
         found.append(joint.lane[[ENERGY, LOG_EVIDENCE], 0])
         links = surfaces.link[joint.primitive[:2, 0]]
     assert links[0] != links[1]

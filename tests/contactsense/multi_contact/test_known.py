@@ -1,4 +1,4 @@
-"""Log evidence of a known contact before the measurement."""
+"""Known contacts before the measurement: their log evidence, and their places."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,9 @@ from contactsense.multi_contact.buffers import (
     PrimitiveFrames,
     empty_multi_contact_buffers,
 )
-from contactsense.multi_contact.initial_contacts import initialize_known_contact
+from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
+from contactsense.multi_contact.known_prior import fill_known_prior
+from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots.primitives import Sphere
 from contactsense.runtime.constants import Constants, build_constants
@@ -39,19 +41,37 @@ def _constants() -> tuple[Constants, State, MultiContactBuffers]:
     return constants, state, empty_multi_contact_buffers(constants)
 
 
-def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
-    """Log evidence of one contact on the sphere before any measurement, and the prior's area."""
+def known_before_measurement(
+    covariance: np.ndarray, force: np.ndarray, change: Change
+) -> tuple[float, np.ndarray]:
+    """Log evidence of one contact on the sphere before any measurement, times the prior's area; and the
+    covariance of its place along two tangents."""
     constants, state, buffers = _constants()
+    surfaces, prior, rows, joint = constants.surfaces, constants.prior, buffers.rows, buffers.joint
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
-    known = buffers.known
-    known.primitive[0], known.drift[0] = 0, drift
-    known.point[0], known.force[0] = CENTER + RADIUS * NORMAL, force
-    known.covariance[0] = covariance
-    initialize_known_contact(
-        constants.surfaces, frames, known, buffers.joint, buffers.seeding.known_normal[0], 10.0, 0, 0
-    )
-    log_evidence = known_evidence(constants.surfaces, constants.prior, buffers.rows, 1, buffers.joint)
-    return float(log_evidence) + float(np.log(constants.prior.area))
+    contact = buffers.known
+    contact.primitive[0] = 0
+    contact.point[0], contact.force[0] = CENTER + RADIUS * NORMAL, force
+    contact.covariance[0] = covariance
+    known = fill_known_prior(surfaces, prior, frames, rows, 0, contact, 1, change, joint, buffers.known_prior)
+    log_evidence = known_evidence(surfaces, prior, rows, known, joint)
+    fill_covariances(1, joint)
+    places = np.array([[covariance_of(joint, a, b, 0) for b in range(2)] for a in range(2)])
+    return float(log_evidence) + float(np.log(prior.area)), places
+
+
+def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
+    """Log evidence, as above, in a stream."""
+    return known_before_measurement(covariance, force, Change(drift, measured=False))[0]
+
+
+@pytest.mark.parametrize("drift", [0.1, 0.5, np.inf])
+@pytest.mark.parametrize("sigma", [0.003, 0.02])
+def test_without_a_measurement_the_place_stays_as_uncertain_as_it_was(sigma: float, drift: float) -> None:
+    """What the earlier estimate has concluded from friction does not count again."""
+    force = -20.0 * NORMAL + 3.0 * np.cross(NORMAL, (1.0, 0.0, 0.0))
+    _, places = known_before_measurement(sigma**2 * np.eye(3), force, Change(drift, measured=True))
+    np.testing.assert_allclose(np.linalg.eigvalsh(places), sigma**2, rtol=0.02)
 
 
 @pytest.mark.parametrize("sigma", [0.003, 0.006])

@@ -1,0 +1,261 @@
+"""Known contacts as one normal distribution of their places, forces, torsions and offsets of the surface.
+
+Places are as the earlier estimate states them. What it knows of the forces is not independent of the places:
+if a place is wrong, so is its force, and the sum of all wrenches is known best of all. Given the places, the
+forces are those which the earlier sample measured: the covariance given the places, and how the mean depends
+on them, follow from the Gauss-Newton matrix of the known contacts alone, measured by the sensors of the
+present sample. In blocks of the other unknowns c and the places v,
+
+    H = [H_cc, H_cv; H_vc, H_vv],    c | v ~ N(c0 - H_cc^-1 H_cv (v - v0), H_cc^-1 + D),
+
+where D is the covariance of what has changed since. In a stream D exceeds the noise: there the forces are
+taken for exact before they change.
+
+The rows U with U^T U = inverse covariance are further rows of the measurement:
+E += 1/2 |U (z - z0)|^2, with z = (point, force, torsion, offset) of each known contact.
+"""
+
+import math
+
+import numpy as np
+
+from contactsense.kinematics.linalg.cholesky import cholesky
+from contactsense.multi_contact.buffers import (
+    KNOWN_NUMBERS,
+    UNKNOWNS,
+    JointState,
+    KnownContacts,
+    KnownPriorScratch,
+    MeasurementRows,
+    PrimitiveFrames,
+)
+from contactsense.multi_contact.contact_step import vector_of
+from contactsense.multi_contact.initial_contacts import initialize_known_contact, weigh_priors
+from contactsense.multi_contact.joint_energy import linearize
+from contactsense.multi_contact.joint_layout import (
+    ACTIVE,
+    FORCE_PRIOR,
+    FX,
+    MOMENT_PRIOR,
+    NX,
+    PX,
+    SX,
+    TORSION,
+    TX,
+)
+from contactsense.multi_contact.joint_optimization import take_rows
+from contactsense.multi_contact.known_rows import OTHERS, PLACES, Change, KnownRows, unknown_of_factor
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.vectors import Vector, dot
+from contactsense.solvers.posterior import Prior
+
+MIN_POINT_DEVIATION = 1e-4
+"""Lower bound of the standard deviation of a known point [m]."""
+
+
+@fused_kernel
+def fill_known_prior(
+    surfaces: Surfaces,
+    prior: Prior,
+    frames: PrimitiveFrames,
+    rows: MeasurementRows,
+    m: int,
+    known_contacts: KnownContacts,
+    known_count: int,
+    change: Change,
+    joint: JointState,
+    scratch: KnownPriorScratch,
+) -> KnownRows:
+    """Fill `joint.known_rows` and `joint.known_mean`; and lane 0 with the known contacts, whose `jacobian` is
+    the derivative of the measurement there.
+
+    Args:
+        surfaces, prior, frames: Primitives and the prior of contacts.
+        rows, m: The measurement and the number of its rows.
+        known_contacts, known_count: Known contacts, and how many.
+        change: What has changed since.
+        joint: Filled.
+        scratch: Filled: `factor` is U in the unknowns of the joint optimization, first the steps along the
+            tangents of all contacts, then their other unknowns; lower triangular.
+
+    Returns:
+        Numbers of known contacts and of their rows.
+    """
+    U, places = scratch.factor, PLACES * known_count
+    size = places if change.drift == math.inf else UNKNOWNS * known_count
+    for a in range(size):
+        for b in range(size):
+            U[a, b] = 0.0
+    for i in range(known_count):
+        initialize_known_contact(surfaces, prior, frames, known_contacts, joint, change, prior.force, 0, i)
+        _fill_mean(known_contacts, joint, i)
+        _fill_place_factor(known_contacts.covariance[i], joint.contact[i], PLACES * i, U)
+    if change.drift < math.inf:
+        for i in range(known_count):
+            # As when the earlier sample was measured.
+            joint.contact[i, FORCE_PRIOR], joint.contact[i, MOMENT_PRIOR] = 1.0, 1.0
+        for j in range(LANES):
+            joint.lane[ACTIVE, j] = 1.0 if j == 0 else 0.0
+        take_rows(surfaces, rows, m, known_count, joint)
+        linearize(surfaces, rows, m, prior, KnownRows(0, 0), known_count, joint)
+        _fill_conditional(known_count, change.measured, joint, scratch)
+        for i in range(known_count):
+            _add_change(prior, change.drift, joint.contact[i], OTHERS * i, scratch)
+        _fill_conditional_factor(known_count, scratch)
+        for i in range(known_count):
+            weigh_priors(prior, change, 0, joint.contact[i])
+    for i in range(known_count):
+        _expand(prior, joint.contact[i], U, size, known_count, i, joint.known_rows[i])
+    return KnownRows(known_count, size)
+
+
+@fused_kernel
+def _fill_mean(known_contacts: KnownContacts, joint: JointState, i: int) -> None:
+    """Mean of known contact i, which is in lane 0."""
+    mean, place = joint.known_mean[i], vector_of(joint.contact[i], PX, 0)
+    for k in range(3):
+        mean[k], mean[3 + k] = place[k], known_contacts.force[i, k]
+    mean[6], mean[7] = joint.contact[i, TORSION], 0.0
+
+
+@fused_kernel
+def _fill_place_factor(C: np.ndarray, block: np.ndarray, at: int, U: np.ndarray) -> None:
+    """Factor of the information on a place: of the inverse of its covariance C in the tangent plane."""
+    s, t = vector_of(block, SX, 0), vector_of(block, TX, 0)
+    aa, ab, bb = MIN_POINT_DEVIATION * MIN_POINT_DEVIATION, 0.0, MIN_POINT_DEVIATION * MIN_POINT_DEVIATION
+    for i in range(3):
+        for k in range(3):
+            aa += s[i] * C[i, k] * s[k]
+            ab += s[i] * C[i, k] * t[k]
+            bb += t[i] * C[i, k] * t[k]
+    U[at, at] = 1.0 / math.sqrt(aa)
+    U[at + 1, at + 1] = 1.0 / math.sqrt(bb - ab * ab / aa)
+    U[at + 1, at] = -ab / aa * U[at + 1, at + 1]
+
+
+@fused_kernel
+def _fill_conditional(
+    known_count: int, measured: bool, joint: JointState, scratch: KnownPriorScratch
+) -> None:
+    """Covariance of the other unknowns given the places, in units of their priors, and the derivative of
+    their mean by the places."""
+    L, G, C = scratch.information, scratch.gain, scratch.covariance
+    size, places = OTHERS * known_count, PLACES * known_count
+    for a in range(size):
+        for b in range(size):
+            C[a, b] = 0.0
+        for b in range(places):
+            G[a, b] = 0.0
+        if not measured:
+            # Torsion and offset have their priors.
+            C[a, a] = 1.0 if a % OTHERS > 2 else 0.0
+    if not measured:
+        return
+    for a in range(size):
+        x = unknown_of_factor(places + a, known_count)
+        for b in range(a + 1):
+            L[a, b] = joint.matrix[x, unknown_of_factor(places + b, known_count) * LANES]
+        for b in range(places):
+            v = unknown_of_factor(b, known_count)
+            G[a, b] = -joint.matrix[max(x, v), min(x, v) * LANES]
+        C[a, a] = 1.0
+    cholesky(L, size)
+    _solve(L, size, G, places)
+    _solve(L, size, C, size)
+
+
+@fused_kernel
+def _solve(L: np.ndarray, size: int, B: np.ndarray, columns: int) -> None:
+    """Solve L L^T X = B in place of B, shape (>= size, >= columns)."""
+    _substitute(L, size, B, columns)
+    for a in range(size - 1, -1, -1):
+        for b in range(columns):
+            x = B[a, b]
+            for k in range(a + 1, size):
+                x -= L[k, a] * B[k, b]
+            B[a, b] = x / L[a, a]
+
+
+@fused_kernel
+def _substitute(L: np.ndarray, size: int, B: np.ndarray, columns: int) -> None:
+    """Solve L X = B in place of B."""
+    for a in range(size):
+        for b in range(columns):
+            x = B[a, b]
+            for k in range(a):
+                x -= L[a, k] * B[k, b]
+            B[a, b] = x / L[a, a]
+
+
+@fused_kernel
+def _normal_force(block: np.ndarray) -> float:
+    """Of the contact in lane 0 [N]."""
+    return -dot(vector_of(block, NX, 0), vector_of(block, FX, 0))
+
+
+@fused_kernel
+def _by_force(prior: Prior, block: np.ndarray) -> tuple[Vector, Vector, Vector, Vector]:
+    """Derivatives of logarithm of the normal force, two friction ratios and torsion ratio of the contact in
+    lane 0 by its force, in units of their priors."""
+    n, f = vector_of(block, NX, 0), vector_of(block, FX, 0)
+    s, t = vector_of(block, SX, 0), vector_of(block, TX, 0)
+    F = _normal_force(block)
+    scale = 1.0 / (prior.friction_ratio * F)
+    p, q, r = dot(s, f) / F, dot(t, f) / F, block[TORSION] / (prior.torsion_lever * F * F)
+    return (
+        (-n[0] / F, -n[1] / F, -n[2] / F),
+        (scale * (s[0] + p * n[0]), scale * (s[1] + p * n[1]), scale * (s[2] + p * n[2])),
+        (scale * (t[0] + q * n[0]), scale * (t[1] + q * n[1]), scale * (t[2] + q * n[2])),
+        (r * n[0], r * n[1], r * n[2]),
+    )
+
+
+@fused_kernel
+def _add_change(prior: Prior, drift: float, block: np.ndarray, at: int, scratch: KnownPriorScratch) -> None:
+    """Add the covariance of what has changed of the contact in lane 0: of its force, and of its torsion in
+    proportion."""
+    by_force, C = _by_force(prior, block), scratch.covariance
+    for a in range(4):
+        for b in range(4):
+            C[at + a, at + b] += drift * drift * dot(by_force[a], by_force[b])
+    C[at + 3, at + 3] += (drift / _normal_force(block)) ** 2
+
+
+@fused_kernel
+def _fill_conditional_factor(known_count: int, scratch: KnownPriorScratch) -> None:
+    """Rows of the factor of the other unknowns: with the covariance L L^T, L^-1 (c - c0 - gain (v - v0))."""
+    L, U, size, places = scratch.covariance, scratch.factor, OTHERS * known_count, PLACES * known_count
+    cholesky(L, size)
+    below = U[places:]
+    for a in range(size):
+        below[a, places + a] = 1.0
+        for b in range(places):
+            below[a, b] = -scratch.gain[a, b]
+    _substitute(L, size, below, places + size)
+
+
+@fused_kernel
+def _expand(
+    prior: Prior, block: np.ndarray, U: np.ndarray, size: int, known_count: int, i: int, out: np.ndarray
+) -> None:
+    """Rows of known contact i, which is in lane 0, by its point, force, torsion and offset; in all lanes."""
+    s, t, by_force = vector_of(block, SX, 0), vector_of(block, TX, 0), _by_force(prior, block)
+    v, c = PLACES * i, PLACES * known_count + OTHERS * i
+    for r in range(size):
+        numbers = r * KNOWN_NUMBERS
+        for k in range(3):
+            force = 0.0
+            if size > PLACES * known_count:
+                for a in range(4):
+                    force += U[r, c + a] * by_force[a][k]
+            place = U[r, v] * s[k] + U[r, v + 1] * t[k]
+            for j in range(LANES):
+                out[(numbers + k) * LANES + j], out[(numbers + 3 + k) * LANES + j] = place, force
+        torsion, offset = 0.0, 0.0
+        if size > PLACES * known_count:
+            torsion = U[r, c + 3] / (prior.torsion_lever * _normal_force(block))
+            offset = U[r, c + 4] / prior.surface_deviation
+        for j in range(LANES):
+            out[(numbers + 6) * LANES + j], out[(numbers + 7) * LANES + j] = torsion, offset

@@ -1,0 +1,103 @@
+"""Random contacts on a smooth arm, measured and placed for the joint optimization."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactsense import Localizer, Scene, robots
+from contactsense.benchmarks.multi_contact.trials import Trial, Trials
+from contactsense.localization.ranking import place_primitives
+from contactsense.multi_contact.buffers import (
+    MultiContactBuffers,
+    PrimitiveFrames,
+    empty_multi_contact_buffers,
+)
+from contactsense.multi_contact.contact_step import set_contact
+from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
+from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
+from contactsense.robots.surface.convex_primitives import project
+from contactsense.runtime.constants import Constants
+from contactsense.runtime.state import State
+from tests.plain_arm import plain_ur5e
+
+SHAPES: tuple[Primitive, ...] = (
+    Sphere(center=(0, 0, 0.05), radius=0.09),
+    Sphere(center=(0, 0, 0), radius=0.08),
+    Capsule(a=(0.05, 0, 0.138), b=(-0.45, 0, 0.138), radius=0.06),
+    Capsule(a=(0.05, 0, 0.007), b=(-0.4, 0, 0.007), radius=0.05),
+    Capsule(a=(0, -0.02, 0), b=(0, 0.05, 0), radius=0.045),
+    Capsule(a=(0, -0.05, 0), b=(0, 0.02, 0), radius=0.045),
+    Ellipsoid(center=(0, 0, -0.02), radii=(0.04, 0.045, 0.05)),
+)
+"""One smooth body per link: at edges the curvature is discontinuous and solvers differ."""
+
+
+def _smooth() -> robots.Robot:
+    constants = plain_ur5e()
+    links = tuple(
+        robots.Link(link.name, link.inertia, (shape,))
+        for link, shape in zip(constants.links, SHAPES, strict=True)
+    )
+    return robots.Robot(
+        constants.name, links, constants.joints, constants.flange_rotation, constants.flange_translation
+    )
+
+
+SCENE = Scene(robot=_smooth())
+
+
+class Case(NamedTuple):
+    """Arrays of the search for several contacts."""
+
+    localizer: Localizer
+    constants: Constants
+    state: State
+    buffers: MultiContactBuffers
+    trials: Trials
+
+    @property
+    def frames(self) -> PrimitiveFrames:
+        return PrimitiveFrames(self.state.candidates.rotation, self.state.candidates.origin)
+
+
+def empty_case() -> Case:
+    """Without contacts."""
+    localizer = Localizer(SCENE)
+    constants, state = localizer._buffers.constants, localizer._buffers.state
+    return Case(localizer, constants, state, empty_multi_contact_buffers(constants), Trials(SCENE, seed=4))
+
+
+def take(case: Case, trial: Trial, shift: float, seed: int) -> int:
+    """Noisy measurement of a trial; its contacts, displaced by about `shift` metres, as initial values, other
+    ones in each lane. Number of rows."""
+    rng = np.random.default_rng(seed)
+    base, torque = trial.measure(trial.pushes)
+    base = base + rng.standard_normal(6) * np.repeat((0.25, 0.05), 3)
+    torque = torque + rng.standard_normal(6)
+    case.localizer.locate(trial.q, base_wrench=base, joint_torque=torque, detect=False)
+    surfaces, frames = case.constants.surfaces, case.frames
+    place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, case.state.candidates)
+    for i, push in enumerate(trial.pushes):
+        indices = range(surfaces.start[push.link], surfaces.start[push.link + 1])
+        p = min(indices, key=lambda p: abs(_distance(case, p, push.point)))
+        for lane in range(LANES):
+            start = push.point + shift * rng.standard_normal(3)
+            set_contact(surfaces, frames, case.buffers.joint, lane, i, p, tuple(start), tuple(push.force))
+    state = case.state
+    external = (state.base_wrench, state.torque, state.link_wrench)
+    return int(
+        fill_measurement_rows(
+            case.constants.sensors, state.motion, external,
+            Variances(
+                case.constants.sensors.base_information, 1.0, case.constants.sensors.torque_variance,
+                state.link_variance, state.link_origin,
+            ),
+            (True, True, 0), 0.0, case.buffers.rows,
+        )
+    )  # fmt: skip
+
+
+def _distance(case: Case, p: int, point: np.ndarray) -> float:
+    local = case.state.candidates.rotation[p].T @ (point - case.state.candidates.origin[p])
+    return float(project(case.constants.surfaces.kind[p], case.constants.surfaces.size[p], *local)[0])
