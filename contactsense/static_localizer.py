@@ -115,11 +115,11 @@ class StaticLocalizer:
                 present, and whether the measurement can be is not checked.
             contacts: Largest number of simultaneous contacts, 1 to 3. With more than one, the status is
                 `multiple` if several explain the measurement better than one.
-            known: Contacts that are already present, from an estimate in the same posture: their positions
-                have their covariances as prior. They count towards `contacts`.
-            drift: Standard deviation of the change of each component of their forces since then [N], to which
-                the noise of one sample of the base sensor is added; None: their forces are free. The smaller,
-                the better a new contact is distinguished from them.
+            known: Contacts that are already present, from one estimate in the same posture by the same
+                sensors: their positions have their covariances as prior. They count towards `contacts`.
+            drift: Standard deviation of the change of each component of their forces since then [N]; given
+                their positions, the forces before it are known as one sample measures them. None: their
+                forces are free. The smaller, the better a new contact is distinguished from them.
 
         Raises:
             ValueError: an argument has the wrong shape, is not finite or cannot be (units mistaken, values

@@ -144,8 +144,8 @@ def search_contact_sets(
             lanes = min(LANES, starts - start)
             for j in range(lanes):
                 _initialize(
-                    surfaces, frames, prior, buffers, m, change, force_scale, (known_count, further),
-                    candidates_used, start + j, j,
+                    surfaces, frames, prior, buffers, m, change, force_scale,
+                    (known_count, further, candidates_used), start + j, j,
                 )  # fmt: skip
             count = known_count + further
             fill_set_evidence(
@@ -210,16 +210,15 @@ def _initialize(
     m: int,
     change: Change,
     force_scale: float,
-    counts: tuple[int, int],
-    candidates_used: int,
+    counts: tuple[int, int, int],
     s: int,
     lane: int,
 ) -> None:
     """Initialize a lane with start s: a candidate, or behind them a seed.
 
-    `counts`: numbers of known and further contacts.
+    `counts`: numbers of known and of further contacts, and of candidates.
     """
-    known_count, further = counts
+    known_count, further, candidates_used = counts
     candidates, joint = buffers.candidates, buffers.joint
     for i in range(known_count):
         initialize_known_contact(surfaces, prior, frames, buffers.known, joint, change, force_scale, lane, i)

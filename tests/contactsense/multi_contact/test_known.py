@@ -1,4 +1,4 @@
-"""Known contacts before the measurement: their log evidence, and their places."""
+"""Log evidence of a known contact before the measurement."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,6 @@ from contactsense.multi_contact.buffers import (
     PrimitiveFrames,
     empty_multi_contact_buffers,
 )
-from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.set_evidence import known_evidence
@@ -41,37 +40,17 @@ def _constants() -> tuple[Constants, State, MultiContactBuffers]:
     return constants, state, empty_multi_contact_buffers(constants)
 
 
-def known_before_measurement(
-    covariance: np.ndarray, force: np.ndarray, change: Change
-) -> tuple[float, np.ndarray]:
-    """Log evidence of one contact on the sphere before any measurement, times the prior's area; and the
-    covariance of its place along two tangents."""
+def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
+    """Log evidence of one contact on the sphere before any measurement of a stream, and the prior's area."""
     constants, state, buffers = _constants()
     surfaces, prior, rows, joint = constants.surfaces, constants.prior, buffers.rows, buffers.joint
     frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
-    contact = buffers.known
+    contact, change = buffers.known, Change(drift, measured=False)
     contact.primitive[0] = 0
     contact.point[0], contact.force[0] = CENTER + RADIUS * NORMAL, force
     contact.covariance[0] = covariance
     known = fill_known_prior(surfaces, prior, frames, rows, 0, contact, 1, change, joint, buffers.known_prior)
-    log_evidence = known_evidence(surfaces, prior, rows, known, joint)
-    fill_covariances(1, joint)
-    places = np.array([[covariance_of(joint, a, b, 0) for b in range(2)] for a in range(2)])
-    return float(log_evidence) + float(np.log(prior.area)), places
-
-
-def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
-    """Log evidence, as above, in a stream."""
-    return known_before_measurement(covariance, force, Change(drift, measured=False))[0]
-
-
-@pytest.mark.parametrize("drift", [0.1, 0.5, np.inf])
-@pytest.mark.parametrize("sigma", [0.003, 0.02])
-def test_without_a_measurement_the_place_stays_as_uncertain_as_it_was(sigma: float, drift: float) -> None:
-    """What the earlier estimate has concluded from friction does not count again."""
-    force = -20.0 * NORMAL + 3.0 * np.cross(NORMAL, (1.0, 0.0, 0.0))
-    _, places = known_before_measurement(sigma**2 * np.eye(3), force, Change(drift, measured=True))
-    np.testing.assert_allclose(np.linalg.eigvalsh(places), sigma**2, rtol=0.02)
+    return known_evidence(surfaces, prior, rows, known, joint) + float(np.log(prior.area))
 
 
 @pytest.mark.parametrize("sigma", [0.003, 0.006])

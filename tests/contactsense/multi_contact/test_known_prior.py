@@ -85,18 +85,29 @@ def test_two_samples_of_an_unchanged_contact_tell_as_much_as_one_with_twice_the_
     for _ in range(20):
         m = _contacts(case, 1)
         first = _matrix(case, m, KnownRows(0, 0), 1)
-        nothing = case.buffers.joint.contact[0].copy()
         from_rows = first - _matrix(case, 0, KnownRows(0, 0), 1)
-        # The extent of the primitive bounds what no sample resolves; it is no part of the known place.
-        covariance = np.linalg.inv(first)
-        case.buffers.joint.contact[0] = nothing
-        _state(case, covariance[np.ix_(PLACE, PLACE)], 1)
+        _state(case, np.linalg.inv(first)[np.ix_(PLACE, PLACE)], 1)
         known = _prior(case, m, 1, 1e-3)
         second = np.linalg.inv(_matrix(case, m, known, 1))
         expected = np.linalg.inv(first + from_rows)
         np.testing.assert_allclose(
             second[np.ix_(PLACE, PLACE)], expected[np.ix_(PLACE, PLACE)], rtol=0.02, atol=2e-8
         )
+
+
+@pytest.mark.parametrize("drift", [0.1, np.inf])
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_without_a_further_measurement_the_places_stay_as_uncertain_as_they_were(
+    case: Case, count: int, drift: float
+) -> None:
+    """What the earlier estimate has concluded from friction does not count again."""
+    m = _contacts(case, count)
+    places = 0.01**2 * np.eye(2 * count)
+    _state(case, places, count)
+    known = _prior(case, m, count, drift)
+    v = _unknowns(PLACE, count)
+    stated = np.linalg.inv(_matrix(case, 0, known, count))[np.ix_(v, v)]
+    np.testing.assert_allclose(stated, places, rtol=0.02, atol=0.02 * 0.01**2)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
