@@ -23,17 +23,20 @@ import math
 
 import numpy as np
 
-from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.jit.lanes import HALF
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 from contactsense.localization.simd_layout import (  # isort: skip
-    A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
-    ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, LOG_FORCE, NX, NY, NZ, SPREAD, SQUARED_RATIO, T1X,
-    T1Y, T1Z, T2X, T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2, W3, W4, W5, X, Y, Z,
+    A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45,
+    A55, ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, FX, FY, FZ, LENGTH, LOG_EVIDENCE, LOG_FORCE, NX,
+    NY, NZ, PX, PY, PZ, SPREAD, SQUARED_RATIO, T1X, T1Y, T1Z, T2X, T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2,
+    W3, W4, W5, X, Y, Z,
 )  # fmt: skip
 from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
+from contactsense.kinematics.logarithm import logarithm
 from contactsense.kinematics.wrench_information import blocks, matvec, rotate_block, shift_information
+from contactsense.robots.jit.array_views import block as view
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import tangents
 
@@ -68,58 +71,25 @@ def find_modes(
         prior: Prior of contacts.
         force_measured: Whether the force was measured; the search then starts from it.
         limit: Energy above which a cell is rejected.
-        block: The block, with centres, normals and spreads of the cells; on return, the modes.
+        block: The block, with centres, normals and spreads of the cells; on return, the modes and their
+            evidence.
     """
-    _transform_wrench(w, L, block)
-    _initial_values(prior, force_measured, block)
     ratio_information, torsion_information = 1.0 / prior.friction_ratio**2, 1.0 / prior.torsion_lever**2
-    for j in range(LANES):
-        block[ACTIVE + j] = 1.0 if j < count else 0.0
-    for step in range(MAX_ITERATIONS + 1):
-        _gauss_newton_step(ratio_information, torsion_information, limit, step < MAX_ITERATIONS, block)
-        active = 0.0
-        for j in range(LANES):
-            active += block[ACTIVE + j]
-        if active == 0.0:
-            break
-
-
-@fused_kernel
-def laplace_evidence(
-    j: int, prior: Prior, limit: float, block: np.ndarray
-) -> tuple[float, float, float, float, float, float, float, float]:
-    """Mode and evidence of one cell, after `find_modes`.
-
-    Args:
-        j: Index of the cell in the block.
-        prior, limit, block: As for `find_modes`.
-
-    Returns:
-        Energy; log of the mean evidence over the cell (up to the constant of the noise; -infinity above
-        the limit); most probable point (3) [m] and force (3) [N], link frame.
-    """
-    alpha, beta, v1, v2 = block[ALPHA + j], block[BETA + j], block[V1 + j], block[V2 + j]
-    F = block[FORCE + j]
-    t1x, t1y, t1z = block[T1X + j], block[T1Y + j], block[T1Z + j]
-    t2x, t2y, t2z = block[T2X + j], block[T2Y + j], block[T2Z + j]
-    x, y, z = (
-        block[X + j] + v1 * t1x + v2 * t2x,
-        block[Y + j] + v1 * t1y + v2 * t2y,
-        block[Z + j] + v1 * t1z + v2 * t2z,
-    )
-    fx, fy, fz = (
-        F * (alpha * t1x + beta * t2x - block[NX + j]),
-        F * (alpha * t1y + beta * t2y - block[NY + j]),
-        F * (alpha * t1z + beta * t2z - block[NZ + j]),
-    )
-    energy = block[ENERGY + j] + 0.5 * (STUDENT_DOF + 2.0) * math.log(
-        1.0 + block[SQUARED_RATIO + j] / STUDENT_DOF
-    )
-    if not (block[DET + j] > 0.0 and energy <= limit):
-        return math.inf, -math.inf, x, y, z, fx, fy, fz
-    prior_scale = prior.friction_ratio**2 * prior.torsion_lever * block[SPREAD + j] ** 2
-    log_z = -energy - 0.5 * math.log(block[DET + j] * prior_scale * prior_scale)
-    return energy, log_z, x, y, z, fx, fy, fz
+    for first in range(0, count, HALF):
+        half = view(block, first, (LENGTH - first,))
+        _transform_wrench(w, L, half)
+        _initial_values(prior, force_measured, half)
+        for j in range(HALF):
+            half[ACTIVE + j] = 1.0 if first + j < count else 0.0
+        for step in range(MAX_ITERATIONS + 1):
+            may_step = step < MAX_ITERATIONS
+            _gauss_newton_step(ratio_information, torsion_information, limit, may_step, half)
+            active = 0.0
+            for j in range(HALF):
+                active += half[ACTIVE + j]
+            if active == 0.0:
+                break
+        _evidence(prior, limit, half)
 
 
 @fused_kernel
@@ -128,7 +98,7 @@ def _transform_wrench(w: np.ndarray, L: np.ndarray, block: np.ndarray) -> None:
     tangents."""
     f, m = (w[0], w[1], w[2]), (w[3], w[4], w[5])
     force, coupling, moment = blocks(L)
-    for j in range(LANES):
+    for j in range(HALF):
         x, y, z = block[X + j], block[Y + j], block[Z + j]
         n = (block[NX + j], block[NY + j], block[NZ + j])
         t1, t2 = tangents(n)
@@ -152,7 +122,7 @@ def _transform_wrench(w: np.ndarray, L: np.ndarray, block: np.ndarray) -> None:
 @fused_kernel
 def _initial_values(prior: Prior, force_measured: bool, block: np.ndarray) -> None:
     """Initial values: the measured force if there is one, else the median of the prior."""
-    for j in range(LANES):
+    for j in range(HALF):
         w0, w1, w2 = block[W0 + j], block[W1 + j], block[W2 + j]
         min_force = max(
             MIN_INITIAL_FORCE_SHARE * math.sqrt(w0 * w0 + w1 * w1 + w2 * w2), MIN_INITIAL_FORCE * prior.force
@@ -161,15 +131,17 @@ def _initial_values(prior: Prior, force_measured: bool, block: np.ndarray) -> No
         block[FORCE + j] = F
         block[ALPHA + j] = w1 / F if force_measured else 0.0
         block[BETA + j] = w2 / F if force_measured else 0.0
-        block[LOG_FORCE + j], block[CHI + j], block[V1 + j], block[V2 + j] = 0.0, 0.0, 0.0, 0.0
-    if force_measured:
-        for j in range(LANES):
-            block[LOG_FORCE + j] = math.log(block[FORCE + j] / prior.force)
+        block[LOG_FORCE + j] = logarithm(F / prior.force)
+        block[CHI + j], block[V1 + j], block[V2 + j] = 0.0, 0.0, 0.0
 
 
 @fused_kernel
 def _gauss_newton_step(
-    ratio_information: float, torsion_information: float, limit: float, may_step: bool, block: np.ndarray
+    ratio_information: float,
+    torsion_information: float,
+    limit: float,
+    may_step: bool,
+    block: np.ndarray,
 ) -> None:
     """Energy, its curvature, and a Gauss-Newton step for all active cells.
 
@@ -180,7 +152,7 @@ def _gauss_newton_step(
         may_step: False in the last iteration.
         block: The block.
     """
-    for j in range(LANES):
+    for j in range(HALF):
         w0, w1, w2 = block[W0 + j], block[W1 + j], block[W2 + j]
         w3, w4, w5 = block[W3 + j], block[W4 + j], block[W5 + j]
         a00, a01, a02 = block[A00 + j], block[A01 + j], block[A02 + j]
@@ -212,7 +184,7 @@ def _gauss_newton_step(
         z5 = a05 * f0 + a15 * f1 + a25 * f2 + a35 * m0 + a45 * m1 + a55 * m2
         squared_ratio = (alpha * alpha + beta * beta) * ratio_information
         tail_weight = (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio) * ratio_information
-        # Without the term of the friction ratio, which needs a logarithm.
+        # Without the term of the friction ratio.
         energy = 0.5 * (
             (d0 * y0 + d1 * y1 + d2 * y2 + d3 * y3 + d4 * y4 + d5 * y5)
             + phi * phi
@@ -281,3 +253,25 @@ def _gauss_newton_step(
         block[CHI + j] = chi - scale * s3
         block[V1 + j] = v1 - scale * s4
         block[V2 + j] = v2 - scale * s5
+
+
+@fused_kernel
+def _evidence(prior: Prior, limit: float, block: np.ndarray) -> None:
+    """Energy, evidence, point and force at the modes that have been found."""
+    for j in range(HALF):
+        energy = block[ENERGY + j] + 0.5 * (STUDENT_DOF + 2.0) * logarithm(
+            1.0 + block[SQUARED_RATIO + j] / STUDENT_DOF
+        )
+        prior_scale = prior.friction_ratio**2 * prior.torsion_lever * block[SPREAD + j] * block[SPREAD + j]
+        log_evidence = -energy - 0.5 * logarithm(block[DET + j] * prior_scale * prior_scale)
+        accepted = (block[DET + j] > 0.0) & (energy <= limit)
+        block[ENERGY + j] = energy if accepted else math.inf
+        block[LOG_EVIDENCE + j] = log_evidence if accepted else -math.inf
+        v1, v2 = block[V1 + j], block[V2 + j]
+        block[PX + j] = block[X + j] + v1 * block[T1X + j] + v2 * block[T2X + j]
+        block[PY + j] = block[Y + j] + v1 * block[T1Y + j] + v2 * block[T2Y + j]
+        block[PZ + j] = block[Z + j] + v1 * block[T1Z + j] + v2 * block[T2Z + j]
+        F, alpha, beta = block[FORCE + j], block[ALPHA + j], block[BETA + j]
+        block[FX + j] = F * (alpha * block[T1X + j] + beta * block[T2X + j] - block[NX + j])
+        block[FY + j] = F * (alpha * block[T1Y + j] + beta * block[T2Y + j] - block[NY + j])
+        block[FZ + j] = F * (alpha * block[T1Z + j] + beta * block[T2Z + j] - block[NZ + j])

@@ -14,7 +14,7 @@ from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.energy_bound import exclude_cells
-from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
+from contactsense.localization.laplace_evidence import find_modes
 from contactsense.localization.line_distance import (
     CENTRE_X,
     CENTRE_Y,
@@ -26,20 +26,6 @@ from contactsense.localization.line_distance import (
     spheres_to_base_frame,
 )
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
-from contactsense.localization.simd_layout import (
-    BOUND,
-    CHI,
-    DET,
-    ENERGY,
-    NX,
-    NY,
-    NZ,
-    SPREAD,
-    VARIANCE,
-    X,
-    Y,
-    Z,
-)
 from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
@@ -47,8 +33,13 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.vectors import dot
 from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+
+from contactsense.localization.simd_layout import (  # isort: skip
+    BOUND, CHI, ENERGY, FX, FY, FZ, LOG_EVIDENCE, NX, NY, NZ, PX, PY, PZ, SPREAD, VARIANCE, X, Y, Z,
+)  # fmt: skip
 
 SUBDIVIDE_WITHIN = 3.0
 """Cells whose log evidence is within this of the best are replaced by their subsamples ..."""
@@ -295,23 +286,21 @@ def _evaluate_block(
     block, limit = cells.mode_block, lowest_energy + ENERGY_CUTOFF - link_energy
     find_modes(count, cells.wrench, cells.information, prior, force_measured, limit, block)
     for j in range(count):
-        # Before the logarithms: the energy without its term of friction, which is not negative.
-        if not (block[DET + j] > 0.0 and block[ENERGY + j] <= limit):
-            continue
-        energy, log_z, px, py, pz, fx, fy, fz = laplace_evidence(j, prior, limit, block)
-        if log_z == -math.inf:
+        if block[LOG_EVIDENCE + j] == -math.inf:
             continue
         s = cells.mode_sample[j]
         cells.sample[rows], cells.primitive[rows] = s, samples.primitive[s]
-        cells.score[rows] = log_z - link_energy + samples.log_share[s]
-        cells.point[rows, 0], cells.point[rows, 1], cells.point[rows, 2] = px, py, pz
-        for i in range(3):
-            cells.normal[rows, i] = samples.normal[s, i]
-        cells.force[rows, 0], cells.force[rows, 1], cells.force[rows, 2] = fx, fy, fz
-        cells.torsion[rows] = -block[CHI + j] * (fx * block[NX + j] + fy * block[NY + j] + fz * block[NZ + j])
+        cells.score[rows] = block[LOG_EVIDENCE + j] - link_energy + samples.log_share[s]
+        force = (block[FX + j], block[FY + j], block[FZ + j])
+        normal = (block[NX + j], block[NY + j], block[NZ + j])
+        cells.point[rows, 0], cells.point[rows, 1] = block[PX + j], block[PY + j]
+        cells.point[rows, 2] = block[PZ + j]
+        cells.normal[rows, 0], cells.normal[rows, 1], cells.normal[rows, 2] = normal
+        cells.force[rows, 0], cells.force[rows, 1], cells.force[rows, 2] = force
+        cells.torsion[rows] = -block[CHI + j] * dot(force, normal)
         cells.variance[rows] = block[VARIANCE + j]
         cells.spread[rows] = samples.spread[s]
-        lowest_energy = min(lowest_energy, link_energy + energy)
+        lowest_energy = min(lowest_energy, link_energy + block[ENERGY + j])
         rows += 1
     return rows, lowest_energy
 

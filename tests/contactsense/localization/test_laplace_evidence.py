@@ -6,22 +6,13 @@ import pytest
 from scipy.special import logsumexp
 
 from contactsense.kinematics.wrench_information import to_body_frame
-from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
-from contactsense.localization.simd_layout import (
-    A00,
-    A55,
-    LENGTH,
-    NX,
-    SPREAD,
-    T1X,
-    T2X,
-    VARIANCE,
-    W0,
-    W5,
-    X,
-)
+from contactsense.localization.laplace_evidence import find_modes
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
+
+from contactsense.localization.simd_layout import (  # isort: skip
+    A00, A55, ENERGY, FX, FY, FZ, LENGTH, LOG_EVIDENCE, NX, PX, PY, PZ, SPREAD, T1X, T2X, VARIANCE, W0, W5, X,
+)  # fmt: skip
 
 PRIOR = Prior(
     friction_ratio=0.25,
@@ -73,8 +64,8 @@ def _evaluate_block(
 ) -> list[tuple[float, ...]]:
     block = _fill_block(cells)
     find_modes(len(cells), w, L, PRIOR, force_measured, np.inf, block)
-    results = [laplace_evidence(j, PRIOR, np.inf, block) for j in range(len(cells))]
-    return [(*f[:5], block[VARIANCE + j], *f[5:]) for j, f in enumerate(results)]
+    results = (ENERGY, LOG_EVIDENCE, PX, PY, PZ, VARIANCE, FX, FY, FZ)
+    return [tuple(block[quantity + j] for quantity in results) for j in range(len(cells))]
 
 
 def _evaluate(w: np.ndarray, L: np.ndarray, force_measured: bool = True) -> tuple[float, ...]:
