@@ -59,7 +59,7 @@ def find_modes(
     w: np.ndarray,
     L: np.ndarray,
     prior: Prior,
-    force_measured: bool,
+    force_deviation: float,
     limit: float,
     block: np.ndarray,
 ) -> None:
@@ -69,7 +69,8 @@ def find_modes(
         count: Number of cells in the block, at most `LANES`, all on one link.
         w, L: Fused wrench and its information matrix, link frame, shapes (6,) and (6, 6).
         prior: Prior of contacts.
-        force_measured: Whether the force was measured; the search then starts from it.
+        force_deviation: Root of the trace of the force's covariance [N]. If the force is more than this,
+            the search starts from it, else from a force of this size or the prior's median if that is less.
         limit: Energy above which a cell is rejected.
         block: The block, with centres, normals and spreads of the cells; on return, the modes and their
             evidence.
@@ -77,8 +78,7 @@ def find_modes(
     ratio_information, torsion_information = 1.0 / prior.friction_ratio**2, 1.0 / prior.torsion_lever**2
     for first in range(0, count, HALF):
         half = view(block, first, (LENGTH - first,))
-        _transform_wrench(w, L, half)
-        _initial_values(prior, force_measured, half)
+        _begin(w, L, prior, force_deviation, half)
         for j in range(HALF):
             half[ACTIVE + j] = 1.0 if first + j < count else 0.0
         for step in range(MAX_ITERATIONS + 1):
@@ -93,10 +93,14 @@ def find_modes(
 
 
 @fused_kernel
-def _transform_wrench(w: np.ndarray, L: np.ndarray, block: np.ndarray) -> None:
+def _begin(w: np.ndarray, L: np.ndarray, prior: Prior, force_deviation: float, block: np.ndarray) -> None:
     """Wrench and information matrix about the centre of each cell, in the axes of its normal and
-    tangents."""
+    tangents; and the initial values: the measured force, if it is more than its deviation."""
     f, m = (w[0], w[1], w[2]), (w[3], w[4], w[5])
+    magnitude = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    measured = magnitude > force_deviation
+    min_push = max(MIN_INITIAL_FORCE_SHARE * magnitude, MIN_INITIAL_FORCE * prior.force)
+    push = max(min(prior.force, force_deviation), min_push)
     force, coupling, moment = blocks(L)
     for j in range(HALF):
         x, y, z = block[X + j], block[Y + j], block[Z + j]
@@ -106,7 +110,8 @@ def _transform_wrench(w: np.ndarray, L: np.ndarray, block: np.ndarray) -> None:
         block[T2X + j], block[T2Y + j], block[T2Z + j] = t2
         axes = (n, t1, t2)
         shifted = (m[0] - y * f[2] + z * f[1], m[1] - z * f[0] + x * f[2], m[2] - x * f[1] + y * f[0])
-        block[W0 + j], block[W1 + j], block[W2 + j] = matvec(axes, f)
+        w0, w1, w2 = matvec(axes, f)
+        block[W0 + j], block[W1 + j], block[W2 + j] = w0, w1, w2
         block[W3 + j], block[W4 + j], block[W5 + j] = matvec(axes, shifted)
         F, D, M = shift_information(force, coupling, moment, x, y, z)
         F, D, M = rotate_block(axes, F), rotate_block(axes, D), rotate_block(axes, M)
@@ -117,21 +122,11 @@ def _transform_wrench(w: np.ndarray, L: np.ndarray, block: np.ndarray) -> None:
         block[A05 + j], block[A15 + j], block[A25 + j] = D[2]
         block[A33 + j], block[A34 + j], block[A35 + j] = M[0]
         block[A44 + j], block[A45 + j], block[A55 + j] = M[1][1], M[1][2], M[2][2]
-
-
-@fused_kernel
-def _initial_values(prior: Prior, force_measured: bool, block: np.ndarray) -> None:
-    """Initial values: the measured force if there is one, else the median of the prior."""
-    for j in range(HALF):
-        w0, w1, w2 = block[W0 + j], block[W1 + j], block[W2 + j]
-        min_force = max(
-            MIN_INITIAL_FORCE_SHARE * math.sqrt(w0 * w0 + w1 * w1 + w2 * w2), MIN_INITIAL_FORCE * prior.force
-        )
-        F = max(-w0, min_force) if force_measured else prior.force
-        block[FORCE + j] = F
-        block[ALPHA + j] = w1 / F if force_measured else 0.0
-        block[BETA + j] = w2 / F if force_measured else 0.0
-        block[LOG_FORCE + j] = logarithm(F / prior.force)
+        normal_force = max(-w0, min_push) if measured else push
+        share = 1.0 / normal_force if measured else 0.0
+        block[FORCE + j] = normal_force
+        block[LOG_FORCE + j] = logarithm(normal_force / prior.force)
+        block[ALPHA + j], block[BETA + j] = share * w1, share * w2
         block[CHI + j], block[V1 + j], block[V2 + j] = 0.0, 0.0, 0.0
 
 

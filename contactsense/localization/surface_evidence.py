@@ -149,7 +149,7 @@ def _evaluate_samples(
             continue
         to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
         rows, lowest_energy = _evaluate_queue(
-            samples, queued, force_measured, prior, link_energy, rows, lowest_energy, cells
+            samples, queued, math.sqrt(force_variance), prior, link_energy, rows, lowest_energy, cells
         )
     return rows, lowest_energy
 
@@ -158,7 +158,7 @@ def _evaluate_samples(
 def _evaluate_queue(
     samples: SurfaceSamples,
     queued: int,
-    force_measured: bool,
+    force_deviation: float,
     prior: Prior,
     link_energy: float,
     rows: int,
@@ -187,19 +187,19 @@ def _evaluate_queue(
             mode_count += 1
             if mode_count == LANES:
                 rows, lowest_energy = _evaluate_block(
-                    samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                    samples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
                 )
                 mode_count = 0
         if mode_count > 0 and lowest_bound > first_bound + ENERGY_CUTOFF:
             # What the block finds probably excludes all others: a full block would take longer.
             rows, lowest_energy = _evaluate_block(
-                samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                samples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
             )
             mode_count, first_bound = 0, lowest_bound
         queued, upper = remaining, max(lowest_bound + BOUND_STEP, BOUND_GROWTH * upper)
     if mode_count > 0:
         rows, lowest_energy = _evaluate_block(
-            samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+            samples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
         )
     return rows, lowest_energy
 
@@ -219,7 +219,7 @@ def _evaluate_subsamples(
 ) -> int:
     """Replace the best cells by their subsamples; returns the new number of rows."""
     last, mode_count = -1, 0
-    link_energy, force_measured = 0.0, False
+    link_energy, force_deviation = 0.0, math.inf
     for row in range(rows):
         if cells.score[row] < best - SUBDIVIDE_WITHIN:
             continue
@@ -227,27 +227,26 @@ def _evaluate_subsamples(
         if link != last:
             if mode_count > 0:
                 rows, lowest_energy = _evaluate_block(
-                    subsamples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                    subsamples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
                 )
                 mode_count = 0
             last, link_energy = link, hypotheses.energy[link]
             R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
             w, P = hypotheses.wrench[link], hypotheses.covariance[link]
             to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
-            squared_force, force_variance = _squared_force(w, P)
-            force_measured = force_variance < squared_force
+            force_deviation = math.sqrt(_squared_force(w, P)[1])
         cells.score[row] = -math.inf
         for s in range(subsamples.start[cells.sample[row]], subsamples.start[cells.sample[row] + 1]):
             _load_lane(subsamples, s, cells.mode_block, cells.mode_sample, mode_count)
             mode_count += 1
             if mode_count == LANES:
                 rows, lowest_energy = _evaluate_block(
-                    subsamples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                    subsamples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
                 )
                 mode_count = 0
     if mode_count > 0:
         rows, lowest_energy = _evaluate_block(
-            subsamples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+            subsamples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
         )
     return rows
 
@@ -274,7 +273,7 @@ def _load_lane(
 def _evaluate_block(
     samples: SurfaceSamples | SurfaceSubsamples,
     count: int,
-    force_measured: bool,
+    force_deviation: float,
     prior: Prior,
     link_energy: float,
     rows: int,
@@ -284,7 +283,7 @@ def _evaluate_block(
     """Evaluate a block of samples and append those that are not rejected; returns number of rows and
     lowest energy."""
     block, limit = cells.mode_block, lowest_energy + ENERGY_CUTOFF - link_energy
-    find_modes(count, cells.wrench, cells.information, prior, force_measured, limit, block)
+    find_modes(count, cells.wrench, cells.information, prior, force_deviation, limit, block)
     for j in range(count):
         if block[LOG_EVIDENCE + j] == -math.inf:
             continue

@@ -71,7 +71,7 @@ def test_the_bound_is_below_the_energy_of_the_best_contact_in_a_cell() -> None:
         w = np.hstack((force, rng.normal(size=3) * 0.1))
         exclude_cells(w, P, np.eye(3), np.zeros(3), 400.0, 0.12, LEVER, np.inf, block, prior.friction_ratio)
         bound = block[BOUND : BOUND + LANES].copy()
-        find_modes(LANES, w, np.linalg.inv(P), prior, True, np.inf, block)
+        find_modes(LANES, w, np.linalg.inv(P), prior, 0.0, np.inf, block)
         energy = block[ENERGY : ENERGY + LANES]
         # The energy itself is accurate to the tolerance of the iteration.
         assert np.all(bound < energy + 0.1)
