@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from contactsense.kinematics.logarithm import logarithm
 from contactsense.localization.simd_layout import BOUND, NX, NY, NZ, SPREAD, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -96,10 +97,9 @@ def exclude_cells(
         mahalanobis = (
             a * a * c00 + b * b * c11 + c * c * c22 + 2.0 * (a * b * c01 + a * c * c02 + b * c * c12)
         )
-        # The friction's term 1/2 (nu + 2) log(1 + x), with log(1 + x) >= 8 (s - 1) / (s + 1), s^4 = 1 + x, as
-        # a logarithm would prevent vectorization.
         push = max(margin - outward_force, min_push)
         tangential = max(math.sqrt(max(squared_force - outward_force * outward_force, 0.0)) - margin, 0.0)
-        s = math.sqrt(math.sqrt(1.0 + ratio_scale * (tangential / push) ** 2))
-        energy = 0.5 * mahalanobis / det + 4.0 * (STUDENT_DOF + 2.0) * (s - 1.0) / (s + 1.0)
+        ratio = tangential / push
+        friction = 0.5 * (STUDENT_DOF + 2.0) * logarithm(1.0 + ratio_scale * ratio * ratio)
+        energy = 0.5 * mahalanobis / det + friction
         block[BOUND + j] = math.inf if (energy > limit) | (outward_force > max_outward) else energy

@@ -23,17 +23,20 @@ import math
 
 import numpy as np
 
-from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.jit.lanes import HALF
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 from contactsense.localization.simd_layout import (  # isort: skip
-    A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
-    ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, LOG_FORCE, NX, NY, NZ, SPREAD, SQUARED_RATIO, T1X,
-    T1Y, T1Z, T2X, T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2, W3, W4, W5, X, Y, Z,
+    A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45,
+    A55, ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, FX, FY, FZ, LENGTH, LOG_EVIDENCE, LOG_FORCE, NX,
+    NY, NZ, PX, PY, PZ, SPREAD, SQUARED_RATIO, T1X, T1Y, T1Z, T2X, T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2,
+    W3, W4, W5, X, Y, Z,
 )  # fmt: skip
 from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
+from contactsense.kinematics.logarithm import logarithm
 from contactsense.kinematics.wrench_information import blocks, matvec, rotate_block, shift_information
+from contactsense.robots.jit.array_views import block as view
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import tangents
 
@@ -56,7 +59,7 @@ def find_modes(
     w: np.ndarray,
     L: np.ndarray,
     prior: Prior,
-    force_measured: bool,
+    force_deviation: float,
     limit: float,
     block: np.ndarray,
 ) -> None:
@@ -66,110 +69,90 @@ def find_modes(
         count: Number of cells in the block, at most `LANES`, all on one link.
         w, L: Fused wrench and its information matrix, link frame, shapes (6,) and (6, 6).
         prior: Prior of contacts.
-        force_measured: Whether the force was measured; the search then starts from it.
+        force_deviation: Root of the trace of the force's covariance [N]. If the force is more than this,
+            the search starts from it, else from a force of this size or the prior's median if that is less.
         limit: Energy above which a cell is rejected.
-        block: The block, with centres, normals and spreads of the cells; on return, the modes.
+        block: The block, with centres, normals and spreads of the cells; on return, the modes and their
+            evidence.
     """
-    _transform_wrench(w, L, block)
-    _initial_values(prior, force_measured, block)
     ratio_information, torsion_information = 1.0 / prior.friction_ratio**2, 1.0 / prior.torsion_lever**2
-    for j in range(LANES):
-        block[ACTIVE + j] = 1.0 if j < count else 0.0
+    _begin(count, w, L, prior, force_deviation, block)
+    first, last = 0, count
     for step in range(MAX_ITERATIONS + 1):
-        _gauss_newton_step(ratio_information, torsion_information, limit, step < MAX_ITERATIONS, block)
-        active = 0.0
-        for j in range(LANES):
-            active += block[ACTIVE + j]
-        if active == 0.0:
+        may_step = step < MAX_ITERATIONS
+        _gauss_newton_steps(ratio_information, torsion_information, limit, may_step, (first, last), block)
+        # The halves in which cells are active: one of them or both. Both at once take less time than one
+        # after the other, as the processor begins with the second while the first waits for its divisions.
+        if not _has_active_cells(first, block):
+            first += HALF
+        if last > HALF and not _has_active_cells(HALF, block):
+            last = HALF
+        if first >= last:
             break
+    _evidence(count, prior, limit, block)
 
 
 @fused_kernel
-def laplace_evidence(
-    j: int, prior: Prior, limit: float, block: np.ndarray
-) -> tuple[float, float, float, float, float, float, float, float]:
-    """Mode and evidence of one cell, after `find_modes`.
-
-    Args:
-        j: Index of the cell in the block.
-        prior, limit, block: As for `find_modes`.
-
-    Returns:
-        Energy; log of the mean evidence over the cell (up to the constant of the noise; -infinity above
-        the limit); most probable point (3) [m] and force (3) [N], link frame.
-    """
-    alpha, beta, v1, v2 = block[ALPHA + j], block[BETA + j], block[V1 + j], block[V2 + j]
-    F = block[FORCE + j]
-    t1x, t1y, t1z = block[T1X + j], block[T1Y + j], block[T1Z + j]
-    t2x, t2y, t2z = block[T2X + j], block[T2Y + j], block[T2Z + j]
-    x, y, z = (
-        block[X + j] + v1 * t1x + v2 * t2x,
-        block[Y + j] + v1 * t1y + v2 * t2y,
-        block[Z + j] + v1 * t1z + v2 * t2z,
-    )
-    fx, fy, fz = (
-        F * (alpha * t1x + beta * t2x - block[NX + j]),
-        F * (alpha * t1y + beta * t2y - block[NY + j]),
-        F * (alpha * t1z + beta * t2z - block[NZ + j]),
-    )
-    energy = block[ENERGY + j] + 0.5 * (STUDENT_DOF + 2.0) * math.log(
-        1.0 + block[SQUARED_RATIO + j] / STUDENT_DOF
-    )
-    if not (block[DET + j] > 0.0 and energy <= limit):
-        return math.inf, -math.inf, x, y, z, fx, fy, fz
-    prior_scale = prior.friction_ratio**2 * prior.torsion_lever * block[SPREAD + j] ** 2
-    log_z = -energy - 0.5 * math.log(block[DET + j] * prior_scale * prior_scale)
-    return energy, log_z, x, y, z, fx, fy, fz
+def _has_active_cells(first: int, block: np.ndarray) -> bool:
+    """Whether a cell of the half block from `first` on is active."""
+    half = view(block, first, (LENGTH - first,))
+    active = 0.0
+    for j in range(HALF):
+        active += half[ACTIVE + j]
+    return active > 0.0
 
 
 @fused_kernel
-def _transform_wrench(w: np.ndarray, L: np.ndarray, block: np.ndarray) -> None:
+def _begin(
+    count: int, w: np.ndarray, L: np.ndarray, prior: Prior, force_deviation: float, block: np.ndarray
+) -> None:
     """Wrench and information matrix about the centre of each cell, in the axes of its normal and
-    tangents."""
+    tangents; and the initial values: the measured force, if it is more than its deviation."""
     f, m = (w[0], w[1], w[2]), (w[3], w[4], w[5])
+    magnitude = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    measured = magnitude > force_deviation
+    min_push = max(MIN_INITIAL_FORCE_SHARE * magnitude, MIN_INITIAL_FORCE * prior.force)
+    push = max(min(prior.force, force_deviation), min_push)
     force, coupling, moment = blocks(L)
-    for j in range(LANES):
-        x, y, z = block[X + j], block[Y + j], block[Z + j]
-        n = (block[NX + j], block[NY + j], block[NZ + j])
-        t1, t2 = tangents(n)
-        block[T1X + j], block[T1Y + j], block[T1Z + j] = t1
-        block[T2X + j], block[T2Y + j], block[T2Z + j] = t2
-        axes = (n, t1, t2)
-        shifted = (m[0] - y * f[2] + z * f[1], m[1] - z * f[0] + x * f[2], m[2] - x * f[1] + y * f[0])
-        block[W0 + j], block[W1 + j], block[W2 + j] = matvec(axes, f)
-        block[W3 + j], block[W4 + j], block[W5 + j] = matvec(axes, shifted)
-        F, D, M = shift_information(force, coupling, moment, x, y, z)
-        F, D, M = rotate_block(axes, F), rotate_block(axes, D), rotate_block(axes, M)
-        block[A00 + j], block[A01 + j], block[A02 + j] = F[0]
-        block[A11 + j], block[A12 + j], block[A22 + j] = F[1][1], F[1][2], F[2][2]
-        block[A03 + j], block[A13 + j], block[A23 + j] = D[0]
-        block[A04 + j], block[A14 + j], block[A24 + j] = D[1]
-        block[A05 + j], block[A15 + j], block[A25 + j] = D[2]
-        block[A33 + j], block[A34 + j], block[A35 + j] = M[0]
-        block[A44 + j], block[A45 + j], block[A55 + j] = M[1][1], M[1][2], M[2][2]
+    for first in range(0, count, HALF):
+        half = view(block, first, (LENGTH - first,))
+        for j in range(HALF):
+            x, y, z = half[X + j], half[Y + j], half[Z + j]
+            n = (half[NX + j], half[NY + j], half[NZ + j])
+            t1, t2 = tangents(n)
+            half[T1X + j], half[T1Y + j], half[T1Z + j] = t1
+            half[T2X + j], half[T2Y + j], half[T2Z + j] = t2
+            axes = (n, t1, t2)
+            shifted = (m[0] - y * f[2] + z * f[1], m[1] - z * f[0] + x * f[2], m[2] - x * f[1] + y * f[0])
+            w0, w1, w2 = matvec(axes, f)
+            half[W0 + j], half[W1 + j], half[W2 + j] = w0, w1, w2
+            half[W3 + j], half[W4 + j], half[W5 + j] = matvec(axes, shifted)
+            F, D, M = shift_information(force, coupling, moment, x, y, z)
+            F, D, M = rotate_block(axes, F), rotate_block(axes, D), rotate_block(axes, M)
+            half[A00 + j], half[A01 + j], half[A02 + j] = F[0]
+            half[A11 + j], half[A12 + j], half[A22 + j] = F[1][1], F[1][2], F[2][2]
+            half[A03 + j], half[A13 + j], half[A23 + j] = D[0]
+            half[A04 + j], half[A14 + j], half[A24 + j] = D[1]
+            half[A05 + j], half[A15 + j], half[A25 + j] = D[2]
+            half[A33 + j], half[A34 + j], half[A35 + j] = M[0]
+            half[A44 + j], half[A45 + j], half[A55 + j] = M[1][1], M[1][2], M[2][2]
+            normal_force = max(-w0, min_push) if measured else push
+            share = 1.0 / normal_force if measured else 0.0
+            half[FORCE + j] = normal_force
+            half[LOG_FORCE + j] = logarithm(normal_force / prior.force)
+            half[ALPHA + j], half[BETA + j] = share * w1, share * w2
+            half[CHI + j], half[V1 + j], half[V2 + j] = 0.0, 0.0, 0.0
+            half[ACTIVE + j] = 1.0 if first + j < count else 0.0
 
 
 @fused_kernel
-def _initial_values(prior: Prior, force_measured: bool, block: np.ndarray) -> None:
-    """Initial values: the measured force if there is one, else the median of the prior."""
-    for j in range(LANES):
-        w0, w1, w2 = block[W0 + j], block[W1 + j], block[W2 + j]
-        min_force = max(
-            MIN_INITIAL_FORCE_SHARE * math.sqrt(w0 * w0 + w1 * w1 + w2 * w2), MIN_INITIAL_FORCE * prior.force
-        )
-        F = max(-w0, min_force) if force_measured else prior.force
-        block[FORCE + j] = F
-        block[ALPHA + j] = w1 / F if force_measured else 0.0
-        block[BETA + j] = w2 / F if force_measured else 0.0
-        block[LOG_FORCE + j], block[CHI + j], block[V1 + j], block[V2 + j] = 0.0, 0.0, 0.0, 0.0
-    if force_measured:
-        for j in range(LANES):
-            block[LOG_FORCE + j] = math.log(block[FORCE + j] / prior.force)
-
-
-@fused_kernel
-def _gauss_newton_step(
-    ratio_information: float, torsion_information: float, limit: float, may_step: bool, block: np.ndarray
+def _gauss_newton_steps(
+    ratio_information: float,
+    torsion_information: float,
+    limit: float,
+    may_step: bool,
+    cells: tuple[int, int],
+    block: np.ndarray,
 ) -> None:
     """Energy, its curvature, and a Gauss-Newton step for all active cells.
 
@@ -178,106 +161,133 @@ def _gauss_newton_step(
             ratio [1/m^2].
         limit: Energy above which a cell is rejected.
         may_step: False in the last iteration.
+        cells: Those of the halves that are computed: from a multiple of `HALF` on to before another number.
         block: The block.
     """
-    for j in range(LANES):
-        w0, w1, w2 = block[W0 + j], block[W1 + j], block[W2 + j]
-        w3, w4, w5 = block[W3 + j], block[W4 + j], block[W5 + j]
-        a00, a01, a02 = block[A00 + j], block[A01 + j], block[A02 + j]
-        a03, a04, a05 = block[A03 + j], block[A04 + j], block[A05 + j]
-        a11, a12, a13 = block[A11 + j], block[A12 + j], block[A13 + j]
-        a14, a15, a22 = block[A14 + j], block[A15 + j], block[A22 + j]
-        a23, a24, a25 = block[A23 + j], block[A24 + j], block[A25 + j]
-        a33, a34, a35 = block[A33 + j], block[A34 + j], block[A35 + j]
-        a44, a45, a55 = block[A44 + j], block[A45 + j], block[A55 + j]
-        phi, F, alpha, beta = block[LOG_FORCE + j], block[FORCE + j], block[ALPHA + j], block[BETA + j]
-        chi, v1, v2 = block[CHI + j], block[V1 + j], block[V2 + j]
-        cell_information = 1.0 / (block[SPREAD + j] * block[SPREAD + j])
-        # Wrench of the contact and its residual.
-        f0, f1, f2 = -F, F * alpha, F * beta
-        m0, m1, m2 = F * (chi + beta * v1 - alpha * v2), -F * v2, F * v1
-        d0, d1, d2, d3, d4, d5 = f0 - w0, f1 - w1, f2 - w2, m0 - w3, m1 - w4, m2 - w5
-        # Information matrix times residual and wrench.
-        y0 = a00 * d0 + a01 * d1 + a02 * d2 + a03 * d3 + a04 * d4 + a05 * d5
-        y1 = a01 * d0 + a11 * d1 + a12 * d2 + a13 * d3 + a14 * d4 + a15 * d5
-        y2 = a02 * d0 + a12 * d1 + a22 * d2 + a23 * d3 + a24 * d4 + a25 * d5
-        y3 = a03 * d0 + a13 * d1 + a23 * d2 + a33 * d3 + a34 * d4 + a35 * d5
-        y4 = a04 * d0 + a14 * d1 + a24 * d2 + a34 * d3 + a44 * d4 + a45 * d5
-        y5 = a05 * d0 + a15 * d1 + a25 * d2 + a35 * d3 + a45 * d4 + a55 * d5
-        z0 = a00 * f0 + a01 * f1 + a02 * f2 + a03 * m0 + a04 * m1 + a05 * m2
-        z1 = a01 * f0 + a11 * f1 + a12 * f2 + a13 * m0 + a14 * m1 + a15 * m2
-        z2 = a02 * f0 + a12 * f1 + a22 * f2 + a23 * m0 + a24 * m1 + a25 * m2
-        z3 = a03 * f0 + a13 * f1 + a23 * f2 + a33 * m0 + a34 * m1 + a35 * m2
-        z4 = a04 * f0 + a14 * f1 + a24 * f2 + a34 * m0 + a44 * m1 + a45 * m2
-        z5 = a05 * f0 + a15 * f1 + a25 * f2 + a35 * m0 + a45 * m1 + a55 * m2
-        squared_ratio = (alpha * alpha + beta * beta) * ratio_information
-        tail_weight = (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio) * ratio_information
-        # Without the term of the friction ratio, which needs a logarithm.
-        energy = 0.5 * (
-            (d0 * y0 + d1 * y1 + d2 * y2 + d3 * y3 + d4 * y4 + d5 * y5)
-            + phi * phi
-            + chi * chi * torsion_information
-            + (v1 * v1 + v2 * v2) * cell_information
-        )
-        # Derivatives of (f0, f1, f2, m0, m1, m2) / F by the unknowns: by alpha (0, 1, 0, -v2, 0, 0), by
-        # beta (0, 0, 1, v1, 0, 0), by chi (0, 0, 0, 1, 0, 0), by v1 (0, 0, 0, beta, 0, 1), by v2 (0, 0, 0,
-        # -alpha, -1, 0).
-        FF = F * F
-        b3, b4, b5 = a13 - v2 * a33, a14 - v2 * a34, a15 - v2 * a35
-        c3, c4, c5 = a23 + v1 * a33, a24 + v1 * a34, a25 + v1 * a35
-        p3, p4, p5 = beta * a33 + a35, beta * a34 + a45, beta * a35 + a55
-        q3, q4 = -alpha * a33 - a34, -alpha * a34 - a44
-        det, positive, predicted_decrease, v11, _, v22, s0, s1, s2, s3, s4, s5 = ldl_solve_unrolled(
-            f0 * z0 + f1 * z1 + f2 * z2 + m0 * z3 + m1 * z4 + m2 * z5 + 1.0,
-            F * (z1 - v2 * z3),
-            F * (z2 + v1 * z3),
-            F * z3,
-            F * (beta * z3 + z5),
-            -F * (alpha * z3 + z4),
-            FF * (a11 - v2 * (a13 + b3)) + tail_weight,
-            FF * (a12 - v2 * a23 + v1 * b3),
-            FF * b3,
-            FF * (beta * b3 + b5),
-            -FF * (alpha * b3 + b4),
-            FF * (a22 + v1 * (a23 + c3)) + tail_weight,
-            FF * c3,
-            FF * (beta * c3 + c5),
-            -FF * (alpha * c3 + c4),
-            FF * a33 + torsion_information,
-            FF * p3,
-            FF * q3,
-            FF * (beta * p3 + p5) + cell_information,
-            -FF * (alpha * p3 + p4),
-            -FF * (alpha * q3 + q4) + cell_information,
-            f0 * y0 + f1 * y1 + f2 * y2 + m0 * y3 + m1 * y4 + m2 * y5 + phi,
-            F * (y1 - v2 * y3) + tail_weight * alpha,
-            F * (y2 + v1 * y3) + tail_weight * beta,
-            F * y3 + chi * torsion_information,
-            F * (beta * y3 + y5) + v1 * cell_information,
-            -F * (alpha * y3 + y4) + v2 * cell_information,
-        )
-        active = block[ACTIVE + j] > 0.0
-        # The energy after the last step is predicted, not evaluated.
-        block[ENERGY + j] = (
-            energy - min(predicted_decrease, ENERGY_TOLERANCE) if active else block[ENERGY + j]
-        )
-        block[SQUARED_RATIO + j] = squared_ratio if active else block[SQUARED_RATIO + j]
-        block[VARIANCE + j] = 0.5 * (v11 + v22) if active else block[VARIANCE + j]
-        block[DET + j] = (det if positive else 0.0) if active else block[DET + j]
-        # The residual is bilinear in the force and the other unknowns: limit the step of the force.
-        scale = min(1.0, MAX_LOG_FORCE_STEP / max(abs(s0), 1e-300)) if active else 0.0
-        continues = (
-            active
-            & positive
-            & (predicted_decrease >= ENERGY_TOLERANCE)
-            & (energy - 2.0 * predicted_decrease <= limit)
-            & may_step
-        )
-        block[ACTIVE + j] = 1.0 if continues else 0.0
-        block[LOG_FORCE + j] = phi - scale * s0
-        block[FORCE + j] = F * exponential(-scale * s0)
-        block[ALPHA + j] = alpha - scale * s1
-        block[BETA + j] = beta - scale * s2
-        block[CHI + j] = chi - scale * s3
-        block[V1 + j] = v1 - scale * s4
-        block[V2 + j] = v2 - scale * s5
+    for first in range(cells[0], cells[1], HALF):
+        half = view(block, first, (LENGTH - first,))
+        for j in range(HALF):
+            w0, w1, w2 = half[W0 + j], half[W1 + j], half[W2 + j]
+            w3, w4, w5 = half[W3 + j], half[W4 + j], half[W5 + j]
+            a00, a01, a02 = half[A00 + j], half[A01 + j], half[A02 + j]
+            a03, a04, a05 = half[A03 + j], half[A04 + j], half[A05 + j]
+            a11, a12, a13 = half[A11 + j], half[A12 + j], half[A13 + j]
+            a14, a15, a22 = half[A14 + j], half[A15 + j], half[A22 + j]
+            a23, a24, a25 = half[A23 + j], half[A24 + j], half[A25 + j]
+            a33, a34, a35 = half[A33 + j], half[A34 + j], half[A35 + j]
+            a44, a45, a55 = half[A44 + j], half[A45 + j], half[A55 + j]
+            phi, F, alpha, beta = half[LOG_FORCE + j], half[FORCE + j], half[ALPHA + j], half[BETA + j]
+            chi, v1, v2 = half[CHI + j], half[V1 + j], half[V2 + j]
+            cell_information = 1.0 / (half[SPREAD + j] * half[SPREAD + j])
+            # Wrench of the contact and its residual.
+            f0, f1, f2 = -F, F * alpha, F * beta
+            m0, m1, m2 = F * (chi + beta * v1 - alpha * v2), -F * v2, F * v1
+            d0, d1, d2, d3, d4, d5 = f0 - w0, f1 - w1, f2 - w2, m0 - w3, m1 - w4, m2 - w5
+            # Information matrix times residual and wrench.
+            y0 = a00 * d0 + a01 * d1 + a02 * d2 + a03 * d3 + a04 * d4 + a05 * d5
+            y1 = a01 * d0 + a11 * d1 + a12 * d2 + a13 * d3 + a14 * d4 + a15 * d5
+            y2 = a02 * d0 + a12 * d1 + a22 * d2 + a23 * d3 + a24 * d4 + a25 * d5
+            y3 = a03 * d0 + a13 * d1 + a23 * d2 + a33 * d3 + a34 * d4 + a35 * d5
+            y4 = a04 * d0 + a14 * d1 + a24 * d2 + a34 * d3 + a44 * d4 + a45 * d5
+            y5 = a05 * d0 + a15 * d1 + a25 * d2 + a35 * d3 + a45 * d4 + a55 * d5
+            z0 = a00 * f0 + a01 * f1 + a02 * f2 + a03 * m0 + a04 * m1 + a05 * m2
+            z1 = a01 * f0 + a11 * f1 + a12 * f2 + a13 * m0 + a14 * m1 + a15 * m2
+            z2 = a02 * f0 + a12 * f1 + a22 * f2 + a23 * m0 + a24 * m1 + a25 * m2
+            z3 = a03 * f0 + a13 * f1 + a23 * f2 + a33 * m0 + a34 * m1 + a35 * m2
+            z4 = a04 * f0 + a14 * f1 + a24 * f2 + a34 * m0 + a44 * m1 + a45 * m2
+            z5 = a05 * f0 + a15 * f1 + a25 * f2 + a35 * m0 + a45 * m1 + a55 * m2
+            squared_ratio = (alpha * alpha + beta * beta) * ratio_information
+            tail_weight = (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio) * ratio_information
+            # Without the term of the friction ratio.
+            energy = 0.5 * (
+                (d0 * y0 + d1 * y1 + d2 * y2 + d3 * y3 + d4 * y4 + d5 * y5)
+                + phi * phi
+                + chi * chi * torsion_information
+                + (v1 * v1 + v2 * v2) * cell_information
+            )
+            # Derivatives of (f0, f1, f2, m0, m1, m2) / F by the unknowns: by alpha (0, 1, 0, -v2, 0, 0), by
+            # beta (0, 0, 1, v1, 0, 0), by chi (0, 0, 0, 1, 0, 0), by v1 (0, 0, 0, beta, 0, 1), by v2 (0, 0,
+            # 0, -alpha, -1, 0).
+            FF = F * F
+            b3, b4, b5 = a13 - v2 * a33, a14 - v2 * a34, a15 - v2 * a35
+            c3, c4, c5 = a23 + v1 * a33, a24 + v1 * a34, a25 + v1 * a35
+            p3, p4, p5 = beta * a33 + a35, beta * a34 + a45, beta * a35 + a55
+            q3, q4 = -alpha * a33 - a34, -alpha * a34 - a44
+            det, positive, predicted_decrease, v11, _, v22, s0, s1, s2, s3, s4, s5 = ldl_solve_unrolled(
+                f0 * z0 + f1 * z1 + f2 * z2 + m0 * z3 + m1 * z4 + m2 * z5 + 1.0,
+                F * (z1 - v2 * z3),
+                F * (z2 + v1 * z3),
+                F * z3,
+                F * (beta * z3 + z5),
+                -F * (alpha * z3 + z4),
+                FF * (a11 - v2 * (a13 + b3)) + tail_weight,
+                FF * (a12 - v2 * a23 + v1 * b3),
+                FF * b3,
+                FF * (beta * b3 + b5),
+                -FF * (alpha * b3 + b4),
+                FF * (a22 + v1 * (a23 + c3)) + tail_weight,
+                FF * c3,
+                FF * (beta * c3 + c5),
+                -FF * (alpha * c3 + c4),
+                FF * a33 + torsion_information,
+                FF * p3,
+                FF * q3,
+                FF * (beta * p3 + p5) + cell_information,
+                -FF * (alpha * p3 + p4),
+                -FF * (alpha * q3 + q4) + cell_information,
+                f0 * y0 + f1 * y1 + f2 * y2 + m0 * y3 + m1 * y4 + m2 * y5 + phi,
+                F * (y1 - v2 * y3) + tail_weight * alpha,
+                F * (y2 + v1 * y3) + tail_weight * beta,
+                F * y3 + chi * torsion_information,
+                F * (beta * y3 + y5) + v1 * cell_information,
+                -F * (alpha * y3 + y4) + v2 * cell_information,
+            )
+            active = half[ACTIVE + j] > 0.0
+            # The energy after the last step is predicted, not evaluated.
+            half[ENERGY + j] = (
+                energy - min(predicted_decrease, ENERGY_TOLERANCE) if active else half[ENERGY + j]
+            )
+            half[SQUARED_RATIO + j] = squared_ratio if active else half[SQUARED_RATIO + j]
+            half[VARIANCE + j] = 0.5 * (v11 + v22) if active else half[VARIANCE + j]
+            half[DET + j] = (det if positive else 0.0) if active else half[DET + j]
+            # The residual is bilinear in the force and the other unknowns: limit the step of the force.
+            scale = min(1.0, MAX_LOG_FORCE_STEP / max(abs(s0), 1e-300)) if active else 0.0
+            continues = (
+                active
+                & positive
+                & (predicted_decrease >= ENERGY_TOLERANCE)
+                & (energy - 2.0 * predicted_decrease <= limit)
+                & may_step
+            )
+            half[ACTIVE + j] = 1.0 if continues else 0.0
+            half[LOG_FORCE + j] = phi - scale * s0
+            half[FORCE + j] = F * exponential(-scale * s0)
+            half[ALPHA + j] = alpha - scale * s1
+            half[BETA + j] = beta - scale * s2
+            half[CHI + j] = chi - scale * s3
+            half[V1 + j] = v1 - scale * s4
+            half[V2 + j] = v2 - scale * s5
+
+
+@fused_kernel
+def _evidence(count: int, prior: Prior, limit: float, block: np.ndarray) -> None:
+    """Energy, evidence, point and force at the modes that have been found."""
+    for first in range(0, count, HALF):
+        half = view(block, first, (LENGTH - first,))
+        for j in range(HALF):
+            energy = half[ENERGY + j] + 0.5 * (STUDENT_DOF + 2.0) * logarithm(
+                1.0 + half[SQUARED_RATIO + j] / STUDENT_DOF
+            )
+            prior_scale = prior.friction_ratio**2 * prior.torsion_lever * half[SPREAD + j] * half[SPREAD + j]
+            log_evidence = -energy - 0.5 * logarithm(half[DET + j] * prior_scale * prior_scale)
+            accepted = (half[DET + j] > 0.0) & (energy <= limit)
+            half[ENERGY + j] = energy if accepted else math.inf
+            half[LOG_EVIDENCE + j] = log_evidence if accepted else -math.inf
+            v1, v2 = half[V1 + j], half[V2 + j]
+            half[PX + j] = half[X + j] + v1 * half[T1X + j] + v2 * half[T2X + j]
+            half[PY + j] = half[Y + j] + v1 * half[T1Y + j] + v2 * half[T2Y + j]
+            half[PZ + j] = half[Z + j] + v1 * half[T1Z + j] + v2 * half[T2Z + j]
+            F, alpha, beta = half[FORCE + j], half[ALPHA + j], half[BETA + j]
+            half[FX + j] = F * (alpha * half[T1X + j] + beta * half[T2X + j] - half[NX + j])
+            half[FY + j] = F * (alpha * half[T1Y + j] + beta * half[T2Y + j] - half[NY + j])
+            half[FZ + j] = F * (alpha * half[T1Z + j] + beta * half[T2Z + j] - half[NZ + j])

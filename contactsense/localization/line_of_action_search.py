@@ -119,7 +119,7 @@ def _bound_energies(
                     candidates.bound[p] = math.inf
                 continue
             _load_spheres(surfaces, deviations, prior, candidates, first, end)
-            shift_energies(w, hypotheses.covariance[link], squared_force, spheres)
+            shift_energies(w, hypotheses.covariance[link], squared_force, end - first, spheres)
             for p in range(first, end):
                 bound = energy + spheres[SHIFT_ENERGY + p - first]
                 candidates.bound[p] = bound
@@ -158,7 +158,7 @@ def _search_block(
             p, hypotheses.wrench[link], hypotheses.information[link], deviations, prior, candidates
         )
         load_frame(j, frame[0], frame[1], block)
-    wrenches_to_body_frames(block)
+    wrenches_to_body_frames(rows.shape[0], block)
     enter_surfaces(surfaces.kind, surfaces.size, rows, block)
     for j in range(rows.shape[0]):
         p = rows[j]

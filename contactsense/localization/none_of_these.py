@@ -14,6 +14,7 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.linalg.ldl import ldl_solve
+from contactsense.kinematics.logarithm import logarithm
 from contactsense.kinematics.model import Motion
 from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import fused_kernel
@@ -104,13 +105,14 @@ def _evidence_of_anything(hypotheses: Hypotheses, link: int, prior: Prior, buffe
     """Log evidence of a wrench with a broad zero-mean normal prior, at `link`; `buffers.gradient` then holds
     the most probable wrench."""
     H, g = buffers.normal_equations, buffers.gradient
-    force_information = (NONE_OF_THESE_FORCE * prior.force) ** -2.0
-    moment_information = (NONE_OF_THESE_LEVER * NONE_OF_THESE_FORCE * prior.force) ** -2.0
+    force_std = NONE_OF_THESE_FORCE * prior.force
+    moment_std = NONE_OF_THESE_LEVER * force_std
+    force_information, moment_information = 1.0 / (force_std * force_std), 1.0 / (moment_std * moment_std)
     energy = _copy_measurement(hypotheses, link, H, g)
     for i in range(6):
         H[i, i] += force_information if i < 3 else moment_information
     log_det, decrease, _, _, _ = ldl_solve(H, g)
-    log_det_prior = 3.0 * (math.log(force_information) + math.log(moment_information))
+    log_det_prior = -6.0 * logarithm(force_std * moment_std)
     log_odds = math.log(NONE_OF_THESE_PROBABILITY / (1.0 - NONE_OF_THESE_PROBABILITY))
     return float(log_odds - hypotheses.energy[link] - (energy - decrease) + 0.5 * (log_det_prior - log_det))
 

@@ -14,7 +14,7 @@ from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.energy_bound import exclude_cells
-from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
+from contactsense.localization.laplace_evidence import find_modes
 from contactsense.localization.line_distance import (
     CENTRE_X,
     CENTRE_Y,
@@ -26,20 +26,6 @@ from contactsense.localization.line_distance import (
     spheres_to_base_frame,
 )
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
-from contactsense.localization.simd_layout import (
-    BOUND,
-    CHI,
-    DET,
-    ENERGY,
-    NX,
-    NY,
-    NZ,
-    SPREAD,
-    VARIANCE,
-    X,
-    Y,
-    Z,
-)
 from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
@@ -47,8 +33,13 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.vectors import dot
 from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+
+from contactsense.localization.simd_layout import (  # isort: skip
+    BOUND, CHI, ENERGY, FX, FY, FZ, LOG_EVIDENCE, NX, NY, NZ, PX, PY, PZ, SPREAD, VARIANCE, X, Y, Z,
+)  # fmt: skip
 
 SUBDIVIDE_WITHIN = 3.0
 """Cells whose log evidence is within this of the best are replaced by their subsamples ..."""
@@ -136,8 +127,9 @@ def _evaluate_samples(
             if wrench_measured and squared_force > 0.0:
                 lane = (b - blocks.start[link]) % LANES
                 if lane == 0:
-                    _load_spheres(blocks, b, min(b + LANES, last), R, o, prior.surface_deviation, spheres)
-                    shift_energies(w, P, squared_force, spheres)
+                    end = min(b + LANES, last)
+                    _load_spheres(blocks, b, end, R, o, prior.surface_deviation, spheres)
+                    shift_energies(w, P, squared_force, end - b, spheres)
                 if spheres[SHIFT_ENERGY + lane] > far_limit:
                     continue
             if force_measured:
@@ -158,7 +150,7 @@ def _evaluate_samples(
             continue
         to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
         rows, lowest_energy = _evaluate_queue(
-            samples, queued, force_measured, prior, link_energy, rows, lowest_energy, cells
+            samples, queued, math.sqrt(force_variance), prior, link_energy, rows, lowest_energy, cells
         )
     return rows, lowest_energy
 
@@ -167,7 +159,7 @@ def _evaluate_samples(
 def _evaluate_queue(
     samples: SurfaceSamples,
     queued: int,
-    force_measured: bool,
+    force_deviation: float,
     prior: Prior,
     link_energy: float,
     rows: int,
@@ -196,19 +188,19 @@ def _evaluate_queue(
             mode_count += 1
             if mode_count == LANES:
                 rows, lowest_energy = _evaluate_block(
-                    samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                    samples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
                 )
                 mode_count = 0
         if mode_count > 0 and lowest_bound > first_bound + ENERGY_CUTOFF:
             # What the block finds probably excludes all others: a full block would take longer.
             rows, lowest_energy = _evaluate_block(
-                samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                samples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
             )
             mode_count, first_bound = 0, lowest_bound
         queued, upper = remaining, max(lowest_bound + BOUND_STEP, BOUND_GROWTH * upper)
     if mode_count > 0:
         rows, lowest_energy = _evaluate_block(
-            samples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+            samples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
         )
     return rows, lowest_energy
 
@@ -228,7 +220,7 @@ def _evaluate_subsamples(
 ) -> int:
     """Replace the best cells by their subsamples; returns the new number of rows."""
     last, mode_count = -1, 0
-    link_energy, force_measured = 0.0, False
+    link_energy, force_deviation = 0.0, math.inf
     for row in range(rows):
         if cells.score[row] < best - SUBDIVIDE_WITHIN:
             continue
@@ -236,27 +228,26 @@ def _evaluate_subsamples(
         if link != last:
             if mode_count > 0:
                 rows, lowest_energy = _evaluate_block(
-                    subsamples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                    subsamples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
                 )
                 mode_count = 0
             last, link_energy = link, hypotheses.energy[link]
             R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
             w, P = hypotheses.wrench[link], hypotheses.covariance[link]
             to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
-            squared_force, force_variance = _squared_force(w, P)
-            force_measured = force_variance < squared_force
+            force_deviation = math.sqrt(_squared_force(w, P)[1])
         cells.score[row] = -math.inf
         for s in range(subsamples.start[cells.sample[row]], subsamples.start[cells.sample[row] + 1]):
             _load_lane(subsamples, s, cells.mode_block, cells.mode_sample, mode_count)
             mode_count += 1
             if mode_count == LANES:
                 rows, lowest_energy = _evaluate_block(
-                    subsamples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+                    subsamples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
                 )
                 mode_count = 0
     if mode_count > 0:
         rows, lowest_energy = _evaluate_block(
-            subsamples, mode_count, force_measured, prior, link_energy, rows, lowest_energy, cells
+            subsamples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
         )
     return rows
 
@@ -283,7 +274,7 @@ def _load_lane(
 def _evaluate_block(
     samples: SurfaceSamples | SurfaceSubsamples,
     count: int,
-    force_measured: bool,
+    force_deviation: float,
     prior: Prior,
     link_energy: float,
     rows: int,
@@ -293,25 +284,23 @@ def _evaluate_block(
     """Evaluate a block of samples and append those that are not rejected; returns number of rows and
     lowest energy."""
     block, limit = cells.mode_block, lowest_energy + ENERGY_CUTOFF - link_energy
-    find_modes(count, cells.wrench, cells.information, prior, force_measured, limit, block)
+    find_modes(count, cells.wrench, cells.information, prior, force_deviation, limit, block)
     for j in range(count):
-        # Before the logarithms: the energy without its term of friction, which is not negative.
-        if not (block[DET + j] > 0.0 and block[ENERGY + j] <= limit):
-            continue
-        energy, log_z, px, py, pz, fx, fy, fz = laplace_evidence(j, prior, limit, block)
-        if log_z == -math.inf:
+        if block[LOG_EVIDENCE + j] == -math.inf:
             continue
         s = cells.mode_sample[j]
         cells.sample[rows], cells.primitive[rows] = s, samples.primitive[s]
-        cells.score[rows] = log_z - link_energy + samples.log_share[s]
-        cells.point[rows, 0], cells.point[rows, 1], cells.point[rows, 2] = px, py, pz
-        for i in range(3):
-            cells.normal[rows, i] = samples.normal[s, i]
-        cells.force[rows, 0], cells.force[rows, 1], cells.force[rows, 2] = fx, fy, fz
-        cells.torsion[rows] = -block[CHI + j] * (fx * block[NX + j] + fy * block[NY + j] + fz * block[NZ + j])
+        cells.score[rows] = block[LOG_EVIDENCE + j] - link_energy + samples.log_share[s]
+        force = (block[FX + j], block[FY + j], block[FZ + j])
+        normal = (block[NX + j], block[NY + j], block[NZ + j])
+        cells.point[rows, 0], cells.point[rows, 1] = block[PX + j], block[PY + j]
+        cells.point[rows, 2] = block[PZ + j]
+        cells.normal[rows, 0], cells.normal[rows, 1], cells.normal[rows, 2] = normal
+        cells.force[rows, 0], cells.force[rows, 1], cells.force[rows, 2] = force
+        cells.torsion[rows] = -block[CHI + j] * dot(force, normal)
         cells.variance[rows] = block[VARIANCE + j]
         cells.spread[rows] = samples.spread[s]
-        lowest_energy = min(lowest_energy, link_energy + energy)
+        lowest_energy = min(lowest_energy, link_energy + block[ENERGY + j])
         rows += 1
     return rows, lowest_energy
 

@@ -17,11 +17,11 @@ from contactsense.robots.jit.lanes import LANES
     KXX, KXY, KXZ, KYY, KYZ, KZZ,
     S0, S1, S2, S3, S4, S5, DECREASE, DET, VARIANCE_RATIO, V11, V12, V22, T1X, T1Y, T1Z, T2X, T2Y, T2Z,
     U0, U1, U2, U3, U4, U5, GAIN,
-    SCALE, QX, QY, QZ, AX, AY, AZ, BX, BY, BZ, NORMAL_FORCE, TRIAL_ENERGY, TRIAL_SQUARED_RATIO,
+    SCALE, QX, QY, QZ, AX, AY, AZ, BX, BY, BZ, NORMAL_FORCE, TRIAL_ENERGY, TRIAL_LOG_FORCE,
     UX, UY, UZ, LX, LY, LZ, AT, DISTANCE, GAP, ENTRY,
     LEFT, LEFT_DISTANCE, LEFT_SLOPE, RIGHT, RIGHT_DISTANCE, RIGHT_SLOPE,
-    ENERGY, SQUARED_RATIO, OTHER_ENERGY, LEAST_ENERGY, SEARCH, STEPS, TRIALS, REALIZED,
-) = range(0, 128 * LANES, LANES)  # fmt: skip
+    ENERGY, OTHER_ENERGY, LEAST_ENERGY, SEARCH, STEPS, TRIALS, REALIZED,
+) = range(0, 127 * LANES, LANES)  # fmt: skip
 """Offsets of the quantities of a lane; body frame of its primitive.
 
 `P0` to `P6`: see `contactsense.robots.surface.simd_revolved.profile`; `RADIUS`: of the ball about its
@@ -30,7 +30,7 @@ centre that holds the primitive [m]. `R00` to `OZ`: its body frame in the base f
 prior of a contact.
 
 `CX` to `XI`: the contact; `LOG_FORCE`: log of its normal force relative to the prior's. `KXX` to `KZZ`: shape
-operator there [1/m]. `ENERGY`, `SQUARED_RATIO`: see `contactsense.solvers.posterior_equations`.
+operator there [1/m]. `ENERGY`: see `contactsense.solvers.posterior_equations`.
 
 `S0` to `S5`: minus the Gauss-Newton step in force, torsion and place along the tangents `T1X` to `T2Z`;
 `DECREASE`: by how much it is predicted to lower the energy. `DET`: determinant of the Gauss-Newton matrix,
@@ -39,7 +39,7 @@ operator there [1/m]. `ENERGY`, `SQUARED_RATIO`: see `contactsense.solvers.poste
 
 `SCALE`: factor of the step that is tried. `QX` to `QZ`: a place beside the surface; `DISTANCE`, `AX` to
 `BZ`: its distance from the surface, the nearest surface point and the normal there. `NORMAL_FORCE`,
-`TRIAL_ENERGY`, `TRIAL_SQUARED_RATIO`: of the contact that is tried.
+`TRIAL_ENERGY`, `TRIAL_LOG_FORCE`: of the contact that is tried.
 
 Of the line of action, see `contactsense.solvers.line_of_action`: `UX` to `UZ`, direction of the force; `LX`
 to `LZ`, the point of the line nearest to the primitive's centre; `AT`, distance along the line from there
@@ -51,5 +51,5 @@ when lanes are compared; `LEAST_ENERGY`, below which it cannot go, the other inc
 goes on; `STEPS` and `TRIALS`, the number of steps and of factors tried in the present one; `REALIZED`, the
 share of the predicted decrease that the last step has realized.
 """
-LENGTH = 128 * LANES
+LENGTH = 127 * LANES
 """Length of a block."""

@@ -11,10 +11,9 @@ from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.solvers.posterior import Contact, Prior, SearchBuffers
 from contactsense.solvers.posterior_equations import (
     Inflation,
-    energy_without_logarithms,
+    energy_of,
     gauss_newton_equations,
     inflate,
-    logarithmic_terms,
 )
 
 
@@ -32,12 +31,10 @@ def energy_at(w: np.ndarray, L: np.ndarray, prior: Prior, inflation: Inflation, 
     `inflation` is the result of `inflate_by_surface_deviation`. Other arguments as in
     `contactsense.solvers.posterior_mode.find_posterior_mode`.
     """
-    energy, normal_force, squared_ratio = energy_without_logarithms(
-        _six(w), blocks(L), prior.friction_ratio, prior.torsion_lever, inflation, contact
+    energy, normal_force, _ = energy_of(
+        _six(w), blocks(L), prior.friction_ratio, prior.torsion_lever, prior.force, inflation, contact
     )
-    if normal_force <= 0.0:
-        return math.inf
-    return energy + logarithmic_terms(math.log(normal_force / prior.force), squared_ratio)
+    return math.inf if normal_force <= 0.0 else float(energy)
 
 
 @fused_kernel
@@ -58,7 +55,7 @@ def linearize(
     """
     n, f = contact.normal, contact.force
     log_force = math.log(-(f[0] * n[0] + f[1] * n[1] + f[2] * n[2]) / prior.force)
-    matrix, gradient, (t1, t2), energy, squared_ratio = gauss_newton_equations(
+    matrix, gradient, (t1, t2), energy = gauss_newton_equations(
         _six(w), blocks(L), prior.friction_ratio, prior.torsion_lever, inflation, W, contact, log_force
     )
     frame, H, g = buffers.frame, buffers.normal_equations, buffers.gradient
@@ -70,7 +67,7 @@ def linearize(
     H[3, 3], H[3, 4], H[3, 5] = matrix[15:18]
     H[4, 4], H[4, 5], H[5, 5] = matrix[18:]
     g[0], g[1], g[2], g[3], g[4], g[5] = gradient
-    return energy + logarithmic_terms(log_force, squared_ratio)
+    return float(energy)
 
 
 @inlined_fused_kernel

@@ -19,12 +19,12 @@ along the normal adds s^2 u u^T to the covariance, u = (0, n x f). The 6x6 Gauss
 gives the covariance and the evidence (Laplace approximation).
 
 The functions are inlined and have no branches: `contactsense.solvers.posterior_energy` calls them for one
-contact, `contactsense.solvers.simd_posterior` in loops that are vectorized. What needs a logarithm, which
-would prevent that, is apart: the `logarithmic_terms` of the energy.
+contact, `contactsense.solvers.simd_posterior` in loops that are vectorized.
 """
 
 import math
 
+from contactsense.kinematics.logarithm import logarithm
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import (
     Block,
@@ -69,24 +69,26 @@ def inflate(information: Information, offset_variance: float, contact: Contact) 
 
 
 @inlined_fused_kernel
-def energy_without_logarithms(
+def energy_of(
     w: Six,
     information: Information,
     friction_ratio: float,
     torsion_lever: float,
+    median_force: float,
     inflation: Inflation,
     contact: Contact,
 ) -> tuple[float, float, float]:
-    """Energy of a contact without its `logarithmic_terms`.
+    """Energy of a contact, if its force pushes.
 
     Args:
         w, information: Fused wrench and its information matrix, body frame.
         friction_ratio, torsion_lever: See `contactsense.solvers.posterior.Prior`.
+        median_force: F0, see `force` there [N].
         inflation: Result of `inflate`.
         contact: The contact, body frame.
 
     Returns:
-        The energy; normal force F [N]; rho^2.
+        The energy; normal force F [N], of which only a positive one pushes; log(F / F0).
     """
     (cx, cy, cz), (nx, ny, nz), (fx, fy, fz), xi = contact
     normal_force = -(fx * nx + fy * ny + fz * nz)
@@ -104,13 +106,16 @@ def energy_without_logarithms(
     torsion_ratio = xi * inverse / torsion_lever
     ratio_unit = inverse / friction_ratio
     squared_ratio = (fx * fx + fy * fy + fz * fz - normal_force * normal_force) * ratio_unit * ratio_unit
-    return 0.5 * (dLd - gain * vd * vd + torsion_ratio * torsion_ratio), normal_force, squared_ratio
+    log_force = logarithm(normal_force / median_force)
+    energy = 0.5 * (dLd - gain * vd * vd + torsion_ratio * torsion_ratio)
+    return energy + _energy_of_force(log_force, squared_ratio), normal_force, log_force
 
 
 @inlined_fused_kernel
-def logarithmic_terms(log_force: float, squared_ratio: float) -> float:
+def _energy_of_force(log_force: float, squared_ratio: float) -> float:
     """The energy's terms of log(F / F0) and of the friction ratio's square rho^2."""
-    return 0.5 * (log_force * log_force + (STUDENT_DOF + 2.0) * math.log(1.0 + squared_ratio / STUDENT_DOF))
+    friction = (STUDENT_DOF + 2.0) * logarithm(1.0 + squared_ratio / STUDENT_DOF)
+    return float(0.5 * (log_force * log_force + friction))
 
 
 @inlined_fused_kernel
@@ -123,18 +128,17 @@ def gauss_newton_equations(
     W: Six,
     contact: Contact,
     log_force: float,
-) -> tuple[UpperTriangle, Six, tuple[Vector, Vector], float, float]:
+) -> tuple[UpperTriangle, Six, tuple[Vector, Vector], float]:
     """Gauss-Newton matrix and gradient of the energy of a contact that pushes.
 
     Args:
         w, information, friction_ratio, torsion_lever, inflation, contact: As for
-            `energy_without_logarithms`.
+            `energy_of`.
         W: Shape operator of the surface at c (upper triangle) [1/m].
         log_force: log(F / F0).
 
     Returns:
-        The matrix and the gradient, for (f, xi, v1, v2); the tangents of v1 and v2; and of
-        `energy_without_logarithms` the energy and rho^2.
+        The matrix and the gradient, for (f, xi, v1, v2); the tangents of v1 and v2; and the energy.
     """
     (cx, cy, cz), (nx, ny, nz), (fx, fy, fz), xi = contact
     t1, t2 = tangents(contact.normal)
@@ -241,4 +245,5 @@ def gauss_newton_equations(
         h00, h01, h02, h03, h04, h05, h11, h12, h13, h14, h15,
         h22, h23, h24, h25, h33, h34, h35, h44, h45, h55,
     )  # fmt: skip
-    return matrix, (g0, g1, g2, g3, g4, g5), (t1, t2), energy, squared_ratio
+    energy += _energy_of_force(log_force, squared_ratio)
+    return matrix, (g0, g1, g2, g3, g4, g5), (t1, t2), energy

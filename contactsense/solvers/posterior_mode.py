@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.kinematics.logarithm import logarithm
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import REVOLVED, curvature
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.posterior import Contact, Prior, log_prior
-from contactsense.solvers.posterior_equations import logarithmic_terms
 from contactsense.solvers.simd_posterior import (
     contact_of,
     energies_of_trials,
@@ -30,9 +30,9 @@ from contactsense.solvers.simd_posterior import (
 )
 
 from contactsense.solvers.posterior_block import (  # isort: skip
-    DECREASE, DET, ENERGY, KXX, KXY, KXZ, KYY, KYZ, KZZ, LEAST_ENERGY, LOG_FORCE, NORMAL_FORCE,
-    OTHER_ENERGY, REALIZED, SCALE, SEARCH, SQUARED_RATIO, STEPS, T1X, T1Y, T1Z, T2X, T2Y, T2Z, TRIALS,
-    TRIAL_ENERGY, TRIAL_SQUARED_RATIO, V11, V12, V22, VARIANCE_RATIO,
+    DECREASE, DET, ENERGY, KXX, KXY, KXZ, KYY, KYZ, KZZ, LEAST_ENERGY, NORMAL_FORCE, OTHER_ENERGY,
+    REALIZED, SCALE, SEARCH, STEPS, T1X, T1Y, T1Z, T2X, T2Y, T2Z, TRIALS, TRIAL_ENERGY, TRIAL_LOG_FORCE,
+    V11, V12, V22, VARIANCE_RATIO,
 )  # fmt: skip
 
 MAX_ITERATIONS = 12
@@ -121,7 +121,7 @@ def begin_search(
     """
     n, f = start.normal, start.force
     normal_force = -(f[0] * n[0] + f[1] * n[1] + f[2] * n[2])
-    store_contact(j, start, math.log(normal_force / prior.force), block)
+    store_contact(j, start, logarithm(normal_force / prior.force), block)
     block[OTHER_ENERGY + j], block[LEAST_ENERGY + j] = other_energy, least_energy
     _restart(j, block)
 
@@ -158,28 +158,27 @@ def find_posterior_modes(
     Returns:
         The lowest energy.
     """
-    searching = True
+    lanes, searching = primitives.shape[0], True
     while searching:
-        shape_operators(block)
+        shape_operators(lanes, block)
         _other_shape_operators(kind, size, primitives, block)
-        gauss_newton_steps(prior.torsion_lever, block)
-        for j in range(primitives.shape[0]):
+        gauss_newton_steps(prior.torsion_lever, lanes, block)
+        for j in range(lanes):
             if block[SEARCH + j] == SEARCHING:
-                block[ENERGY + j] += logarithmic_terms(block[LOG_FORCE + j], block[SQUARED_RATIO + j])
                 lowest_energy = min(lowest_energy, block[ENERGY + j] + block[OTHER_ENERGY + j])
         searching = False
-        for j in range(primitives.shape[0]):
+        for j in range(lanes):
             if block[SEARCH + j] == SEARCHING:
                 block[SEARCH + j] = _before_a_step(j, lowest_energy, energy_tolerance, block)
                 searching = searching or block[SEARCH + j] == SEARCHING
         if searching:
-            project_trials(block)
+            project_trials(lanes, block)
             project_others(kind, size, primitives, block)
-            energies_of_trials(prior.torsion_lever, block)
+            energies_of_trials(prior.torsion_lever, prior.force, lanes, block)
             searching = False
-            for j in range(primitives.shape[0]):
+            for j in range(lanes):
                 if block[SEARCH + j] == SEARCHING:
-                    block[SEARCH + j] = _after_a_step(j, prior.force, lowest_energy, energy_tolerance, block)
+                    block[SEARCH + j] = _after_a_step(j, lowest_energy, energy_tolerance, block)
                     searching = searching or block[SEARCH + j] == SEARCHING
     return lowest_energy
 
@@ -229,19 +228,14 @@ def _tolerance(excess: float, energy_tolerance: float) -> float:
 
 
 @fused_kernel
-def _after_a_step(
-    j: int, median_force: float, lowest_energy: float, energy_tolerance: float, block: np.ndarray
-) -> float:
+def _after_a_step(j: int, lowest_energy: float, energy_tolerance: float, block: np.ndarray) -> float:
     """State of the search in lane j, with the energy of the contact that is tried: the contact is taken, or
     the step becomes shorter."""
     energy, decrease, scale = block[ENERGY + j], block[DECREASE + j], block[SCALE + j]
     total = energy + block[OTHER_ENERGY + j]
-    trial_energy, log_force = math.inf, 0.0
-    if block[NORMAL_FORCE + j] > 0.0:
-        log_force = math.log(block[NORMAL_FORCE + j] / median_force)
-        trial_energy = block[TRIAL_ENERGY + j] + logarithmic_terms(log_force, block[TRIAL_SQUARED_RATIO + j])
+    trial_energy = block[TRIAL_ENERGY + j] if block[NORMAL_FORCE + j] > 0.0 else math.inf
     if trial_energy < energy:
-        store_contact(j, trial_of(j, block), log_force, block)
+        store_contact(j, trial_of(j, block), block[TRIAL_LOG_FORCE + j], block)
         block[ENERGY + j], block[SCALE + j], block[TRIALS + j] = trial_energy, 1.0, 0.0
         block[STEPS + j] += 1.0
         tolerance = _tolerance(total - decrease - lowest_energy, energy_tolerance)
@@ -291,6 +285,6 @@ def mode_of(j: int, prior: Prior, block: np.ndarray) -> Mode:
         return Mode(math.inf, -math.inf, contact, (0.0, 0.0, 0.0), tangents)
     (nx, ny, nz), (fx, fy, fz) = contact.normal, contact.force
     normal_force = -(fx * nx + fy * ny + fz * nz)
-    log_ratio = math.log(block[DET + j]) + math.log(block[VARIANCE_RATIO + j])
+    log_ratio = logarithm(block[DET + j]) + logarithm(block[VARIANCE_RATIO + j])
     log_evidence = log_prior(prior, normal_force) - block[ENERGY + j] - 0.5 * log_ratio
     return Mode(block[ENERGY + j], log_evidence, contact, (v11, v12, v22), tangents)

@@ -1,8 +1,8 @@
 """Energies and Gauss-Newton steps of one contact on each of up to eight primitives, with the formulas of
 `contactsense.solvers.posterior_equations`.
 
-Loops over the lanes of a block are vectorized by the compiler as long as they contain arithmetic only. All
-lanes are computed; the caller passes over those that it does not use.
+Loops over the lanes of a block are vectorized by the compiler as long as they contain arithmetic only. The
+first `lanes` are in use; all lanes of their halves are computed, and the caller passes over the others.
 """
 
 import numpy as np
@@ -10,15 +10,16 @@ import numpy as np
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import matvec, rotate_block, shift_information
+from contactsense.robots.jit.array_views import block as view
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
-from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.jit.lanes import HALF, LANES
 from contactsense.robots.surface.convex_primitives import REVOLVED, project
 from contactsense.robots.surface.simd_revolved import Profile, curvature_revolved, profile, project_revolved
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.posterior import Contact, Prior
 from contactsense.solvers.posterior_equations import (
     Information,
-    energy_without_logarithms,
+    energy_of,
     gauss_newton_equations,
     inflate,
 )
@@ -26,11 +27,10 @@ from contactsense.solvers.posterior_equations import (
 from contactsense.solvers.posterior_block import (  # isort: skip
     AX, AY, AZ, BX, BY, BZ, CX, CY, CZ, D00, D01, D02, D10, D11, D12, D20, D21, D22, DECREASE, DET,
     DISTANCE, ENERGY, F00, F01, F02, F11, F12, F22, FRICTION_RATIO, FX, FY, FZ, GAIN, KXX, KXY, KXZ, KYY,
-    KYZ, KZZ, LOG_FORCE, M00, M01, M02, M11, M12, M22, NORMAL_FORCE, NX, NY, NZ, OFFSET_VARIANCE, OX, OY,
-    OZ, P0, P1, P2, P3, P4, P5, P6, QX, QY, QZ, R00, R01, R02, R10, R11, R12, R20, R21, R22, RADIUS, S0,
-    S1, S2, S3, S4, S5, SCALE, SEARCH, SQUARED_RATIO, T1X, T1Y, T1Z, T2X, T2Y, T2Z, TRIAL_ENERGY,
-    TRIAL_SQUARED_RATIO, U0, U1, U2, U3, U4, U5, V11, V12, V22, VARIANCE_RATIO, W0, W1, W2, W3, W4, W5,
-    XI,
+    KYZ, KZZ, LENGTH, LOG_FORCE, M00, M01, M02, M11, M12, M22, NORMAL_FORCE, NX, NY, NZ, OFFSET_VARIANCE,
+    OX, OY, OZ, P0, P1, P2, P3, P4, P5, P6, QX, QY, QZ, R00, R01, R02, R10, R11, R12, R20, R21, R22,
+    RADIUS, S0, S1, S2, S3, S4, S5, SCALE, SEARCH, T1X, T1Y, T1Z, T2X, T2Y, T2Z, TRIAL_ENERGY,
+    TRIAL_LOG_FORCE, U0, U1, U2, U3, U4, U5, V11, V12, V22, VARIANCE_RATIO, W0, W1, W2, W3, W4, W5, XI,
 )  # fmt: skip
 
 
@@ -79,32 +79,34 @@ def load_prior(j: int, prior: Prior, block: np.ndarray) -> None:
 
 
 @fused_kernel
-def wrenches_to_body_frames(block: np.ndarray) -> None:
+def wrenches_to_body_frames(lanes: int, block: np.ndarray) -> None:
     """Transform the wrenches and their information matrices from the base frame to the body frames, as
     `contactsense.kinematics.wrench_information.to_body_frame` does."""
-    for j in range(LANES):
-        x, y, z = block[OX + j], block[OY + j], block[OZ + j]
-        w = _wrench(j, block)
-        axes = (
-            (block[R00 + j], block[R10 + j], block[R20 + j]),
-            (block[R01 + j], block[R11 + j], block[R21 + j]),
-            (block[R02 + j], block[R12 + j], block[R22 + j]),
-        )
-        force = matvec(axes, (w[0], w[1], w[2]))
-        moment = matvec(
-            axes, (w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0])
-        )
-        F, D, M = shift_information(*_information(j, block), x, y, z)
-        F, D, M = rotate_block(axes, F), rotate_block(axes, D), rotate_block(axes, M)
-        block[W0 + j], block[W1 + j], block[W2 + j] = force
-        block[W3 + j], block[W4 + j], block[W5 + j] = moment
-        block[F00 + j], block[F01 + j], block[F02 + j] = F[0]
-        block[F11 + j], block[F12 + j], block[F22 + j] = F[1][1], F[1][2], F[2][2]
-        block[D00 + j], block[D01 + j], block[D02 + j] = D[0]
-        block[D10 + j], block[D11 + j], block[D12 + j] = D[1]
-        block[D20 + j], block[D21 + j], block[D22 + j] = D[2]
-        block[M00 + j], block[M01 + j], block[M02 + j] = M[0]
-        block[M11 + j], block[M12 + j], block[M22 + j] = M[1][1], M[1][2], M[2][2]
+    for first in range(0, lanes, HALF):
+        half = view(block, first, (LENGTH - first,))
+        for j in range(HALF):
+            x, y, z = half[OX + j], half[OY + j], half[OZ + j]
+            w = _wrench(j, half)
+            axes = (
+                (half[R00 + j], half[R10 + j], half[R20 + j]),
+                (half[R01 + j], half[R11 + j], half[R21 + j]),
+                (half[R02 + j], half[R12 + j], half[R22 + j]),
+            )
+            force = matvec(axes, (w[0], w[1], w[2]))
+            moment = matvec(
+                axes, (w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0])
+            )
+            F, D, M = shift_information(*_information(j, half), x, y, z)
+            F, D, M = rotate_block(axes, F), rotate_block(axes, D), rotate_block(axes, M)
+            half[W0 + j], half[W1 + j], half[W2 + j] = force
+            half[W3 + j], half[W4 + j], half[W5 + j] = moment
+            half[F00 + j], half[F01 + j], half[F02 + j] = F[0]
+            half[F11 + j], half[F12 + j], half[F22 + j] = F[1][1], F[1][2], F[2][2]
+            half[D00 + j], half[D01 + j], half[D02 + j] = D[0]
+            half[D10 + j], half[D11 + j], half[D12 + j] = D[1]
+            half[D20 + j], half[D21 + j], half[D22 + j] = D[2]
+            half[M00 + j], half[M01 + j], half[M02 + j] = M[0]
+            half[M11 + j], half[M12 + j], half[M22 + j] = M[1][1], M[1][2], M[2][2]
 
 
 @inlined_fused_kernel
@@ -178,70 +180,76 @@ def contact_of(j: int, block: np.ndarray) -> Contact:
 
 
 @fused_kernel
-def shape_operators(block: np.ndarray) -> None:
+def shape_operators(lanes: int, block: np.ndarray) -> None:
     """Shape operators at the contacts, as if all primitives were bodies of revolution."""
-    for j in range(LANES):
-        K = curvature_revolved(
-            _profile(j, block), block[CX + j], block[CY + j], block[NX + j], block[NY + j], block[NZ + j]
-        )
-        block[KXX + j], block[KXY + j], block[KXZ + j] = K[0], K[1], K[2]
-        block[KYY + j], block[KYZ + j], block[KZZ + j] = K[3], K[4], K[5]
+    for first in range(0, lanes, HALF):
+        half = view(block, first, (LENGTH - first,))
+        for j in range(HALF):
+            K = curvature_revolved(
+                _profile(j, half), half[CX + j], half[CY + j], half[NX + j], half[NY + j], half[NZ + j]
+            )
+            half[KXX + j], half[KXY + j], half[KXZ + j] = K[0], K[1], K[2]
+            half[KYY + j], half[KYZ + j], half[KZZ + j] = K[3], K[4], K[5]
 
 
 @fused_kernel
-def gauss_newton_steps(torsion_lever: float, block: np.ndarray) -> None:
+def gauss_newton_steps(torsion_lever: float, lanes: int, block: np.ndarray) -> None:
     """Gauss-Newton step from each contact, and the Gauss-Newton matrix there.
 
     Where no search goes on (`SEARCH` is not positive), a lane keeps its `ENERGY`, `DET`, `VARIANCE_RATIO` and
     `V11` to `T2Z`.
     """
-    for j in range(LANES):
-        contact, information = contact_of(j, block), _information(j, block)
-        inflation = inflate(information, block[OFFSET_VARIANCE + j], contact)
-        u, gain, variance_ratio = inflation
-        shape_operator = (
-            block[KXX + j], block[KXY + j], block[KXZ + j], block[KYY + j], block[KYZ + j], block[KZZ + j],
-        )  # fmt: skip
-        H, g, (t1, t2), energy, squared_ratio = gauss_newton_equations(
-            _wrench(j, block), information, block[FRICTION_RATIO + j], torsion_lever, inflation,
-            shape_operator, contact, block[LOG_FORCE + j],
-        )  # fmt: skip
-        det, positive, decrease, v11, v12, v22, s0, s1, s2, s3, s4, s5 = ldl_solve_unrolled(
-            H[0], H[1], H[2], H[3], H[4], H[5], H[6], H[7], H[8], H[9], H[10], H[11], H[12], H[13], H[14],
-            H[15], H[16], H[17], H[18], H[19], H[20], g[0], g[1], g[2], g[3], g[4], g[5],
-        )  # fmt: skip
-        block[S0 + j], block[S1 + j], block[S2 + j] = s0, s1, s2
-        block[S3 + j], block[S4 + j], block[S5 + j] = s3, s4, s5
-        block[U0 + j], block[U1 + j], block[U2 + j] = u[0], u[1], u[2]
-        block[U3 + j], block[U4 + j], block[U5 + j] = u[3], u[4], u[5]
-        block[GAIN + j], block[DECREASE + j] = gain, decrease
-        block[SQUARED_RATIO + j] = squared_ratio
-        active = block[SEARCH + j] > 0.0
-        block[ENERGY + j] = energy if active else block[ENERGY + j]
-        block[DET + j] = (det if positive else 0.0) if active else block[DET + j]
-        block[VARIANCE_RATIO + j] = variance_ratio if active else block[VARIANCE_RATIO + j]
-        block[V11 + j] = v11 if active else block[V11 + j]
-        block[V12 + j] = v12 if active else block[V12 + j]
-        block[V22 + j] = v22 if active else block[V22 + j]
-        block[T1X + j] = t1[0] if active else block[T1X + j]
-        block[T1Y + j] = t1[1] if active else block[T1Y + j]
-        block[T1Z + j] = t1[2] if active else block[T1Z + j]
-        block[T2X + j] = t2[0] if active else block[T2X + j]
-        block[T2Y + j] = t2[1] if active else block[T2Y + j]
-        block[T2Z + j] = t2[2] if active else block[T2Z + j]
+    for first in range(0, lanes, HALF):
+        half = view(block, first, (LENGTH - first,))
+        for j in range(HALF):
+            contact, information = contact_of(j, half), _information(j, half)
+            inflation = inflate(information, half[OFFSET_VARIANCE + j], contact)
+            u, gain, variance_ratio = inflation
+            shape_operator = (
+                half[KXX + j], half[KXY + j], half[KXZ + j],
+                half[KYY + j], half[KYZ + j], half[KZZ + j],
+            )  # fmt: skip
+            H, g, (t1, t2), energy = gauss_newton_equations(
+                _wrench(j, half), information, half[FRICTION_RATIO + j], torsion_lever, inflation,
+                shape_operator, contact, half[LOG_FORCE + j],
+            )  # fmt: skip
+            det, positive, decrease, v11, v12, v22, s0, s1, s2, s3, s4, s5 = ldl_solve_unrolled(
+                H[0], H[1], H[2], H[3], H[4], H[5], H[6], H[7], H[8], H[9], H[10], H[11], H[12], H[13], H[14],
+                H[15], H[16], H[17], H[18], H[19], H[20], g[0], g[1], g[2], g[3], g[4], g[5],
+            )  # fmt: skip
+            half[S0 + j], half[S1 + j], half[S2 + j] = s0, s1, s2
+            half[S3 + j], half[S4 + j], half[S5 + j] = s3, s4, s5
+            half[U0 + j], half[U1 + j], half[U2 + j] = u[0], u[1], u[2]
+            half[U3 + j], half[U4 + j], half[U5 + j] = u[3], u[4], u[5]
+            half[GAIN + j], half[DECREASE + j] = gain, decrease
+            active = half[SEARCH + j] > 0.0
+            half[ENERGY + j] = energy if active else half[ENERGY + j]
+            half[DET + j] = (det if positive else 0.0) if active else half[DET + j]
+            half[VARIANCE_RATIO + j] = variance_ratio if active else half[VARIANCE_RATIO + j]
+            half[V11 + j] = v11 if active else half[V11 + j]
+            half[V12 + j] = v12 if active else half[V12 + j]
+            half[V22 + j] = v22 if active else half[V22 + j]
+            half[T1X + j] = t1[0] if active else half[T1X + j]
+            half[T1Y + j] = t1[1] if active else half[T1Y + j]
+            half[T1Z + j] = t1[2] if active else half[T1Z + j]
+            half[T2X + j] = t2[0] if active else half[T2X + j]
+            half[T2Y + j] = t2[1] if active else half[T2Y + j]
+            half[T2Z + j] = t2[2] if active else half[T2Z + j]
 
 
 @fused_kernel
-def project_trials(block: np.ndarray) -> None:
+def project_trials(lanes: int, block: np.ndarray) -> None:
     """Project the places to which the steps lead onto the surfaces, of bodies of revolution."""
-    for j in range(LANES):
-        v1, v2 = -block[SCALE + j] * block[S4 + j], -block[SCALE + j] * block[S5 + j]
-        place = (
-            block[CX + j] + v1 * block[T1X + j] + v2 * block[T2X + j],
-            block[CY + j] + v1 * block[T1Y + j] + v2 * block[T2Y + j],
-            block[CZ + j] + v1 * block[T1Z + j] + v2 * block[T2Z + j],
-        )
-        project_place(j, place, block)
+    for first in range(0, lanes, HALF):
+        half = view(block, first, (LENGTH - first,))
+        for j in range(HALF):
+            v1, v2 = -half[SCALE + j] * half[S4 + j], -half[SCALE + j] * half[S5 + j]
+            place = (
+                half[CX + j] + v1 * half[T1X + j] + v2 * half[T2X + j],
+                half[CY + j] + v1 * half[T1Y + j] + v2 * half[T2Y + j],
+                half[CZ + j] + v1 * half[T1Z + j] + v2 * half[T2Z + j],
+            )
+            project_place(j, place, half)
 
 
 @inlined_fused_kernel
@@ -261,22 +269,25 @@ def trial_of(j: int, block: np.ndarray) -> Contact:
 
 
 @fused_kernel
-def energies_of_trials(torsion_lever: float, block: np.ndarray) -> None:
+def energies_of_trials(torsion_lever: float, median_force: float, lanes: int, block: np.ndarray) -> None:
     """Energies of the contacts that are tried, with the inflation of the contacts from which they start."""
-    for j in range(LANES):
-        u = (
-            block[U0 + j], block[U1 + j], block[U2 + j], block[U3 + j], block[U4 + j], block[U5 + j],
-        )  # fmt: skip
-        energy, normal_force, squared_ratio = energy_without_logarithms(
-            _wrench(j, block),
-            _information(j, block),
-            block[FRICTION_RATIO + j],
-            torsion_lever,
-            (u, block[GAIN + j], 1.0),
-            trial_of(j, block),
-        )
-        block[TRIAL_ENERGY + j], block[NORMAL_FORCE + j] = energy, normal_force
-        block[TRIAL_SQUARED_RATIO + j] = squared_ratio
+    for first in range(0, lanes, HALF):
+        half = view(block, first, (LENGTH - first,))
+        for j in range(HALF):
+            u = (
+                half[U0 + j], half[U1 + j], half[U2 + j], half[U3 + j], half[U4 + j], half[U5 + j],
+            )  # fmt: skip
+            energy, normal_force, log_force = energy_of(
+                _wrench(j, half),
+                _information(j, half),
+                half[FRICTION_RATIO + j],
+                torsion_lever,
+                median_force,
+                (u, half[GAIN + j], 1.0),
+                trial_of(j, half),
+            )
+            half[TRIAL_ENERGY + j], half[NORMAL_FORCE + j] = energy, normal_force
+            half[TRIAL_LOG_FORCE + j] = log_force
 
 
 @inlined_fused_kernel

@@ -6,22 +6,13 @@ import pytest
 from scipy.special import logsumexp
 
 from contactsense.kinematics.wrench_information import to_body_frame
-from contactsense.localization.laplace_evidence import find_modes, laplace_evidence
-from contactsense.localization.simd_layout import (
-    A00,
-    A55,
-    LENGTH,
-    NX,
-    SPREAD,
-    T1X,
-    T2X,
-    VARIANCE,
-    W0,
-    W5,
-    X,
-)
+from contactsense.localization.laplace_evidence import find_modes
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
+
+from contactsense.localization.simd_layout import (  # isort: skip
+    A00, A55, ENERGY, FX, FY, FZ, LENGTH, LOG_EVIDENCE, NX, PX, PY, PZ, SPREAD, T1X, T2X, VARIANCE, W0, W5, X,
+)  # fmt: skip
 
 PRIOR = Prior(
     friction_ratio=0.25,
@@ -69,17 +60,17 @@ def _read_block(block: np.ndarray, first: int, last: int, j: int) -> np.ndarray:
 
 
 def _evaluate_block(
-    w: np.ndarray, L: np.ndarray, cells: list[Cell], force_measured: bool
+    w: np.ndarray, L: np.ndarray, cells: list[Cell], force_deviation: float
 ) -> list[tuple[float, ...]]:
     block = _fill_block(cells)
-    find_modes(len(cells), w, L, PRIOR, force_measured, np.inf, block)
-    results = [laplace_evidence(j, PRIOR, np.inf, block) for j in range(len(cells))]
-    return [(*f[:5], block[VARIANCE + j], *f[5:]) for j, f in enumerate(results)]
+    find_modes(len(cells), w, L, PRIOR, force_deviation, np.inf, block)
+    results = (ENERGY, LOG_EVIDENCE, PX, PY, PZ, VARIANCE, FX, FY, FZ)
+    return [tuple(block[quantity + j] for quantity in results) for j in range(len(cells))]
 
 
-def _evaluate(w: np.ndarray, L: np.ndarray, force_measured: bool = True) -> tuple[float, ...]:
+def _evaluate(w: np.ndarray, L: np.ndarray, force_deviation: float = 0.0) -> tuple[float, ...]:
     """Energy, log evidence, point (3), variance and force (3)."""
-    return _evaluate_block(w, L, [(*PLACE, *NORMAL, WIDTH)], force_measured)[0]
+    return _evaluate_block(w, L, [(*PLACE, *NORMAL, WIDTH)], force_deviation)[0]
 
 
 @pytest.mark.parametrize("noise", [(3.0, 1.0), (6.0, 2.0)])
@@ -96,7 +87,7 @@ def test_the_evidence_agrees_with_monte_carlo_integration(noise: tuple[float, fl
 
 
 def test_an_uninformative_measurement_returns_the_prior() -> None:
-    energy, log_z, *mode = _evaluate(np.zeros(6), 1e-14 * np.eye(6), force_measured=False)
+    energy, log_z, *mode = _evaluate(np.zeros(6), 1e-14 * np.eye(6), force_deviation=np.inf)
     assert energy == pytest.approx(0.0, abs=1e-9)
     assert log_z == pytest.approx(
         -np.log((STUDENT_DOF + 2.0) / STUDENT_DOF), abs=1e-6
@@ -109,7 +100,7 @@ def test_the_initial_force_does_not_matter() -> None:
     rng = np.random.default_rng(2)
     L = np.diag(np.repeat([1.0, 0.2], 3) ** -2.0)
     for w in _draw_from_prior(rng, 10)[0]:
-        values = [_evaluate(w, L, force_measured)[1] for force_measured in (False, True)]
+        values = [_evaluate(w, L, force_deviation)[1] for force_deviation in (np.inf, 5.0, 0.0)]
         assert max(values) - min(values) < 0.2
 
 
@@ -131,12 +122,12 @@ def test_the_result_of_a_cell_is_independent_of_its_lane() -> None:
         normal = rng.standard_normal(3)
         point = 0.2 * rng.standard_normal(3)
         cells.append((*point, *(normal / np.linalg.norm(normal)), rng.uniform(0.005, 0.02)))
-    together = _evaluate_block(w, L, cells, force_measured=True)
+    together = _evaluate_block(w, L, cells, force_deviation=0.0)
     for j, cell in enumerate(cells):
         np.testing.assert_allclose(
-            _evaluate_block(w, L, [cell], force_measured=True)[0], together[j], rtol=1e-9
+            _evaluate_block(w, L, [cell], force_deviation=0.0)[0], together[j], rtol=1e-9
         )
-    reversed_order = _evaluate_block(w, L, cells[::-1], force_measured=True)
+    reversed_order = _evaluate_block(w, L, cells[::-1], force_deviation=0.0)
     np.testing.assert_allclose(reversed_order[::-1], together, rtol=1e-9)
 
 
@@ -146,7 +137,7 @@ def test_the_wrench_is_transformed_to_the_axes_of_each_cell() -> None:
     L, w = root @ root.T, rng.standard_normal(6)
     cells = [(*(k * PLACE), *(sign * NORMAL), WIDTH) for k in (1.0, -2.0) for sign in (1.0, -1.0)]
     block = _fill_block(cells)
-    find_modes(len(cells), w, L, PRIOR, True, np.inf, block)
+    find_modes(len(cells), w, L, PRIOR, 0.0, np.inf, block)
     for j in range(len(cells)):
         T = np.stack(
             [
