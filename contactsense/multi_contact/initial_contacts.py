@@ -58,7 +58,7 @@ def weigh_priors(prior: Prior, change: Change, lane: int, block: np.ndarray) -> 
     """Set how much the priors that all contacts have count again for a known one in a lane.
 
     Those of torsion and offset are among `joint.known_rows`. In a stream that of the force counts in full:
-    forces change much more in its course than between two samples, and further contacts are found more often.
+    forces change much more in its course than between two samples.
     """
     if change.drift < math.inf:
         block[MOMENT_PRIOR + lane] = 0.0
