@@ -193,9 +193,8 @@ def _momentum_and_weight(model: Model, j: int, gravity: np.ndarray, body: np.nda
 
 
 @kernel
-def pose_of_lane(lanes: np.ndarray, lane: int, motion: Motion) -> None:
-    """Fill the poses, screws and weights of `motion` with one lane of the work array: for an arm at rest, all
-    that is not zero.
+def motion_of_lane(lanes: np.ndarray, lane: int, motion: Motion) -> None:
+    """Fill `motion` with one lane of the work array.
 
     Args:
         lanes: After `kinematics_in_lanes`.
@@ -209,19 +208,9 @@ def pose_of_lane(lanes: np.ndarray, lane: int, motion: Motion) -> None:
                 motion.rotation[b, i, k] = body[R00 + LANES * (3 * i + k)]
             motion.origin[b, i] = body[OX + LANES * i]
         for i in range(6):
+            motion.twist[b, i] = body[V0 + LANES * i]
+            motion.momentum[b, i] = body[H0 + LANES * i]
             motion.gravity[b, i] = body[G0 + LANES * i]
             if b > 0:
                 motion.screw[b - 1, i] = body[S0 + LANES * i]
-
-
-@kernel
-def motion_of_lane(lanes: np.ndarray, lane: int, motion: Motion) -> None:
-    """Fill all of `motion` with one lane of the work array; arguments as for `pose_of_lane`."""
-    pose_of_lane(lanes, lane, motion)
-    for b in range(motion.rotation.shape[0]):
-        body = block(lanes, b * BODY + lane, (BODY,))
-        for i in range(6):
-            motion.twist[b, i] = body[V0 + LANES * i]
-            motion.momentum[b, i] = body[H0 + LANES * i]
-            if b > 0:
                 motion.screw_rate[b - 1, i] = body[A0 + LANES * i]

@@ -9,9 +9,8 @@ import math
 import numpy as np
 
 from contactsense.kinematics.spatial import Six
-from contactsense.robots.jit.array_views import block as view
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
-from contactsense.robots.jit.lanes import HALF, LANES
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import Vector
 
 CENTRE_X, CENTRE_Y, CENTRE_Z, RADIUS, OFFSET, SHIFT_ENERGY = range(0, 6 * LANES, LANES)
@@ -79,26 +78,23 @@ def spheres_to_base_frame(R: np.ndarray, o: np.ndarray, block: np.ndarray) -> No
 
 
 @fused_kernel
-def shift_energies(w: np.ndarray, P: np.ndarray, squared_force: float, lanes: int, block: np.ndarray) -> None:
+def shift_energies(w: np.ndarray, P: np.ndarray, squared_force: float, block: np.ndarray) -> None:
     """Energy of moving the line of action until it touches each sphere of a block; 0 if it does.
 
     Args:
         w, P: Wrench and its covariance, base axes, about the base origin, shapes (6,) and (6, 6).
         squared_force: Squared force, more than 0 [N^2].
-        lanes: Number of spheres, the first ones.
         block: Spheres in the base frame; `SHIFT_ENERGY` is filled.
     """
     fx, fy, fz, mx, my, mz = w[0], w[1], w[2], w[3], w[4], w[5]
     terms = moment_terms(P)
     inverse = 1.0 / squared_force
-    for first in range(0, lanes, HALF):
-        half = view(block, first, (SPHERES_LENGTH - first,))
-        for j in range(HALF):
-            x, y, z = half[CENTRE_X + j], half[CENTRE_Y + j], half[CENTRE_Z + j]
-            # Moment about the centre; its part across the force, times |f|.
-            a, b, c = mx - y * fz + z * fy, my - z * fx + x * fz, mz - x * fy + y * fx
-            ax, ay, az = fy * c - fz * b, fz * a - fx * c, fx * b - fy * a
-            distance = math.sqrt(ax * ax + ay * ay + az * az) * inverse - half[RADIUS + j]
-            offset = half[OFFSET + j]
-            variance = variance_about(terms, x, y, z) + offset * offset * squared_force
-            half[SHIFT_ENERGY + j] = shift_energy(max(distance, 0.0), squared_force, variance)
+    for j in range(LANES):
+        x, y, z = block[CENTRE_X + j], block[CENTRE_Y + j], block[CENTRE_Z + j]
+        # Moment about the centre; its part across the force, times |f|.
+        a, b, c = mx - y * fz + z * fy, my - z * fx + x * fz, mz - x * fy + y * fx
+        ax, ay, az = fy * c - fz * b, fz * a - fx * c, fx * b - fy * a
+        distance = math.sqrt(ax * ax + ay * ay + az * az) * inverse - block[RADIUS + j]
+        offset = block[OFFSET + j]
+        variance = variance_about(terms, x, y, z) + offset * offset * squared_force
+        block[SHIFT_ENERGY + j] = shift_energy(max(distance, 0.0), squared_force, variance)

@@ -119,7 +119,7 @@ def _bound_energies(
                     candidates.bound[p] = math.inf
                 continue
             _load_spheres(surfaces, deviations, prior, candidates, first, end)
-            shift_energies(w, hypotheses.covariance[link], squared_force, end - first, spheres)
+            shift_energies(w, hypotheses.covariance[link], squared_force, spheres)
             for p in range(first, end):
                 bound = energy + spheres[SHIFT_ENERGY + p - first]
                 candidates.bound[p] = bound

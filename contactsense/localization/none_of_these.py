@@ -14,7 +14,6 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.linalg.ldl import ldl_solve
-from contactsense.kinematics.logarithm import logarithm
 from contactsense.kinematics.model import Motion
 from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import fused_kernel
@@ -112,7 +111,7 @@ def _evidence_of_anything(hypotheses: Hypotheses, link: int, prior: Prior, buffe
     for i in range(6):
         H[i, i] += force_information if i < 3 else moment_information
     log_det, decrease, _, _, _ = ldl_solve(H, g)
-    log_det_prior = -6.0 * logarithm(force_std * moment_std)
+    log_det_prior = -6.0 * math.log(force_std * moment_std)
     log_odds = math.log(NONE_OF_THESE_PROBABILITY / (1.0 - NONE_OF_THESE_PROBABILITY))
     return float(log_odds - hypotheses.energy[link] - (energy - decrease) + 0.5 * (log_det_prior - log_det))
 

@@ -127,9 +127,8 @@ def _evaluate_samples(
             if wrench_measured and squared_force > 0.0:
                 lane = (b - blocks.start[link]) % LANES
                 if lane == 0:
-                    end = min(b + LANES, last)
-                    _load_spheres(blocks, b, end, R, o, prior.surface_deviation, spheres)
-                    shift_energies(w, P, squared_force, end - b, spheres)
+                    _load_spheres(blocks, b, min(b + LANES, last), R, o, prior.surface_deviation, spheres)
+                    shift_energies(w, P, squared_force, spheres)
                 if spheres[SHIFT_ENERGY + lane] > far_limit:
                     continue
             if force_measured:

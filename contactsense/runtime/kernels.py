@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from contactsense.detection.thresholds import Usable
-from contactsense.kinematics.simd_kinematics import kinematics_in_lanes, motion_of_lane, pose_of_lane
+from contactsense.kinematics.simd_kinematics import kinematics_in_lanes, motion_of_lane
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel, nogil_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -163,10 +163,7 @@ def batch(
         lane = i % LANES
         if lane == 0:
             kinematics_in_lanes(constants.model, constants.gravity, q, still, i, lanes)
-        if i == 0:
-            motion_of_lane(lanes, lane, state.motion)  # velocities of zero, for all samples
-        else:
-            pose_of_lane(lanes, lane, state.motion)
+        motion_of_lane(lanes, lane, state.motion)
         take_static_residuals(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), external)
         row = best[i : i + 1]
         listed, no_contact_energy[i] = explain_sample(buffers, skin, usable, 1.0, gate, -1.0, row)

@@ -14,7 +14,7 @@ import numpy as np
 
 from contactsense.robots.jit.array_views import block as view
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.jit.lanes import HALF
+from contactsense.robots.jit.lanes import HALF, LANES
 from contactsense.solvers.simd_posterior import project_others, project_place
 
 from contactsense.solvers.posterior_block import (  # isort: skip
@@ -54,10 +54,10 @@ def enter_surfaces(kind: np.ndarray, size: np.ndarray, primitives: np.ndarray, b
             approaching = approaching or block[ENTRY + j] == _APPROACHING
         if not approaching:
             break
-    _move_upstream(lanes, block)
+    _move_upstream(block)
     _project_lines(lanes, block)
     project_others(kind, size, primitives, block)
-    _take_nearest_approaches(lanes, block)
+    _take_nearest_approaches(block)
 
 
 @fused_kernel
@@ -170,26 +170,22 @@ def _step_along_lines(lanes: int, block: np.ndarray) -> None:
 
 
 @fused_kernel
-def _move_upstream(lanes: int, block: np.ndarray) -> None:
+def _move_upstream(block: np.ndarray) -> None:
     """Move to before the nearest approach of a line that misses its body, so that the force pushes."""
-    for first in range(0, lanes, HALF):
-        half = view(block, first, (LENGTH - first,))
-        for j in range(HALF):
-            gap = 0.0 if half[ENTRY + j] == _ENTERED else max(half[GAP + j], 0.0)
-            half[GAP + j] = gap
-            half[AT + j] -= half[RADIUS + j] + gap
+    for j in range(LANES):
+        gap = 0.0 if block[ENTRY + j] == _ENTERED else max(block[GAP + j], 0.0)
+        block[GAP + j] = gap
+        block[AT + j] -= block[RADIUS + j] + gap
 
 
 @fused_kernel
-def _take_nearest_approaches(lanes: int, block: np.ndarray) -> None:
+def _take_nearest_approaches(block: np.ndarray) -> None:
     """Surface points of the lines that miss their bodies."""
-    for first in range(0, lanes, HALF):
-        half = view(block, first, (LENGTH - first,))
-        for j in range(HALF):
-            entered = half[ENTRY + j] == _ENTERED
-            half[CX + j] = half[CX + j] if entered else half[AX + j]
-            half[CY + j] = half[CY + j] if entered else half[AY + j]
-            half[CZ + j] = half[CZ + j] if entered else half[AZ + j]
-            half[NX + j] = half[NX + j] if entered else half[BX + j]
-            half[NY + j] = half[NY + j] if entered else half[BY + j]
-            half[NZ + j] = half[NZ + j] if entered else half[BZ + j]
+    for j in range(LANES):
+        entered = block[ENTRY + j] == _ENTERED
+        block[CX + j] = block[CX + j] if entered else block[AX + j]
+        block[CY + j] = block[CY + j] if entered else block[AY + j]
+        block[CZ + j] = block[CZ + j] if entered else block[AZ + j]
+        block[NX + j] = block[NX + j] if entered else block[BX + j]
+        block[NY + j] = block[NY + j] if entered else block[BY + j]
+        block[NZ + j] = block[NZ + j] if entered else block[BZ + j]

@@ -4,7 +4,6 @@ probable one improves. The posterior's formulas: `contactsense.solvers.posterior
 import math
 from typing import Annotated, NamedTuple
 
-from contactsense.kinematics.logarithm import logarithm
 from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector
@@ -70,9 +69,9 @@ def log_prior(prior: Prior, normal_force: float) -> float:
     The place is uniform by area here: `Prior.log_link_density` belongs to the link. The factor is that of
     Laplace's integral over force, torsion and place.
     """
-    return logarithm(
+    return math.log(
         2.0 * math.pi / (prior.friction_ratio * prior.friction_ratio * prior.torsion_lever * prior.area)
-    ) - 4.0 * logarithm(normal_force)
+    ) - 4.0 * math.log(normal_force)
 
 
 @fused_kernel
