@@ -158,7 +158,7 @@ def _search_block(
             p, hypotheses.wrench[link], hypotheses.information[link], deviations, prior, candidates
         )
         load_frame(j, frame[0], frame[1], block)
-    wrenches_to_body_frames(rows.shape[0], block)
+    wrenches_to_body_frames(block)
     enter_surfaces(surfaces.kind, surfaces.size, rows, block)
     for j in range(rows.shape[0]):
         p = rows[j]

@@ -12,15 +12,14 @@ import math
 
 import numpy as np
 
-from contactsense.robots.jit.array_views import block as view
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.jit.lanes import HALF, LANES
+from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.simd_posterior import project_others, project_place
 
 from contactsense.solvers.posterior_block import (  # isort: skip
-    AT, AX, AY, AZ, BX, BY, BZ, CX, CY, CZ, DISTANCE, ENTRY, GAP, LEFT, LEFT_DISTANCE, LEFT_SLOPE, LENGTH,
-    LX, LY, LZ, NX, NY, NZ, P0, P1, P2, P3, RADIUS, RIGHT, RIGHT_DISTANCE, RIGHT_SLOPE, UX, UY, UZ, W0,
-    W1, W2, W3, W4, W5,
+    AT, AX, AY, AZ, BX, BY, BZ, CX, CY, CZ, DISTANCE, ENTRY, GAP, LEFT, LEFT_DISTANCE, LEFT_SLOPE, LX, LY,
+    LZ, NX, NY, NZ, P0, P1, P2, P3, RADIUS, RIGHT, RIGHT_DISTANCE, RIGHT_SLOPE, UX, UY, UZ, W0, W1, W2,
+    W3, W4, W5,
 )  # fmt: skip
 
 _MAX_ITERATIONS = 30
@@ -43,130 +42,123 @@ def enter_surfaces(kind: np.ndarray, size: np.ndarray, primitives: np.ndarray, b
             point [m] and outward unit normal at the intersection or the nearest approach, body frame; `GAP`,
             lower bound of the distance between line and body [m], 0 if they intersect.
     """
-    lanes = primitives.shape[0]
-    _start_outside(lanes, block)
+    _start_outside(block)
     for _ in range(_MAX_ITERATIONS):
-        _project_lines(lanes, block)
+        _project_lines(block)
         project_others(kind, size, primitives, block)
-        _step_along_lines(lanes, block)
+        _step_along_lines(block)
         approaching = False
-        for j in range(lanes):
+        for j in range(primitives.shape[0]):
             approaching = approaching or block[ENTRY + j] == _APPROACHING
         if not approaching:
             break
     _move_upstream(block)
-    _project_lines(lanes, block)
+    _project_lines(block)
     project_others(kind, size, primitives, block)
     _take_nearest_approaches(block)
 
 
 @fused_kernel
-def _start_outside(lanes: int, block: np.ndarray) -> None:
+def _start_outside(block: np.ndarray) -> None:
     """Start on each line where it enters the bounding ball or, of a body of revolution, the bounding can."""
-    for first in range(0, lanes, HALF):
-        half = view(block, first, (LENGTH - first,))
-        for j in range(HALF):
-            fx, fy, fz = half[W0 + j], half[W1 + j], half[W2 + j]
-            mx, my, mz = half[W3 + j], half[W4 + j], half[W5 + j]
-            # Finite without a force, too.
-            inverse = 1.0 / max(fx * fx + fy * fy + fz * fz, 1e-300)
-            scale = math.sqrt(inverse)
-            ux, uy, uz = fx * scale, fy * scale, fz * scale
-            # Point of the line nearest to the body's centre (paper, equation 6).
-            ax, ay, az = (
-                (fy * mz - fz * my) * inverse,
-                (fz * mx - fx * mz) * inverse,
-                (fx * my - fy * mx) * inverse,
-            )
-            at_ball = -1.001 * half[RADIUS + j]
-            across = ux * ux + uy * uy
-            inverse_across = 1.0 / max(across, 1e-12)
-            middle = -(ax * ux + ay * uy) * inverse_across
-            max_radius = max(half[P1 + j], half[P2 + j]) + half[P3 + j]
-            squared = middle * middle - (ax * ax + ay * ay - max_radius * max_radius) * inverse_across
-            at_side = middle - math.sqrt(max(squared, 0.0))
-            size_along = max(abs(uz), 1e-9)
-            at_end = -(half[P0 + j] + half[P3 + j]) / size_along - (az if uz > 0.0 else -az) / size_along
-            at_side = at_side if (across > 1e-12) & (squared > 0.0) else at_ball
-            at_end = at_end if abs(uz) > 1e-9 else at_ball
-            half[UX + j], half[UY + j], half[UZ + j] = ux, uy, uz
-            half[LX + j], half[LY + j], half[LZ + j] = ax, ay, az
-            half[AT + j] = max(at_ball, max(at_side, at_end))
-            half[LEFT + j], half[LEFT_DISTANCE + j], half[LEFT_SLOPE + j] = 0.0, 0.0, 0.0
-            half[RIGHT + j], half[RIGHT_DISTANCE + j], half[RIGHT_SLOPE + j] = 0.0, 0.0, -1.0
-            half[GAP + j], half[ENTRY + j] = 0.0, _APPROACHING
+    for j in range(LANES):
+        fx, fy, fz = block[W0 + j], block[W1 + j], block[W2 + j]
+        mx, my, mz = block[W3 + j], block[W4 + j], block[W5 + j]
+        # Finite without a force, too.
+        inverse = 1.0 / max(fx * fx + fy * fy + fz * fz, 1e-300)
+        scale = math.sqrt(inverse)
+        ux, uy, uz = fx * scale, fy * scale, fz * scale
+        # Point of the line nearest to the body's centre (paper, equation 6).
+        ax, ay, az = (
+            (fy * mz - fz * my) * inverse,
+            (fz * mx - fx * mz) * inverse,
+            (fx * my - fy * mx) * inverse,
+        )
+        at_ball = -1.001 * block[RADIUS + j]
+        across = ux * ux + uy * uy
+        inverse_across = 1.0 / max(across, 1e-12)
+        middle = -(ax * ux + ay * uy) * inverse_across
+        max_radius = max(block[P1 + j], block[P2 + j]) + block[P3 + j]
+        squared = middle * middle - (ax * ax + ay * ay - max_radius * max_radius) * inverse_across
+        at_side = middle - math.sqrt(max(squared, 0.0))
+        size_along = max(abs(uz), 1e-9)
+        at_end = -(block[P0 + j] + block[P3 + j]) / size_along - (az if uz > 0.0 else -az) / size_along
+        at_side = at_side if (across > 1e-12) & (squared > 0.0) else at_ball
+        at_end = at_end if abs(uz) > 1e-9 else at_ball
+        block[UX + j], block[UY + j], block[UZ + j] = ux, uy, uz
+        block[LX + j], block[LY + j], block[LZ + j] = ax, ay, az
+        block[AT + j] = max(at_ball, max(at_side, at_end))
+        block[LEFT + j], block[LEFT_DISTANCE + j], block[LEFT_SLOPE + j] = 0.0, 0.0, 0.0
+        block[RIGHT + j], block[RIGHT_DISTANCE + j], block[RIGHT_SLOPE + j] = 0.0, 0.0, -1.0
+        block[GAP + j], block[ENTRY + j] = 0.0, _APPROACHING
 
 
 @fused_kernel
-def _project_lines(lanes: int, block: np.ndarray) -> None:
+def _project_lines(block: np.ndarray) -> None:
     """Project the places on the lines onto the surfaces, of bodies of revolution."""
-    for first in range(0, lanes, HALF):
-        half = view(block, first, (LENGTH - first,))
-        for j in range(HALF):
-            at = half[AT + j]
-            place = (
-                half[LX + j] + at * half[UX + j],
-                half[LY + j] + at * half[UY + j],
-                half[LZ + j] + at * half[UZ + j],
-            )
-            project_place(j, place, half)
+    for j in range(LANES):
+        at = block[AT + j]
+        place = (
+            block[LX + j] + at * block[UX + j],
+            block[LY + j] + at * block[UY + j],
+            block[LZ + j] + at * block[UZ + j],
+        )
+        project_place(j, place, block)
 
 
 @fused_kernel
-def _step_along_lines(lanes: int, block: np.ndarray) -> None:
+def _step_along_lines(block: np.ndarray) -> None:
     """Take a surface point where the line has entered; elsewhere go on to the next place."""
-    for first in range(0, lanes, HALF):
-        half = view(block, first, (LENGTH - first,))
-        for j in range(HALF):
-            at, distance, radius = half[AT + j], half[DISTANCE + j], half[RADIUS + j]
-            x, y, z, nx, ny, nz = (
-                half[AX + j], half[AY + j], half[AZ + j], half[BX + j], half[BY + j], half[BZ + j],
-            )  # fmt: skip
-            slope = nx * half[UX + j] + ny * half[UY + j] + nz * half[UZ + j]
-            approaching = half[ENTRY + j] == _APPROACHING
-            before = slope < 0.0
-            entered = approaching & before & (distance <= ENTRY_TOLERANCE * radius)
-            left = at if before else half[LEFT + j]
-            left_distance = distance if before else half[LEFT_DISTANCE + j]
-            left_slope = slope if before else half[LEFT_SLOPE + j]
-            right = half[RIGHT + j] if before else at
-            right_distance = half[RIGHT_DISTANCE + j] if before else distance
-            right_slope = half[RIGHT_SLOPE + j] if before else slope
-            # The nearest approach is bracketed if there is a place on both sides. The convex distance lies
-            # above both tangents, so their intersection is a lower bound.
-            bracketed = (left_slope < 0.0) & (right_slope >= 0.0)
-            meet = (left_distance - right_distance + right_slope * right - left_slope * left) / (
-                right_slope - left_slope
-            )
-            gap = left_distance + left_slope * (meet - left)
-            missed = (
-                approaching
-                & bracketed
-                & (not entered)
-                & (min(left_distance, right_distance) - gap < _GAP_TOLERANCE * radius)
-            )
-            # Otherwise a Newton step to the zero of the tangent.
-            newton = at - distance / slope
-            forward = min(newton, 1.001 * radius)
-            back = max(newton, -1.001 * radius) if slope > 0.0 else -1.001 * radius
-            step = forward if before else back
-            step = meet if bracketed else step
-            half[AT + j] = step if approaching else at
-            half[LEFT + j], half[LEFT_DISTANCE + j], half[LEFT_SLOPE + j] = left, left_distance, left_slope
-            half[RIGHT + j], half[RIGHT_DISTANCE + j], half[RIGHT_SLOPE + j] = (
-                right,
-                right_distance,
-                right_slope,
-            )
-            half[GAP + j] = gap if approaching & bracketed & (not entered) else half[GAP + j]
-            half[CX + j] = x if entered else half[CX + j]
-            half[CY + j] = y if entered else half[CY + j]
-            half[CZ + j] = z if entered else half[CZ + j]
-            half[NX + j] = nx if entered else half[NX + j]
-            half[NY + j] = ny if entered else half[NY + j]
-            half[NZ + j] = nz if entered else half[NZ + j]
-            state = _ENTERED if entered else half[ENTRY + j]
-            half[ENTRY + j] = _MISSED if missed else state
+    for j in range(LANES):
+        at, distance, radius = block[AT + j], block[DISTANCE + j], block[RADIUS + j]
+        x, y, z, nx, ny, nz = (
+            block[AX + j], block[AY + j], block[AZ + j], block[BX + j], block[BY + j], block[BZ + j],
+        )  # fmt: skip
+        slope = nx * block[UX + j] + ny * block[UY + j] + nz * block[UZ + j]
+        approaching = block[ENTRY + j] == _APPROACHING
+        before = slope < 0.0
+        entered = approaching & before & (distance <= ENTRY_TOLERANCE * radius)
+        left = at if before else block[LEFT + j]
+        left_distance = distance if before else block[LEFT_DISTANCE + j]
+        left_slope = slope if before else block[LEFT_SLOPE + j]
+        right = block[RIGHT + j] if before else at
+        right_distance = block[RIGHT_DISTANCE + j] if before else distance
+        right_slope = block[RIGHT_SLOPE + j] if before else slope
+        # The nearest approach is bracketed if there is a place on both sides. The convex distance lies
+        # above both tangents, so their intersection is a lower bound.
+        bracketed = (left_slope < 0.0) & (right_slope >= 0.0)
+        meet = (left_distance - right_distance + right_slope * right - left_slope * left) / (
+            right_slope - left_slope
+        )
+        gap = left_distance + left_slope * (meet - left)
+        missed = (
+            approaching
+            & bracketed
+            & (not entered)
+            & (min(left_distance, right_distance) - gap < _GAP_TOLERANCE * radius)
+        )
+        # Otherwise a Newton step to the zero of the tangent.
+        newton = at - distance / slope
+        forward = min(newton, 1.001 * radius)
+        back = max(newton, -1.001 * radius) if slope > 0.0 else -1.001 * radius
+        step = forward if before else back
+        step = meet if bracketed else step
+        block[AT + j] = step if approaching else at
+        block[LEFT + j], block[LEFT_DISTANCE + j], block[LEFT_SLOPE + j] = left, left_distance, left_slope
+        block[RIGHT + j], block[RIGHT_DISTANCE + j], block[RIGHT_SLOPE + j] = (
+            right,
+            right_distance,
+            right_slope,
+        )
+        block[GAP + j] = gap if approaching & bracketed & (not entered) else block[GAP + j]
+        block[CX + j] = x if entered else block[CX + j]
+        block[CY + j] = y if entered else block[CY + j]
+        block[CZ + j] = z if entered else block[CZ + j]
+        block[NX + j] = nx if entered else block[NX + j]
+        block[NY + j] = ny if entered else block[NY + j]
+        block[NZ + j] = nz if entered else block[NZ + j]
+        state = _ENTERED if entered else block[ENTRY + j]
+        block[ENTRY + j] = _MISSED if missed else state
 
 
 @fused_kernel

@@ -79,34 +79,32 @@ def load_prior(j: int, prior: Prior, block: np.ndarray) -> None:
 
 
 @fused_kernel
-def wrenches_to_body_frames(lanes: int, block: np.ndarray) -> None:
+def wrenches_to_body_frames(block: np.ndarray) -> None:
     """Transform the wrenches and their information matrices from the base frame to the body frames, as
     `contactsense.kinematics.wrench_information.to_body_frame` does."""
-    for first in range(0, lanes, HALF):
-        half = view(block, first, (LENGTH - first,))
-        for j in range(HALF):
-            x, y, z = half[OX + j], half[OY + j], half[OZ + j]
-            w = _wrench(j, half)
-            axes = (
-                (half[R00 + j], half[R10 + j], half[R20 + j]),
-                (half[R01 + j], half[R11 + j], half[R21 + j]),
-                (half[R02 + j], half[R12 + j], half[R22 + j]),
-            )
-            force = matvec(axes, (w[0], w[1], w[2]))
-            moment = matvec(
-                axes, (w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0])
-            )
-            F, D, M = shift_information(*_information(j, half), x, y, z)
-            F, D, M = rotate_block(axes, F), rotate_block(axes, D), rotate_block(axes, M)
-            half[W0 + j], half[W1 + j], half[W2 + j] = force
-            half[W3 + j], half[W4 + j], half[W5 + j] = moment
-            half[F00 + j], half[F01 + j], half[F02 + j] = F[0]
-            half[F11 + j], half[F12 + j], half[F22 + j] = F[1][1], F[1][2], F[2][2]
-            half[D00 + j], half[D01 + j], half[D02 + j] = D[0]
-            half[D10 + j], half[D11 + j], half[D12 + j] = D[1]
-            half[D20 + j], half[D21 + j], half[D22 + j] = D[2]
-            half[M00 + j], half[M01 + j], half[M02 + j] = M[0]
-            half[M11 + j], half[M12 + j], half[M22 + j] = M[1][1], M[1][2], M[2][2]
+    for j in range(LANES):
+        x, y, z = block[OX + j], block[OY + j], block[OZ + j]
+        w = _wrench(j, block)
+        axes = (
+            (block[R00 + j], block[R10 + j], block[R20 + j]),
+            (block[R01 + j], block[R11 + j], block[R21 + j]),
+            (block[R02 + j], block[R12 + j], block[R22 + j]),
+        )
+        force = matvec(axes, (w[0], w[1], w[2]))
+        moment = matvec(
+            axes, (w[3] - y * w[2] + z * w[1], w[4] - z * w[0] + x * w[2], w[5] - x * w[1] + y * w[0])
+        )
+        F, D, M = shift_information(*_information(j, block), x, y, z)
+        F, D, M = rotate_block(axes, F), rotate_block(axes, D), rotate_block(axes, M)
+        block[W0 + j], block[W1 + j], block[W2 + j] = force
+        block[W3 + j], block[W4 + j], block[W5 + j] = moment
+        block[F00 + j], block[F01 + j], block[F02 + j] = F[0]
+        block[F11 + j], block[F12 + j], block[F22 + j] = F[1][1], F[1][2], F[2][2]
+        block[D00 + j], block[D01 + j], block[D02 + j] = D[0]
+        block[D10 + j], block[D11 + j], block[D12 + j] = D[1]
+        block[D20 + j], block[D21 + j], block[D22 + j] = D[2]
+        block[M00 + j], block[M01 + j], block[M02 + j] = M[0]
+        block[M11 + j], block[M12 + j], block[M22 + j] = M[1][1], M[1][2], M[2][2]
 
 
 @inlined_fused_kernel

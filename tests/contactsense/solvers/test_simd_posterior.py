@@ -156,7 +156,7 @@ def test_wrenches_are_transformed_as_one_by_one() -> None:
         v, B = np.empty(6), np.empty((6, 6))
         to_body_frame(w, L, R, o, v, B)
         expected.append((v, B))
-    wrenches_to_body_frames(LANES, block)
+    wrenches_to_body_frames(block)
     rows = block.reshape(-1, LANES)
     first = {
         name: value // LANES for name, value in (("W", W0), ("F", F00), ("D", D00), ("M", M22 - 5 * LANES))
