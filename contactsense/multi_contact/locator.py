@@ -164,6 +164,5 @@ class MultiContactLocator:
                 value = getattr(contact, name)
                 # The sum is finite if and only if all are, unless they are too large for any contact.
                 if np.shape(value) != shape or not math.isfinite(float(np.sum(value))):
-                    raise ValueError(
-                        f"known[{i}].{name}: expected finite numbers of shape {shape}, got {value!r}"
-                    )
+                    expected = f"finite numbers of shape {shape}" if shape else "a finite number"
+                    raise ValueError(f"known[{i}].{name}: expected {expected}, got {value!r}")

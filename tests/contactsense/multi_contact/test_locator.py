@@ -68,7 +68,7 @@ def test_wrong_options_are_refused(ordinary: Localizer, options: dict[str, objec
         ({"link_index": 9}, r"known\[0\].link_index: expected 0 to 6, got 9"),
         ({"primitive": 17}, r"known\[0\].primitive: expected 0 to \d on .*, got 17"),
         ({"point_base": np.full(3, np.nan)}, r"known\[0\].point_base: expected finite numbers"),
-        ({"torsion": float("nan")}, r"known\[0\].torsion: expected finite numbers"),
+        ({"torsion": float("nan")}, r"known\[0\].torsion: expected a finite number, got nan"),
         ({"covariance": np.zeros(3)}, r"known\[0\].covariance: expected finite numbers of shape \(3, 3\)"),
     ],
 )
