@@ -14,8 +14,10 @@ from contactsense.runtime.constants import Constants
 
 MAX_CONTACTS = 3
 """Maximum number of simultaneous contacts."""
-UNKNOWNS = 7
-"""Unknowns of one contact: force (3), torsion, step along two tangents, offset of the surface."""
+PLACES, OTHERS = 2, 5
+"""Unknowns of one contact: steps along two tangents; and force (3), torsion, offset of the surface."""
+UNKNOWNS = PLACES + OTHERS
+"""All of them, in the order force, torsion, steps, offset."""
 KNOWN_NUMBERS = 8
 """Numbers of a known contact: point (3), force (3), torsion, offset of the surface."""
 COVARIANCE_ROOTS = 2 * MAX_CONTACTS + 6
@@ -32,7 +34,8 @@ X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE, HIGHEST = range(0, 10 * LANES, LAN
 """Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
 
 `X` to `NZ`: point [m] and outward unit normal, base frame. `GAIN`, `DET`, `NORMAL_FORCE`: see
-`contactsense.multi_contact.link_information.likelihood_near_samples`. `HIGHEST`: scratch.
+`contactsense.multi_contact.link_information.likelihood_near_samples`. `HIGHEST`: scratch, the highest `GAIN`
+of those beside which it was computed.
 """
 BLOCK_LENGTH = 10 * LANES
 """Length of a block."""
@@ -82,11 +85,11 @@ class KnownContacts(NamedTuple):
 class KnownPriorScratch(NamedTuple):
     """Scratch of the prior of known contacts, see `contactsense.multi_contact.known_prior`."""
 
-    information: Annotated[Floats, f"5 * {MAX_CONTACTS}, 5 * {MAX_CONTACTS}"]
+    information: Annotated[Floats, f"{OTHERS} * {MAX_CONTACTS}, {OTHERS} * {MAX_CONTACTS}"]
     """Of the other unknowns given the places, then its Cholesky factor."""
-    gain: Annotated[Floats, f"5 * {MAX_CONTACTS}, 2 * {MAX_CONTACTS}"]
+    gain: Annotated[Floats, f"{OTHERS} * {MAX_CONTACTS}, {PLACES} * {MAX_CONTACTS}"]
     """Derivative of the mean of the other unknowns by the places."""
-    covariance: Annotated[Floats, f"5 * {MAX_CONTACTS}, 5 * {MAX_CONTACTS}"]
+    covariance: Annotated[Floats, f"{OTHERS} * {MAX_CONTACTS}, {OTHERS} * {MAX_CONTACTS}"]
     """Of the other unknowns given the places, then its Cholesky factor."""
     factor: Annotated[Floats, f"{UNKNOWNS} * {MAX_CONTACTS}, {UNKNOWNS} * {MAX_CONTACTS}"]
     """Factor of the information on all unknowns, the places first; lower triangle."""

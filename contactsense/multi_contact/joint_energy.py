@@ -231,30 +231,28 @@ def _linearize_contacts(prior: Prior, block: np.ndarray) -> None:
         # Priors. With constant force and torsion, a step turns the normal and changes the ratios.
         q1, q2 = -(alpha * k11 + beta * k12), -(alpha * k12 + beta * k22)
         chi = xi * inverse_lever / F
-        weight, steady = block[FORCE_PRIOR + j], block[MOMENT_PRIOR + j]
+        # How much the priors of the force, and of torsion and offset, count.
+        wf, wm = block[FORCE_PRIOR + j], block[MOMENT_PRIOR + j]
         # Weight of the Student t term: the factor that gives a quadratic the same gradient.
-        ww = (
-            weight
-            * (STUDENT_DOF + 2.0)
-            / (STUDENT_DOF + (alpha * alpha + beta * beta) * inverse_ratio * inverse_ratio)
-        )
+        squared_ratio = (alpha * alpha + beta * beta) * inverse_ratio * inverse_ratio
+        ww = wf * (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio)
         a4, a5 = inverse_ratio * (k11 - alpha * q1), inverse_ratio * (k12 - alpha * q2)
         b4, b5 = inverse_ratio * (k12 - beta * q1), inverse_ratio * (k22 - beta * q2)
         ra, rb = ww * inverse_ratio * alpha, ww * inverse_ratio * beta
-        lf, one = weight * block[LOG_FORCE + j], weight + steady * chi * chi
+        lf, one = wf * block[LOG_FORCE + j], wf + wm * chi * chi
         g = PRIOR_GRADIENT + j
-        block[g], block[g + LANES], block[g + 2 * LANES], block[g + 3 * LANES] = lf, ra, rb, steady * chi
-        block[g + 4 * LANES] = lf * q1 - steady * chi * chi * q1 + ra * a4 + rb * b4
-        block[g + 5 * LANES] = lf * q2 - steady * chi * chi * q2 + ra * a5 + rb * b5
-        block[g + 6 * LANES] = steady * h / deviation
+        block[g], block[g + LANES], block[g + 2 * LANES], block[g + 3 * LANES] = lf, ra, rb, wm * chi
+        block[g + 4 * LANES] = lf * q1 - wm * chi * chi * q1 + ra * a4 + rb * b4
+        block[g + 5 * LANES] = lf * q2 - wm * chi * chi * q2 + ra * a5 + rb * b5
+        block[g + 6 * LANES] = wm * h / deviation
         H = PRIOR_MATRIX + j
-        block[H], block[H + 2 * LANES] = weight, ww
-        block[H + 5 * LANES], block[H + 9 * LANES] = ww, steady
-        block[H + 10 * LANES], block[H + 11 * LANES], block[H + 12 * LANES] = weight * q1, ww * a4, ww * b4
-        block[H + 13 * LANES] = -steady * chi * q1
+        block[H], block[H + 2 * LANES] = wf, ww
+        block[H + 5 * LANES], block[H + 9 * LANES] = ww, wm
+        block[H + 10 * LANES], block[H + 11 * LANES], block[H + 12 * LANES] = wf * q1, ww * a4, ww * b4
+        block[H + 13 * LANES] = -wm * chi * q1
         block[H + 14 * LANES] = one * q1 * q1 + ww * (a4 * a4 + b4 * b4) + block[EXTENT + j]
-        block[H + 15 * LANES], block[H + 16 * LANES], block[H + 17 * LANES] = weight * q2, ww * a5, ww * b5
-        block[H + 18 * LANES] = -steady * chi * q2
+        block[H + 15 * LANES], block[H + 16 * LANES], block[H + 17 * LANES] = wf * q2, ww * a5, ww * b5
+        block[H + 18 * LANES] = -wm * chi * q2
         block[H + 19 * LANES] = one * q1 * q2 + ww * (a4 * a5 + b4 * b5)
         block[H + 20 * LANES] = one * q2 * q2 + ww * (a5 * a5 + b5 * b5) + block[EXTENT + j]
-        block[H + 27 * LANES] = steady
+        block[H + 27 * LANES] = wm

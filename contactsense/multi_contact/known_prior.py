@@ -19,9 +19,11 @@ import math
 
 import numpy as np
 
-from contactsense.kinematics.linalg.cholesky import cholesky
+from contactsense.kinematics.linalg.cholesky import cholesky, cholesky_solve, substitute_lower
 from contactsense.multi_contact.buffers import (
     KNOWN_NUMBERS,
+    OTHERS,
+    PLACES,
     UNKNOWNS,
     JointState,
     KnownContacts,
@@ -44,7 +46,7 @@ from contactsense.multi_contact.joint_layout import (
     TX,
 )
 from contactsense.multi_contact.joint_optimization import take_rows
-from contactsense.multi_contact.known_rows import OTHERS, PLACES, Change, KnownRows, unknown_of_factor
+from contactsense.multi_contact.known_rows import Change, KnownRows, unknown_of_factor
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -162,31 +164,8 @@ def _fill_conditional(
             G[a, b] = -joint.matrix[max(x, v), min(x, v) * LANES]
         C[a, a] = 1.0
     cholesky(L, size)
-    _solve(L, size, G, places)
-    _solve(L, size, C, size)
-
-
-@fused_kernel
-def _solve(L: np.ndarray, size: int, B: np.ndarray, columns: int) -> None:
-    """Solve L L^T X = B in place of B, shape (>= size, >= columns)."""
-    _substitute(L, size, B, columns)
-    for a in range(size - 1, -1, -1):
-        for b in range(columns):
-            x = B[a, b]
-            for k in range(a + 1, size):
-                x -= L[k, a] * B[k, b]
-            B[a, b] = x / L[a, a]
-
-
-@fused_kernel
-def _substitute(L: np.ndarray, size: int, B: np.ndarray, columns: int) -> None:
-    """Solve L X = B in place of B."""
-    for a in range(size):
-        for b in range(columns):
-            x = B[a, b]
-            for k in range(a):
-                x -= L[a, k] * B[k, b]
-            B[a, b] = x / L[a, a]
+    cholesky_solve(L, size, G, places)
+    cholesky_solve(L, size, C, size)
 
 
 @fused_kernel
@@ -233,7 +212,7 @@ def _fill_conditional_factor(known_count: int, scratch: KnownPriorScratch) -> No
         below[a, places + a] = 1.0
         for b in range(places):
             below[a, b] = -scratch.gain[a, b]
-    _substitute(L, size, below, places + size)
+    substitute_lower(L, size, below, places + size)
 
 
 @fused_kernel

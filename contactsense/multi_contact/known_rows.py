@@ -5,7 +5,7 @@ variance, where z are point, force, torsion and offset of the known contacts; se
 from typing import NamedTuple
 
 from contactsense.kinematics.linalg.lanes import add_dots, clear
-from contactsense.multi_contact.buffers import KNOWN_NUMBERS, UNKNOWNS, JointState
+from contactsense.multi_contact.buffers import KNOWN_NUMBERS, OTHERS, PLACES, UNKNOWNS, JointState
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 
@@ -13,10 +13,6 @@ from contactsense.multi_contact.joint_layout import (  # isort: skip
     FX, FY, FZ, JACOBIAN, OFFSET, OFFSET_STEP, PX, PY, PZ, SX, TORSION, TORSION_STEP, TX, Z0, Z1, Z2, Z3, Z4,
     Z5, Z6, Z7,
 )  # fmt: skip
-
-
-PLACES, OTHERS = 2, 5
-"""Unknowns of a contact: steps along two tangents; and force (3), torsion, offset of the surface."""
 
 
 class Change(NamedTuple):

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from contactsense.kinematics.linalg.cholesky import cholesky
+from contactsense.kinematics.linalg.cholesky import cholesky, substitute_lower
 from contactsense.kinematics.wrench_information import Block, blocks, dot, shift_information, shift_vector
 from contactsense.multi_contact.buffers import (
     DET,
@@ -68,18 +68,11 @@ def fill_link_information(rows: MeasurementRows, m: int, seeding: SeedingBuffers
     score = log_likelihood(m, seeding)
     F, W, z = seeding.factor, seeding.whitened, seeding.weighted_innovation
     links = rows.seen.shape[0]
-    columns = 6 * links
     for r in range(m):
         for link in range(links):
             for k in range(6):
                 W[r, 6 * link + k] = rows.matrix[link, r, k]
-        for s in range(r):
-            x = F[r, s]
-            for c in range(columns):
-                W[r, c] -= x * W[s, c]
-        x = 1.0 / F[r, r]
-        for c in range(columns):
-            W[r, c] *= x
+    substitute_lower(F, m, W, 6 * links)
     for link in range(links):
         L, h = seeding.link_information[link], seeding.link_vector[link]
         at = 6 * link

@@ -192,7 +192,7 @@ def condition_on_first(own: int, link: int, seeding: SeedingBuffers) -> None:
 
 
 @fused_kernel
-def compare_blocks(
+def fill_pair_likelihoods(
     filled: int,
     lanes: int,
     deviations: tuple[float, float],
@@ -222,7 +222,7 @@ def compare_blocks(
     for e in range(LANES):
         block[HIGHEST + e] = -math.inf
     for j in range(filled):
-        _compare_with_block(j, lanes if lanes > 0 else j, deviations, first, block, pairs)
+        _fill_pairs_of_first(j, lanes if lanes > 0 else j, deviations, first, block, pairs)
     highest: float = block[HIGHEST]
     for e in range(1, LANES):
         highest = max(highest, block[HIGHEST + e])
@@ -230,7 +230,7 @@ def compare_blocks(
 
 
 @fused_kernel
-def _compare_with_block(
+def _fill_pairs_of_first(
     j: int,
     lanes: int,
     deviations: tuple[float, float],

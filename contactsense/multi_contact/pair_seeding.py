@@ -10,9 +10,9 @@ from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information, fill_sample_blocks
 from contactsense.multi_contact.pair_layout import PAIR_DET, PAIR_FORCE, PAIR_GAIN, PAIRS
 from contactsense.multi_contact.pair_likelihood import (
-    compare_blocks,
     condition_on_first,
     fill_cross_information,
+    fill_pair_likelihoods,
     take_first_contacts,
 )
 from contactsense.multi_contact.sample_likelihood import copy_lower, force_deviations
@@ -53,7 +53,7 @@ def seed_pairs(
             if chosen.link[d] != link:
                 link = chosen.link[d]
                 condition_on_first(own, link, seeding)
-            highest = compare_blocks(
+            highest = fill_pair_likelihoods(
                 chosen.filled[b], chosen.filled[d] if d < b else 0, deviations, seeding.first,
                 seeding.block[d], seeding.pair,
             )  # fmt: skip

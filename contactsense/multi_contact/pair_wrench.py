@@ -3,6 +3,7 @@ measurement, in the model of `contactsense.multi_contact.sample_likelihood`."""
 
 import numpy as np
 
+from contactsense.kinematics.linalg.cholesky import substitute_lower
 from contactsense.multi_contact.buffers import Explanations, MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.link_information import log_likelihood
 from contactsense.multi_contact.sample_likelihood import (
@@ -120,12 +121,8 @@ def _add_wrench(
 def _subtract_measured(m: int, F: np.ndarray, G: np.ndarray, covariance: np.ndarray) -> None:
     """Subtract G^T S^-1 G from a covariance, with the factor F of S, shape (m, m); G, shape (m, 6), is
     overwritten."""
+    substitute_lower(F, m, G, 6)
     for r in range(m):
-        for s in range(r):
-            for k in range(6):
-                G[r, k] -= F[r, s] * G[s, k]
-        for k in range(6):
-            G[r, k] /= F[r, r]
         for a in range(6):
             for k in range(6):
                 covariance[a, k] -= G[r, a] * G[r, k]

@@ -26,7 +26,7 @@ from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 LARGEST_UNLISTED = 20.0
 """Upper bound of the log odds of what is not among the explanations."""
-MIN_SEPARATION = 0.3
+MIN_SEPARATION_STD = 0.3
 """Distance below which two places are one, in standard deviations of the more certain one.
 
 Optima on neighbouring primitives are often a millimetre apart where places are uncertain by centimetres.
@@ -191,7 +191,7 @@ def _is_duplicate_set(
 ) -> bool:
     """Whether one of the first `count_kept` explanations has the same contacts.
 
-    In any order, within `min_separation` [m] or `MIN_SEPARATION` of their standard deviations.
+    In any order, within `min_separation` [m] or `MIN_SEPARATION_STD` of their standard deviations.
     """
     for i in range(count_kept):
         u = explanations.order[i]
@@ -219,4 +219,4 @@ def _are_close(
     C, D = explanations.covariance[first], explanations.covariance[second]
     variance = min(C[0, 0] + C[1, 1] + C[2, 2], D[0, 0] + D[1, 1] + D[2, 2])
     distance2 = (c[0] - d[0]) ** 2 + (c[1] - d[1]) ** 2 + (c[2] - d[2]) ** 2
-    return bool(distance2 < max(min_separation**2, MIN_SEPARATION**2 * variance))
+    return bool(distance2 < max(min_separation**2, MIN_SEPARATION_STD**2 * variance))

@@ -15,6 +15,7 @@ from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six
 from contactsense.localization.surface_samples import SurfaceSamples
 from contactsense.multi_contact.buffers import (
+    PLACES,
     UNKNOWNS,
     JointState,
     KnownPriorScratch,
@@ -24,7 +25,7 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_layout import FX, NX, PX, W0
-from contactsense.multi_contact.known_rows import PLACES, Change, unknown_of_factor
+from contactsense.multi_contact.known_rows import Change, unknown_of_factor
 from contactsense.multi_contact.link_information import log_likelihood
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel

@@ -82,6 +82,7 @@ def predict_known_contacts(
                 R @ contact.point + motion.origin[contact.body],
                 R @ contact.covariance @ R.T + slide_covariance,
                 R @ contact.force,
+                # Not tracked: torsion keeps the prior of a new one.
                 0.0,
             )
         )

@@ -1,4 +1,5 @@
-"""Cholesky factors of symmetric positive definite matrices of any size, without allocation."""
+"""Cholesky factors of symmetric positive definite matrices of any size, and systems of equations with them,
+without allocation."""
 
 import math
 
@@ -32,3 +33,30 @@ def cholesky(A: np.ndarray, size: int) -> float:
                 x -= A[i, k] * A[j, k]
             A[i, j] = x * d
     return log_det + math.log(det)
+
+
+@fused_kernel
+def substitute_lower(L: np.ndarray, size: int, B: np.ndarray, columns: int) -> None:
+    """Solve L X = B in place of B, shape (>= `size`, >= `columns`), with a Cholesky factor L."""
+    for r in range(size):
+        for s in range(r):
+            x = L[r, s]
+            for c in range(columns):
+                B[r, c] -= x * B[s, c]
+        x = 1.0 / L[r, r]
+        for c in range(columns):
+            B[r, c] *= x
+
+
+@fused_kernel
+def cholesky_solve(L: np.ndarray, size: int, B: np.ndarray, columns: int) -> None:
+    """Solve L L^T X = B in place of B; arguments as for `substitute_lower`."""
+    substitute_lower(L, size, B, columns)
+    for r in range(size - 1, -1, -1):
+        for s in range(r + 1, size):
+            x = L[s, r]
+            for c in range(columns):
+                B[r, c] -= x * B[s, c]
+        x = 1.0 / L[r, r]
+        for c in range(columns):
+            B[r, c] *= x
