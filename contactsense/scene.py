@@ -21,7 +21,7 @@ from pydantic import (
 
 from contactsense import robots
 from contactsense.robots import Robot
-from contactsense.robots.field_errors import describe
+from contactsense.robots.field_errors import Place, describe, reasons
 from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
 from contactsense.robots.robot import NO_MASS, Inertia
@@ -29,7 +29,14 @@ from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.yaml_fields import read_fields
-from contactsense.sensors.field_checks import FURTHEST_BODY, carried_by, in_metres, within_one_turn
+from contactsense.sensors.field_checks import (
+    FURTHEST_BODY,
+    carried_by,
+    has_no_former_field,
+    has_one_per_joint,
+    in_metres,
+    within_one_turn,
+)
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
 if TYPE_CHECKING:
@@ -53,6 +60,11 @@ the surface is much nearer; at ribs, steps and screw heads it is further away.""
 
 class SceneError(ValueError):
     """An invalid scene. The message names the file, the field, the expected value and the given one."""
+
+    def __init__(self, message: str, reasons: dict[Place, str] | None = None) -> None:
+        super().__init__(message)
+        self.reasons = reasons or {}
+        """Field -> what was expected and what was given; empty where a file cannot be read."""
 
 
 def _as_robot(value: object) -> object:
@@ -162,11 +174,12 @@ class Scene(BaseModel):
     clear: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
     """A candidate less probable than this is reported as `ambiguous`."""
 
-    def __init__(self, **fields: Any) -> None:
+    def __init__(self, /, **fields: Any) -> None:
         try:
             super().__init__(**fields)
         except ValidationError as error:
-            raise SceneError(describe(error, Scene)) from None
+            found = reasons(error.errors(include_url=False), Scene)
+            raise SceneError(describe(error, Scene), found) from None
 
     @field_validator("mounting", mode="before")
     @classmethod
@@ -190,13 +203,8 @@ class Scene(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _is_current(cls, fields: Any) -> Any:
-        if isinstance(fields, dict) and "false_alarm" in fields:
-            raise ValueError(
-                "false_alarm: this probability per sample is replaced by false_alarms_per_hour, how often "
-                "noise alone may appear as a contact in an hour (default 0.01)"
-            )
-        if isinstance(fields, dict) and "room" in fields:
-            raise ValueError("room: this field is now named clearance [m]")
+        if isinstance(fields, dict):
+            has_no_former_field(fields)
         return fields
 
     @model_validator(mode="before")
@@ -226,8 +234,8 @@ class Scene(BaseModel):
                     f"inertia: expected links of {', '.join(self.robot.link_names)}, got {name!r}"
                 )
         if self.joint_torque is not None:
-            _has_one_per_joint("joint_torque", self.joint_torque, joints)
-            _has_one_per_joint("joint_torque.friction", self.joint_torque.friction, joints)
+            has_one_per_joint("joint_torque", self.joint_torque, joints)
+            has_one_per_joint("joint_torque.friction", self.joint_torque.friction, joints)
             if self.joint_torque.signal == "external_torque" and self.joint_torque.fields is None:
                 raise ValueError(
                     f"joint_torque.fields: expected the {joints} fields that carry external_torque, got none"
@@ -390,10 +398,3 @@ class Scene(BaseModel):
     @property
     def _rpy(self) -> Vector:
         return _MOUNTINGS[self.mounting] if isinstance(self.mounting, str) else self.mounting
-
-
-def _has_one_per_joint(place: str, part: BaseModel, joints: int) -> None:
-    for field, value in part:
-        if isinstance(value, tuple) and len(value) != joints:
-            what = "names" if field == "fields" else "numbers"
-            raise ValueError(f"{place}.{field}: expected {joints} {what}, got {len(value)}")

@@ -1,6 +1,9 @@
 """Checks of the fields of a scene."""
 
+from collections.abc import Container
 from math import pi, radians
+
+from pydantic import BaseModel
 
 from contactsense.robots.primitives import Vector
 
@@ -12,6 +15,12 @@ LIGHTEST_ARM = 1.0
 """Mass [kg]: the links of a lighter arm have placeholders for their masses."""
 LATEST = 0.5
 """Largest delay of a sensor [s]."""
+FORMER_FIELDS = {
+    "false_alarm": "this probability per sample is replaced by false_alarms_per_hour, how often noise alone "
+    "may appear as a contact in an hour (default 0.01)",
+    "room": "this field is now named clearance [m]",
+}
+"""Fields that scenes had before -> what takes their place."""
 
 
 def within_one_turn(rpy: Vector) -> Vector:
@@ -67,3 +76,31 @@ def carried_by(arm: float, tool: float) -> None:
             f"expected kg, at most the {arm:.4g} kg of the arm itself, got {tool:g}; "
             f"if this is g: {1e-3 * tool:.4g}"
         )
+
+
+def has_no_former_field(fields: Container[str]) -> None:
+    """Check the names of a scene's fields.
+
+    Raises:
+        ValueError: One is that of a former field; the message says what takes its place.
+    """
+    for name, replacement in FORMER_FIELDS.items():
+        if name in fields:
+            raise ValueError(f"{name}: {replacement}")
+
+
+def has_one_per_joint(place: str, part: BaseModel, joints: int) -> None:
+    """Check the fields of a part of the scene that have one value per joint.
+
+    Args:
+        place: Name of the part.
+        part: The part.
+        joints: Number of joints of the arm.
+
+    Raises:
+        ValueError: A field has another number of values; the message names it.
+    """
+    for field, value in part:
+        if isinstance(value, tuple) and len(value) != joints:
+            what = "names" if field == "fields" else "numbers"
+            raise ValueError(f"{place}.{field}: expected {joints} {what}, got {len(value)}")

@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from contactsense import robots
 from contactsense.robots import Robot, RobotError
-from contactsense.robots.field_errors import joined, reasons
-from contactsense.scene import Scene
+from contactsense.robots.field_errors import joined
+from contactsense.scene import Scene, SceneError
 from contactsense.service.controllers.sample_message import MessageError
 
 MAX_URDF = 400_000
@@ -29,6 +27,8 @@ def make_scene(fields: Any) -> Scene:
     """
     if not isinstance(fields, Mapping):
         raise MessageError("scene", "expected an object with fields such as robot")
+    if not all(isinstance(name, str) for name in fields):  # MessagePack has keys that are bytes
+        raise MessageError("scene", "expected names of fields as text")
     given = dict(fields)
     for name in _FILES:
         if given.get(name) is not None:
@@ -44,9 +44,9 @@ def make_scene(fields: Any) -> Scene:
         known = ", ".join(robots.names())
         raise MessageError("scene.robot", f"expected one of {known}, got {given['robot']!r:.40}")
     try:
-        return Scene.model_validate(given)
-    except ValidationError as error:
-        place, reason = next(iter(reasons(error.errors(), Scene).items()))
+        return Scene(**given)
+    except SceneError as error:
+        place, reason = next(iter(error.reasons.items()))
         raise MessageError(joined(("scene", *place)), reason[:1000]) from None
 
 

@@ -24,11 +24,16 @@ _CHUNK = 1 << 16
 
 
 class TrackSession:
-    """Answers the messages of one connection. The first may contain a scene; otherwise `scene` is used."""
+    """Answers the messages of one connection. The first may contain a scene; otherwise `scene` is used.
+
+    After a scene that is refused no sample is estimated until another one is accepted: estimates with the
+    service's own scene would be those of another arm or cell.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._localizer: Localizer | None = None
+        self._refused = False
         self._decoder = SampleDecoder(scene)
         self._summaries = ContactSummaries()
 
@@ -43,6 +48,8 @@ class TrackSession:
             content = decode(message, binary)
             if "scene" in content:
                 return encode(self._take_scene(content), binary)
+            if self._refused:
+                raise MessageError("scene", "the last one was refused: expected another before any sample")
             sample = self._decoder.sample(content, len(message))
         except MessageError as error:
             return error_message(error, binary)
@@ -59,6 +66,7 @@ class TrackSession:
     def _take_scene(self, content: dict[str, Any]) -> dict[str, Any]:
         if self._localizer is not None:
             raise MessageError("scene", "expected in the first message only; connect again for another")
+        self._refused = True
         if len(content) > 1:
             raise MessageError("scene", "expected alone in its message, samples follow")
         scene = make_scene(content["scene"])
@@ -66,7 +74,7 @@ class TrackSession:
             self._localizer = Localizer(scene)
         except ValueError as error:
             raise MessageError("scene", str(error)) from None
-        self._scene, self._decoder = scene, SampleDecoder(scene)
+        self._scene, self._decoder, self._refused = scene, SampleDecoder(scene), False
         return {
             "robot": scene.robot.name,
             "links": list(scene.link_names),

@@ -154,7 +154,11 @@ def test_a_frame_beyond_all_limits_is_refused() -> None:
         ({"robot": ["ur5e"]}, "scene.robot"),
         ({"robot": "ur5e", "kinematics": "/etc/passwd"}, "scene.kinematics"),
         ({"robot": "ur5e", "detail": "skin"}, "scene.detail"),
-        ({"robot": "ur5e", "gravity": -1.0}, "scene"),
+        ({"robot": "ur5e", "gravity": -1.0}, "scene.gravity"),
+        ({"robot": "ur5e", "mountign": "ceiling"}, "scene.mountign"),
+        ({"robot": "ur5e", "base_wrench": {"force_noise": "x"}}, "scene.base_wrench.force_noise"),
+        ({"robot": "ur5e", "self": 1}, "scene.self"),
+        ({"robot": "ur5e", b"gravity": 9.81}, "scene"),
         ({"urdf": "<robot/>"}, "scene.surface"),
         ({"urdf": 3, "surface": ""}, "scene.urdf"),
         (

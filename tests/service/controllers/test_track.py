@@ -17,6 +17,7 @@ from contactsense.service.api.app import create_app
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.api.settings import Settings
 from contactsense.service.controllers.settings import ControllerSettings
+from contactsense.service.controllers.track_session import TrackSession
 from tests.service import fakes, http
 from tests.service.serving import serving
 
@@ -115,6 +116,23 @@ def test_a_scene_of_its_own(place: str, pushed: Sample) -> None:
         assert "no such sensor" in ask(client, message(pushed, 0.0))["errors"][0]["reason"]
         answer = ask(client, {**message(pushed, 0.0), "base_wrench": None})
         EstimateOut.model_validate(answer)
+
+
+def test_no_sample_is_estimated_after_a_refused_scene(pushed: Sample) -> None:
+    session = TrackSession(Scene(robot="ur5e"))
+
+    def answer(content: dict[str, Any]) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(session.answer(json.dumps(content).encode(), False))
+        return found
+
+    for wrong in ({"robot": "ur10e", "mountign": "ceiling"}, {"robot": "ur10e", "self": 1}, "ur10e"):
+        answer({"scene": wrong})
+        refused = answer(message(pushed, 0.0))
+        assert refused["errors"][0]["field"] == "scene"
+        assert "refused" in refused["errors"][0]["reason"]
+        assert not session.loaded
+    assert answer({"scene": {"robot": "ur10e"}})["robot"] == "ur10e"
+    EstimateOut.model_validate(answer(message(pushed, 0.0)))
 
 
 def test_a_silent_connection_is_closed() -> None:
