@@ -30,11 +30,12 @@ from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.yaml_fields import read_fields
 from contactsense.sensors.field_checks import (
-    FURTHEST_BODY,
     carried_by,
     has_no_former_field,
     has_one_per_joint,
     in_metres,
+    in_the_cell,
+    touchable_in_metres,
     within_one_turn,
 )
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
@@ -267,7 +268,7 @@ class Scene(BaseModel):
             raise SceneError(f"{path}: {error}") from None
 
     def _can_carry(self, tool: Tool) -> None:
-        """Raise a ValueError if the tool's mass or centre of mass is beyond what any arm carries."""
+        """Raise a ValueError if the tool's mass, centre of mass or size is beyond what any arm carries."""
         field, own = "com", sum(link.inertia.mass for link in self.robot.links)
         try:
             in_metres(tool.com)
@@ -275,6 +276,7 @@ class Scene(BaseModel):
             carried_by(own, tool.mass)
         except ValueError as error:
             raise ValueError(f"tool.{field}: {error}") from None
+        touchable_in_metres("tool", tool.primitives)
 
     def _has_surface(self) -> None:
         """Raise a ValueError if no link can be touched: no contact could ever be explained."""
@@ -337,13 +339,7 @@ class Scene(BaseModel):
                     f"bodies[{index}].role: pedestal: expected a base_wrench below it, got none; "
                     "a body below the sensor is a cover"
                 )
-            field = "rpy"
-            try:
-                within_one_turn(body.rpy)
-                field = "translation"
-                in_metres(body.translation, FURTHEST_BODY)
-            except ValueError as error:
-                raise ValueError(f"bodies[{index}].{field}: {error}") from None
+            in_the_cell(f"bodies[{index}]", body)
             names.append(body.name)
 
     @property

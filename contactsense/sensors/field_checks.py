@@ -1,14 +1,17 @@
 """Checks of the fields of a scene."""
 
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from math import pi, radians
 
 from pydantic import BaseModel
 
-from contactsense.robots.primitives import Vector
+from contactsense.robots.primitive_extent import beyond
+from contactsense.robots.primitives import Primitive, Vector
+from contactsense.robots.surroundings import Body
 
 FURTHEST = 5.0
-"""Largest coordinate of a sensor's origin or of a tool's centre of mass [m]."""
+"""Largest coordinate of a sensor's origin or of a tool's centre of mass, and largest size of a primitive that
+can be touched [m]."""
 FURTHEST_BODY = 50.0
 """Largest coordinate of the frame of a body of the cell [m]."""
 LIGHTEST_ARM = 1.0
@@ -76,6 +79,42 @@ def carried_by(arm: float, tool: float) -> None:
             f"expected kg, at most the {arm:.4g} kg of the arm itself, got {tool:g}; "
             f"if this is g: {1e-3 * tool:.4g}"
         )
+
+
+def touchable_in_metres(place: str, primitives: Sequence[Primitive]) -> None:
+    """Check the primitives of what can be touched: places of contacts are searched everywhere on them, which
+    takes more time and memory than there is if they are a thousand times too large.
+
+    Args:
+        place: The tool or body that they are of.
+        primitives: They.
+
+    Raises:
+        ValueError: One is so large or far away that its numbers may be millimetres; the message names it.
+    """
+    for index, text in beyond(primitives, FURTHEST):
+        raise ValueError(f"{place}.primitives[{index}]: {text}")
+
+
+def in_the_cell(place: str, body: Body) -> None:
+    """Check the pose of a body, and the size of one that can be touched.
+
+    Args:
+        place: Where the body is in the scene.
+        body: The body.
+
+    Raises:
+        ValueError: A number cannot be one in m or rad; the message names the field.
+    """
+    field = "rpy"
+    try:
+        within_one_turn(body.rpy)
+        field = "translation"
+        in_metres(body.translation, FURTHEST_BODY)
+    except ValueError as error:
+        raise ValueError(f"{place}.{field}: {error}") from None
+    if body.role == "pedestal":
+        touchable_in_metres(place, body.primitives)
 
 
 def has_no_former_field(fields: Container[str]) -> None:

@@ -8,14 +8,15 @@ import numpy as np
 
 from contactsense.localization.surface_samples import sample_surface
 from contactsense.robots.link_poses import link_poses
+from contactsense.robots.primitive_extent import beyond, extent
 from contactsense.robots.primitives import Primitive
 from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_at_rest, largest_reading_in_motion
 from contactsense.runtime.link_prior import area_share, link_probability
 from contactsense.runtime.scene_surfaces import scene_surfaces
 from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
 from contactsense.scene import Scene
+from contactsense.sensors.field_checks import FURTHEST
 from contactsense.sensors.settings import WrenchSensor
-from contactsense.service.scene.primitive_extent import extent, extent_warnings
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -83,7 +84,8 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
         found += _range_warnings(scene, field, sensor, "tool" if field == "wrist_wrench" else "load")
     if scene.tool is not None and scene.tool.mass > 0.0 and not scene.tool.primitives:
         found.append("tool.primitives: the tool has no surface; contacts on it cannot be found")
-    found += extent_warnings(scene)
+    for i, body in enumerate(scene.bodies):  # a floor may be as large
+        found += [f"bodies[{i}].primitives[{j}]: {text}" for j, text in beyond(body.primitives, FURTHEST)]
     return tuple(found)
 
 

@@ -133,6 +133,15 @@ def test_a_name_is_no_scene() -> None:
             r"tool.com: expected x, y, z in m, none above 5, got .*; if these are mm: \[0, 0, 0.06\]",
         ),
         (
+            "robot: ur5e\ntool: {mass: 1, primitives: [{kind: sphere, center: [0, 0, 0], radius: 60}]}",
+            r"tool.primitives\[0\]: expected at most 5 m .* in size, got a size of 120 m; are these mm\?",
+        ),
+        (
+            "robot: ur5e\nbodies: [{name: plate, role: pedestal, primitives: "
+            "[{kind: box, center: [0, 0, -10], half: [100, 100, 10], rounding: 3}]}]",
+            r"bodies\[0\].primitives\[0\]: expected at most 5 m .* got a size of 200 m; are these mm\?",
+        ),
+        (
             "robot: ur5e\nbase_wrench: {translation: [0, 0, -35]}",
             "base_wrench.translation: expected x, y, z in m",
         ),

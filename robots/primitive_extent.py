@@ -1,4 +1,4 @@
-"""How large the primitives of a tool or a body are, and whether their numbers are in metres."""
+"""How large primitives are, and whether their numbers are in metres."""
 
 from collections.abc import Iterator, Sequence
 from itertools import product
@@ -7,8 +7,6 @@ import numpy as np
 
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.scene import Scene
-from contactsense.sensors.field_checks import FURTHEST
 
 
 def bounds(primitive: Primitive) -> tuple[np.ndarray, np.ndarray]:
@@ -47,23 +45,21 @@ def extent(primitives: Sequence[Primitive]) -> np.ndarray:
     return np.asarray(np.max(upper, axis=0) - np.min(lower, axis=0))
 
 
-def extent_warnings(scene: Scene) -> Iterator[str]:
-    """Primitives so far from their frame, or so large, that their numbers may be millimetres. A floor may be
-    as large."""
-    named: list[tuple[str, Sequence[Primitive]]] = [
-        (f"bodies[{i}].primitives", body.primitives) for i, body in enumerate(scene.bodies)
-    ]
-    if scene.tool is not None:
-        named.insert(0, ("tool.primitives", scene.tool.primitives))
-    for field, primitives in named:
-        for i, primitive in enumerate(primitives):
-            lower, upper = bounds(primitive)
-            # The distance of the box from the frame's origin; 0 if the origin is in it.
-            distance = float(np.linalg.norm(np.maximum(np.maximum(lower, -upper), 0.0)))
-            size = float(np.max(upper - lower))
-            if max(distance, size) > FURTHEST:
-                what = f"a size of {size:.4g} m" if size > FURTHEST else f"a distance of {distance:.4g} m"
-                yield (
-                    f"{field}[{i}]: expected at most {FURTHEST:g} m from its frame and in size, got {what}; "
-                    "are these mm?"
-                )
+def beyond(primitives: Sequence[Primitive], most: float) -> Iterator[tuple[int, str]]:
+    """Primitives so far from their frame, or so large, that their numbers may be millimetres.
+
+    Args:
+        primitives: Of one frame.
+        most: Largest usual distance from the frame, and largest usual size [m].
+
+    Yields:
+        The index of each of them, and what was expected and what was given.
+    """
+    for i, primitive in enumerate(primitives):
+        lower, upper = bounds(primitive)
+        # The distance of the box from the frame's origin; 0 if the origin is in it.
+        distance = float(np.linalg.norm(np.maximum(np.maximum(lower, -upper), 0.0)))
+        size = float(np.max(upper - lower))
+        if max(distance, size) > most:
+            what = f"a size of {size:.4g} m" if size > most else f"a distance of {distance:.4g} m"
+            yield (i, f"expected at most {most:g} m from its frame and in size, got {what}; are these mm?")
