@@ -214,7 +214,10 @@ class Scene(BaseModel):
         if isinstance(fields, dict) and fields.get("kinematics") is not None:
             robot = _as_robot(fields.get("robot"))
             if isinstance(robot, Robot):
-                return {**fields, "robot": robots.calibrated(robot, fields["kinematics"])}
+                try:
+                    return {**fields, "robot": robots.calibrated(robot, fields["kinematics"])}
+                except robots.RobotError as error:
+                    raise ValueError(f"kinematics: {error}") from None
         return fields
 
     @model_validator(mode="after")

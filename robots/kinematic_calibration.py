@@ -47,7 +47,7 @@ def calibrated(robot: Robot, path: str | Path) -> Robot:
             file must belong to another arm.
     """
     path = Path(path)
-    places = check(_Calibration, read_yaml(path), path).kinematics
+    places = check(_Calibration, read_yaml(path, "the kinematic calibration"), path).kinematics
     given = {name: place for name, place in places.items() if not isinstance(place, str)}
     names = robot.link_names[1:]
     for name in given:

@@ -1,4 +1,4 @@
-"""Fields of a YAML file that a user has written."""
+"""YAML that a user has written: repeated keys are refused, errors are told in words."""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import yaml
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
     """Refuses a key that is given twice: YAML would silently use the last one."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -20,11 +20,31 @@ class _Loader(yaml.SafeLoader):
                     f"{key.value}: expected once, got in line {lines[key.value]} and in line {line}"
                 )
             lines[key.value] = line
-        return super().construct_mapping(node, deep)
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
+        return mapping
 
 
 class _RepeatedKeyError(Exception):
     pass
+
+
+def read_yaml(path: str | Path, what: str) -> Any:
+    """Content of the YAML file at `path`.
+
+    Args:
+        path: The file.
+        what: What the file contains, for messages, such as `the scene`.
+
+    Raises:
+        ValueError: The file cannot be read, is not YAML, or has a key twice; the message names it.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise ValueError(f"{path}: cannot read {what}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: cannot read {what}: expected text in UTF-8") from None
+    return _parsed(text, str(path))
 
 
 def read_fields(path: str | Path, what: str, example: str) -> dict[str, Any]:
@@ -39,13 +59,7 @@ def read_fields(path: str | Path, what: str, example: str) -> dict[str, Any]:
         ValueError: The file cannot be read, is not YAML, has no fields, a key that is no name, or one
             twice; the message names it.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise ValueError(f"{path}: cannot read {what}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: cannot read {what}: expected text in UTF-8") from None
-    return fields_in(text, str(path), example)
+    return _fields(read_yaml(path, what), str(path), example)
 
 
 def fields_in(text: str, name: str, example: str) -> dict[str, Any]:
@@ -60,12 +74,19 @@ def fields_in(text: str, name: str, example: str) -> dict[str, Any]:
         ValueError: The text is not YAML, has no fields, a key that is no name, or one twice; the message
             names it.
     """
+    return _fields(_parsed(text, name), name, example)
+
+
+def _parsed(text: str, name: str) -> Any:
     try:
-        content: Any = yaml.load(text, Loader=_Loader)
+        return yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise ValueError(f"{name}: not YAML: {' '.join(str(error).split())}") from None
     except _RepeatedKeyError as error:
         raise ValueError(f"{name}: {error}") from None
+
+
+def _fields(content: Any, name: str, example: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         got = "nothing" if content is None else f"{content!r:.40}"
         raise ValueError(f"{name}: expected fields such as `{example}`, got {got}")

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
+from contactsense.robots import yaml_fields
 from contactsense.robots.field_errors import joined, reasons
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import Inertia, Joint, Link, LocalDeviation, Robot
@@ -194,19 +194,16 @@ def _numbers(line: str) -> list[float]:
     return numbers if all(map(isfinite, numbers)) else []
 
 
-def read_yaml(path: Path) -> Any:
+def read_yaml(path: Path, what: str) -> Any:
     """Content of a YAML file.
 
     Raises:
-        RobotError: the file cannot be read, or is not YAML.
+        RobotError: the file cannot be read, is not YAML, or has a key twice.
     """
     try:
-        with path.open(encoding="utf-8") as stream:
-            return yaml.load(stream, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except OSError as error:
-        raise RobotError(f"{path}: {error.strerror}") from error
-    except yaml.YAMLError as error:
-        raise RobotError(f"{path}: no valid YAML: {' '.join(str(error).split())}") from error
+        return yaml_fields.read_yaml(path, what)
+    except ValueError as error:
+        raise RobotError(str(error)) from None
 
 
 def check(entry: type[Entry], content: Any, path: Path) -> Entry:
@@ -230,7 +227,7 @@ def robot(path: Path) -> Robot:
     Raises:
         RobotError: a file is missing or wrong.
     """
-    entry = check(RobotEntry, read_yaml(path), path)
+    entry = check(RobotEntry, read_yaml(path, "the robot"), path)
     bare = Robot(
         name=entry.name,
         links=tuple(Link(link.name, link.inertia()) for link in entry.links),
@@ -275,4 +272,4 @@ def read_surface(path: Path) -> SurfaceEntry:
     Raises:
         RobotError: the file is missing or wrong.
     """
-    return check(SurfaceEntry, read_yaml(path), path)
+    return check(SurfaceEntry, read_yaml(path, "the surface"), path)

@@ -232,6 +232,14 @@ def test_the_real_arms_calibration_goes_on_top_of_the_model(tmp_path: Path) -> N
     assert scene.robot.links[3].primitives == Scene(robot="ur5e").robot.links[3].primitives
 
 
+def test_a_calibration_that_cannot_be_read_is_named_with_its_field(tmp_path: Path) -> None:
+    missing = tmp_path / "mine.yaml"
+    with pytest.raises(
+        SceneError, match=f"^kinematics: {missing}: cannot read the kinematic calibration: No"
+    ):
+        Scene(robot="ur5e", kinematics=missing)
+
+
 def test_another_arms_calibration_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(_CALIBRATION)
     (tmp_path / "scene.yaml").write_text(f"robot: ur10e\nkinematics: {tmp_path / 'mine.yaml'}\n")

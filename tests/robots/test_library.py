@@ -120,7 +120,8 @@ def test_reads_a_file_of_ones_own(tmp_path: Path) -> None:
         ("  - {name: bar",
          "  - {name: more, mass: 1.0, com: [0, 0, 0], tensor: [1, 0, 0, 1, 0, 1]}\n  - {name: bar",
          r"1 joints need one link more, got 3"),
-        ("name: two_bars", "name: [", r"two_bars.yaml: no valid YAML"),
+        ("name: two_bars", "name: [", r"two_bars.yaml: not YAML"),
+        ("name: two_bars", "name: two_bars\nname: bars", r"two_bars.yaml: name: expected once, got in line"),
     ],
 )  # fmt: skip
 def test_wrong_files_are_refused_with_place_and_reason(
@@ -133,9 +134,12 @@ def test_wrong_files_are_refused_with_place_and_reason(
         robots.load(path)
 
 
-def test_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(robots.RobotError, match=r"nothing.yaml: No such file"):
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(robots.RobotError, match=r"nothing.yaml: cannot read the robot: No such file"):
         robots.load(tmp_path / "nothing.yaml")
+    (tmp_path / "latin.yaml").write_bytes("name: Käfer".encode("latin-1"))
+    with pytest.raises(robots.RobotError, match=r"latin.yaml: cannot read the robot: expected text in UTF-8"):
+        robots.load(tmp_path / "latin.yaml")
 
 
 def test_surface_of_a_link_that_is_not_there(tmp_path: Path) -> None:
