@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from contactsense.robots.field_places import Place, find
+from contactsense.robots.field_places import Place, find, places_of
 from contactsense.robots.near_names import did_you_mean
 
 __all__ = ["Place", "describe", "joined", "reasons"]
@@ -108,8 +108,15 @@ def _message(issue: Mapping[str, Any], annotation: Any) -> str:
         return re.sub("^Input should be ", "expected ", issue["msg"].removeprefix("Value error, "))
     near = ""
     if issue["type"] == "extra_forbidden":
-        *place, name = issue["loc"]
-        near = did_you_mean(str(name), find(annotation, place).fields)
+        *location, name = issue["loc"]
+        here = find(annotation, location)
+        # A field of another part is in the wrong place, however near its name is to one of this part.
+        meant = [place for place in places_of(annotation, str(name)) if place != (*here.place, name)]
+        near = (
+            f" (did you mean {' or '.join(map(joined, meant))}?)"
+            if meant
+            else did_you_mean(str(name), here.fields)
+        )
     return words.format(**issue.get("ctx", {})) + near
 
 

@@ -60,6 +60,17 @@ def find(annotation: Any, location: Iterable[str | int]) -> Found:
     return Found(tuple(place), tuple(branch.type for branch in branches))
 
 
+def places_of(annotation: Any, name: str) -> tuple[Place, ...]:
+    """Where a field with this name may stand: in a model, or in models that are its fields."""
+    found: list[Place] = []
+    for kind in (branch.type for branch in _branches(annotation)):
+        for field, info in kind.model_fields.items() if _is_model(kind) else ():
+            key = info.alias or field
+            found += [(key,)] if key == name else []
+            found += [(key, *place) for place in places_of(info.annotation, name)]
+    return tuple(dict.fromkeys(found))
+
+
 def _branches(annotation: Any, label: str | None = None) -> list[_Branch]:
     if get_origin(annotation) is Annotated:
         inner, *remarks = get_args(annotation)

@@ -35,6 +35,7 @@ class Whole(Part):
     share: Positive | tuple[Positive, ...] = 1.0
     six: tuple[float, float, float] = (0.0, 0.0, 0.0)
     on: bool = False
+    slab: Slab = Slab()
 
 
 @pytest.mark.parametrize(
@@ -42,6 +43,8 @@ class Whole(Part):
     [
         ({"partz": 1}, "partz: unknown field (did you mean parts?), got 1"),
         ({"wile": "x"}, "wile: unknown field (did you mean while?), got 'x'"),
+        ({"thickness": 1}, "thickness: unknown field (did you mean slab.thickness?), got 1"),
+        ({"slab": {"share": 1}}, "slab.share: unknown field (did you mean share?), got 1"),
         ({"colour": 1}, "colour: unknown field, got 1"),
         ({"parts": [{"kind": "cube"}]}, "parts[0]: expected 'kind' to be one of 'ball', 'slab', got 'cube'"),
         ({"parts": [{}]}, "parts[0]: expected the field 'kind'"),
