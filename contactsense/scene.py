@@ -112,7 +112,7 @@ class Scene(BaseModel):
     """Acceleration of gravity [m/s^2]."""
     inertia: dict[str, LinkInertia] | None = None
     """Inertia of links by name, where calibration has changed it. None: the robot's data."""
-    inertia_error: NonNegativeFloat = 0.0
+    inertia_error: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     """Relative standard deviation of the mass of each link. A stream estimates the masses in free motion;
     their remaining uncertainty is not mistaken for a contact."""
     tool: Tool | None = None

@@ -8,6 +8,7 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
+    Field,
     NonNegativeFloat,
     PositiveFloat,
     field_validator,
@@ -56,6 +57,8 @@ _MEANINGS: dict[JointTorqueSignal, Meaning] = {
 
 Number = NonNegativeFloat | tuple[NonNegativeFloat, ...]
 """One value for all joints, or one per joint."""
+Noise = Annotated[float, Field(gt=0.0, le=1e4)]
+"""Standard deviation of a sensor [N or Nm]: no sensor is noisier, and squares of huge numbers overflow."""
 Six = tuple[float, float, float, float, float, float]
 
 
@@ -74,9 +77,9 @@ class Part(BaseModel):
 class WrenchSensor(Part):
     """A six-axis force/torque sensor: its frame, the sign of its readings, and their noise."""
 
-    force_noise: PositiveFloat = 0.25
+    force_noise: Noise = 0.25
     """Standard deviation of each force component of one sample [N]."""
-    moment_noise: PositiveFloat = 0.05
+    moment_noise: Noise = 0.05
     """Standard deviation of each moment component of one sample, about the sensor's origin [Nm]."""
     rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
     """Orientation of the sensor's frame in the base frame: roll, pitch, yaw about fixed x, y, z [rad]."""
@@ -184,7 +187,7 @@ class JointTorqueSensor(Part):
     none."""
     bias: float | tuple[float, ...] = 0.0
     """Reading without any torque, actuator's sign [Nm]."""
-    noise: PositiveFloat | tuple[PositiveFloat, ...] = 1.0
+    noise: Noise | tuple[Noise, ...] = 1.0
     """Standard deviation of one sample, one value for all joints or one per joint [Nm]."""
     model_error: Number = 0.0
     """Standard deviation of the error of model and friction while the arm moves [Nm]. Unlike noise, it does

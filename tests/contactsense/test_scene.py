@@ -47,10 +47,20 @@ def test_a_scene_file_gives_the_same_scene(tmp_path: Path) -> None:
     ("fields", "message"),
     [
         ({}, "^robot: expected a value, the field is missing$"),
+        (
+            {"robot": "ur5e", "base_wrench": {"force_noise": 1e300}},
+            r"^base_wrench.force_noise: expected a number of at most 10000, got 1e\+300$",
+        ),
+        ({"robot": "ur5e", "inertia_error": 1e200}, "^inertia_error: expected a number of at most 10, got"),
         ({"robot": "ur5e", "friction": -1}, "^friction: expected a number above 0, got -1$"),
         (
             {"robot": "ur5e", "frictoin": 0.5},
             r"^frictoin: unknown field \(did you mean friction\?\), got 0.5$",
+        ),
+        (
+            {"robot": "ur5e", "force_noise": 0.3},
+            r"^force_noise: unknown field \(did you mean base_wrench.force_noise or "
+            r"wrist_wrench.force_noise\?\), got 0.3$",
         ),
         (
             {"robot": "ur5e", "mounting": "floor"},
