@@ -110,13 +110,12 @@ def serve(**options: Any) -> int:
         settings.check_exposure()
         logs.configure(settings.log_level, settings.log_format, settings.log_file)
         app = create_app(settings, on_loading=bar.update)
-        app.state.service.ports.check()
         scene, log = app.state.service.scene, logging.getLogger("contactsense")
         for warning in scene_warnings(scene):
             log.warning("scene: %s", warning)
         for unused in settings.unused(scene):
             log.warning("%s", unused)
-    except (SettingsError, PortError) as error:
+    except SettingsError as error:
         raise click.ClickException(str(error)) from None
     except OSError as error:
         raise click.ClickException(f"--log-file: {settings.log_file}: {error.strerror}") from None
@@ -127,6 +126,10 @@ def serve(**options: Any) -> int:
             f"cannot serve at {settings.host}:{settings.port}: {error.strerror}; --port 0 takes a free port"
         ) from None
     with listener:
+        try:  # while the service's own port is open, as it may be one of these
+            app.state.service.ports.check()
+        except PortError as error:
+            raise click.ClickException(str(error)) from None
         scheme = "http" if settings.tls_certificate is None else "https"
         url = f"{scheme}://{settings.host}:{listener.getsockname()[1]}"
         click.echo(f"{READY}{url}")

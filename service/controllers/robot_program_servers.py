@@ -1,6 +1,7 @@
 """The ports for robot programs: XML-RPC and the line socket, in the service's event loop."""
 
 import asyncio
+import contextlib
 import logging
 import socket
 from collections.abc import Callable
@@ -164,20 +165,21 @@ class RobotProgramServers:
             await self._open("line_port", settings.line_port, lambda: LineConnection(self, methods))
 
     def check(self) -> None:
-        """Check that the ports can be opened, before the service starts.
+        """Check that both ports can be open at the same time, before the service starts.
 
         Raises:
             PortError: A port cannot be opened.
         """
-        for name, port in (
-            ("xmlrpc_port", self.settings.xmlrpc_port),
-            ("line_port", self.settings.line_port),
-        ):
-            if port is not None:
-                try:
-                    socket.create_server((self.settings.host, port)).close()
-                except OSError as error:
-                    raise self._error(name, port, error) from None
+        with contextlib.ExitStack() as opened:
+            for name, port in (
+                ("xmlrpc_port", self.settings.xmlrpc_port),
+                ("line_port", self.settings.line_port),
+            ):
+                if port is not None:
+                    try:
+                        opened.enter_context(socket.create_server((self.settings.host, port)))
+                    except OSError as error:
+                        raise self._error(name, port, error) from None
 
     async def stop(self) -> None:
         """Close the ports and their connections."""

@@ -286,6 +286,10 @@ def test_a_port_that_is_taken(methods: RobotProgramMethods) -> None:
         settings = ControllerSettings(line_port=taken.getsockname()[1])
         with pytest.raises(PortError, match="line_port: cannot listen at "):
             RobotProgramServers(settings, methods).check()
+        port = taken.getsockname()[1]
+    both = ControllerSettings(xmlrpc_port=port, line_port=port)
+    with pytest.raises(PortError, match="line_port: cannot listen at "):
+        RobotProgramServers(both, methods).check()
 
 
 def test_the_services_own_port_answers_too() -> None:
