@@ -1,6 +1,6 @@
 """Description of an arm: a serial chain of links and joints, with their inertia and surface. Frozen data."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,8 +19,27 @@ def _frozen(array: np.ndarray, shape: tuple[int, ...], name: str) -> np.ndarray:
     return result
 
 
-@dataclass(frozen=True, slots=True)
-class Inertia:
+class _WithArrays:
+    """Equality of dataclasses with arrays: the one that dataclasses have asks an array for a single truth."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(
+            np.array_equal(own, others) if isinstance(own, np.ndarray) else own == others
+            for own, others in (
+                (getattr(self, each.name), getattr(other, each.name))
+                for each in fields(self)  # type: ignore[arg-type]
+            )
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inertia(_WithArrays):
     """Mass distribution of one body, in the body's own frame."""
 
     mass: float
@@ -41,8 +60,8 @@ NO_MASS = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
 """Inertia of a body without mass."""
 
 
-@dataclass(frozen=True, slots=True)
-class Joint:
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint(_WithArrays):
     """A revolute joint: the pose of its child link in the frame of its parent link.
 
     The carried link's frame is `rotation` @ Rot(axis, q), placed at `translation`.
@@ -113,8 +132,8 @@ class Link:
     """The same for `coarse`."""
 
 
-@dataclass(frozen=True, slots=True)
-class Robot:
+@dataclass(frozen=True, slots=True, eq=False)
+class Robot(_WithArrays):
     """A serial arm: `links[0]` is fixed to the base, `joints[j]` carries `links[j + 1]`."""
 
     name: str
@@ -140,6 +159,10 @@ class Robot:
         object.__setattr__(self, "flange_rotation", _frozen(self.flange_rotation, (3, 3), "flange_rotation"))
         translation = _frozen(self.flange_translation, (3,), "flange_translation")
         object.__setattr__(self, "flange_translation", translation)
+
+    def __repr__(self) -> str:
+        """A few words: all numbers of an arm fill pages, in notebooks and in error messages."""
+        return f"<robot {self.name}: {len(self.joints)} joints, {self.mass:.4g} kg>"
 
     @property
     def link_names(self) -> tuple[str, ...]:

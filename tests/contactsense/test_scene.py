@@ -1,5 +1,6 @@
 """Scenes: from Python, from YAML, and what is said of wrong ones."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,19 @@ def test_the_robot_name_suffices() -> None:
     scene = Scene(robot="ur5e")
     assert scene.robot.name == "ur5e"
     np.testing.assert_allclose(scene.gravity_base, [0.0, 0.0, -9.81])
+
+
+def test_scenes_can_be_compared() -> None:
+    scene = Scene(robot="ur5e", mounting="ceiling")
+    same = pickle.loads(pickle.dumps(scene))
+    assert same == scene
+    assert same.robot is not scene.robot
+    link = replace(scene.robot.links[3], inertia=replace(scene.robot.links[3].inertia, com=np.ones(3)))
+    links = (*scene.robot.links[:3], link, *scene.robot.links[4:])
+    assert scene.model_copy(update={"robot": replace(scene.robot, links=links)}) != scene
+    assert scene.robot != "ur5e"
+    assert "robot=<robot ur5e: 6 joints, 21.7 kg>" in repr(scene)
+    assert len(repr(scene)) < 2000
 
 
 def test_the_surface_error_defaults_to_the_measured_one() -> None:
