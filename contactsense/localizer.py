@@ -65,8 +65,9 @@ def kernels_of(scene: Scene, method: Method = "joint") -> tuple[Any, ...]:
 class Localizer(StaticLocalizer):
     """Localizes contacts on the arm of one scene.
 
-    One instance serves one stream and one thread; instances are independent. The first one after installation
-    compiles the kernels, which takes minutes; the machine code is cached on disk.
+    One instance serves one stream and one thread; instances are independent. A copy, or what is made from a
+    pickle in another process, has the same scene and begins a stream of its own. The first instance after
+    installation compiles the kernels, which takes minutes; the machine code is cached on disk.
     """
 
     def __init__(
@@ -105,6 +106,10 @@ class Localizer(StaticLocalizer):
         self.reset()
         with shown_compilation(kernels_of(scene, method), progress):
             self._warm_up()
+
+    def __reduce__(self) -> tuple[type["Localizer"], tuple[Scene, Method]]:
+        """How a copy is made: copied attribute by attribute, it would answer from the arrays of this one."""
+        return type(self), (self.scene, self._method)
 
     def reset(self) -> None:
         """Discard all samples and contacts; the next sample starts a new stream."""

@@ -55,7 +55,7 @@ class StaticLocalizer:
                 "method: 'intrinsic' needs base_wrench and contacts: 1 in the scene, got "
                 f"{'no base_wrench' if scene.base_wrench is None else f'contacts: {scene.contacts}'}"
             )
-        self.scene = scene
+        self.scene, self._method = scene, method
         self._gate = method != "joint"
         self._options = GATE if self._gate else 0
         self._intrinsic = method == "intrinsic"

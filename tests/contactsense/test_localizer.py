@@ -1,5 +1,8 @@
 """Static answers, one or many, on constructed truth."""
 
+import copy
+import pickle
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -233,3 +236,23 @@ def test_estimates_without_contact_are_read_only(precise: Localizer) -> None:
     for array in (quiet.link_probability, quiet.wrench, quiet.covariance):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    "duplicate", [copy.copy, copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))]
+)
+def test_a_copy_answers_from_its_own_measurements(
+    ordinary: Localizer, duplicate: Callable[[Localizer], Localizer]
+) -> None:
+    def force(localizer: Localizer, i: int) -> np.ndarray:
+        found = localizer.locate(
+            TRUTH.q[i], base_wrench=TRUTH.base_wrench[i], joint_torque=TRUTH.torque[i], detect=False
+        )
+        return found.wrench
+
+    other = duplicate(ordinary)
+    first, second = force(ordinary, 0), force(ordinary, 1)
+    np.testing.assert_array_equal(force(other, 0), first)
+    force(ordinary, 0)
+    np.testing.assert_array_equal(force(other, 1), second)
+    assert other.scene == ordinary.scene
