@@ -9,6 +9,9 @@ from contactsense.service.recordings.problems import Kind, Problem
 
 GAP_STEPS = 5.0
 """A time step longer than this many typical steps is a gap."""
+LATEST = 1e20
+"""Time stamps beyond this [s] count as not finite: they are no times in any unit, and differences to others
+overflow."""
 FIRST_STEPS = 50
 """The typical step is the median of this many steps at the start."""
 
@@ -32,7 +35,7 @@ class RowChecker:
             t: Times of the block [s], shape (N,).
             first_row: Number of its first row in the file.
         """
-        finite = np.isfinite(t)
+        finite = np.abs(t) < LATEST
         self.report(~finite, first_row, "not_finite", "timestamp is not a finite number; row ignored")
         step = np.diff(t[finite], prepend=self._last)
         repeated = step == 0.0

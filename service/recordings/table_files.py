@@ -241,6 +241,10 @@ class _Csv:
             head = (stream.read(_HEAD) or b"").split(b"\n", 1)[0].decode("utf-8-sig", "replace").strip()
         if not head.replace("\t", "").isprintable():
             raise RecordingError(f"{path}: expected a table as text, got binary data")
+        if ";" in head and not {",", "\t", " "} & set(head):
+            raise RecordingError(
+                f"{path}: expected columns separated by commas, tabs or blanks, got semicolons"
+            )
         self._delimiter = "," if "," in head else "\t" if "\t" in head else " "
         self.names = [name.strip().strip('"') for name in head.split(self._delimiter)]
         if not any(name and not _is_number(name) for name in self.names):

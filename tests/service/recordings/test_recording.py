@@ -112,6 +112,21 @@ def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
         read(tmp_path / "a.csv", SCENE)
 
 
+def test_semicolons_are_named(tmp_path: Path) -> None:
+    path = as_csv(tmp_path, columns())
+    path.write_text(path.read_text().replace(",", ";").replace(".", ","), encoding="utf-8")
+    with pytest.raises(RecordingError, match="expected columns separated by commas, .*, got semicolons"):
+        read(path, SCENE)
+
+
+def test_a_time_that_can_be_none_in_any_unit_is_not_used(tmp_path: Path) -> None:
+    found = columns()
+    found["timestamp"][20] = 1e308
+    recording = read(as_parquet(tmp_path, found), SCENE)
+    assert [(p.kind, p.row_from) for p in recording.problems] == [("not_finite", 20)]
+    assert recording.seconds < 1.0
+
+
 @pytest.mark.parametrize("size", [1, 7, 50, 1000])
 def test_blocks_hold_every_row_once(tmp_path: Path, size: int) -> None:
     found = columns()
