@@ -77,9 +77,13 @@ class ContactSummary:
     """Its force over time."""
 
     def __repr__(self) -> str:
-        place = ", ".join(f"{1e3 * x:.0f}" for x in self.point)
-        where = f"{self.link} at ({place}) mm" if self.link else "no single place"
+        where = f"{self.link} at ({millimetres(self.point)}) mm" if self.link else "no single place"
         return (
             f"<contact {self.contact} at {self.begin:.3f} s for {self.duration:.2f} s: {where}, "
             f"{self.peak_force:.1f} N, P = {self.probability:.2f}>"
         )
+
+
+def millimetres(point: np.ndarray) -> str:
+    """A place, shape (3,) [m], in whole mm, without the sign of a zero."""
+    return ", ".join(f"{1e3 * x:z.0f}" for x in point)

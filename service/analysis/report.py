@@ -12,7 +12,7 @@ from contactsense.detection.thresholds import sensor_set, stream_thresholds
 from contactsense.scene import Scene
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.assumptions import assumptions
-from contactsense.service.analysis.contact_summary import ContactSummary
+from contactsense.service.analysis.contact_summary import ContactSummary, millimetres
 from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.summarize import Summarizer
@@ -97,8 +97,8 @@ def _contact(contact: ContactSummary, analysis: Analysis) -> dict[str, Any]:
         "link": contact.link or "no single place",
         "colour": link_colour(contact.link_index),
         "probability": _percent(contact.probability),
-        "point": ", ".join(f"{1e3 * x:.0f}" for x in contact.point) if explained else "",
-        "point_base": ", ".join(f"{1e3 * x:.0f}" for x in contact.point_base) if explained else "",
+        "point": millimetres(contact.point) if explained else "",
+        "point_base": millimetres(contact.point_base) if explained else "",
         "deviation": "" if tangential is None else f"{1e3 * tangential:.1f}",
         "peak_force": f"{contact.peak_force:.1f}",
         "quasi_static_force": f"{contact.quasi_static_force:.1f}",

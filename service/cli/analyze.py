@@ -13,6 +13,7 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError
 from contactsense.service.analysis import analyze as run
 from contactsense.service.analysis.contact_arrows import contact_arrows
+from contactsense.service.analysis.contact_summary import millimetres
 from contactsense.service.analysis.contact_table import contact_rows, replace_parquet, write_contacts
 from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.report import write_report
@@ -181,7 +182,7 @@ def _print(found: Analysis, folder: Path) -> None:
     for name in ("begin s", "link", "P", "force N", "s", "impulse N s", "place mm (link frame)", "m/s"):
         table.add_column(name, justify="left" if name == "link" else "right", no_wrap=True)
     for contact in found.contacts:
-        place = ", ".join(f"{1e3 * x:.0f}" for x in contact.point) if contact.link else ""
+        place = millimetres(contact.point) if contact.link else ""
         table.add_row(
             f"{contact.begin:.3f}",
             contact.link or "no single place",

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from contactsense import Scene
 from contactsense.service.analysis import Analysis
+from contactsense.service.analysis.contact_summary import millimetres
 from contactsense.service.analysis.health import warning
 from contactsense.service.analysis.residual_statistics import ResidualSummary
 from contactsense.service.cli.analyze import analyze
@@ -221,3 +222,7 @@ def test_other_names_of_columns(folder: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(analyze, [*arguments, "--columns", "q=position"])
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)[0]["contacts"][0]["link"] == "forearm"
+
+
+def test_a_place_in_millimetres_has_no_negative_zero() -> None:
+    assert millimetres(np.array([-0.0004, 0.0, -0.1747])) == "0, 0, -175"

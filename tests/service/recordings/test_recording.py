@@ -115,7 +115,7 @@ def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
 def test_semicolons_are_named(tmp_path: Path) -> None:
     path = as_csv(tmp_path, columns())
     path.write_text(path.read_text().replace(",", ";").replace(".", ","), encoding="utf-8")
-    with pytest.raises(RecordingError, match="expected columns separated by commas, .*, got semicolons"):
+    with pytest.raises(RecordingError, match=r"expected columns separated by commas, .*, got semicolons"):
         read(path, SCENE)
 
 
