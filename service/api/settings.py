@@ -2,7 +2,6 @@
 
 import contextlib
 import ipaddress
-import json
 import os
 import tempfile
 from collections.abc import Callable, Mapping
@@ -23,6 +22,7 @@ from pydantic import (
 from contactsense.robots.field_errors import Place, joined
 from contactsense.scene import Scene, SceneError, describe
 from contactsense.service.api.access import AccessRules
+from contactsense.service.api.variables import PREFIX, from_json, read_variables
 from contactsense.service.controllers.push_source import PushSource
 from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.events.journal import JournalSettings
@@ -34,11 +34,6 @@ from contactsense.service.scene.skin_meshes import check_meshes
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
-
-PREFIX = "CONTACTSENSE_"
-"""Prefix of the environment variables; the name of the setting follows in capitals, as in
-`CONTACTSENSE_ROBOT_HOST`."""
-
 
 _READERS = (
     "ft_host", "ft_fields", "ft_port", "ft_http_port", "ft_counts", "robot_port", "robot_client",
@@ -86,24 +81,9 @@ def _six_names(value: Any) -> Any:
     return names
 
 
-def _as_variable(place: Place) -> str:
-    """The environment variable of a setting, and a field within it."""
-    return joined((PREFIX + str(place[0]).upper(), *place[1:]))
-
-
 def _option(name: str) -> str:
     """How the user writes a setting of the readers."""
     return PREFIX + name.upper() if name in _VARIABLES else f"--{name.replace('_', '-')}"
-
-
-def _from_json(value: Any) -> Any:
-    """Parse a group of settings from an environment variable."""
-    if not isinstance(value, str):
-        return value
-    try:
-        return json.loads(value)
-    except ValueError as error:
-        raise ValueError(f"expected an object in JSON ({error}), got {value!r:.60}") from None
 
 
 Port = Annotated[int, Field(ge=0, le=65535)]
@@ -170,7 +150,7 @@ class Settings(BaseModel):
     wrist_fields: Names = ("ft_raw_wrench",)
     """RTDE fields with the wrist sensor's reading [N, Nm], if the scene has such a sensor: one field of six
     numbers, or six fields of one number."""
-    link_wrenches: Annotated[dict[str, LinkWrenchSettings], BeforeValidator(_from_json)] = {}
+    link_wrenches: Annotated[dict[str, LinkWrenchSettings], BeforeValidator(from_json)] = {}
     """Sources of the scene's further force/torque sensors within the arm, by name: `host`, `port`,
     `http_port`, `counts` of a Net F/T sensor, or `fields`, RTDE fields with its reading [N, Nm]."""
     constant_readings: bool = False
@@ -207,25 +187,25 @@ class Settings(BaseModel):
     """File to log to instead of stderr; rotated at 10 MB, five files are kept."""
     queue: PositiveInt = 500
     """Estimates kept for a slow reader of the stream before it loses the oldest."""
-    events: Annotated[JournalSettings, BeforeValidator(_from_json)] = JournalSettings()
+    events: Annotated[JournalSettings, BeforeValidator(from_json)] = JournalSettings()
     """Where events are stored, and how many. As JSON in an environment variable."""
-    reactions: Annotated[ReactionSettings, BeforeValidator(_from_json)] = ReactionSettings()
+    reactions: Annotated[ReactionSettings, BeforeValidator(from_json)] = ReactionSettings()
     """Where the rules of reactions are. As JSON in an environment variable."""
-    recording: Annotated[RecordingSettings, BeforeValidator(_from_json)] = RecordingSettings()
+    recording: Annotated[RecordingSettings, BeforeValidator(from_json)] = RecordingSettings()
     """Clips and recordings, see `contactsense.service.recordings.clip_listener`."""
-    controllers: Annotated[ControllerSettings, BeforeValidator(_from_json)] = ControllerSettings()
+    controllers: Annotated[ControllerSettings, BeforeValidator(from_json)] = ControllerSettings()
     """Interfaces for controllers. As JSON in an environment variable."""
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] = os.environ) -> "Settings":
-        """Create settings from `CONTACTSENSE_*` variables; unknown variables with that prefix are ignored.
+        """Create settings from `CONTACTSENSE_*` variables: those of the settings, and of options that are
+        fields of a group. Other variables with that prefix are ignored, see `misspelled`.
 
         Raises:
             SettingsError: A value cannot be used.
         """
-        names = {PREFIX + name.upper(): name for name in cls.model_fields}
-        given = {names[key]: value for key, value in environment.items() if key in names}
-        return cls.checked(given, "environment", _as_variable)
+        given, spelled = read_variables(environment, cls.model_fields)
+        return cls.checked(given, "environment", spelled)
 
     @classmethod
     def checked(

@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import os
 import signal
 import socket
 from pathlib import Path
@@ -17,6 +18,7 @@ from contactsense.service import logs
 from contactsense.service.api.app import create_app
 from contactsense.service.api.connections import http_protocol, websocket_protocol
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.api.variables import GROUPED, misspelled
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.controllers.robot_program_servers import PortError
@@ -25,18 +27,6 @@ from contactsense.service.scene.summary import scene_warnings
 
 READY = "serving at "
 """Beginning of the line on stdout that names the address."""
-
-GROUPED = (
-    ("journal", "events", "path"),
-    ("reactions", "reactions", "file"),
-    ("recordings", "recording", "folder"),
-    ("source", "controllers", "source"),
-    ("xmlrpc_port", "controllers", "xmlrpc_port"),
-    ("line_port", "controllers", "line_port"),
-    ("controller_host", "controllers", "host"),
-    ("controller_clients", "controllers", "clients"),
-)
-"""Options that are fields of a group of settings: option, group, field."""
 
 
 @click.command()
@@ -113,7 +103,7 @@ def serve(**options: Any) -> int:
         scene, log = app.state.service.scene, logging.getLogger("contactsense")
         for warning in scene_warnings(scene):
             log.warning("scene: %s", warning)
-        for unused in settings.unused(scene):
+        for unused in (*settings.unused(scene), *misspelled(os.environ, Settings.model_fields)):
             log.warning("%s", unused)
     except SettingsError as error:
         raise click.ClickException(str(error)) from None

@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.api.variables import misspelled
 from contactsense.service.cli.scene_show import show
 from tests.service.ur_rtde import ur_rtde_installed
 
@@ -25,6 +26,38 @@ def test_from_the_environment() -> None:
     assert settings.ft_counts == (1e6, 1e6)
 
 
+def test_options_of_a_group_are_variables_too(tmp_path: Path) -> None:
+    environment = {
+        "CONTACTSENSE_CONTROLLERS": '{"tracks": 2, "line_port": 1}',
+        "CONTACTSENSE_LINE_PORT": "8002",
+        "CONTACTSENSE_SOURCE": "push",
+        "CONTACTSENSE_JOURNAL": str(tmp_path / "events.db"),
+        "CONTACTSENSE_RECORDINGS": str(tmp_path),
+        "CONTACTSENSE_REACTIONS": str(tmp_path / "reactions.yaml"),
+    }
+    settings = Settings.from_environment(environment)
+    controllers = settings.controllers
+    assert (controllers.tracks, controllers.line_port, controllers.source) == (2, 8002, "push")
+    assert settings.events.path == tmp_path / "events.db"
+    assert settings.recording.folder == tmp_path
+    assert settings.reactions.file == tmp_path / "reactions.yaml"
+    own = Settings.from_environment({"CONTACTSENSE_REACTIONS": '{"file": "other.yaml"}'})
+    assert own.reactions.file == Path("other.yaml")
+
+
+def test_a_misspelled_variable_is_told() -> None:
+    environment = {
+        "CONTACTSENSE_ROBOT_HOTS": "a",
+        "CONTACTSENSE_JOURNL": "b",
+        "CONTACTSENSE_SHARED": "not ours",
+        "CONTACTSENSE_PORT": "0",
+    }
+    assert misspelled(environment, Settings.model_fields) == (
+        "CONTACTSENSE_ROBOT_HOTS has no effect: there is no such setting (did you mean ROBOT_HOST?)",
+        "CONTACTSENSE_JOURNL has no effect: there is no such setting (did you mean JOURNAL?)",
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "value", "complaint"),
     [
@@ -34,6 +67,7 @@ def test_from_the_environment() -> None:
         ("FT_COUNTS", "5", "CONTACTSENSE_FT_COUNTS: expected two numbers.* 1000000,1000000, got '5'"),
         ("FT_COUNTS", "5,x", "expected two numbers.* got '5,x'"),
         ("FT_COUNTS", "5,-1", "expected two numbers.* got '5,-1'"),
+        ("LINE_PORT", "x", "CONTACTSENSE_LINE_PORT: expected a whole number, got 'x'"),
         ("EVENTS", '{"path": ', "CONTACTSENSE_EVENTS: expected an object in JSON"),
         ("EVENTS", '{"pth": "a"}', r"CONTACTSENSE_EVENTS.pth: unknown field \(did you mean path\?\)"),
     ],
