@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from contactsense.robots.field_places import Place, find, places_of
+from contactsense.robots.field_places import Found, Place, find, places_of
 from contactsense.robots.near_names import did_you_mean
 
 __all__ = ["Place", "describe", "joined", "reasons"]
@@ -109,15 +109,19 @@ def _message(issue: Mapping[str, Any], annotation: Any) -> str:
     near = ""
     if issue["type"] == "extra_forbidden":
         *location, name = issue["loc"]
-        here = find(annotation, location)
-        # A field of another part is in the wrong place, however near its name is to one of this part.
-        meant = [place for place in places_of(annotation, str(name)) if place != (*here.place, name)]
-        near = (
-            f" (did you mean {' or '.join(map(joined, meant))}?)"
-            if meant
-            else did_you_mean(str(name), here.fields)
-        )
+        near = _meant(str(name), find(annotation, location), annotation)
     return words.format(**issue.get("ctx", {})) + near
+
+
+def _meant(name: str, here: Found, annotation: Any) -> str:
+    """End of a message about an unknown field: a part below, or elsewhere, that has a field of this name, as
+    its indentation may be wrong, or else the field of this part whose name is nearest."""
+    below = [(*here.place, *place) for kind in here.types for place in places_of(kind, name)]
+    own = (*here.place, name)  # of a union, another type may have this field
+    meant = [place for place in below or places_of(annotation, name) if place != own]
+    if meant:
+        return f" (did you mean {' or '.join(map(joined, meant))}?)"
+    return did_you_mean(name, here.fields)
 
 
 def _either(messages: list[str]) -> str:

@@ -36,6 +36,12 @@ class Whole(Part):
     six: tuple[float, float, float] = (0.0, 0.0, 0.0)
     on: bool = False
     slab: Slab = Slab()
+    boxes: tuple["Box", ...] = ()
+
+
+class Box(Part):
+    lid: Slab | None = None
+    floor: Slab = Slab()
 
 
 @pytest.mark.parametrize(
@@ -44,6 +50,11 @@ class Whole(Part):
         ({"partz": 1}, "partz: unknown field (did you mean parts?), got 1"),
         ({"wile": "x"}, "wile: unknown field (did you mean while?), got 'x'"),
         ({"thickness": 1}, "thickness: unknown field (did you mean slab.thickness?), got 1"),
+        (
+            {"boxes": [{"thickness": 2}]},
+            "boxes[0].thickness: unknown field (did you mean boxes[0].lid.thickness or "
+            "boxes[0].floor.thickness?), got 2",
+        ),
         ({"slab": {"share": 1}}, "slab.share: unknown field (did you mean share?), got 1"),
         ({"colour": 1}, "colour: unknown field, got 1"),
         ({"parts": [{"kind": "cube"}]}, "parts[0]: expected 'kind' to be one of 'ball', 'slab', got 'cube'"),
