@@ -4,22 +4,26 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
-    NonNegativeFloat,
     PositiveFloat,
     ValidationError,
     model_validator,
 )
 
 from contactsense.robots.yaml_fields import read_fields
+from contactsense.runtime.reading_limits import LARGEST_FORCE
 from contactsense.scene import Scene, describe
+from contactsense.sensors.field_checks import in_metres
 from contactsense.service.reactions.actions import Action
 
 ANY, TOOL = "any", "tool"
 """Names in `links` for all links, and for the scene's tool regardless of its name."""
 Three = tuple[float, float, float]
+Force = Annotated[float, Field(gt=0.0, le=LARGEST_FORCE)]
+"""Readings beyond the largest force are not used: a level above it would never begin [N]."""
 
 
 class RulesError(ValueError):
@@ -33,11 +37,11 @@ class _Part(BaseModel):
 class Level(_Part):
     """A level of force and the actions that it triggers."""
 
-    force: PositiveFloat
+    force: Force
     """Level that the force must exceed [N]."""
     probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.9
     """Smallest probability that the force exceeds the level."""
-    duration: NonNegativeFloat = 0.0
+    duration: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
     """How long this must hold without interruption [s]."""
     release: Annotated[float, Field(gt=0.0, le=1.0)] = 0.8
     """The level ends when the force no longer exceeds this fraction of `force` with that probability."""
@@ -98,11 +102,11 @@ class ExpectedContact(_Part):
     name: str
     links: Annotated[tuple[str, ...], Field(min_length=1)]
     """Names of links or groups, `tool`, or `any`."""
-    point: Three | None = None
+    point: Annotated[Three, AfterValidator(in_metres)] | None = None
     """Expected point, base frame [m]; None: anywhere on the links."""
     radius: PositiveFloat = 0.05
     """Largest distance from `point` [m]."""
-    force: PositiveFloat
+    force: Force
     """Force to which the levels of all rules are raised [N]."""
     timeout: PositiveFloat = 10.0
     """The window closes after this time at the latest [s, robot's clock]."""

@@ -59,6 +59,18 @@ def test_links_of_groups(tmp_path: Path) -> None:
     ("before", "after", "complaint"),
     [
         ("force: 15", "force: -15", "rules[0].contact.force: expected a number above 0"),
+        ("force: 60", "force: 60000", "collision.force: expected a number of at most 5000, got 60000"),
+        ("duration: 0.01", "duration: 100", "duration: expected a number of at most 60, got 100"),
+        (
+            "contact: {force: 15, actions: [tell, slow]}",
+            "force: 15",
+            "rules[0].force: unknown field (did you mean rules[0].contact.force or rules[0].coll",
+        ),
+        (
+            "groups:",
+            "expected: [{name: i, links: [any], point: [450, 0, 0], force: 80}]\ngroups:",
+            "expected[0].point: expected x, y, z in m, none above 5, got [450.0, 0.0, 0.0]",
+        ),
         ("force: 60", "force: 10", "collision.force: expected at least contact.force (15 N), got 10 N"),
         ("half_angle: 0.5", "half_angle: 30", "half_angle: expected a number of at most 3.14"),
         ("[0, 0, -1]", "[0, 0, 0]", "axis: expected a direction, got three zeros"),
