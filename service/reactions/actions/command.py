@@ -41,8 +41,8 @@ class CommandAction(ExecutedAction):
                     os.killpg(process.pid, signal.SIGKILL)
                 raise ActionError(f"{self.command[0]}: killed after {self.timeout:g} s") from None
         if process.returncode != 0:
-            last = output.decode("utf-8", "replace").strip().splitlines()[-1:]
-            raise ActionError(f"{self.command[0]}: exit status {process.returncode}: {''.join(last)[:200]}")
+            last = output.decode("utf-8", "replace").strip().splitlines()[-1:] or ["it printed nothing"]
+            raise ActionError(f"{self.command[0]}: exit status {process.returncode}: {last[0][:200]}")
         return "exit status 0"
 
     def describe(self) -> str:

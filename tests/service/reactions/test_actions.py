@@ -148,6 +148,7 @@ def test_a_command_gets_the_decision(tmp_path: Path) -> None:
     ("script", "complaint"),
     [
         ("import sys; sys.exit('no such thing')", "exit status 1: no such thing"),
+        ("raise SystemExit(3)", "exit status 3: it printed nothing"),
         ("import time; time.sleep(60)", "killed after 0.5 s"),
     ],
 )
