@@ -18,6 +18,8 @@ import pyarrow.parquet as pa_parquet
 
 from contactsense.service.recordings.problems import Problem, RecordingError
 
+RAW_READINGS = "wrench-"
+"""Prefix of the tables that `contactsense record` writes in addition to those of the samples."""
 _HEAD = 65536
 """Maximum length of the header line of a CSV file [bytes]."""
 _BUFFER = 1 << 20
@@ -153,12 +155,12 @@ class _Parquet:
 
 
 class _ParquetFolder:
-    """All Parquet files below a folder, sorted by name."""
+    """All Parquet files below a folder, sorted by name, without tables of raw readings."""
 
     def __init__(self, path: Path) -> None:
-        files = sorted(path.rglob("*.parquet"))
+        files = sorted(file for file in path.rglob("*.parquet") if not file.name.startswith(RAW_READINGS))
         if not files:
-            raise RecordingError(f"{path}: expected a folder with .parquet files, got none")
+            raise RecordingError(f"{path}: expected a folder with .parquet files of samples, got none")
         self._parts = [_Parquet(file) for file in files]
         self.names = [n for n in self._parts[0].names if all(n in part.names for part in self._parts)]
         self.meta = self._parts[0].meta

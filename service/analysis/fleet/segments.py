@@ -14,14 +14,14 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
+from contactsense.service.recordings.table_files import RAW_READINGS
+
 SEGMENT_TIME = 600.0
 """Length of a segment [s]."""
 WARM_UP = 60.0
 """Time before a segment at which reading starts [s]: six times the memory of the bias filter."""
 TAIL = 60.0
 """Time after a segment up to which a contact is followed [s]."""
-RAW_READINGS = "wrench-"
-"""Prefix of the tables that `contactsense record` writes in addition to those of the samples."""
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3")
 
 

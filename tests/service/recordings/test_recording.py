@@ -112,6 +112,21 @@ def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
         read(tmp_path / "a.csv", SCENE)
 
 
+def test_a_folder_that_was_recorded_is_one_recording(tmp_path: Path) -> None:
+    found = columns()
+    half = {name: values[: N // 2] for name, values in found.items()}
+    rest = {name: values[N // 2 :] for name, values in found.items()}
+    for part, name in ((half, "samples-1-0000.parquet"), (rest, "samples-1-0001.parquet")):
+        as_parquet(tmp_path, part).rename(tmp_path / name)
+    raw = {"tick": np.arange(9.0), "arrival": np.arange(9.0)}
+    as_parquet(tmp_path, raw).rename(tmp_path / "wrench-1-0000.parquet")
+    np.testing.assert_array_equal(read(tmp_path, SCENE).t, found["timestamp"])
+    for path in tmp_path.glob("samples-*"):
+        path.unlink()
+    with pytest.raises(RecordingError, match=r"expected a folder with \.parquet files of samples, got none"):
+        read(tmp_path, SCENE)
+
+
 def test_semicolons_are_named(tmp_path: Path) -> None:
     path = as_csv(tmp_path, columns())
     path.write_text(path.read_text().replace(",", ";").replace(".", ","), encoding="utf-8")
