@@ -1,16 +1,21 @@
 """Read a URDF and check that it is one tree of links: what is wrong is said in one line, with the element."""
 
+import contextlib
+import logging
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
+from xml.parsers.expat import errors
 
 import yourdfpy
 
 from contactsense.robots.yaml_schema import RobotError
 
 TURNING = ("revolute", "continuous")
+_UNBOUND_PREFIX = errors.codes[errors.XML_ERROR_UNBOUND_PREFIX]
+"""URDFs of simulators have elements such as drake:acceleration without the namespace of the prefix."""
 _KNOWN = (*TURNING, "fixed", "prismatic")
 
 
@@ -24,7 +29,8 @@ def read_document(path: Path) -> Any:
         raise RobotError(f"{path}: no such file")
     _check_kind(path)
     try:
-        model = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=False).robot
+        with _without_log():
+            model = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=False).robot
     except KeyError as error:
         raise RobotError(f"{path}: no valid URDF: an element lacks the attribute {error}") from error
     except (ElementTree.ParseError, SyntaxError, ValueError, TypeError, AttributeError) as error:
@@ -45,14 +51,28 @@ def read_document(path: Path) -> Any:
     return model
 
 
+@contextlib.contextmanager
+def _without_log() -> Iterator[None]:
+    """Keep the reader from printing that it tolerates a prefix without a namespace."""
+    log = logging.getLogger("yourdfpy.urdf")
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
+
+
 def _check_kind(path: Path) -> None:
     """Refuse xacro and SDF with a hint."""
     try:
         root = ElementTree.parse(path).getroot()
     except OSError as error:
         raise RobotError(f"{path}: {error.strerror}") from error
-    except ElementTree.ParseError:
-        return  # the reader of URDFs is more tolerant, for example of prefixes without a namespace
+    except ElementTree.ParseError as error:
+        # The reader of URDFs recovers what it can: of a file that is cut short, a shorter arm.
+        if error.code != _UNBOUND_PREFIX:
+            raise RobotError(f"{path}: no valid URDF: {error}") from error
+        return
     if root.tag == "sdf":
         raise RobotError(f"{path}: expected URDF, got SDF; convert it first, for example with sdf2urdf")
     if _is_xacro(root):

@@ -157,6 +157,10 @@ def test_unusable_files_and_tips_are_refused(tmp_path: Path) -> None:
         robots.from_urdf(tmp_path / "none.urdf")
     with pytest.raises(robots.RobotError, match=r"arm.urdf: no valid URDF"):
         robots.from_urdf(write(tmp_path, "<robot"))
+    whole = arm()
+    for share in (0.5, 0.7, 0.9, 0.97):
+        with pytest.raises(robots.RobotError, match=r"arm.urdf: no valid URDF: .*line \d+, column \d+"):
+            robots.from_urdf(write(tmp_path, whole[: int(share * len(whole))]))
     with pytest.raises(robots.RobotError, match=r"expected URDF, got SDF"):
         robots.from_urdf(write(tmp_path, "<sdf><model name='arm'/></sdf>"))
     with pytest.raises(robots.RobotError, match=r"root element robot, got mujoco"):
@@ -206,3 +210,14 @@ def test_panda() -> None:
     assert len(chain.robot.joints) == 7
     meshes = chain.meshes()
     assert set(meshes) == set(chain.robot.link_names)
+
+
+def test_a_prefix_without_a_namespace_is_tolerated_without_a_word(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = arm().replace("<limit ", '<limit drake:acceleration="1" ', 1)
+    assert (
+        robots.from_urdf(write(tmp_path, text)).link_names
+        == robots.from_urdf(write(tmp_path, arm())).link_names
+    )
+    assert caplog.text == ""
