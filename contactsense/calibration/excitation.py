@@ -125,7 +125,7 @@ def propose_excitation(
             return search.proposal(motion, expected_uncertainty(scene, groups, motion, _RATE))
     raise CalibrationError(
         f"no motion of {settings.seconds:g} s found that keeps {settings.floor:g} m above the base plane and "
-        f"{settings.clearance:g} m between links: try another --home, or a smaller --floor or --room"
+        f"{settings.clearance:g} m between links: try another --home, or a smaller --floor or --clearance"
     )
 
 

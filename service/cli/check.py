@@ -14,6 +14,7 @@ from rich.table import Table
 from contactsense.calibration import FreeMotion
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
@@ -52,7 +53,7 @@ _UNITS = {
 @sensor_options("Read this robot's controller instead of RECORDINGS.")
 @click.option(
     "--seconds",
-    type=click.FloatRange(4.0),
+    type=FiniteRange(4.0),
     default=20.0,
     show_default=True,
     help="How long to read the robot.",

@@ -16,6 +16,8 @@ from contactsense.calibration import CalibrationError
 from contactsense.calibration.excitation import ExcitationSettings, Proposal, propose_excitation
 from contactsense.robots import RobotError, load
 from contactsense.scene import Scene, SceneError
+from contactsense.sensors.field_checks import FURTHEST
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.problems import RecordingError
@@ -28,23 +30,38 @@ from contactsense.service.recordings.problems import RecordingError
 )
 @click.option("--into", type=click.Path(path_type=Path), help="Write the motion into this table.")
 @click.option(
-    "--seconds", default=ExcitationSettings.seconds, show_default=True, help="Length of the motion [s]."
+    "--seconds",
+    default=ExcitationSettings.seconds,
+    show_default=True,
+    type=FiniteRange(4.0, 600.0),
+    help="Length of the motion [s].",
 )
-@click.option("--rate", default=125.0, show_default=True, help="Rows per second in the table [Hz].")
+@click.option(
+    "--rate",
+    default=125.0,
+    show_default=True,
+    type=FiniteRange(1.0, 10_000.0),
+    help="Rows per second in the table [Hz].",
+)
 @click.option(
     "--speed",
     default=ExcitationSettings.speed,
     show_default=True,
+    type=FiniteRange(0.0, 1.0, min_open=True),
     help="Highest speed, of each joint's limit.",
 )
 @click.option(
-    "--floor", default=ExcitationSettings.floor, show_default=True, help="Height above the base plane [m]."
+    "--floor",
+    default=ExcitationSettings.floor,
+    show_default=True,
+    type=FiniteRange(-FURTHEST, FURTHEST),
+    help="Height above the base plane [m].",
 )
 @click.option(
-    "--room",
-    "clearance",
+    "--clearance",
     default=ExcitationSettings.clearance,
     show_default=True,
+    type=FiniteRange(0.0, FURTHEST),
     help="Distance between links [m].",
 )
 @click.option("--home", help="Mean posture: joint angles in degrees, separated by commas.")
@@ -76,8 +93,6 @@ def excite(
     """
     if (name is None) == (path is None):
         raise click.UsageError("--robot and --scene: expected one of them")
-    if not rate > 0.0 or not 0.0 < speed <= 1.0:
-        raise click.UsageError(f"--rate above 0 and --speed up to 1 expected, got {rate:g} and {speed:g}")
     try:
         scene = Scene(robot=load(name)) if name is not None else Scene.load(path or "")
         joints = len(scene.robot.joints)

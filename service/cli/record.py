@@ -14,6 +14,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.record_by_service import ended_by_signals, record_by_service
 from contactsense.service.cli.sensor_options import sensor_options
@@ -39,15 +40,15 @@ _SOURCE = (
 @click.option("--robot", help="Robot to assume where there is no scene file.  [default: ur5e]")
 @sensor_options("Address of the robot's controller.")
 @click.option("--fields", default="", help="Further RTDE fields to record, separated by commas.")
-@click.option("--seconds", type=click.FloatRange(0.0, min_open=True), help="Stop after this time.")
+@click.option("--seconds", type=FiniteRange(0.0, min_open=True), help="Stop after this time.")
 @click.option(
-    "--rotate-seconds", type=click.FloatRange(1.0), default=600.0, show_default=True, help="Longest file."
+    "--rotate-seconds", type=FiniteRange(1.0), default=600.0, show_default=True, help="Longest file."
 )
 @click.option(
-    "--rotate-mb", type=click.FloatRange(1.0), default=256.0, show_default=True,
+    "--rotate-mb", type=FiniteRange(1.0), default=256.0, show_default=True,
     help="Largest file before compression.",
 )  # fmt: skip
-@click.option("--disk-limit-mb", type=click.FloatRange(1.0), help="Remove the oldest files beyond this.")
+@click.option("--disk-limit-mb", type=FiniteRange(1.0), help="Remove the oldest files beyond this.")
 @click.option(
     "--from", "origin", type=click.Path(path_type=Path), help="Convert this recording instead of a live arm."
 )
