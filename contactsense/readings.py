@@ -7,11 +7,13 @@ import numpy as np
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.robots.attribute_docs import with_attributes
 from contactsense.runtime.constants import model_with_tool
 from contactsense.scene import Scene
 from contactsense.sensors.validation import checked_vector
 
 
+@with_attributes
 class Readings(NamedTuple):
     """The sensors' readings without noise, see `contactsense.types.Sample`."""
 

@@ -21,6 +21,7 @@ from pydantic import (
 
 from contactsense import robots
 from contactsense.robots import Robot
+from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.field_errors import Place, describe, reasons
 from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
@@ -83,11 +84,11 @@ def _reference(robot: Robot) -> str:
     return str(robot.file.absolute())
 
 
+@with_attributes
 class Scene(BaseModel):
     """One arm and its surroundings. Immutable; a `Localizer` is created from it.
 
-    From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`, with the
-    same fields. docs/scene.md lists them.
+    From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`.
 
     Raises:
         SceneError: a field is invalid; the message names it, what was expected and what came.

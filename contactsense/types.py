@@ -7,12 +7,15 @@ from typing import Literal
 
 import numpy as np
 
+from contactsense.robots.attribute_docs import with_attributes
+
 Status = Literal["none", "contact", "ambiguous", "multiple", "degraded"]
 Phase = Literal["", "new", "hold", "slide"]
 """Phase of a contact of a stream: new, at a constant position, or sliding; empty without a stream."""
 EventKind = Literal["onset", "hold", "slide", "release", "resume", "weight"]
 
 
+@with_attributes
 @dataclass(frozen=True, slots=True)
 class Sample:
     """Measurements at one instant. A sensor that is absent, or without a value at this instant, is None."""
@@ -36,6 +39,7 @@ class Sample:
     that is not there: no value."""
 
 
+@with_attributes
 @dataclass(frozen=True, slots=True)
 class Contact:
     """One candidate for the contact: a point on a link and the force on it."""
@@ -70,6 +74,7 @@ class Contact:
     an obstacle that explains the contact; empty if there is none."""
 
 
+@with_attributes
 @dataclass(frozen=True, slots=True)
 class Event:
     """A change of a contact in this sample."""
@@ -88,6 +93,7 @@ class Event:
     """Change of the payload's mass [kg]."""
 
 
+@with_attributes
 @dataclass(frozen=True, slots=True)
 class Explanation:
     """A set of simultaneous contacts that explains one measurement."""
@@ -98,6 +104,7 @@ class Explanation:
     """Probability of exactly this set, given the measurement."""
 
 
+@with_attributes
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """Result for one sample."""

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.robots.attribute_docs import with_attributes
 from contactsense.runtime.result_rows import (
     COVARIANCE,
     FORCE,
@@ -16,6 +17,7 @@ from contactsense.runtime.result_rows import (
 )
 
 
+@with_attributes
 class Batch(NamedTuple):
     """Best candidate of each of N samples, as arrays; base axes unless stated otherwise."""
 

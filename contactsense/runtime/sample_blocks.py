@@ -6,6 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from contactsense.robots.attribute_docs import with_attributes
 from contactsense.sensors.link_values import as_fields, by_field
 from contactsense.sensors.validation import as_floats
 from contactsense.types import Estimate, Sample
@@ -14,6 +15,7 @@ _FIELDS = ("t", "q", "qd", "joint_torque", "base_wrench")
 """Arrays of a block besides those of the link sensors."""
 
 
+@with_attributes
 @dataclass(frozen=True, eq=False, slots=True)
 class SampleBlock:
     """N consecutive samples of one stream, see `contactsense.types.Sample`; a row of NaN means that the
@@ -100,6 +102,7 @@ class SampleBlock:
         return Sample(float(self.t[i]), **own, **as_fields(values))
 
 
+@with_attributes
 @dataclass(frozen=True, eq=False, slots=True)
 class BlockEstimates:
     """The localizer's estimates for the N samples of a block, and their residuals."""

@@ -15,6 +15,7 @@ from pydantic import (
 )
 
 from contactsense.robots import Inertia
+from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.primitives import Vector
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.sensors.field_checks import in_metres, in_seconds, within_one_turn
@@ -74,6 +75,7 @@ class Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 
+@with_attributes
 class WrenchSensor(Part):
     """A six-axis force/torque sensor: its frame, the sign of its readings, and their noise."""
 
@@ -110,6 +112,7 @@ class WrenchSensor(Part):
         return rotation_from_rpy(self.rpy)
 
 
+@with_attributes
 class LinkWrenchSensor(WrenchSensor):
     """A six-axis force/torque sensor between two links of the arm."""
 
@@ -139,6 +142,7 @@ class LinkWrenchSensor(WrenchSensor):
         return name
 
 
+@with_attributes
 class Friction(Part):
     """Friction of the joints' drives; one value for all joints or one per joint.
 
@@ -170,6 +174,7 @@ class Friction(Part):
     """Velocity below which `rest_error` applies [rad/s]."""
 
 
+@with_attributes
 class JointTorqueSensor(Part):
     """Joint torques from motor currents: the signal, its meaning, and its noise."""
 

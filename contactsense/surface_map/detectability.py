@@ -7,6 +7,7 @@ import numpy as np
 from contactsense.detection.detectable_force import DETECTION
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, empty_motion
+from contactsense.robots.attribute_docs import with_attributes
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.scene import Scene
 from contactsense.sensors.validation import checked_vector
@@ -28,6 +29,7 @@ MIN_NAMED = 0.2
 """Share of answers on the link below which the map tells no error: a dozen answers have no median."""
 
 
+@with_attributes
 class LinkDetectability(NamedTuple):
     """One link of a map. Quantiles are by area; infinite where sensors cannot tell."""
 
@@ -43,6 +45,7 @@ class LinkDetectability(NamedTuple):
     """Probability of naming the link: median, and above which 95 % of the surface lies."""
 
 
+@with_attributes
 class Detectability(NamedTuple):
     """N places of the touchable surface in one posture. Base frame; infinite where sensors cannot tell."""
 
