@@ -10,10 +10,11 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Responses
+from contactsense.service.api.json_route import JsonRoute
 from contactsense.service.api.messages import ErrorOut
 from contactsense.service.recordings.clip_listener import RecordingSettings
 
-router = APIRouter()
+router = APIRouter(route_class=JsonRoute)
 log = logging.getLogger("contactsense")
 _MOST = 1000
 _NO_FOLDER: Responses = {

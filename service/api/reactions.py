@@ -8,12 +8,13 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Responses
+from contactsense.service.api.json_route import JsonRoute
 from contactsense.service.api.messages import ErrorOut
 from contactsense.service.reactions.health import ReactionsOut
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
 
-router = APIRouter()
+router = APIRouter(route_class=JsonRoute)
 _NOT_POSSIBLE: Responses = {
     503: {"model": ErrorOut, "description": "There are no rules, or no pipeline runs."},
 }

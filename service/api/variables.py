@@ -1,12 +1,12 @@
 """Settings in environment variables: their names, and settings that belong to a group."""
 
 import contextlib
-import json
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from contactsense.robots.field_errors import Place, joined
 from contactsense.robots.near_names import did_you_mean
+from contactsense.service.json_objects import parse_json
 
 PREFIX = "CONTACTSENSE_"
 """Prefix of the environment variables; the name of the setting follows in capitals, as in
@@ -29,7 +29,7 @@ def from_json(value: Any) -> Any:
     if not isinstance(value, str):
         return value
     try:
-        return json.loads(value)
+        return parse_json(value)
     except ValueError as error:
         raise ValueError(f"expected an object in JSON ({error}), got {value!r:.60}") from None
 

@@ -152,6 +152,7 @@ GOOD = {"q": POSTURE, "base_wrench": ZERO6}
         (json.dumps({**GOOD, "\ud800": 1}), "", "unicode"),
         (json.dumps({**GOOD, "q": "\ud800"}), "q", "list"),
         ("{", "", "not JSON"),
+        ('{"q": [0, 0, 0, 0, 0, 0], "q": [1, 1, 1, 1, 1, 1]}', "q", "expected once, got twice"),
         ("[]", "", "expected an object with fields"),
         ("", "", "expected a body in JSON, got none"),
     ],

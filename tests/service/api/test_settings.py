@@ -69,6 +69,11 @@ def test_a_misspelled_variable_is_told() -> None:
         ("FT_COUNTS", "5,-1", "expected two numbers.* got '5,-1'"),
         ("LINE_PORT", "x", "CONTACTSENSE_LINE_PORT: expected a whole number, got 'x'"),
         ("EVENTS", '{"path": ', "CONTACTSENSE_EVENTS: expected an object in JSON"),
+        (
+            "EVENTS",
+            '{"path": "a", "path": "b"}',
+            "CONTACTSENSE_EVENTS: expected an object .*path: .* got twice",
+        ),
         ("EVENTS", '{"pth": "a"}', r"CONTACTSENSE_EVENTS.pth: unknown field \(did you mean path\?\)"),
     ],
 )

@@ -71,6 +71,12 @@ def test_errors_name_the_field(change: dict[str, Any], field: str, reason: str, 
     assert reason in caught.value.reason
 
 
+def test_a_field_that_comes_twice_is_named() -> None:
+    with pytest.raises(MessageError, match=r"^q: expected once, got twice$") as caught:
+        decode(b'{"t": 0, "q": [], "q": [1]}', False)
+    assert caught.value.field == "q"
+
+
 def test_sensors_between_links_come_by_name() -> None:
     decoder = SampleDecoder(Scene(robot="ur5e", link_wrenches=[{"name": "elbow", "link": "forearm"}]))
     assert decoder.sample(GOOD).link_wrenches is None
