@@ -125,9 +125,9 @@ class Estimate:
     """
     wrench: np.ndarray
     """External wrench on the arm for the best candidate, force then moment about the base origin, base axes
-    [N, Nm], shape (6,)."""
+    [N, Nm], shape (6,); zeros without contact."""
     covariance: np.ndarray
-    """Covariance of `wrench`, shape (6, 6)."""
+    """Covariance of `wrench`, shape (6, 6); zeros without contact, where nothing is estimated."""
     other: float = 0.0
     """Probability of none of `contacts`: no single push, or a candidate too improbable to be reported."""
     reason: str = ""

@@ -133,10 +133,11 @@ class EstimateOut(BaseModel):
     )
     wrench: list[float | None] = Field(
         description="External wrench on the arm under the best explanation, force then moment about the base "
-        "origin, base axes [N, Nm]; null where it cannot be determined."
+        "origin, base axes [N, Nm]; null where it cannot be determined, zeros without contact."
     )
     covariance: list[list[float | None]] = Field(
-        description="Covariance of wrench, 6 x 6; null where it is not bounded."
+        description="Covariance of wrench, 6 x 6; null where it is not bounded, zeros without contact, where "
+        "nothing is estimated."
     )
     detectable: float | None = Field(
         None,
