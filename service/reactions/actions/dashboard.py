@@ -25,7 +25,9 @@ class DashboardAction(ExecutedAction):
             filled = self.text
             for name in ("rule", "level", "link"):
                 filled = filled.replace(f"{{{name}}}", str(decision[name]))
-            line = f"popup {filled.replace('{force}', format(decision['force'], '.0f'))}"
+            filled = filled.replace("{force}", format(decision["force"], ".0f"))
+            # A name with a line break, as YAML's block texts have, would end the command and begin another.
+            line = f"popup {' '.join(filled.split())}"
         with connection(host, self.port, self.timeout) as robot, robot.makefile("rb") as answers:
             greeting = answers.readline(1000)
             if not greeting:

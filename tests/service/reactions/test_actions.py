@@ -83,6 +83,15 @@ def test_dashboard_commands(command: Any, line: bytes) -> None:
         assert heard == [line]
 
 
+def test_a_line_break_in_a_name_begins_no_other_command() -> None:
+    told = {**TOLD, "rule": "arm\nplay", "link": "grip\r\nunlock protective stop"}
+    with line_server(b"Connected\n", b"showing popup\n") as (port, heard):
+        DashboardAction(type="dashboard", command="popup", port=port).perform(told, HOST)
+        assert len(heard) == 1
+        assert heard[0].count(b"\n") == 1
+        assert heard[0].startswith(b"popup arm play: ")
+
+
 @pytest.mark.parametrize("answer", [b"Failed to execute: pause\n", b"could not understand: 'pause'\n"])
 def test_a_dashboard_that_refuses(answer: bytes) -> None:
     with (
