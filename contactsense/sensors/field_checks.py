@@ -86,8 +86,8 @@ def touchable_in_metres(place: str, primitives: Sequence[Primitive]) -> None:
     takes more time and memory than there is if they are a thousand times too large.
 
     Args:
-        place: The tool or body that they are of.
-        primitives: They.
+        place: Where the tool or body is in the scene.
+        primitives: Those of its surface.
 
     Raises:
         ValueError: One is so large or far away that its numbers may be millimetres; the message names it.

@@ -9,6 +9,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.runtime.constants import Constants, build_constants
+from contactsense.runtime.reading_limits import LARGEST_FORCE
 from contactsense.scene import Scene
 from contactsense.sensors.validation import checked_vector
 from contactsense.surface_map.cell_evidence import CellEvidence, cell_evidence
@@ -129,8 +130,10 @@ def detectability(
         ValueError: an argument is wrong; the message names the field.
     """
     force = scene.force if force is None else force
-    if not (np.isfinite(force) and force > 0.0):
-        raise ValueError(f"force: expected a positive number of newtons, got {force!r}")
+    if not 0.0 < force <= LARGEST_FORCE:
+        raise ValueError(
+            f"force: expected a positive number of newtons, at most {LARGEST_FORCE:g}, got {force!r}"
+        )
     if not 0.0 < detection < 1.0:
         raise ValueError(f"detection: expected a probability between 0 and 1, got {detection!r}")
     if not (np.isfinite(friction) and friction >= 0.0):

@@ -158,7 +158,8 @@ def test_the_radius_holds_its_share() -> None:
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"force": 0.0}, "force: expected a positive number of newtons, got 0.0"),
+        ({"force": 0.0}, "force: expected a positive number of newtons, at most 5000, got 0.0"),
+        ({"force": 1e300}, r"force: expected a positive number of newtons, at most 5000, got 1e\+300"),
         ({"detection": 1.0}, "detection: expected a probability between 0 and 1, got 1.0"),
         ({"friction": -0.1}, "friction: expected a coefficient of at least 0, got -0.1"),
         ({"every": 0}, "every: expected at least 1, got 0"),
