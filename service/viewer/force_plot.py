@@ -15,7 +15,7 @@ class ForcePlot:
     """Force over time: the contact's, or those of the contacts that act at the same time."""
 
     def __init__(self, gui: viser.GuiApi, contacts: int) -> None:
-        """Add an empty plot for at most `contacts` simultaneous contacts."""
+        """Add a plot for up to `contacts` simultaneous contacts, hidden until there are forces over time."""
         self._contacts = contacts
         empty = np.array([-HISTORY, 0.0])
         self._plot = gui.add_uplot(
@@ -35,6 +35,7 @@ class ForcePlot:
             ),
             legend=uplot.Legend(show=False),
             height=190,
+            visible=False,
         )
         self._drawn = -float("inf")
 
@@ -48,5 +49,6 @@ class ForcePlot:
         if now - self._drawn < INTERVAL or len(forces.t) < 2:
             return
         self._drawn = now
+        self._plot.visible = True
         force = np.nan_to_num(forces.force)  # without contact the force is zero
         self._plot.data = (forces.t - forces.t[-1], *(force[:, i].copy() for i in range(self._contacts)))

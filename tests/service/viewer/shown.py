@@ -21,8 +21,8 @@ from tests.service.viewer.estimates import POSTURE
 
 PATIENCE = 240.0
 """Software draws a picture in seconds on a busy computer [s]."""
-PANEL = 490
-"""Column of the page from which on the panel covers the picture."""
+PANEL = 470
+"""Column of the page from which on the panel or its shadow covers the picture."""
 
 
 @dataclass
