@@ -25,7 +25,6 @@ import numpy as np
 
 from contactsense.robots.jit.lanes import HALF
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45,
@@ -72,8 +71,7 @@ def find_modes(
         prior: Prior of contacts.
         force_deviation: Root of the trace of the force's covariance [N]. If the force is more than this,
             the search starts from it, else from a force of this size or the prior's median if that is less.
-        limit: Energy above which a cell is rejected; so is one that is `ENERGY_CUTOFF` above another one of
-            the block.
+        limit: Energy above which a cell is rejected, as soon as the step does not promise to get below it.
         block: The block, with centres, normals and spreads of the cells; on return, the modes and their
             evidence.
     """
@@ -83,7 +81,6 @@ def find_modes(
     for step in range(MAX_ITERATIONS + 1):
         may_step = step < MAX_ITERATIONS
         _gauss_newton_steps(ratio_information, torsion_information, limit, may_step, (first, last), block)
-        limit = min(limit, _lowest_energy(count, block) + ENERGY_CUTOFF)
         # The halves in which cells are active: one of them or both. Both at once take less time than one
         # after the other, as the processor begins with the second while the first waits for its divisions.
         if not _has_active_cells(first, block):
@@ -103,16 +100,6 @@ def _has_active_cells(first: int, block: np.ndarray) -> bool:
     for j in range(HALF):
         active += half[ACTIVE + j]
     return active > 0.0
-
-
-@fused_kernel
-def _lowest_energy(count: int, block: np.ndarray) -> float:
-    """The lowest energy that a cell of the block has reached."""
-    lowest = math.inf
-    for j in range(count):
-        if block[DET + j] > 0.0:
-            lowest = min(lowest, block[ENERGY + j])
-    return lowest
 
 
 @fused_kernel
@@ -287,11 +274,10 @@ def _evidence(count: int, prior: Prior, limit: float, block: np.ndarray) -> None
     for first in range(0, count, HALF):
         half = view(block, first, (LENGTH - first,))
         for j in range(HALF):
-            energy = half[ENERGY + j]
             prior_scale = prior.friction_ratio**2 * prior.torsion_lever * half[SPREAD + j] * half[SPREAD + j]
-            log_evidence = -energy - 0.5 * logarithm(half[DET + j] * prior_scale * prior_scale)
-            accepted = (half[DET + j] > 0.0) & (energy <= limit)
-            half[ENERGY + j] = energy if accepted else math.inf
+            log_evidence = -half[ENERGY + j] - 0.5 * logarithm(half[DET + j] * prior_scale * prior_scale)
+            accepted = (half[DET + j] > 0.0) & (half[ENERGY + j] <= limit)
+            half[ENERGY + j] = half[ENERGY + j] if accepted else math.inf
             half[LOG_EVIDENCE + j] = log_evidence if accepted else -math.inf
             v1, v2 = half[V1 + j], half[V2 + j]
             half[PX + j] = half[X + j] + v1 * half[T1X + j] + v2 * half[T2X + j]
