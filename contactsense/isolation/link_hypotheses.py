@@ -15,6 +15,7 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
+from contactsense.kinematics.logarithm import logarithm
 from contactsense.kinematics.spatial import Six, dot6
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
@@ -231,7 +232,7 @@ def isolate(
         _store(P, out.covariance[link])
         _store(L, out.information[link])
         out.energy[link] = energy
-        out.log_evidence[link] = -energy - 0.5 * (log_volume + math.log(volume) + count * _LOG_2PI)
+        out.log_evidence[link] = -energy - 0.5 * (log_volume + logarithm(volume) + count * _LOG_2PI)
 
 
 @fused_kernel

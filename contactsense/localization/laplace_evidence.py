@@ -29,7 +29,7 @@ from contactsense.solvers.posterior import STUDENT_DOF, Prior
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45,
     A55, ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, FX, FY, FZ, LENGTH, LOG_EVIDENCE, LOG_FORCE, NX,
-    NY, NZ, PX, PY, PZ, SPREAD, SQUARED_RATIO, T1X, T1Y, T1Z, T2X, T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2,
+    NY, NZ, PX, PY, PZ, SPREAD, T1X, T1Y, T1Z, T2X, T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2,
     W3, W4, W5, X, Y, Z,
 )  # fmt: skip
 from contactsense.kinematics.exponential import exponential
@@ -71,7 +71,7 @@ def find_modes(
         prior: Prior of contacts.
         force_deviation: Root of the trace of the force's covariance [N]. If the force is more than this,
             the search starts from it, else from a force of this size or the prior's median if that is less.
-        limit: Energy above which a cell is rejected.
+        limit: Energy above which a cell is rejected, as soon as the step does not promise to get below it.
         block: The block, with centres, normals and spreads of the cells; on return, the modes and their
             evidence.
     """
@@ -198,12 +198,12 @@ def _gauss_newton_steps(
             z5 = a05 * f0 + a15 * f1 + a25 * f2 + a35 * m0 + a45 * m1 + a55 * m2
             squared_ratio = (alpha * alpha + beta * beta) * ratio_information
             tail_weight = (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio) * ratio_information
-            # Without the term of the friction ratio.
             energy = 0.5 * (
                 (d0 * y0 + d1 * y1 + d2 * y2 + d3 * y3 + d4 * y4 + d5 * y5)
                 + phi * phi
                 + chi * chi * torsion_information
                 + (v1 * v1 + v2 * v2) * cell_information
+                + (STUDENT_DOF + 2.0) * logarithm(1.0 + squared_ratio / STUDENT_DOF)
             )
             # Derivatives of (f0, f1, f2, m0, m1, m2) / F by the unknowns: by alpha (0, 1, 0, -v2, 0, 0), by
             # beta (0, 0, 1, v1, 0, 0), by chi (0, 0, 0, 1, 0, 0), by v1 (0, 0, 0, beta, 0, 1), by v2 (0, 0,
@@ -247,7 +247,6 @@ def _gauss_newton_steps(
             half[ENERGY + j] = (
                 energy - min(predicted_decrease, ENERGY_TOLERANCE) if active else half[ENERGY + j]
             )
-            half[SQUARED_RATIO + j] = squared_ratio if active else half[SQUARED_RATIO + j]
             half[VARIANCE + j] = 0.5 * (v11 + v22) if active else half[VARIANCE + j]
             half[DET + j] = (det if positive else 0.0) if active else half[DET + j]
             # The residual is bilinear in the force and the other unknowns: limit the step of the force.
@@ -256,7 +255,7 @@ def _gauss_newton_steps(
                 active
                 & positive
                 & (predicted_decrease >= ENERGY_TOLERANCE)
-                & (energy - 2.0 * predicted_decrease <= limit)
+                & (energy - predicted_decrease <= limit)
                 & may_step
             )
             half[ACTIVE + j] = 1.0 if continues else 0.0
@@ -275,13 +274,10 @@ def _evidence(count: int, prior: Prior, limit: float, block: np.ndarray) -> None
     for first in range(0, count, HALF):
         half = view(block, first, (LENGTH - first,))
         for j in range(HALF):
-            energy = half[ENERGY + j] + 0.5 * (STUDENT_DOF + 2.0) * logarithm(
-                1.0 + half[SQUARED_RATIO + j] / STUDENT_DOF
-            )
             prior_scale = prior.friction_ratio**2 * prior.torsion_lever * half[SPREAD + j] * half[SPREAD + j]
-            log_evidence = -energy - 0.5 * logarithm(half[DET + j] * prior_scale * prior_scale)
-            accepted = (half[DET + j] > 0.0) & (energy <= limit)
-            half[ENERGY + j] = energy if accepted else math.inf
+            log_evidence = -half[ENERGY + j] - 0.5 * logarithm(half[DET + j] * prior_scale * prior_scale)
+            accepted = (half[DET + j] > 0.0) & (half[ENERGY + j] <= limit)
+            half[ENERGY + j] = half[ENERGY + j] if accepted else math.inf
             half[LOG_EVIDENCE + j] = log_evidence if accepted else -math.inf
             v1, v2 = half[V1 + j], half[V2 + j]
             half[PX + j] = half[X + j] + v1 * half[T1X + j] + v2 * half[T2X + j]

@@ -108,16 +108,23 @@ def _bound_energies(
     """Lower bounds of the energies on all primitives, by the spheres about them, written to `bound`;
     returns the lowest one. Arguments as for `search_along_line_of_action`."""
     lowest, spheres = math.inf, candidates.spheres
+    least_energy = math.inf
+    for link in range(touchable.shape[0]):
+        if touchable[link]:
+            least_energy = min(least_energy, hypotheses.energy[link])
     for link in range(touchable.shape[0]):
         w, energy = hypotheses.wrench[link], hypotheses.energy[link]
         squared_force = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
         last = surfaces.start[link + 1]
+        if not touchable[link] or squared_force <= 0.0 or energy > least_energy + 2.0 * ENERGY_CUTOFF:
+            # A link that explains the measurement so much worse is hardly ever searched: its own energy will
+            # do as a bound.
+            is_searched = touchable[link] and squared_force > 0.0
+            for p in range(surfaces.start[link], last):
+                candidates.bound[p] = energy if is_searched else math.inf
+            continue
         for first in range(surfaces.start[link], last, LANES):
             end = min(first + LANES, last)
-            if not touchable[link] or squared_force <= 0.0:
-                for p in range(first, end):
-                    candidates.bound[p] = math.inf
-                continue
             _load_spheres(surfaces, deviations, prior, candidates, first, end)
             shift_energies(w, hypotheses.covariance[link], squared_force, spheres)
             for p in range(first, end):

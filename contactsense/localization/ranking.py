@@ -241,7 +241,8 @@ def _rank(
         return 0
     total = math.exp(none_evidence - best)
     for link in range(link_probability.shape[0]):
-        link_probability[link] = math.exp(unassigned_evidence[link] - best)
+        unassigned = unassigned_evidence[link]
+        link_probability[link] = math.exp(unassigned - best) if unassigned > -math.inf else 0.0
         total += link_probability[link]
     count_kept = 0
     for i in range(count):

@@ -16,9 +16,9 @@ from contactsense.robots.jit.lanes import LANES
     W0, W1, W2, W3, W4, W5,
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
     LOG_FORCE, FORCE, ALPHA, BETA, CHI, V1, V2,
-    ENERGY, SQUARED_RATIO, DET, VARIANCE, ACTIVE,
+    ENERGY, DET, VARIANCE, ACTIVE,
     LOG_EVIDENCE, PX, PY, PZ, FX, FY, FZ,
-) = range(0, 60 * LANES, LANES)  # fmt: skip
+) = range(0, 59 * LANES, LANES)  # fmt: skip
 """Offsets of the quantities of a cell.
 
 `X` to `NZ`, `SPREAD`: centre [m], outward unit normal and standard deviation [m] of the cell, link frame.
@@ -27,12 +27,11 @@ from contactsense.robots.jit.lanes import LANES
 (upper triangle), about the cell's centre, in the axes of normal and tangents.
 `LOG_FORCE`, `ALPHA`, `BETA`, `CHI`, `V1`, `V2`: the unknowns, see
 `contactsense.localization.laplace_evidence`; `FORCE`: normal force [N].
-`ACTIVE`, 1 while the iteration goes on, else 0; `ENERGY`, meanwhile without the term of the friction ratio;
-`SQUARED_RATIO`, the squared friction ratio in units of its variance; `DET`, determinant of the Gauss-Newton
-matrix (0 if it is not positive definite).
+`ACTIVE`, 1 while the iteration goes on, else 0; `DET`, determinant of the Gauss-Newton matrix (0 if it is not
+positive definite).
 Results: `ENERGY`; `LOG_EVIDENCE`, log of the mean evidence over the cell, up to the constant of the noise
 (infinity and -infinity if the energy is above the limit); `VARIANCE` of the place [m^2]; `PX` to `FZ`, the
 most probable point [m] and force [N], link frame.
 """
-LENGTH = 60 * LANES
+LENGTH = 59 * LANES
 """Length of a block."""

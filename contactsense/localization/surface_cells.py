@@ -42,6 +42,8 @@ class SurfaceCells(NamedTuple):
     """Lower bound of the energy of each cell in `queue`."""
     queue: Annotated[Integers, "cells"]
     """Samples of one link that the bound does not exclude."""
+    chosen: Annotated[Integers, "cells"]
+    """Those of `queue` that are evaluated next."""
     mode_sample: Annotated[Integers, f"{LANES}"]
     """Sample or subsample of each cell in `mode_block`."""
     primitive: Annotated[Integers, "cells"]

@@ -116,21 +116,56 @@ def _evaluate_samples(
             continue
         R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
         w, P = hypotheses.wrench[link], hypotheses.covariance[link]
-        squared_force, force_variance = _squared_force(w, P)
-        force_measured = force_variance < squared_force
         limit = lowest_energy + ENERGY_CUTOFF - link_energy
-        # The first link has no limit yet: no contact that is kept is that far above its link's energy.
-        far_limit = min(limit, 2.0 * ENERGY_CUTOFF)
-        queued = 0
-        last = blocks.start[link + 1]
-        for b in range(blocks.start[link], last):
-            if wrench_measured and squared_force > 0.0:
-                lane = (b - blocks.start[link]) % LANES
-                if lane == 0:
-                    _load_spheres(blocks, b, min(b + LANES, last), R, o, prior.surface_deviation, spheres)
-                    shift_energies(w, P, squared_force, spheres)
-                if spheres[SHIFT_ENERGY + lane] > far_limit:
-                    continue
+        queued = _queue_cells(blocks, link, (R, o), (w, P), wrench_measured, prior, limit, cells, spheres)
+        if queued == 0:
+            continue
+        to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
+        force_deviation = math.sqrt(_squared_force(w, P)[1])
+        rows, lowest_energy = _evaluate_queue(
+            samples, queued, force_deviation, prior, link_energy, rows, lowest_energy, cells
+        )
+    return rows, lowest_energy
+
+
+@fused_kernel
+def _queue_cells(
+    blocks: SurfaceBlocks,
+    link: int,
+    pose: tuple[np.ndarray, np.ndarray],
+    measured: tuple[np.ndarray, np.ndarray],
+    wrench_measured: bool,
+    prior: Prior,
+    limit: float,
+    cells: SurfaceCells,
+    spheres: np.ndarray,
+) -> int:
+    """Queue the cells of a link that the bounds do not exclude; returns their number.
+
+    Args:
+        blocks: The cells.
+        link: The link.
+        pose: Its orientation and origin in the base frame.
+        measured: Fused wrench and its covariance, base axes, about the base origin.
+        wrench_measured, prior: As in `contactsense.localization.ranking.locate_contacts`.
+        limit: Energy above which a cell is excluded.
+        cells: `queue` and `bound` are filled.
+        spheres: Scratch block.
+    """
+    (R, o), (w, P) = pose, measured
+    squared_force, force_variance = _squared_force(w, P)
+    skip_far, force_measured = wrench_measured and squared_force > 0.0, force_variance < squared_force
+    # The first link has no limit yet: no contact that is kept is that far above its link's energy.
+    far_limit = min(limit, 2.0 * ENERGY_CUTOFF)
+    queued, last = 0, blocks.start[link + 1]
+    for first in range(blocks.start[link], last, LANES):
+        end = min(first + LANES, last)
+        if skip_far:
+            _load_spheres(blocks, first, end, R, o, prior.surface_deviation, spheres)
+            shift_energies(w, P, squared_force, spheres)
+        for b in range(first, end):
+            if skip_far and spheres[SHIFT_ENERGY + b - first] > far_limit:
+                continue
             if force_measured:
                 copy(blocks.cells[b], cells.bound_block[:BOUND])
                 exclude_cells(
@@ -145,13 +180,7 @@ def _evaluate_samples(
                 cells.queue[queued] = blocks.sample[b, j]
                 cells.bound[queued] = bound if bound < LARGEST_BOUND else LARGEST_BOUND
                 queued += 0 if bound == math.inf else 1
-        if queued == 0:
-            continue
-        to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
-        rows, lowest_energy = _evaluate_queue(
-            samples, queued, math.sqrt(force_variance), prior, link_energy, rows, lowest_energy, cells
-        )
-    return rows, lowest_energy
+    return queued
 
 
 @fused_kernel
@@ -173,17 +202,19 @@ def _evaluate_queue(
     upper, first_bound = lowest_bound + BOUND_STEP, lowest_bound
     mode_count = 0
     while queued > 0:
-        remaining, lowest_bound = 0, math.inf
+        limit = lowest_energy + ENERGY_CUTOFF - link_energy
+        taken, remaining, lowest_bound = 0, 0, math.inf
+        # Without branches, which the processor could not predict.
         for i in range(queued):
-            bound = cells.bound[i]
-            if bound > lowest_energy + ENERGY_CUTOFF - link_energy:
-                continue
-            if bound >= upper:
-                cells.queue[remaining], cells.bound[remaining] = cells.queue[i], bound
-                lowest_bound = min(lowest_bound, bound)
-                remaining += 1
-                continue
-            _load_lane(samples, cells.queue[i], cells.mode_block, cells.mode_sample, mode_count)
+            sample, bound = cells.queue[i], cells.bound[i]
+            is_next, is_later = (bound < upper) & (bound <= limit), (bound >= upper) & (bound <= limit)
+            cells.chosen[taken] = sample
+            taken += 1 if is_next else 0
+            cells.queue[remaining], cells.bound[remaining] = sample, bound
+            remaining += 1 if is_later else 0
+            lowest_bound = min(lowest_bound, bound if is_later else math.inf)
+        for i in range(taken):
+            _load_lane(samples, cells.chosen[i], cells.mode_block, cells.mode_sample, mode_count)
             mode_count += 1
             if mode_count == LANES:
                 rows, lowest_energy = _evaluate_block(

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
+from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import to_body_frame
@@ -52,6 +53,8 @@ The mean over so few cells depends on where they happen to lie.
 WIDE_POSTERIOR_TOLERANCE = 0.05
 """Tolerance of the energy of the modes of a wide posterior, one whose cells are not divided: the place of a
 candidate is the mean over its cells then."""
+LEAST_LOG_WEIGHT = -40.0
+"""Least log of the weight of a cell in its candidate, as far as it is computed: none."""
 MIN_RELATIVE_WEIGHT = 1e-3
 """Cells below this share of the best candidate's weight do not start a candidate of their own."""
 
@@ -330,7 +333,7 @@ def _merge_cells(
         dx, dy, dz = cells.point[i, 0] - x, cells.point[i, 1] - y, cells.point[i, 2] - z
         if i != s and dx * dx + dy * dy + dz * dz > radius * radius:
             continue
-        weight = math.exp(cells.score[i] - top)
+        weight = exponential(max(cells.score[i] - top, LEAST_LOG_WEIGHT))
         cells.score[i], cells.weight[i] = -math.inf, weight
         n, v = cells.normal[i], cells.variance[i]
         total += weight

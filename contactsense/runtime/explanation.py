@@ -168,11 +168,12 @@ def explain_sample(
     no_contact_energy = isolate_links(constants, state, has_base, has_torque, link_sensors, variance_ratio)
     if no_contact_energy <= threshold:
         return 0, no_contact_energy
-    best = most_probable_link(constants, state)
     for link in range(constants.touchable.shape[0]):
         state.candidate_links[link] = 0 if gate else constants.touchable[link]
-    if best >= 0:
-        state.candidate_links[best] = 1
+    if gate:
+        best = most_probable_link(constants, state)
+        if best >= 0:
+            state.candidate_links[best] = 1
     scene = SearchedSurface(
         constants.surfaces,
         constants.samples,

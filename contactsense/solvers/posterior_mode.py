@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.kinematics.logarithm import logarithm
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import REVOLVED, curvature
 from contactsense.robots.vectors import Vector
@@ -120,7 +121,7 @@ def begin_search(
     """
     n, f = start.normal, start.force
     normal_force = -(f[0] * n[0] + f[1] * n[1] + f[2] * n[2])
-    store_contact(j, start, math.log(normal_force / prior.force), block)
+    store_contact(j, start, logarithm(normal_force / prior.force), block)
     block[OTHER_ENERGY + j], block[LEAST_ENERGY + j] = other_energy, least_energy
     _restart(j, block)
 
@@ -284,6 +285,6 @@ def mode_of(j: int, prior: Prior, block: np.ndarray) -> Mode:
         return Mode(math.inf, -math.inf, contact, (0.0, 0.0, 0.0), tangents)
     (nx, ny, nz), (fx, fy, fz) = contact.normal, contact.force
     normal_force = -(fx * nx + fy * ny + fz * nz)
-    log_ratio = math.log(block[DET + j]) + math.log(block[VARIANCE_RATIO + j])
+    log_ratio = logarithm(block[DET + j]) + logarithm(block[VARIANCE_RATIO + j])
     log_evidence = log_prior(prior, normal_force) - block[ENERGY + j] - 0.5 * log_ratio
     return Mode(block[ENERGY + j], log_evidence, contact, (v11, v12, v22), tangents)
