@@ -4,12 +4,14 @@ from typing import Annotated, NamedTuple
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
+from contactsense.localization.local_prior import DeviationCells
 from contactsense.multi_contact.joint_layout import CONTACT_LENGTH, LANE_NUMBERS
 from contactsense.multi_contact.pair_layout import FIRST_LENGTH, PAIR_LENGTH, PAIRS
 from contactsense.multi_contact.seed_samples import SeedSamples, choose_seed_samples
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.runtime.constants import Constants
 
 MAX_CONTACTS = 3
@@ -41,12 +43,15 @@ BLOCK_LENGTH = 10 * LANES
 """Length of a block."""
 
 
-class PrimitiveFrames(NamedTuple):
-    """Body frames of all P primitives in the base frame."""
+class PlacedSurface(NamedTuple):
+    """The surface of the arm in one posture."""
 
-    rotation: Annotated[Floats, "primitives, 3, 3"]
-    origin: Annotated[Floats, "primitives, 3"]
-    """[m]"""
+    surfaces: Surfaces
+    """Primitives."""
+    deviations: DeviationCells
+    """How far the real surface is from them, place by place."""
+    candidates: Candidates
+    """With their body frames in the base frame."""
 
 
 class MeasurementRows(NamedTuple):
