@@ -30,8 +30,9 @@ BEAM_WIDTH = 48
 """Maximum number of pairs of samples that are extended by a third (beam search)."""
 MAX_SUMMED_PAIRS = 12
 """Maximum number of pairs of links without an optimum that are explanations."""
-MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1 + MAX_SUMMED_PAIRS
-"""Maximum number of explanations before ranking."""
+MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1 + max(MAX_SUMMED_PAIRS, LANES)
+"""Maximum number of explanations before ranking. Pairs of links without an optimum are some only where
+nothing was known before; where something was, a block behind them is scratch."""
 X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE, HIGHEST = range(0, 10 * LANES, LANES)
 """Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
 
@@ -116,8 +117,9 @@ class JointState(NamedTuple):
     """Rows of the link of each contact, six numbers for each."""
     jacobian: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}, {LANES} * rows"]
     """Derivative of the predicted rows by the unknowns."""
-    known_mean: Annotated[Floats, f"{MAX_CONTACTS}, {KNOWN_NUMBERS}"]
-    """Point [m], force [N], torsion [Nm] and offset [m] of each known contact before the measurement."""
+    known_mean: Annotated[Floats, f"{MAX_CONTACTS}, {KNOWN_NUMBERS} * {LANES}"]
+    """Point [m], force [N], torsion [Nm] and offset [m] of each known contact before the measurement, in each
+    lane."""
     known_rows: Annotated[Floats, f"{MAX_CONTACTS}, {KNOWN_NUMBERS} * {LANES} * {UNKNOWNS} * {MAX_CONTACTS}"]
     """Rows of the prior of known contacts: eight numbers of each, by what differs from `known_mean`; the same
     in all lanes."""

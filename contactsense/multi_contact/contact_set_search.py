@@ -25,6 +25,7 @@ from contactsense.multi_contact.initial_contacts import (
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
+from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.pooled_evidence import log_of_sum, pool_link_evidence
@@ -194,6 +195,8 @@ def search_contact_sets(
         elif is_broad:
             share_evidence(explanations, first, stored)
         best = min(best, lowest_energy)
+    if at_rest and drift == math.inf and known_count > 0:
+        divide_known_places(surface, prior, buffers, m, known, stored)
     ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
 

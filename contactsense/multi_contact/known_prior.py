@@ -117,9 +117,10 @@ def fill_known_prior(
 def _fill_mean(known_contacts: KnownContacts, joint: JointState, i: int) -> None:
     """Mean of known contact i, which is in lane 0."""
     mean, place = joint.known_mean[i], vector_of(joint.contact[i], PX, 0)
-    for k in range(3):
-        mean[k], mean[3 + k] = place[k], known_contacts.force[i, k]
-    mean[6], mean[7] = joint.contact[i, TORSION], 0.0
+    for j in range(LANES):
+        for k in range(3):
+            mean[k * LANES + j], mean[(3 + k) * LANES + j] = place[k], known_contacts.force[i, k]
+        mean[6 * LANES + j], mean[7 * LANES + j] = joint.contact[i, TORSION], 0.0
 
 
 @fused_kernel

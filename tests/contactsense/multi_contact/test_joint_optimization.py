@@ -81,8 +81,8 @@ def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None
         block.reshape(-1, LANES)[[TORSION // LANES, OFFSET // LANES]] = [[0.02], [0.001]]
         if i < known.contacts:
             block.reshape(-1, LANES)[[FORCE_PRIOR // LANES, MOMENT_PRIOR // LANES]] = [[0.3], [0.4]]
-            joint.known_mean[i] = [*vector_of(block, PX, 0), *vector_of(block, FX, 0), 0.01, 0.0]
-            joint.known_mean[i] += rng.standard_normal(8) / scale
+            mean = np.array([*vector_of(block, PX, 0), *vector_of(block, FX, 0), 0.01, 0.0])
+            joint.known_mean[i] = np.repeat(mean + rng.standard_normal(8) / scale, LANES)
             _state_rows(joint, i, scale * rng.standard_normal((known.rows, 8)))
     joint.lane[ACTIVE], joint.lane[MOVING] = 1.0, 1.0
     joint_optimization.take_rows(constants.surfaces, rows, m, count, joint)
@@ -230,7 +230,7 @@ def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
     joint, information = case.buffers.joint, 1.0 / 0.001**2
     block = joint.contact[0]
     before = np.array(vector_of(block, PX, 0))
-    joint.known_mean[0, :3] = before
+    joint.known_mean[0, : 3 * LANES] = np.repeat(before, LANES)
     _state_rows(joint, 0, np.sqrt(information) * np.eye(3, 8))
     _optimize(case, m, 1, 1, KnownRows(1, 3))
     assert np.linalg.norm(np.array(vector_of(block, PX, 0)) - before) < 0.003
