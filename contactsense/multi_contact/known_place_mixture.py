@@ -33,6 +33,7 @@ from contactsense.multi_contact.buffers import (
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_optimization import find_joint_modes
+from contactsense.multi_contact.known_prior import MIN_POINT_DEVIATION
 from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.multi_contact.pooled_places import bilinear_form
 from contactsense.multi_contact.ranked_sets import order_distinct, store_explanation
@@ -52,8 +53,9 @@ _ANGLES = 2.0 * np.pi / (LANES - 1.0) * np.arange(LANES - 1)
 COMPONENTS = np.vstack(((0.0, 0.0), _RADIUS * np.column_stack((np.cos(_ANGLES), np.sin(_ANGLES)))))
 """Middles of the components, which weigh the same, of a standard normal distribution in the plane; its
 covariance is that of the mixture. Shape (LANES, 2)."""
-DIVIDED = 6
-"""Maximum number of explanations whose known places are divided."""
+DIVIDED = 3
+"""Maximum number of explanations whose known places are divided; with six, regions hold as much
+(`calibration-several --seed 11`), and the search takes longer."""
 MIN_ODDS = 0.05
 """Explanations with smaller odds to the best one remain as they are."""
 ROW = 0
@@ -120,7 +122,7 @@ def _bound_normal_direction(
         set_contact(surface, prior, joint, 0, i, known_contacts.primitive[i], point, force)
         n, C = vector_of(joint.contact[i], NX, 0), known_contacts.covariance[i]
         along_surface = C[0, 0] + C[1, 1] + C[2, 2] - bilinear_form(C, n, n)
-        information = 1.0 / math.sqrt(0.5 * along_surface)
+        information = 1.0 / math.sqrt(max(0.5 * along_surface, 0.0) + MIN_POINT_DEVIATION**2)
         at = (known.rows + i) * KNOWN_NUMBERS * LANES
         for e in range(known.contacts):
             row = joint.known_rows[e]
@@ -142,7 +144,7 @@ def _place_components(
     point, force = vector(known_contacts.point[i]), vector(explanations.force[t, i])
     set_contact(surface, prior, joint, 0, i, own, point, force)
     s, r = vector_of(joint.contact[i], SX, 0), vector_of(joint.contact[i], TX, 0)
-    a = math.sqrt(bilinear_form(C, s, s))
+    a = math.sqrt(bilinear_form(C, s, s) + MIN_POINT_DEVIATION**2)
     b = bilinear_form(C, s, r) / a
     d = math.sqrt(max(bilinear_form(C, r, r) - b * b, 0.0))
     for j in range(LANES):

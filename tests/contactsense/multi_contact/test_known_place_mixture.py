@@ -19,6 +19,7 @@ from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots import Link, Robot
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.primitives import Box, Primitive
+from contactsense.robots.vectors import Vector
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import empty_state
 from contactsense.scene import Scene
@@ -38,7 +39,9 @@ def test_the_mixture_has_the_mean_and_covariance_of_a_standard_normal_distributi
 class _Known:
     """A known contact on the base of an arm that has a surface of its own there; nothing is measured."""
 
-    def __init__(self, shapes: tuple[Primitive, ...], point: tuple[float, float, float]) -> None:
+    def __init__(
+        self, shapes: tuple[Primitive, ...], point: Vector, spread: Vector = (1.0, 1.0, 0.0)
+    ) -> None:
         plain = plain_ur5e()
         base = Link(plain.links[0].name, plain.links[0].inertia, shapes)
         robot = Robot(
@@ -55,7 +58,7 @@ class _Known:
         self.surface = PlacedSurface(self.constants.surfaces, self.constants.deviations, state.candidates)
         known = self.buffers.known
         known.primitive[0], known.point[0], known.force[0] = 0, point, (0.0, 0.0, -20.0)
-        known.covariance[0] = DEVIATION**2 * np.diag((1.0, 1.0, 0.0))
+        known.covariance[0] = DEVIATION**2 * np.diag(spread)
 
     def place(self) -> np.ndarray:
         """The only explanation's covariance of the place after it has been divided, shape (3, 3) [m^2]."""
@@ -75,6 +78,14 @@ def test_a_place_on_a_plane_remains_as_uncertain_as_stated() -> None:
     wide = Box(center=(0.3, 0.3, 0.05), half=(0.15, 0.15, 0.05), rounding=0.002)
     covariance = _Known((wide,), (0.3, 0.3, 0.1)).place()
     along = DEVIATION**2 * np.eye(2)
+    np.testing.assert_allclose(covariance[:2, :2], along, rtol=0.02, atol=1e-6)
+
+
+@pytest.mark.parametrize("spread", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_a_place_may_be_uncertain_in_one_direction_only(spread: Vector) -> None:
+    wide = Box(center=(0.3, 0.3, 0.05), half=(0.15, 0.15, 0.05), rounding=0.002)
+    covariance = _Known((wide,), (0.3, 0.3, 0.1), spread).place()
+    along = DEVIATION**2 * np.diag(spread[:2])
     np.testing.assert_allclose(covariance[:2, :2], along, rtol=0.02, atol=1e-6)
 
 
