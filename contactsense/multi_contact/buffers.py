@@ -109,6 +109,8 @@ class JointState(NamedTuple):
 
     primitive: Annotated[Integers, f"{MAX_CONTACTS}, {LANES}"]
     """Primitive of each contact."""
+    cell: Annotated[Integers, f"{MAX_CONTACTS}, {LANES}"]
+    """Cell of its surface, see `contactsense.localization.local_prior.DeviationCells`; -1 without cells."""
     contact: Annotated[Floats, f"{MAX_CONTACTS}, {CONTACT_LENGTH}"]
     """Everything about each contact."""
     lane: Annotated[Floats, f"{LANE_NUMBERS}, {LANES}"]

@@ -17,6 +17,7 @@ from contactsense.multi_contact.buffers import (
     MultiContactBuffers,
     PlacedSurface,
 )
+from contactsense.multi_contact.contact_step import move_to_cells
 from contactsense.multi_contact.further_contact import is_any_broad, locate_further_contact
 from contactsense.multi_contact.initial_contacts import (
     initialize_from_seed,
@@ -148,9 +149,12 @@ def search_contact_sets(
                     (known_count, further, candidates_used), start + j, j,
                 )  # fmt: skip
             count = known_count + further
-            fill_set_evidence(
-                surfaces, prior, rows, m, known, count, lanes, lowest_energy + ENERGY_MARGIN, joint
-            )
+            limit = lowest_energy + ENERGY_MARGIN
+            fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
+            if scene.deviations.mean_tilt > 0.0 and move_to_cells(
+                surface, prior, known_count, count, lanes, joint
+            ):
+                fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
             add_accessibility(surface, prior, known_count, count, lanes, joint)
             fill_covariances(count, joint)
             for j in range(lanes):

@@ -1,6 +1,8 @@
 """Contacts of the joint optimization: where they start, and how they move on their primitives. Eight at a
 time, see `contactsense.multi_contact.joint_layout`."""
 
+import math
+
 import numpy as np
 
 from contactsense.localization.local_prior import nearest_cell, prior_in_cell, tilt_in_cell
@@ -11,12 +13,12 @@ from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.vectors import Vector, rotate_back, subtract, tangents, vector
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior import Prior, pushing_force
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
-    BNX, BNY, BNZ, BX, BY, BZ, D0, D1, D2, D3, D4, D5, D6, EXTENT, FORCE_PRIOR, FRICTION_RATIO, FX, FY, FZ,
-    ITERATE, MOMENT_PRIOR, MOVES, MOVING, NX, NY, NZ, OFFSET, OFFSET_STEP, OX, OY, OZ, PX, PY, PZ, R00, R01,
-    R02, R10, R11, R12, R20, R21, R22, SX, SY, SZ, TILT, TORSION, TX, TY, TZ,
+    BNX, BNY, BNZ, BX, BY, BZ, D0, D1, D2, D3, D4, D5, D6, ENERGY, EXTENT, FORCE_PRIOR, FRICTION_RATIO, FX,
+    FY, FZ, ITERATE, MOMENT_PRIOR, MOVES, MOVING, NX, NY, NZ, OFFSET, OFFSET_STEP, OX, OY, OZ, PX, PY, PZ,
+    R00, R01, R02, R10, R11, R12, R20, R21, R22, SX, SY, SZ, TILT, TORSION, TX, TY, TZ,
 )  # fmt: skip
 
 
@@ -41,6 +43,7 @@ def set_contact(
     block = joint.contact[i]
     joint.primitive[i, lane] = p
     cell = _cell_at(surface, p, point)
+    joint.cell[i, lane] = cell
     R, o = mean_frame(deviations, candidates, p, cell)
     local = prior_in_cell(prior, deviations, cell)
     block[OFFSET_STEP + lane], block[FRICTION_RATIO + lane] = local.surface_deviation, local.friction_ratio
@@ -57,6 +60,38 @@ def set_contact(
     block[TORSION + lane], block[OFFSET + lane] = 0.0, 0.0
     block[EXTENT + lane] = 1.0 / (PRIMITIVE_EXTENT * surfaces.radius[p]) ** 2
     block[FORCE_PRIOR + lane], block[MOMENT_PRIOR + lane] = 1.0, 1.0
+
+
+@fused_kernel
+def move_to_cells(
+    surface: PlacedSurface, prior: Prior, first: int, count: int, lanes: int, joint: JointState
+) -> bool:
+    """Set the contacts that have left their cells to the surface of the cells that they are in now.
+
+    Args:
+        surface, prior, lanes, joint: After `contactsense.multi_contact.joint_optimization.find_joint_modes`.
+        first, count: The first contact that may be moved, and the number of all.
+
+    Returns:
+        Whether any has left its cell.
+    """
+    any_moved = False
+    for j in range(lanes):
+        if joint.lane[ENERGY, j] == math.inf:
+            continue
+        for i in range(first, count):
+            block, p = joint.contact[i], joint.primitive[i, j]
+            point, force = vector_of(block, PX, j), vector_of(block, FX, j)
+            if _cell_at(surface, p, point) == joint.cell[i, j]:
+                continue
+            torsion = block[TORSION + j]
+            set_contact(surface, prior, joint, j, i, p, point, force)
+            push = pushing_force(force, vector_of(block, NX, j))
+            for k in range(3):
+                block[FX + k * LANES + j] = push[k]
+            block[TORSION + j] = torsion
+            any_moved = True
+    return any_moved
 
 
 @fused_kernel

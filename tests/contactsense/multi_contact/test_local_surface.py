@@ -8,9 +8,19 @@ from contactsense import Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact.buffers import PlacedSurface, empty_multi_contact_buffers
-from contactsense.multi_contact.contact_step import set_contact, vector_of
-from contactsense.multi_contact.joint_layout import FRICTION_RATIO, NX, OFFSET_STEP, PX, TILT, TORSION
+from contactsense.multi_contact.contact_step import move_to_cells, set_contact, vector_of
+from contactsense.multi_contact.joint_layout import (
+    ENERGY,
+    FRICTION_RATIO,
+    FX,
+    NX,
+    OFFSET_STEP,
+    PX,
+    TILT,
+    TORSION,
+)
 from contactsense.multi_contact.ranked_sets import store_explanation
+from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.state import empty_state
@@ -51,6 +61,36 @@ def test_a_contact_begins_on_the_mean_surface_with_the_deviations_of_its_cell(de
             np.testing.assert_allclose(vector_of(block, NX, LANE), normal, atol=1e-6)
     # Where the surface is moved along itself, the place below a sample may be in the next cell.
     assert on_it > (0.99 if detail == "fine" else 0.8) * len(looked_at)
+
+
+def _surface(block: np.ndarray) -> list[float]:
+    """Place, normal and deviations in the lane."""
+    place = [*vector_of(block, PX, LANE), *vector_of(block, NX, LANE)]
+    return [*place, *(float(block[quantity + LANE]) for quantity in (FRICTION_RATIO, OFFSET_STEP, TILT))]
+
+
+def test_a_contact_that_has_left_its_cell_is_set_to_the_surface_of_the_one_it_is_in() -> None:
+    constants = build_constants(Scene(robot="ur5e", detail="coarse"))
+    state, joint = empty_state(constants), empty_multi_contact_buffers(constants).joint
+    cells, prior, p = constants.deviations, constants.prior, int(constants.surfaces.start[2])
+    forward_kinematics(constants.model, np.full(6, 0.3), state.motion)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    surface, block = PlacedSurface(constants.surfaces, cells, state.candidates), joint.contact[0]
+    R, o = state.candidates.rotation[p], state.candidates.origin[p]
+    near, far = (R @ cells.point[i] + o for i in (cells.start[p], cells.start[p + 1] - 1))
+    joint.lane[ENERGY] = np.inf
+    joint.lane[ENERGY, LANE] = 0.0
+    set_contact(surface, prior, joint, LANE, 0, p, tuple(near), (0.0, 0.0, 0.0))
+    assert not move_to_cells(surface, prior, 0, 1, LANE + 1, joint)
+    force = -20.0 * np.array(vector_of(block, NX, LANE))
+    for k in range(3):
+        block[PX + k * LANES + LANE], block[FX + k * LANES + LANE] = far[k], force[k]
+    block[TORSION + LANE] = 0.1
+    assert move_to_cells(surface, prior, 0, 1, LANE + 1, joint)
+    there = _surface(block)
+    assert block[TORSION + LANE] == 0.1
+    set_contact(surface, prior, joint, LANE, 0, p, tuple(far), tuple(force))
+    assert there == _surface(block)
 
 
 def test_a_tilt_of_the_surface_makes_the_place_of_a_torsion_uncertain() -> None:
