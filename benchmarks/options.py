@@ -30,6 +30,13 @@ detail = click.option(
     show_default=True,
     help="Level of detail of the surface.",
 )
+fitted_detail = click.option(
+    "--detail",
+    type=click.Choice(["fine", "coarse"]),
+    default="fine",
+    show_default=True,
+    help="Level of detail of the primitives.",
+)
 meshes = click.option("--meshes", type=FOLDER, help="For --detail skin: folder with ROBOT/LINK.ply.")
 half = click.option(
     "--half",

@@ -3,6 +3,7 @@ simultaneous contacts."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
@@ -17,8 +18,9 @@ from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.calibration import NEAR, REGION, Share
 from contactsense.benchmarks.accuracy.credible_regions import distance, level, mixture, samples
 from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise
 from contactsense.benchmarks.multi_contact.measure import Scenario, localizer_for
+from contactsense.benchmarks.multi_contact.mesh_trials import MeshTrials
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
 
 SCENARIOS = {
@@ -44,6 +46,9 @@ class Verdict(NamedTuple):
     contact."""
     listed: float
     """Sum of the probabilities of all explanations."""
+    error: float
+    """Distance of the best explanation's contact that is farthest from its truth [m]; infinite with another
+    number of contacts."""
 
 
 def verdict(
@@ -75,7 +80,15 @@ def verdict(
         answer=(float(probability[0]), is_best, float(probability @ np.array(drawn))),
         in_region=tuple(in_region),
         listed=float(probability.sum()),
+        error=_worst_error(sets[0], points),
     )
+
+
+def _worst_error(contacts: tuple[Contact, ...], points: np.ndarray) -> float:
+    if len(contacts) != len(points):
+        return float("inf")
+    found = np.array([contact.point_base for contact in contacts])
+    return float(np.linalg.norm(found - points, axis=1).max())
 
 
 def _draws(contacts: tuple[Contact, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -119,6 +132,7 @@ def judge(
     contacts: int,
     scenario: Scenario,
     *,
+    trials: Trials | None = None,
     force: float = 20.0,
     seed: int = 1,
     tick: Callable[[], object] = lambda: None,
@@ -137,11 +151,12 @@ def judge(
         count: Number of trials.
         contacts: Number of contacts in each.
         scenario: How they start.
+        trials: Draws them; None: on the primitives of the localizer.
         force: Magnitude of each force [N].
         seed: Random seed.
         tick: Called after each trial.
     """
-    trials = Trials(localizer.scene, seed)
+    trials = Trials(localizer.scene, seed) if trials is None else trials
     rng = np.random.default_rng(seed + 1)
     one_by_one = scenario.arrival == "one_by_one"
     for _ in range(count):
@@ -212,6 +227,8 @@ class Summary(NamedTuple):
     """The same of the last contact; of all contacts, if they are located at once."""
     listed: float
     """Mean of the listed probability."""
+    median_mm: float
+    """Median distance of the contact that is farthest from its truth [mm]."""
 
 
 def summarize(
@@ -234,6 +251,7 @@ def summarize(
         earlier=Share.of(int(earlier.sum()), earlier.size),
         last=Share.of(int(last.sum()), last.size),
         listed=float(np.mean([v.listed for v in judged])) if judged else float("nan"),
+        median_mm=1e3 * float(np.median([v.error for v in judged])) if judged else float("nan"),
     )
 
 
@@ -247,6 +265,11 @@ def summarize(
     "--arriving", type=click.Choice(list(SCENARIOS)), multiple=True, default=tuple(SCENARIOS),
     help="What is known before the last contact; may be repeated.",
 )  # fmt: skip
+@click.option(
+    "--truth", type=options.FOLDER,
+    help="Push the meshes: at the places of static_points_ROBOT.npz in this folder.",
+)  # fmt: skip
+@options.fitted_detail
 @click.option("--brief", is_flag=True, help="Leave the reliability table out.")
 @options.as_json
 def calibration_several(
@@ -256,14 +279,16 @@ def calibration_several(
     force: float,
     seed: int,
     arriving: tuple[str, ...],
+    truth: Path | None,
+    detail: Detail,
     brief: bool,
     as_json: bool,
 ) -> None:
     """Compare what is stated about several contacts with what is right.
 
-    The contacts are those of `contactsense bench several`. Answers with the right number of contacts are
-    judged. One by one, only trials are judged in which the
-    best explanation of the earlier contacts is the true one: the answer takes them as known.
+    The contacts are those of `contactsense bench several`, or with --truth at places on the meshes. Answers
+    with the right number of contacts are judged. One by one, only trials are judged in which the best
+    explanation of the earlier contacts is the true one: the answer takes them as known.
 
     \b
     answer  the probability of the best explanation, against whether it is the true one: the right links, each
@@ -278,15 +303,18 @@ def calibration_several(
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("locating", total=len(cases) * trials)
         for robot, noise, n, way in cases:
+            localizer = localizer_for(robot, noise, detail=detail)
             verdicts = judge(
-                localizer_for(robot, noise), noise, trials, n, SCENARIOS[way], force=force, seed=seed,
+                localizer, noise, trials, n, SCENARIOS[way], force=force, seed=seed,
+                trials=None if truth is None else MeshTrials(localizer.scene, seed, truth, robot),
                 tick=lambda: progress.advance(task),
             )  # fmt: skip
             results.append(summarize(robot, noise, n, way, list(verdicts)))
     if as_json:
         click.echo(json.dumps([_plain(r) for r in results]))
         return
-    _print_summary(results, f"{force:g} N, seed {seed}")
+    where = "primitives" if truth is None else f"meshes, detail {detail}"
+    _print_summary(results, f"{where}, {force:g} N, seed {seed}")
     if not brief:
         _print_reliability(results)
 
@@ -307,12 +335,13 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
             "counted: answers with the right number of contacts; of these, answer: calibration error of the "
             "stated probabilities, in brackets what it is if the truths are distributed as stated, on "
             "average and at most in 19 of 20 cases; earlier, last: share of the "
-            "truths in the regions of 90 %, with its 95 % interval; listed: sum of the listed probabilities"
+            "truths in the regions of 90 %, with its 95 % interval; listed: sum of the listed probabilities; "
+            "median: distance of the contact that is farthest from its truth, mm"
         ),
     )
     for name in ("arm", "noise N / Nm / Nm", "contacts", "arriving"):
         table.add_column(name, no_wrap=name != "contacts")
-    for name in ("trials", "counted", "answer", "earlier", "last", "listed"):
+    for name in ("trials", "counted", "answer", "earlier", "last", "listed", "median"):
         table.add_column(name, justify="right", no_wrap=True)
     for r in results:
         table.add_row(
@@ -326,8 +355,9 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
             "" if np.isnan(r.earlier.found) else str(r.earlier),
             str(r.last),
             f"{100 * r.listed:.1f} %",
+            f"{r.median_mm:.1f}",
         )
-    Console(width=150).print(table)
+    Console(width=160).print(table)
 
 
 def _print_reliability(results: Sequence[Summary]) -> None:

@@ -11,7 +11,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise
 from contactsense.benchmarks.multi_contact.measure import WITHIN, Scenario, localizer_for, measure
 from contactsense.benchmarks.multi_contact.pairs import measure_pairs
 from contactsense.benchmarks.multi_contact.stream import measure_stream
@@ -48,6 +48,7 @@ SCENARIOS = (Scenario("one_by_one", 0.5), Scenario("one_by_one", None), Scenario
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Locate the pairs of motion_ROBOT.npz in this folder instead of constructed ones.",
 )
+@options.fitted_detail
 @click.option(
     "--stream",
     "speeds",
@@ -65,6 +66,7 @@ def several(
     direction: ForceDirection,
     noise: tuple[float, float, float] | None,
     truth: Path | None,
+    detail: Detail,
     speeds: tuple[float, ...],
     as_json: bool,
 ) -> None:
@@ -83,14 +85,14 @@ def several(
                 results += [
                     {"robot": robot, "noise": str(level)} | row
                     for level in columns
-                    for row in measure_pairs(truth, robot, level)
+                    for row in measure_pairs(truth, robot, level, detail)
                 ]
         elif speeds:
             streams = [(robot, level, speed) for robot in robots for level in columns for speed in speeds]
             task = progress.add_task("following", total=len(streams) * trials)
             for robot, level, speed in streams:
                 row = measure_stream(
-                    localizer_for(robot, level, contacts=2), level, trials, speed, force=force,
+                    localizer_for(robot, level, contacts=2, detail=detail), level, trials, speed, force=force,
                     direction=direction,
                     tick=lambda: progress.advance(task),
                 )  # fmt: skip
@@ -98,7 +100,7 @@ def several(
         else:
             task = progress.add_task("locating", total=len(kinds) * trials * len(SCENARIOS))
             for robot, level, count in kinds:
-                localizer = localizer_for(robot, level)
+                localizer = localizer_for(robot, level, detail=detail)
                 for scenario in SCENARIOS[:1] if count == 1 else SCENARIOS:
                     row = measure(
                         localizer, level, trials, count, scenario, force=force, links=links,

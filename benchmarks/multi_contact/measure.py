@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from contactsense import Contact, JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.benchmarks.accuracy.static_cases import ASSUMED, Noise
+from contactsense.benchmarks.accuracy.static_cases import ASSUMED, Detail, Noise
 from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links, Trials
 
@@ -29,7 +29,9 @@ class Scenario(NamedTuple):
     arbitrarily, and the localizer assumes nothing about them."""
 
 
-def localizer_for(robot: str, noise: Noise, gravity: float = 9.81, contacts: int = 1) -> Localizer:
+def localizer_for(
+    robot: str, noise: Noise, gravity: float = 9.81, contacts: int = 1, detail: Detail = "fine"
+) -> Localizer:
     """A localizer configured for the noise, for streams with up to `contacts` contacts.
 
     Sensors without noise are assigned a small one.
@@ -40,6 +42,7 @@ def localizer_for(robot: str, noise: Noise, gravity: float = 9.81, contacts: int
             robot=arm(robot),
             gravity=gravity,
             contacts=contacts,
+            detail=detail,
             base_wrench=WrenchSensor(force_noise=assumed.force, moment_noise=assumed.moment),
             joint_torque=JointTorqueSensor(noise=assumed.torque),
         )

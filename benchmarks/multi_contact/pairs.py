@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from contactsense import Contact, Localizer
-from contactsense.benchmarks.accuracy.static_cases import Noise
+from contactsense.benchmarks.accuracy.static_cases import Detail, Noise
 from contactsense.benchmarks.multi_contact.measure import localizer_for, match, summary
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
@@ -75,12 +75,12 @@ def read_pairs(folder: Path, robot: str, model: Model) -> Motion:
     )
 
 
-def measure_pairs(folder: Path, robot: str, noise: Noise) -> list[dict[str, Any]]:
+def measure_pairs(folder: Path, robot: str, noise: Noise, detail: Detail = "fine") -> list[dict[str, Any]]:
     """Rows as from `contactsense.benchmarks.multi_contact.measure.measure`.
 
     Pairs located together, and with the first contact already known.
     """
-    localizer = localizer_for(robot, noise)
+    localizer = localizer_for(robot, noise, detail=detail)
     model = build_model(localizer.scene.robot)
     motion = read_pairs(folder, robot, model)
     pushing = -np.einsum("nki,nki->nk", motion.force, motion.normal) > MIN_FORCE

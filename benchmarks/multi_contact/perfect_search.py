@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Contact, Estimate, Scene
-from contactsense.multi_contact.buffers import MultiContactBuffers, PrimitiveFrames
+from contactsense.multi_contact.buffers import MultiContactBuffers, PlacedSurface
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact
 from contactsense.multi_contact.joint_layout import FX, LOG_EVIDENCE, NX, PX
@@ -143,27 +143,27 @@ def _optimize_from(
     `buffers.joint`."""
     constants, state = buffer_views(kernel_buffers)
     surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
-    frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
+    surface = PlacedSurface(surfaces, constants.deviations, state.candidates)
     count = primitive.shape[0]
     change = Change(drift, measured=True)
     known = fill_known_prior(
-        surfaces, prior, frames, buffers.rows, m, buffers.known, known_count, change, joint,
+        surface, prior, buffers.rows, m, buffers.known, known_count, change, joint,
         buffers.known_prior,
     )  # fmt: skip
     prior_log_evidence = known_evidence(surfaces, prior, buffers.rows, known, joint)
     for i in range(count):
         c, f = point[i], force[i]
         if i < known_count:
-            initialize_known_contact(surfaces, prior, frames, buffers.known, joint, change, 1.0, 0, i)
+            initialize_known_contact(surface, prior, buffers.known, joint, change, 1.0, 0, i)
         else:
-            set_contact(surfaces, frames, joint, 0, i, primitive[i], (c[0], c[1], c[2]), (0.0, 0.0, 0.0))
+            set_contact(surface, prior, joint, 0, i, primitive[i], (c[0], c[1], c[2]), (0.0, 0.0, 0.0))
         push = pushing_force((f[0], f[1], f[2]), vector_of(joint.contact[i], NX, 0))
         for k in range(3):
             joint.contact[i, FX + k * LANES] = push[k]
     best: float = -math.inf
     for _ in range(MAX_RESTARTS):
         fill_set_evidence(surfaces, prior, buffers.rows, m, known, count, 1, math.inf, joint)
-        add_accessibility(surfaces, constants.deviations, frames, prior, known_count, count, 1, joint)
+        add_accessibility(surface, prior, known_count, count, 1, joint)
         score = joint.lane[LOG_EVIDENCE, 0]
         if score <= best + MIN_GAIN:
             break

@@ -122,8 +122,11 @@ class Trials:
         point, normal = R @ np.array(found[1:4]) + o, R @ np.array(found[4:7])
         if (link == 0 and point[2] < CLEARANCE) or not self._free(point + CLEARANCE * normal):
             return None
-        torsion = self._scene.torsion * size * chance.standard_normal()
+        torsion = self._torsion(size)
         return Push(link, point, normal, self._force(normal, size, direction), torsion)
+
+    def _torsion(self, size: float) -> float:
+        return float(self._scene.torsion * size * self._rng.standard_normal())
 
     def changed(self, push: Push, drift: float | None, direction: ForceDirection) -> Push:
         """The push at a later time.

@@ -4,12 +4,14 @@ from typing import Annotated, NamedTuple
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
+from contactsense.localization.local_prior import DeviationCells
 from contactsense.multi_contact.joint_layout import CONTACT_LENGTH, LANE_NUMBERS
 from contactsense.multi_contact.pair_layout import FIRST_LENGTH, PAIR_LENGTH, PAIRS
 from contactsense.multi_contact.seed_samples import SeedSamples, choose_seed_samples
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.runtime.constants import Constants
 
 MAX_CONTACTS = 3
@@ -28,8 +30,9 @@ BEAM_WIDTH = 48
 """Maximum number of pairs of samples that are extended by a third (beam search)."""
 MAX_SUMMED_PAIRS = 12
 """Maximum number of pairs of links without an optimum that are explanations."""
-MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1 + MAX_SUMMED_PAIRS
-"""Maximum number of explanations before ranking."""
+MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1 + max(MAX_SUMMED_PAIRS, LANES)
+"""Maximum number of explanations before ranking. Pairs of links without an optimum are some only where
+nothing was known before; where something was, a block behind them is scratch."""
 X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE, HIGHEST = range(0, 10 * LANES, LANES)
 """Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
 
@@ -41,12 +44,15 @@ BLOCK_LENGTH = 10 * LANES
 """Length of a block."""
 
 
-class PrimitiveFrames(NamedTuple):
-    """Body frames of all P primitives in the base frame."""
+class PlacedSurface(NamedTuple):
+    """The surface of the arm in one posture."""
 
-    rotation: Annotated[Floats, "primitives, 3, 3"]
-    origin: Annotated[Floats, "primitives, 3"]
-    """[m]"""
+    surfaces: Surfaces
+    """Primitives."""
+    deviations: DeviationCells
+    """How far the real surface is from them, place by place."""
+    candidates: Candidates
+    """With their body frames in the base frame."""
 
 
 class MeasurementRows(NamedTuple):
@@ -103,6 +109,8 @@ class JointState(NamedTuple):
 
     primitive: Annotated[Integers, f"{MAX_CONTACTS}, {LANES}"]
     """Primitive of each contact."""
+    cell: Annotated[Integers, f"{MAX_CONTACTS}, {LANES}"]
+    """Cell of its surface, see `contactsense.localization.local_prior.DeviationCells`; -1 without cells."""
     contact: Annotated[Floats, f"{MAX_CONTACTS}, {CONTACT_LENGTH}"]
     """Everything about each contact."""
     lane: Annotated[Floats, f"{LANE_NUMBERS}, {LANES}"]
@@ -111,8 +119,9 @@ class JointState(NamedTuple):
     """Rows of the link of each contact, six numbers for each."""
     jacobian: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}, {LANES} * rows"]
     """Derivative of the predicted rows by the unknowns."""
-    known_mean: Annotated[Floats, f"{MAX_CONTACTS}, {KNOWN_NUMBERS}"]
-    """Point [m], force [N], torsion [Nm] and offset [m] of each known contact before the measurement."""
+    known_mean: Annotated[Floats, f"{MAX_CONTACTS}, {KNOWN_NUMBERS} * {LANES}"]
+    """Point [m], force [N], torsion [Nm] and offset [m] of each known contact before the measurement, in each
+    lane."""
     known_rows: Annotated[Floats, f"{MAX_CONTACTS}, {KNOWN_NUMBERS} * {LANES} * {UNKNOWNS} * {MAX_CONTACTS}"]
     """Rows of the prior of known contacts: eight numbers of each, by what differs from `known_mean`; the same
     in all lanes."""

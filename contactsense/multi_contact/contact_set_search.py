@@ -15,8 +15,9 @@ from contactsense.localization.searched_surface import SearchArrays, SearchedSur
 from contactsense.multi_contact.buffers import (
     MAX_SEEDS,
     MultiContactBuffers,
-    PrimitiveFrames,
+    PlacedSurface,
 )
+from contactsense.multi_contact.contact_step import move_to_cells
 from contactsense.multi_contact.further_contact import is_any_broad, locate_further_contact
 from contactsense.multi_contact.initial_contacts import (
     initialize_from_seed,
@@ -25,6 +26,7 @@ from contactsense.multi_contact.initial_contacts import (
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
+from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.pooled_evidence import log_of_sum, pool_link_evidence
@@ -41,7 +43,6 @@ from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_
 from contactsense.multi_contact.summed_pairs import store_summed_pairs
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior import Prior
 
 MIN_ENERGY = 8.0
@@ -100,10 +101,10 @@ def search_contact_sets(
     known_count, drift, max_contacts, at_rest = sought
     seed_samples, rows, joint, seeding = buffers.seed_samples, buffers.rows, buffers.joint, buffers.seeding
     candidates, explanations = buffers.candidates, buffers.explanations
-    surfaces, frames = scene.surfaces, PrimitiveFrames(candidates.rotation, candidates.origin)
+    surfaces, surface = scene.surfaces, PlacedSurface(scene.surfaces, scene.deviations, candidates)
     change = Change(drift, at_rest)
     known = fill_known_prior(
-        surfaces, prior, frames, rows, m, buffers.known, known_count, change, joint,
+        surface, prior, rows, m, buffers.known, known_count, change, joint,
         buffers.known_prior,
     )  # fmt: skip
     initialize_seeding(surfaces.link, prior.friction_ratio, buffers, known_count, change, force_scale, m)
@@ -144,14 +145,17 @@ def search_contact_sets(
             lanes = min(LANES, starts - start)
             for j in range(lanes):
                 _initialize(
-                    surfaces, frames, prior, buffers, m, change, force_scale,
+                    surface, prior, buffers, m, change, force_scale,
                     (known_count, further, candidates_used), start + j, j,
                 )  # fmt: skip
             count = known_count + further
-            fill_set_evidence(
-                surfaces, prior, rows, m, known, count, lanes, lowest_energy + ENERGY_MARGIN, joint
-            )
-            add_accessibility(surfaces, scene.deviations, frames, prior, known_count, count, lanes, joint)
+            limit = lowest_energy + ENERGY_MARGIN
+            fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
+            if scene.deviations.mean_tilt > 0.0 and move_to_cells(
+                surface, prior, known_count, count, lanes, joint
+            ):
+                fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
+            add_accessibility(surface, prior, known_count, count, lanes, joint)
             fill_covariances(count, joint)
             for j in range(lanes):
                 if joint.lane[LOG_EVIDENCE, j] > -math.inf:
@@ -162,9 +166,7 @@ def search_contact_sets(
                     and joint.lane[ENERGY, j] <= lowest_energy + ENERGY_MARGIN
                 ):
                     continue
-                store_explanation(
-                    joint, j, prior.surface_deviation, count, prior_log_evidence, explanations, stored
-                )
+                store_explanation(joint, j, count, prior_log_evidence, explanations, stored)
                 if is_broad and start + j < candidates_used:
                     adopt_candidate(
                         candidates, candidates.order[start + j], known_count, explanations, stored
@@ -197,14 +199,15 @@ def search_contact_sets(
         elif is_broad:
             share_evidence(explanations, first, stored)
         best = min(best, lowest_energy)
+    if at_rest and drift == math.inf and known_count > 0:
+        divide_known_places(surface, prior, buffers, m, known, stored)
     ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
 
 
 @fused_kernel
 def _initialize(
-    surfaces: Surfaces,
-    frames: PrimitiveFrames,
+    surface: PlacedSurface,
     prior: Prior,
     buffers: MultiContactBuffers,
     m: int,
@@ -221,15 +224,15 @@ def _initialize(
     known_count, further, candidates_used = counts
     candidates, joint = buffers.candidates, buffers.joint
     for i in range(known_count):
-        initialize_known_contact(surfaces, prior, frames, buffers.known, joint, change, force_scale, lane, i)
+        initialize_known_contact(surface, prior, buffers.known, joint, change, force_scale, lane, i)
     if s >= candidates_used:
         initialize_from_seed(
-            surfaces, prior, frames, buffers, m, force_scale, known_count, further, lane, s - candidates_used
+            surface, prior, buffers, m, force_scale, known_count, further, lane, s - candidates_used
         )
     elif further == 1:
         row = candidates.order[s]
         initialize_further_contact(
-            surfaces, frames, joint, candidates.primitive[row], candidates.point[row], candidates.force[row],
+            surface, prior, joint, candidates.primitive[row], candidates.point[row], candidates.force[row],
             lane, known_count,
         )  # fmt: skip
         joint.contact[known_count, TORSION + lane] = candidates.torsion[row]

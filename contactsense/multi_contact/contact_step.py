@@ -1,27 +1,31 @@
 """Contacts of the joint optimization: where they start, and how they move on their primitives. Eight at a
 time, see `contactsense.multi_contact.joint_layout`."""
 
+import math
+
 import numpy as np
 
-from contactsense.multi_contact.buffers import UNKNOWNS, JointState, PrimitiveFrames
+from contactsense.localization.local_prior import nearest_cell, prior_in_cell, tilt_in_cell
+from contactsense.localization.mean_surface import mean_frame
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState, PlacedSurface
 from contactsense.multi_contact.joint_energy import PRIMITIVE_EXTENT
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces, project
-from contactsense.robots.vectors import Vector, tangents
-from contactsense.solvers.posterior import Prior
+from contactsense.robots.vectors import Vector, rotate_back, subtract, tangents, vector
+from contactsense.solvers.posterior import Prior, pushing_force
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
-    BNX, BNY, BNZ, BX, BY, BZ, D0, D1, D2, D3, D4, D5, D6, EXTENT, FORCE_PRIOR, FX, FY, FZ, ITERATE,
-    MOMENT_PRIOR, MOVES, MOVING, NX, NY, NZ, OFFSET, OX, OY, OZ, PX, PY, PZ, R00, R01, R02, R10, R11, R12,
-    R20, R21, R22, SX, SY, SZ, TORSION, TX, TY, TZ,
+    BNX, BNY, BNZ, BX, BY, BZ, D0, D1, D2, D3, D4, D5, D6, ENERGY, EXTENT, FORCE_PRIOR, FRICTION_RATIO, FX,
+    FY, FZ, ITERATE, MOMENT_PRIOR, MOVES, MOVING, NX, NY, NZ, OFFSET, OFFSET_STEP, OX, OY, OZ, PX, PY, PZ,
+    R00, R01, R02, R10, R11, R12, R20, R21, R22, SX, SY, SZ, TILT, TORSION, TX, TY, TZ,
 )  # fmt: skip
 
 
 @fused_kernel
 def set_contact(
-    surfaces: Surfaces,
-    frames: PrimitiveFrames,
+    surface: PlacedSurface,
+    prior: Prior,
     joint: JointState,
     lane: int,
     i: int,
@@ -30,9 +34,20 @@ def set_contact(
     force: Vector,
 ) -> None:
     """Set contact i of a lane to the point on primitive p nearest to a point [m], with a pushing force [N],
-    base frame. Nothing was known of it before."""
-    R, o, block = frames.rotation[p], frames.origin[p], joint.contact[i]
+    base frame. Nothing was known of it before.
+
+    The surface is that of the cell there: the primitive as moved to where the real one is on average, and how
+    far it may be from that.
+    """
+    surfaces, deviations, candidates = surface
+    block = joint.contact[i]
     joint.primitive[i, lane] = p
+    cell = _cell_at(surface, p, point)
+    joint.cell[i, lane] = cell
+    R, o = mean_frame(deviations, candidates, p, cell)
+    local = prior_in_cell(prior, deviations, cell)
+    block[OFFSET_STEP + lane], block[FRICTION_RATIO + lane] = local.surface_deviation, local.friction_ratio
+    block[TILT + lane] = tilt_in_cell(prior, deviations, cell)
     d = (point[0] - o[0], point[1] - o[1], point[2] - o[2])
     for k in range(3):
         at = k * LANES + lane
@@ -45,6 +60,48 @@ def set_contact(
     block[TORSION + lane], block[OFFSET + lane] = 0.0, 0.0
     block[EXTENT + lane] = 1.0 / (PRIMITIVE_EXTENT * surfaces.radius[p]) ** 2
     block[FORCE_PRIOR + lane], block[MOMENT_PRIOR + lane] = 1.0, 1.0
+
+
+@fused_kernel
+def move_to_cells(
+    surface: PlacedSurface, prior: Prior, first: int, count: int, lanes: int, joint: JointState
+) -> bool:
+    """Set the contacts that have left their cells to the surface of the cells that they are in now.
+
+    Args:
+        surface, prior, lanes, joint: After `contactsense.multi_contact.joint_optimization.find_joint_modes`.
+        first, count: The first contact that may be moved, and the number of all.
+
+    Returns:
+        Whether any has left its cell.
+    """
+    any_moved = False
+    for j in range(lanes):
+        if joint.lane[ENERGY, j] == math.inf:
+            continue
+        for i in range(first, count):
+            block, p = joint.contact[i], joint.primitive[i, j]
+            point, force = vector_of(block, PX, j), vector_of(block, FX, j)
+            if _cell_at(surface, p, point) == joint.cell[i, j]:
+                continue
+            torsion = block[TORSION + j]
+            set_contact(surface, prior, joint, j, i, p, point, force)
+            push = pushing_force(force, vector_of(block, NX, j))
+            for k in range(3):
+                block[FX + k * LANES + j] = push[k]
+            block[TORSION + j] = torsion
+            any_moved = True
+    return any_moved
+
+
+@fused_kernel
+def _cell_at(surface: PlacedSurface, p: int, point: Vector) -> int:
+    """Cell of primitive p at the point of its surface that is nearest to a point [m], base frame; -1 without
+    cells."""
+    surfaces, deviations, candidates = surface
+    local = rotate_back(candidates.rotation[p], subtract(point, vector(candidates.origin[p])))
+    _, x, y, z, _, _, _ = project(surfaces.kind[p], surfaces.size[p], local[0], local[1], local[2])
+    return nearest_cell(deviations, p, x, y, z)
 
 
 @fused_kernel
@@ -150,7 +207,7 @@ def _move(prior: Prior, block: np.ndarray) -> None:
         f0, f1, f2 = block[before + FX], block[before + FY], block[before + FZ]
         F = -(n[0] * f0 + n[1] * f1 + n[2] * f2)
         growth = 1.0 - block[D0 + j]
-        scale = -prior.friction_ratio * F
+        scale = -block[FRICTION_RATIO + j] * F
         a, b = scale * block[D1 + j], scale * block[D2 + j]
         g0, g1, g2 = (
             growth * f0 + a * s[0] + b * t[0],
@@ -158,7 +215,7 @@ def _move(prior: Prior, block: np.ndarray) -> None:
             growth * f2 + a * s[2] + b * t[2],
         )
         torsion = growth * block[before + TORSION] - prior.torsion_lever * F * block[D3 + j]
-        offset = block[before + OFFSET] - prior.surface_deviation * block[D6 + j]
+        offset = block[before + OFFSET] - block[OFFSET_STEP + j] * block[D6 + j]
         v1, v2 = block[D4 + j], block[D5 + j]
         x = block[before + PX] - v1 * s[0] - v2 * t[0] - block[OX + j]
         y = block[before + PY] - v1 * s[1] - v2 * t[1] - block[OY + j]

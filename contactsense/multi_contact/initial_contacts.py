@@ -9,24 +9,31 @@ from contactsense.multi_contact.buffers import (
     JointState,
     KnownContacts,
     MultiContactBuffers,
-    PrimitiveFrames,
+    PlacedSurface,
 )
 from contactsense.multi_contact.contact_step import set_contact, vector_of
-from contactsense.multi_contact.joint_layout import EXTENT, FORCE_PRIOR, FX, MOMENT_PRIOR, NX, TORSION
+from contactsense.multi_contact.joint_layout import (
+    EXTENT,
+    FORCE_PRIOR,
+    FRICTION_RATIO,
+    FX,
+    MOMENT_PRIOR,
+    NX,
+    TILT,
+    TORSION,
+)
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.sample_likelihood import initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import dot
 from contactsense.solvers.posterior import Prior, pushing_force
 
 
 @fused_kernel
 def initialize_known_contact(
-    surfaces: Surfaces,
+    surface: PlacedSurface,
     prior: Prior,
-    frames: PrimitiveFrames,
     known_contacts: KnownContacts,
     joint: JointState,
     change: Change,
@@ -36,25 +43,25 @@ def initialize_known_contact(
 ) -> None:
     """Initialize contact i of a lane with known contact i.
 
-    What is known of it is in `joint.known_rows`; the extent of the primitive is part of that. If the force is
-    a new one, the initial one is a push of the given scale [N].
+    What is known of it is in `joint.known_rows`; extent of the primitive and tilt are part of that. If the
+    force is a new one, the initial one is a push of the given scale [N].
     """
     c, f, block = known_contacts.point[i], known_contacts.force[i], joint.contact[i]
     point, force = (c[0], c[1], c[2]), (f[0], f[1], f[2])
-    set_contact(surfaces, frames, joint, lane, i, known_contacts.primitive[i], point, force)
+    set_contact(surface, prior, joint, lane, i, known_contacts.primitive[i], point, force)
     n = vector_of(block, NX, lane)
     start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
     if change.drift < math.inf:
         start = pushing_force(force, n)
         block[TORSION + lane] = known_contacts.torsion[i]
-    block[EXTENT + lane] = 0.0
+    block[EXTENT + lane], block[TILT + lane] = 0.0, 0.0
     for k in range(3):
         block[FX + k * LANES + lane] = start[k]
-    weigh_priors(prior, change, lane, block)
+    weigh_priors(change, lane, block)
 
 
 @fused_kernel
-def weigh_priors(prior: Prior, change: Change, lane: int, block: np.ndarray) -> None:
+def weigh_priors(change: Change, lane: int, block: np.ndarray) -> None:
     """Set how much the priors that all contacts have count again for a known one in a lane.
 
     Those of torsion and offset are among `joint.known_rows`. In a stream that of the force counts in full:
@@ -64,7 +71,8 @@ def weigh_priors(prior: Prior, change: Change, lane: int, block: np.ndarray) -> 
         block[MOMENT_PRIOR + lane] = 0.0
         if change.measured:
             normal_force = -dot(vector_of(block, NX, lane), vector_of(block, FX, lane))
-            block[FORCE_PRIOR + lane] = new_share_of_prior(change.drift, prior.friction_ratio * normal_force)
+            deviation = block[FRICTION_RATIO + lane] * normal_force
+            block[FORCE_PRIOR + lane] = new_share_of_prior(change.drift, deviation)
 
 
 @fused_kernel
@@ -86,8 +94,8 @@ def new_share_of_prior(drift: float, deviation: float) -> float:
 
 @fused_kernel
 def initialize_further_contact(
-    surfaces: Surfaces,
-    frames: PrimitiveFrames,
+    surface: PlacedSurface,
+    prior: Prior,
     joint: JointState,
     primitive: int,
     point: np.ndarray,
@@ -98,7 +106,7 @@ def initialize_further_contact(
     """Initialize contact i of a lane near a point [m] on a primitive, with the given force [N], base
     frame."""
     c, block = (point[0], point[1], point[2]), joint.contact[i]
-    set_contact(surfaces, frames, joint, lane, i, primitive, c, (0.0, 0.0, 0.0))
+    set_contact(surface, prior, joint, lane, i, primitive, c, (0.0, 0.0, 0.0))
     push = pushing_force((force[0], force[1], force[2]), vector_of(block, NX, lane))
     for k in range(3):
         block[FX + k * LANES + lane] = push[k]
@@ -106,9 +114,8 @@ def initialize_further_contact(
 
 @fused_kernel
 def initialize_from_seed(
-    surfaces: Surfaces,
+    surface: PlacedSurface,
     prior: Prior,
-    frames: PrimitiveFrames,
     buffers: MultiContactBuffers,
     m: int,
     force_scale: float,
@@ -133,8 +140,8 @@ def initialize_from_seed(
     for e in range(further):
         i = seeding.seed[s, e]
         initialize_further_contact(
-            surfaces,
-            frames,
+            surface,
+            prior,
             buffers.joint,
             seed_samples.primitive[i],
             seeding.point_normal[i],

@@ -29,10 +29,10 @@ from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
-    ACTIVE, BNX, BNY, BNZ, BX, BY, BZ, ENERGY, EXTENT, FORCE_PRIOR, FX, FY, FZ, JACOBIAN, LOG_FORCE,
-    LOG_TAIL, MOMENT_PRIOR, NX, NY, NZ, OFFSET, OFFSET_STEP, PRIOR_ENERGY, PRIOR_GRADIENT, PRIOR_MATRIX, PX,
-    PY, PZ, R00, R01, R02, R10, R11, R12, R20, R21, R22, S00, S01, S02, S11, S12, S22, SQUARED_RATIO, SX, SY,
-    SZ, TORSION, TORSION_STEP, TX, TY, TZ, W0, W1, W2, W3, W4, W5,
+    ACTIVE, BNX, BNY, BNZ, BX, BY, BZ, ENERGY, EXTENT, FORCE_PRIOR, FRICTION_RATIO, FX, FY, FZ, JACOBIAN,
+    LOG_FORCE, LOG_TAIL, MOMENT_PRIOR, NX, NY, NZ, OFFSET, OFFSET_STEP, PRIOR_ENERGY, PRIOR_GRADIENT,
+    PRIOR_MATRIX, PX, PY, PZ, R00, R01, R02, R10, R11, R12, R20, R21, R22, S00, S01, S02, S11, S12, S22,
+    SQUARED_RATIO, SX, SY, SZ, TORSION, TORSION_STEP, TX, TY, TZ, W0, W1, W2, W3, W4, W5,
 )  # fmt: skip
 
 PRIMITIVE_EXTENT = 0.6
@@ -76,8 +76,7 @@ def fill_energies(
 @fused_kernel
 def _prior_energies_and_wrenches(prior: Prior, block: np.ndarray) -> None:
     """Energies of the priors of one contact, and its wrenches."""
-    inverse_lever, inverse_ratio = 1.0 / prior.torsion_lever, 1.0 / prior.friction_ratio
-    inverse_deviation = 1.0 / prior.surface_deviation
+    inverse_lever = 1.0 / prior.torsion_lever
     for j in range(LANES):
         n, f = (block[NX + j], block[NY + j], block[NZ + j]), (block[FX + j], block[FY + j], block[FZ + j])
         xi, h = block[TORSION + j], block[OFFSET + j]
@@ -86,11 +85,11 @@ def _prior_energies_and_wrenches(prior: Prior, block: np.ndarray) -> None:
         F = F if pushes else 1.0
         fs = block[SX + j] * f[0] + block[SY + j] * f[1] + block[SZ + j] * f[2]
         ft = block[TX + j] * f[0] + block[TY + j] * f[1] + block[TZ + j] * f[2]
-        ratio = inverse_ratio / F
+        ratio = 1.0 / (block[FRICTION_RATIO + j] * F)
         block[SQUARED_RATIO + j] = (fs * fs + ft * ft) * ratio * ratio
         block[LOG_FORCE + j] = F
         torsion_ratio = xi * inverse_lever / F
-        offset = h * inverse_deviation
+        offset = h / block[OFFSET_STEP + j]
         squares = block[MOMENT_PRIOR + j] * (torsion_ratio * torsion_ratio + offset * offset)
         block[PRIOR_ENERGY + j] = 0.5 * squares if pushes else math.inf
         x, y, z = block[PX + j] + h * n[0], block[PY + j] + h * n[1], block[PZ + j] + h * n[2]
@@ -166,12 +165,13 @@ def _fill_shape_operators(
 @fused_kernel
 def _linearize_contacts(prior: Prior, block: np.ndarray) -> None:
     """Derivatives of the wrenches of one contact, and what its priors add to matrices and gradients."""
-    inverse_lever, inverse_ratio = 1.0 / prior.torsion_lever, 1.0 / prior.friction_ratio
-    deviation = prior.surface_deviation
+    inverse_lever = 1.0 / prior.torsion_lever
     for j in range(LANES):
         n, f = (block[NX + j], block[NY + j], block[NZ + j]), (block[FX + j], block[FY + j], block[FZ + j])
         s, t = (block[SX + j], block[SY + j], block[SZ + j]), (block[TX + j], block[TY + j], block[TZ + j])
         xi, h = block[TORSION + j], block[OFFSET + j]
+        friction_ratio, deviation = block[FRICTION_RATIO + j], block[OFFSET_STEP + j]
+        inverse_ratio = 1.0 / friction_ratio
         # Curvature of the surface along the tangents: k11, k12, k22.
         s0 = block[R00 + j] * s[0] + block[R10 + j] * s[1] + block[R20 + j] * s[2]
         s1 = block[R01 + j] * s[0] + block[R11 + j] * s[1] + block[R21 + j] * s[2]
@@ -198,7 +198,7 @@ def _linearize_contacts(prior: Prior, block: np.ndarray) -> None:
         x, y, z = block[PX + j] + h * n[0], block[PY + j] + h * n[1], block[PZ + j] + h * n[2]
         for k in range(6):
             block[G + k * LANES] = block[W0 + k * LANES + j]
-        scale = prior.friction_ratio * F
+        scale = friction_ratio * F
         a, b = (scale * s[0], scale * s[1], scale * s[2]), (scale * t[0], scale * t[1], scale * t[2])
         block[G + 6 * LANES], block[G + 7 * LANES], block[G + 8 * LANES] = a
         block[G + 9 * LANES] = y * a[2] - z * a[1]
@@ -209,7 +209,7 @@ def _linearize_contacts(prior: Prior, block: np.ndarray) -> None:
         block[G + 16 * LANES] = z * b[0] - x * b[2]
         block[G + 17 * LANES] = x * b[1] - y * b[0]
         torsion = prior.torsion_lever * F
-        block[TORSION_STEP + j], block[OFFSET_STEP + j] = torsion, deviation
+        block[TORSION_STEP + j] = torsion
         block[G + 21 * LANES], block[G + 22 * LANES], block[G + 23 * LANES] = (
             torsion * n[0],
             torsion * n[1],

@@ -15,23 +15,25 @@ ITERATE = 23 * LANES
 """Length of the iterate; after it comes the saved one, at which the matrix was computed."""
 (
     R00, R01, R02, R10, R11, R12, R20, R21, R22, OX, OY, OZ, EXTENT, FORCE_PRIOR, MOMENT_PRIOR,
-    Z0, Z1, Z2, Z3, Z4, Z5, Z6, Z7, TORSION_STEP, OFFSET_STEP,
+    Z0, Z1, Z2, Z3, Z4, Z5, Z6, Z7, TORSION_STEP, OFFSET_STEP, FRICTION_RATIO, TILT,
     LOG_FORCE, LOG_TAIL, SQUARED_RATIO, PRIOR_ENERGY, W0, W1, W2, W3, W4, W5,
     S00, S01, S02, S11, S12, S22, D0, D1, D2, D3, D4, D5, D6, MOVES,
-) = range(2 * ITERATE, 2 * ITERATE + 49 * LANES, LANES)  # fmt: skip
+) = range(2 * ITERATE, 2 * ITERATE + 51 * LANES, LANES)  # fmt: skip
 """Offsets of other quantities of a contact.
 
 `R00` to `OZ`: axes (columns) and origin [m] of the body frame of its primitive. `EXTENT`: information on a
 place that the extent of the primitive is [1/m^2]. `FORCE_PRIOR`, `MOMENT_PRIOR`: weights, 0 to 1, of the
 priors that all contacts have of normal force and friction ratio, and of torsion ratio and offset. `Z0` to
 `Z7`: point [m], force [N], torsion [Nm] and offset [m] minus those known before. `TORSION_STEP`,
-`OFFSET_STEP`: torsion [Nm] and offset [m] of one standard deviation of their priors.
+`OFFSET_STEP`: torsion [Nm] and offset [m] of one standard deviation of their priors. `FRICTION_RATIO`,
+`TILT`: standard deviations of the friction ratio, and of the angle between the normals of surface and
+primitive [rad].
 `LOG_FORCE`: logarithm of the normal force, relative to the prior's median; `SQUARED_RATIO`: squared friction
 ratio in units of its prior; `LOG_TAIL`: log(1 + `SQUARED_RATIO` / nu); `PRIOR_ENERGY`. `W0` to `W5`: wrench
 about the base origin. `S00` to `S22`: shape operator, body frame [1/m]. `D0` to `D6`: step in the unknowns;
 `MOVES`: whether it is to be taken, 1.0 or 0.0.
 """
-JACOBIAN = 2 * ITERATE + 49 * LANES
+JACOBIAN = 2 * ITERATE + 51 * LANES
 """Offset of the derivative of the wrench by the unknowns, six numbers for each."""
 PRIOR_MATRIX = JACOBIAN + 42 * LANES
 """Offset of what the priors add to the Gauss-Newton matrix: the lower triangle, row by row."""

@@ -29,7 +29,7 @@ from contactsense.multi_contact.buffers import (
     KnownContacts,
     KnownPriorScratch,
     MeasurementRows,
-    PrimitiveFrames,
+    PlacedSurface,
 )
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact, weigh_priors
@@ -37,9 +37,11 @@ from contactsense.multi_contact.joint_energy import linearize
 from contactsense.multi_contact.joint_layout import (
     ACTIVE,
     FORCE_PRIOR,
+    FRICTION_RATIO,
     FX,
     MOMENT_PRIOR,
     NX,
+    OFFSET_STEP,
     PX,
     SX,
     TORSION,
@@ -49,7 +51,6 @@ from contactsense.multi_contact.joint_optimization import take_rows
 from contactsense.multi_contact.known_rows import Change, KnownRows, unknown_of_factor
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import Vector, dot
 from contactsense.solvers.posterior import Prior
 
@@ -59,9 +60,8 @@ MIN_POINT_DEVIATION = 1e-4
 
 @fused_kernel
 def fill_known_prior(
-    surfaces: Surfaces,
+    surface: PlacedSurface,
     prior: Prior,
-    frames: PrimitiveFrames,
     rows: MeasurementRows,
     m: int,
     known_contacts: KnownContacts,
@@ -74,7 +74,7 @@ def fill_known_prior(
     the derivative of the measurement there.
 
     Args:
-        surfaces, prior, frames: Primitives and the prior of contacts.
+        surface, prior: Where contacts may be, and their prior.
         rows, m: The measurement and the number of its rows.
         known_contacts, known_count: Known contacts, and how many.
         change: What has changed since.
@@ -91,7 +91,7 @@ def fill_known_prior(
         for b in range(size):
             U[a, b] = 0.0
     for i in range(known_count):
-        initialize_known_contact(surfaces, prior, frames, known_contacts, joint, change, prior.force, 0, i)
+        initialize_known_contact(surface, prior, known_contacts, joint, change, prior.force, 0, i)
         _fill_mean(known_contacts, joint, i)
         _fill_place_factor(known_contacts.covariance[i], joint.contact[i], PLACES * i, U)
     if change.drift < math.inf:
@@ -100,14 +100,14 @@ def fill_known_prior(
             joint.contact[i, FORCE_PRIOR], joint.contact[i, MOMENT_PRIOR] = 1.0, 1.0
         for j in range(LANES):
             joint.lane[ACTIVE, j] = 1.0 if j == 0 else 0.0
-        take_rows(surfaces, rows, m, known_count, joint)
-        linearize(surfaces, rows, m, prior, KnownRows(0, 0), known_count, joint)
+        take_rows(surface.surfaces, rows, m, known_count, joint)
+        linearize(surface.surfaces, rows, m, prior, KnownRows(0, 0), known_count, joint)
         _fill_conditional(known_count, change.measured, joint, scratch)
         for i in range(known_count):
             _add_change(prior, change.drift, joint.contact[i], OTHERS * i, scratch)
         _fill_conditional_factor(known_count, scratch)
         for i in range(known_count):
-            weigh_priors(prior, change, 0, joint.contact[i])
+            weigh_priors(change, 0, joint.contact[i])
     for i in range(known_count):
         _expand(prior, joint.contact[i], U, size, known_count, i, joint.known_rows[i])
     return KnownRows(known_count, size)
@@ -117,9 +117,10 @@ def fill_known_prior(
 def _fill_mean(known_contacts: KnownContacts, joint: JointState, i: int) -> None:
     """Mean of known contact i, which is in lane 0."""
     mean, place = joint.known_mean[i], vector_of(joint.contact[i], PX, 0)
-    for k in range(3):
-        mean[k], mean[3 + k] = place[k], known_contacts.force[i, k]
-    mean[6], mean[7] = joint.contact[i, TORSION], 0.0
+    for j in range(LANES):
+        for k in range(3):
+            mean[k * LANES + j], mean[(3 + k) * LANES + j] = place[k], known_contacts.force[i, k]
+        mean[6 * LANES + j], mean[7 * LANES + j] = joint.contact[i, TORSION], 0.0
 
 
 @fused_kernel
@@ -181,7 +182,7 @@ def _by_force(prior: Prior, block: np.ndarray) -> tuple[Vector, Vector, Vector, 
     n, f = vector_of(block, NX, 0), vector_of(block, FX, 0)
     s, t = vector_of(block, SX, 0), vector_of(block, TX, 0)
     F = _normal_force(block)
-    scale = 1.0 / (prior.friction_ratio * F)
+    scale = 1.0 / (block[FRICTION_RATIO] * F)
     p, q, r = dot(s, f) / F, dot(t, f) / F, block[TORSION] / (prior.torsion_lever * F * F)
     return (
         (-n[0] / F, -n[1] / F, -n[2] / F),
@@ -235,6 +236,6 @@ def _expand(
         torsion, offset = 0.0, 0.0
         if size > PLACES * known_count:
             torsion = U[r, c + 3] / (prior.torsion_lever * _normal_force(block))
-            offset = U[r, c + 4] / prior.surface_deviation
+            offset = U[r, c + 4] / block[OFFSET_STEP]
         for j in range(LANES):
             out[(numbers + 6) * LANES + j], out[(numbers + 7) * LANES + j] = torsion, offset

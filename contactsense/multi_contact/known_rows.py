@@ -50,21 +50,15 @@ def fill_known_residuals(known: KnownRows, joint: JointState) -> None:
     clear(joint.known_residual, 0, known.rows)
     for i in range(known.contacts):
         block, mean = joint.contact[i], joint.known_mean[i]
-        m0, m1, m2, m3, m4, m5, m6, m7 = (
-            mean[0], mean[1], mean[2], mean[3], mean[4], mean[5], mean[6], mean[7],
-        )  # fmt: skip
         for j in range(LANES):
-            block[Z0 + j], block[Z1 + j], block[Z2 + j] = (
-                block[PX + j] - m0,
-                block[PY + j] - m1,
-                block[PZ + j] - m2,
-            )
-            block[Z3 + j], block[Z4 + j], block[Z5 + j] = (
-                block[FX + j] - m3,
-                block[FY + j] - m4,
-                block[FZ + j] - m5,
-            )
-            block[Z6 + j], block[Z7 + j] = block[TORSION + j] - m6, block[OFFSET + j] - m7
+            block[Z0 + j] = block[PX + j] - mean[j]
+            block[Z1 + j] = block[PY + j] - mean[LANES + j]
+            block[Z2 + j] = block[PZ + j] - mean[2 * LANES + j]
+            block[Z3 + j] = block[FX + j] - mean[3 * LANES + j]
+            block[Z4 + j] = block[FY + j] - mean[4 * LANES + j]
+            block[Z5 + j] = block[FZ + j] - mean[5 * LANES + j]
+            block[Z6 + j] = block[TORSION + j] - mean[6 * LANES + j]
+            block[Z7 + j] = block[OFFSET + j] - mean[7 * LANES + j]
         matrix, n = joint.known_rows[i], KNOWN_NUMBERS
         add_dots(joint.known_residual, (0, 1), matrix, (0, n), block, Z0 // LANES, known.rows, n, 1.0)
 

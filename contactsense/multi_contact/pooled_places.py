@@ -123,12 +123,12 @@ def _widen(explanations: Explanations, t: int, i: int, surface_deviation: float)
 def _along(C: np.ndarray, n: Vector) -> Symmetric:
     """Covariance along the tangents; what it has along the normal is dropped."""
     s, t = tangents(n)
-    return _form(C, s, s), _form(C, s, t), _form(C, t, t)
+    return bilinear_form(C, s, s), bilinear_form(C, s, t), bilinear_form(C, t, t)
 
 
 @fused_kernel
-def _form(C: np.ndarray, a: Vector, b: Vector) -> float:
-    """a . C b."""
+def bilinear_form(C: np.ndarray, a: Vector, b: Vector) -> float:
+    """a . C b, for a matrix of shape (3, 3)."""
     total = 0.0
     for k in range(3):
         total += a[k] * (C[k, 0] * b[0] + C[k, 1] * b[1] + C[k, 2] * b[2])

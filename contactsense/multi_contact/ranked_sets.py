@@ -13,14 +13,17 @@ from contactsense.multi_contact.joint_layout import (
     FX,
     LOG_EVIDENCE,
     NX,
+    OFFSET_STEP,
     PX,
     SX,
+    TILT,
     TORSION,
     TX,
     W0,
 )
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.vectors import dot
 from contactsense.runtime.candidate_rows import MIN_PROBABILITY
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
@@ -37,7 +40,6 @@ Optima on neighbouring primitives are often a millimetre apart where places are 
 def store_explanation(
     joint: JointState,
     lane: int,
-    surface_deviation: float,
     count: int,
     prior_log_evidence: float,
     explanations: Explanations,
@@ -62,23 +64,28 @@ def store_explanation(
             explanations.force[t, i, k] = block[FX + at]
         for k in range(6):
             explanations.wrench[t, k] += block[W0 + k * LANES + lane]
-        _place_covariance(joint, lane, i, surface_deviation, explanations.covariance[t, i])
+        _place_covariance(joint, lane, i, explanations.covariance[t, i])
     for a in range(6):
         for b in range(6):
             explanations.wrench_covariance[t, a, b] = covariance_of(joint, 2 * count + a, 2 * count + b, lane)
 
 
 @fused_kernel
-def _place_covariance(
-    joint: JointState, lane: int, i: int, surface_deviation: float, out: np.ndarray
-) -> None:
-    """Covariance of the place of contact i, shape (3, 3) [m^2]."""
+def _place_covariance(joint: JointState, lane: int, i: int, out: np.ndarray) -> None:
+    """Covariance of the place of contact i, shape (3, 3) [m^2].
+
+    Torsion moves a place where the real surface is tilted, see
+    `contactsense.localization.candidate_buffers.store_candidate`.
+    """
     block = joint.contact[i]
     n, tangents = vector_of(block, NX, lane), (vector_of(block, SX, lane), vector_of(block, TX, lane))
+    along_normal = block[OFFSET_STEP + lane] * block[OFFSET_STEP + lane]
+    shift = block[TILT + lane] * block[TORSION + lane] / dot(vector_of(block, FX, lane), n)
     for k in range(3):
         for a in range(3):
-            out[k, a] = surface_deviation * surface_deviation * n[k] * n[a]
+            out[k, a] = along_normal * n[k] * n[a]
             for b in range(2):
+                out[k, a] += shift * shift * tangents[b][k] * tangents[b][a]
                 for d in range(2):
                     out[k, a] += (
                         tangents[b][k] * tangents[d][a] * covariance_of(joint, 2 * i + b, 2 * i + d, lane)

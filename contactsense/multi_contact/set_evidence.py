@@ -3,8 +3,7 @@
 import math
 
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
-from contactsense.localization.local_prior import DeviationCells
-from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows, PrimitiveFrames
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows, PlacedSurface
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, NX, PX
 from contactsense.multi_contact.joint_optimization import find_joint_modes
@@ -65,9 +64,7 @@ def fill_set_evidence(
 
 @fused_kernel
 def add_accessibility(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
-    frames: PrimitiveFrames,
+    surface: PlacedSurface,
     prior: Prior,
     known_count: int,
     count: int,
@@ -77,23 +74,18 @@ def add_accessibility(
     """Add to `LOG_EVIDENCE` how far the further contacts are accessible.
 
     Args:
-        surfaces, prior, known_count, count, lanes, joint: After `fill_set_evidence`.
-        deviations: Where the surface is on average.
-        frames: Body frames of the primitives, base frame.
+        surface: Where contacts may be.
+        prior, known_count, count, lanes, joint: After `fill_set_evidence`.
     """
     for j in range(lanes):
         if joint.lane[ENERGY, j] < math.inf:
             for i in range(known_count, count):
-                joint.lane[LOG_EVIDENCE, j] += _log_accessibility(
-                    surfaces, deviations, frames, prior, joint, j, i
-                )
+                joint.lane[LOG_EVIDENCE, j] += _log_accessibility(surface, prior, joint, j, i)
 
 
 @fused_kernel
 def _log_accessibility(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
-    frames: PrimitiveFrames,
+    surface: PlacedSurface,
     prior: Prior,
     joint: JointState,
     j: int,
@@ -101,8 +93,9 @@ def _log_accessibility(
 ) -> float:
     """Log of the accessible share of contact i of lane j."""
     c, n, p = vector_of(joint.contact[i], PX, j), vector_of(joint.contact[i], NX, j), joint.primitive[i, j]
+    surfaces, deviations, candidates = surface
     if is_mounting_face(surfaces.link[p], c[2], n[2], prior.surface_deviation):
         return -math.inf
     height = prior.clearance
     x, y, z = c[0] + height * n[0], c[1] + height * n[1], c[2] + height * n[2]
-    return math.log(accessible_share(clearance(surfaces, deviations, frames, p, x, y, z, 0.0), prior))
+    return math.log(accessible_share(clearance(surfaces, deviations, candidates, p, x, y, z, 0.0), prior))

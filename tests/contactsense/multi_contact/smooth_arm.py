@@ -9,7 +9,7 @@ from contactsense.benchmarks.multi_contact.trials import Trial, Trials
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact.buffers import (
     MultiContactBuffers,
-    PrimitiveFrames,
+    PlacedSurface,
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.contact_step import set_contact
@@ -57,8 +57,8 @@ class Case(NamedTuple):
     trials: Trials
 
     @property
-    def frames(self) -> PrimitiveFrames:
-        return PrimitiveFrames(self.state.candidates.rotation, self.state.candidates.origin)
+    def surface(self) -> PlacedSurface:
+        return PlacedSurface(self.constants.surfaces, self.constants.deviations, self.state.candidates)
 
 
 def empty_case() -> Case:
@@ -76,14 +76,14 @@ def take(case: Case, trial: Trial, shift: float, seed: int) -> int:
     base = base + rng.standard_normal(6) * np.repeat((0.25, 0.05), 3)
     torque = torque + rng.standard_normal(6)
     case.localizer.locate(trial.q, base_wrench=base, joint_torque=torque, detect=False)
-    surfaces, frames = case.constants.surfaces, case.frames
+    surfaces, prior, joint = case.constants.surfaces, case.constants.prior, case.buffers.joint
     place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, case.state.candidates)
     for i, push in enumerate(trial.pushes):
         indices = range(surfaces.start[push.link], surfaces.start[push.link + 1])
         p = min(indices, key=lambda p: abs(_distance(case, p, push.point)))
         for lane in range(LANES):
             start = push.point + shift * rng.standard_normal(3)
-            set_contact(surfaces, frames, case.buffers.joint, lane, i, p, tuple(start), tuple(push.force))
+            set_contact(case.surface, prior, joint, lane, i, p, tuple(start), tuple(push.force))
     state = case.state
     external = (state.base_wrench, state.torque, state.link_wrench)
     return int(

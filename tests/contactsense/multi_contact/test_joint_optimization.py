@@ -17,12 +17,14 @@ from contactsense.multi_contact.joint_layout import (
     ACTIVE,
     ENERGY,
     FORCE_PRIOR,
+    FRICTION_RATIO,
     FX,
     JACOBIAN,
     LOG_EVIDENCE,
     MOMENT_PRIOR,
     MOVING,
     OFFSET,
+    OFFSET_STEP,
     PX,
     TORSION,
     TRIAL,
@@ -48,6 +50,14 @@ def _optimize(case: Case, m: int, count: int, lanes: int = LANES, known: KnownRo
     )
 
 
+def _state_deviations(case: Case, count: int) -> None:
+    """Give each contact other deviations of its surface, as the cells of a rough one do."""
+    prior = case.constants.prior
+    for i, block in enumerate(case.buffers.joint.contact[:count]):
+        block[OFFSET_STEP : OFFSET_STEP + LANES] = (i + 2.0) * prior.surface_deviation
+        block[FRICTION_RATIO : FRICTION_RATIO + LANES] = (1.0 + 0.5 * i) * prior.friction_ratio
+
+
 def _in_lane(values: np.ndarray, lane: int, size: int) -> np.ndarray:
     """The first unknowns of a vector, or of the rows of a matrix, in a lane."""
     return np.asarray(values.reshape(*values.shape[:-1], -1, LANES)[..., :size, lane].copy())
@@ -62,6 +72,7 @@ def _state_rows(joint: JointState, i: int, rows: np.ndarray) -> None:
 def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None:
     trial = case.trials.draw(count, 20.0, "different", "cone")
     m = take(case, trial, 0.01, count)
+    _state_deviations(case, count)
     constants, rows, joint = case.constants, case.buffers.rows, case.buffers.joint
     size, known = count * UNKNOWNS, KnownRows(min(count, 2), 9)
     rng = np.random.default_rng(count)
@@ -70,8 +81,8 @@ def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None
         block.reshape(-1, LANES)[[TORSION // LANES, OFFSET // LANES]] = [[0.02], [0.001]]
         if i < known.contacts:
             block.reshape(-1, LANES)[[FORCE_PRIOR // LANES, MOMENT_PRIOR // LANES]] = [[0.3], [0.4]]
-            joint.known_mean[i] = [*vector_of(block, PX, 0), *vector_of(block, FX, 0), 0.01, 0.0]
-            joint.known_mean[i] += rng.standard_normal(8) / scale
+            mean = np.array([*vector_of(block, PX, 0), *vector_of(block, FX, 0), 0.01, 0.0])
+            joint.known_mean[i] = np.repeat(mean + rng.standard_normal(8) / scale, LANES)
             _state_rows(joint, i, scale * rng.standard_normal((known.rows, 8)))
     joint.lane[ACTIVE], joint.lane[MOVING] = 1.0, 1.0
     joint_optimization.take_rows(constants.surfaces, rows, m, count, joint)
@@ -99,16 +110,15 @@ def _residuals(case: Case, m: int, primitives: list[int], x: np.ndarray) -> np.n
     prior, rows = case.constants.prior, case.buffers.rows
     residual = rows.value[:m].copy()
     priors = []
-    for p, (c, f, (xi, h)) in zip(
-        primitives, ((contact[:3], contact[3:6], contact[6:]) for contact in x.reshape(-1, 8)), strict=True
-    ):
+    contacts = ((contact[:3], contact[3:6], contact[6:]) for contact in x.reshape(-1, 8))
+    for p, block, (c, f, (xi, h)) in zip(primitives, case.buffers.joint.contact[:2], contacts, strict=True):
         R, o = case.state.candidates.rotation[p], case.state.candidates.origin[p]
         projected = project(
             case.constants.surfaces.kind[p], case.constants.surfaces.size[p], *(R.T @ (c - o))
         )
         point, normal = R @ np.array(projected[1:4]) + o, R @ np.array(projected[4:7])
         normal_force = max(-float(f @ normal), 1e-6)
-        squared_ratio = (f @ f - normal_force**2) / (prior.friction_ratio * normal_force) ** 2
+        squared_ratio = (f @ f - normal_force**2) / (block[FRICTION_RATIO] * normal_force) ** 2
         wrench = np.concatenate((f, _cross(point + h * normal, f) + xi * normal))
         link = case.constants.surfaces.link[p]
         residual -= rows.matrix[link, :m] @ wrench
@@ -118,7 +128,7 @@ def _residuals(case: Case, m: int, primitives: list[int], x: np.ndarray) -> np.n
             [
                 xi / (prior.torsion_lever * normal_force),
                 np.log(normal_force / prior.force),
-                h / prior.surface_deviation,
+                h / block[OFFSET_STEP],
                 tail,
                 projected[0],
             ]
@@ -131,6 +141,7 @@ def test_the_optimum_agrees_with_scipy(case: Case, seed: int) -> None:
     trials = Trials(SCENE, seed=40 + seed)
     trial = trials.draw(2, 20.0, "different", "cone")
     m = take(case, trial, 0.01, seed)
+    _state_deviations(case, 2)
     joint = case.buffers.joint
     primitives = [int(p) for p in joint.primitive[:2, 0]]
     start = _solution(joint, 0)
@@ -219,7 +230,7 @@ def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
     joint, information = case.buffers.joint, 1.0 / 0.001**2
     block = joint.contact[0]
     before = np.array(vector_of(block, PX, 0))
-    joint.known_mean[0, :3] = before
+    joint.known_mean[0, : 3 * LANES] = np.repeat(before, LANES)
     _state_rows(joint, 0, np.sqrt(information) * np.eye(3, 8))
     _optimize(case, m, 1, 1, KnownRows(1, 3))
     assert np.linalg.norm(np.array(vector_of(block, PX, 0)) - before) < 0.003

@@ -8,7 +8,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.localization.ranking import place_primitives
 from contactsense.multi_contact.buffers import (
     MultiContactBuffers,
-    PrimitiveFrames,
+    PlacedSurface,
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.known_prior import fill_known_prior
@@ -44,12 +44,12 @@ def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
     """Log evidence of one contact on the sphere before any measurement of a stream, and the prior's area."""
     constants, state, buffers = _constants()
     surfaces, prior, rows, joint = constants.surfaces, constants.prior, buffers.rows, buffers.joint
-    frames = PrimitiveFrames(state.candidates.rotation, state.candidates.origin)
+    surface = PlacedSurface(surfaces, constants.deviations, state.candidates)
     contact, change = buffers.known, Change(drift, measured=False)
     contact.primitive[0] = 0
     contact.point[0], contact.force[0] = CENTER + RADIUS * NORMAL, force
     contact.covariance[0] = covariance
-    known = fill_known_prior(surfaces, prior, frames, rows, 0, contact, 1, change, joint, buffers.known_prior)
+    known = fill_known_prior(surface, prior, rows, 0, contact, 1, change, joint, buffers.known_prior)
     return known_evidence(surfaces, prior, rows, known, joint) + float(np.log(prior.area))
 
 

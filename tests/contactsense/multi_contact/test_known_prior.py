@@ -73,7 +73,7 @@ def _state(case: Case, covariance: np.ndarray, count: int) -> None:
 def _prior(case: Case, m: int, count: int, drift: float, measured: bool = True) -> KnownRows:
     constants, buffers = case.constants, case.buffers
     return fill_known_prior(
-        constants.surfaces, constants.prior, case.frames, buffers.rows, m, buffers.known, count,
+        case.surface, constants.prior, buffers.rows, m, buffers.known, count,
         Change(drift, measured), buffers.joint, buffers.known_prior,
     )  # fmt: skip
 

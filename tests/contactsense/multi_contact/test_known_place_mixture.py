@@ -1,0 +1,103 @@
+"""A broad known place, divided into a mixture of narrower ones, against sampled places."""
+
+import numpy as np
+import pytest
+
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.localization.ranking import place_primitives
+from contactsense.multi_contact.buffers import (
+    MultiContactBuffers,
+    PlacedSurface,
+    empty_multi_contact_buffers,
+)
+from contactsense.multi_contact.joint_covariance import fill_covariances
+from contactsense.multi_contact.known_place_mixture import COMPONENT_WIDTH, COMPONENTS, divide_known_places
+from contactsense.multi_contact.known_prior import fill_known_prior
+from contactsense.multi_contact.known_rows import Change, KnownRows
+from contactsense.multi_contact.ranked_sets import store_explanation
+from contactsense.multi_contact.set_evidence import known_evidence
+from contactsense.robots import Link, Robot
+from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.primitives import Box, Primitive
+from contactsense.robots.vectors import Vector
+from contactsense.runtime.constants import Constants, build_constants
+from contactsense.runtime.state import empty_state
+from contactsense.scene import Scene
+from tests.plain_arm import plain_ur5e
+
+DEVIATION = 0.015
+"""Standard deviation of the known place along the surface [m]."""
+
+
+def test_the_mixture_has_the_mean_and_covariance_of_a_standard_normal_distribution() -> None:
+    assert COMPONENTS.shape == (LANES, 2)
+    np.testing.assert_allclose(COMPONENTS.mean(axis=0), 0.0, atol=1e-12)
+    second = COMPONENTS.T @ COMPONENTS / LANES + COMPONENT_WIDTH**2 * np.eye(2)
+    np.testing.assert_allclose(second, np.eye(2), atol=1e-12)
+
+
+class _Known:
+    """A known contact on the base of an arm that has a surface of its own there; nothing is measured."""
+
+    def __init__(
+        self, shapes: tuple[Primitive, ...], point: Vector, spread: Vector = (1.0, 1.0, 0.0)
+    ) -> None:
+        plain = plain_ur5e()
+        base = Link(plain.links[0].name, plain.links[0].inertia, shapes)
+        robot = Robot(
+            plain.name, (base, *plain.links[1:]), plain.joints, plain.flange_rotation,
+            plain.flange_translation,
+        )  # fmt: skip
+        self.constants: Constants = build_constants(Scene(robot=robot))
+        state = empty_state(self.constants)
+        forward_kinematics(self.constants.model, np.zeros(6), state.motion)
+        place_primitives(
+            self.constants.surfaces, self.constants.sensors.depth, state.motion, state.candidates
+        )
+        self.buffers: MultiContactBuffers = empty_multi_contact_buffers(self.constants)
+        self.surface = PlacedSurface(self.constants.surfaces, self.constants.deviations, state.candidates)
+        known = self.buffers.known
+        known.primitive[0], known.point[0], known.force[0] = 0, point, (0.0, 0.0, -20.0)
+        known.covariance[0] = DEVIATION**2 * np.diag(spread)
+
+    def place(self) -> np.ndarray:
+        """The only explanation's covariance of the place after it has been divided, shape (3, 3) [m^2]."""
+        constants, buffers, joint = self.constants, self.buffers, self.buffers.joint
+        surfaces, prior, change = constants.surfaces, constants.prior, Change(np.inf, measured=True)
+        known: KnownRows = fill_known_prior(
+            self.surface, prior, buffers.rows, 0, buffers.known, 1, change, joint, buffers.known_prior
+        )
+        known_evidence(surfaces, prior, buffers.rows, known, joint)
+        fill_covariances(1, joint)
+        store_explanation(joint, 0, 1, 0.0, buffers.explanations, 0)
+        divide_known_places(self.surface, prior, buffers, 0, known, 1)
+        return np.array(buffers.explanations.covariance[0, 0])
+
+
+def test_a_place_on_a_plane_remains_as_uncertain_as_stated() -> None:
+    wide = Box(center=(0.3, 0.3, 0.05), half=(0.15, 0.15, 0.05), rounding=0.002)
+    covariance = _Known((wide,), (0.3, 0.3, 0.1)).place()
+    along = DEVIATION**2 * np.eye(2)
+    np.testing.assert_allclose(covariance[:2, :2], along, rtol=0.02, atol=1e-6)
+
+
+@pytest.mark.parametrize("spread", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_a_place_may_be_uncertain_in_one_direction_only(spread: Vector) -> None:
+    wide = Box(center=(0.3, 0.3, 0.05), half=(0.15, 0.15, 0.05), rounding=0.002)
+    covariance = _Known((wide,), (0.3, 0.3, 0.1), spread).place()
+    along = DEVIATION**2 * np.diag(spread[:2])
+    np.testing.assert_allclose(covariance[:2, :2], along, rtol=0.02, atol=1e-6)
+
+
+def test_a_place_near_an_edge_may_be_on_the_next_primitive() -> None:
+    """Beyond a step of 4 mm the surface is that of another primitive: the place is on both, and as far from
+    the plane as that."""
+    step, away = 0.004, 0.008
+    high = Box(center=(0.2, 0.3, 0.05), half=(0.1, 0.15, 0.05), rounding=0.001)
+    low = Box(center=(0.4, 0.3, 0.05 - 0.5 * step), half=(0.1, 0.15, 0.05 - 0.5 * step), rounding=0.001)
+    covariance = _Known((high, low), (0.3 - away, 0.3, 0.1)).place()
+    x = DEVIATION * np.random.default_rng(0).standard_normal(100_000)
+    height = np.where(x < away, 0.0, -step)
+    assert covariance[0, 0] == pytest.approx(np.mean(x * x), rel=0.1)
+    assert covariance[2, 2] == pytest.approx(np.mean(height**2), rel=0.2)
+    assert covariance[0, 2] == pytest.approx(np.mean(x * height), rel=0.2)
