@@ -1,4 +1,8 @@
-"""Input and output of the localizer: `Sample` and `Estimate`."""
+"""Input and output of the localizer: `Sample` and `Estimate`.
+
+What has arrays is equal to itself alone: whether all numbers of another one are the same is no question of yes
+or no for NumPy.
+"""
 
 import math
 from collections.abc import Mapping
@@ -16,7 +20,7 @@ EventKind = Literal["onset", "hold", "slide", "release", "resume", "weight"]
 
 
 @with_attributes
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Sample:
     """Measurements at one instant. A sensor that is absent, or without a value at this instant, is None."""
 
@@ -40,7 +44,7 @@ class Sample:
 
 
 @with_attributes
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Contact:
     """One candidate for the contact: a point on a link and the force on it."""
 
@@ -94,7 +98,7 @@ class Event:
 
 
 @with_attributes
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Explanation:
     """A set of simultaneous contacts that explains one measurement."""
 
@@ -105,7 +109,7 @@ class Explanation:
 
 
 @with_attributes
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Estimate:
     """Result for one sample."""
 

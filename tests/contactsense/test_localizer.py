@@ -230,6 +230,14 @@ def test_a_contact_known_to_be_there_is_looked_for_below_the_threshold(ordinary:
     assert ordinary.locate(TRUTH.q[0], base_wrench=weak, detect=False).contacts
 
 
+def test_estimates_and_contacts_are_equal_to_themselves_alone(ordinary: Localizer) -> None:
+    measured = {"base_wrench": TRUTH.base_wrench[0], "joint_torque": TRUTH.torque[0]}
+    one, other = ordinary.locate(TRUTH.q[0], **measured), ordinary.locate(TRUTH.q[0], **measured)
+    assert one.contacts.index(one.contacts[-1]) == len(one.contacts) - 1
+    assert one != other
+    assert len({one, other, *one.contacts}) == 2 + len(one.contacts)
+
+
 def test_estimates_without_contact_are_read_only(precise: Localizer) -> None:
     """They share their arrays: a change in one would be a change in all."""
     quiet = precise.locate(np.zeros(6), base_wrench=np.zeros(6), joint_torque=np.zeros(6))
