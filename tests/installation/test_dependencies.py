@@ -34,7 +34,7 @@ NAMED = {
     "ruff": ("Makefile", r"/ruff check"),
     "mypy": ("Makefile", r"/mypy$"),
     "import-linter": ("Makefile", r"/lint-imports"),
-    "types-PyYAML": ("robots/yaml_schema.py", r"^import yaml"),
+    "types-PyYAML": ("robots/yaml_fields.py", r"^import yaml"),
     "scipy-stubs": ("contactsense/detection/false_alarm_rate.py", r"^from scipy"),
 }
 """Distribution -> file and text that call for it by a name other than an import."""
