@@ -1,7 +1,6 @@
 """Input and output of the localizer: `Sample` and `Estimate`.
 
-What has arrays is equal to itself alone: whether all numbers of another one are the same is no question of yes
-or no for NumPy.
+Objects with arrays are compared by identity: NumPy compares arrays number by number.
 """
 
 import math

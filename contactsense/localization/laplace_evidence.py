@@ -45,6 +45,9 @@ MAX_ITERATIONS = 6
 ENERGY_TOLERANCE = 0.1
 """Converged if the predicted decrease of the energy is less than this. It is the same for all cells: with one
 that grows with the energy, the evidence of a link would depend on the prior of the others."""
+REJECTION_FACTOR, UNMEASURED_REJECTION_FACTOR = 1.0, 2.0
+"""A cell is rejected unless this many times the predicted decrease of the energy brings it below the limit;
+the second one where the force is not measured, so that the search starts far from the mode."""
 MIN_INITIAL_FORCE_SHARE = 0.3
 """Lower bound of the initial normal force, relative to the measured force."""
 MIN_INITIAL_FORCE = 1e-3
@@ -71,16 +74,20 @@ def find_modes(
         prior: Prior of contacts.
         force_deviation: Root of the trace of the force's covariance [N]. If the force is more than this,
             the search starts from it, else from a force of this size or the prior's median if that is less.
-        limit: Energy above which a cell is rejected, as soon as the step does not promise to get below it.
+        limit: Energy above which a cell is rejected, as soon as no step promises to get below it.
         block: The block, with centres, normals and spreads of the cells; on return, the modes and their
             evidence.
     """
     ratio_information, torsion_information = 1.0 / prior.friction_ratio**2, 1.0 / prior.torsion_lever**2
+    measured = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) > force_deviation
+    rejection_factor = REJECTION_FACTOR if measured else UNMEASURED_REJECTION_FACTOR
     _begin(count, w, L, prior, force_deviation, block)
     first, last = 0, count
     for step in range(MAX_ITERATIONS + 1):
         may_step = step < MAX_ITERATIONS
-        _gauss_newton_steps(ratio_information, torsion_information, limit, may_step, (first, last), block)
+        _gauss_newton_steps(
+            ratio_information, torsion_information, limit, rejection_factor, may_step, (first, last), block
+        )
         # The halves in which cells are active: one of them or both. Both at once take less time than one
         # after the other, as the processor begins with the second while the first waits for its divisions.
         if not _has_active_cells(first, block):
@@ -150,6 +157,7 @@ def _gauss_newton_steps(
     ratio_information: float,
     torsion_information: float,
     limit: float,
+    rejection_factor: float,
     may_step: bool,
     cells: tuple[int, int],
     block: np.ndarray,
@@ -160,6 +168,7 @@ def _gauss_newton_steps(
         ratio_information, torsion_information: Inverse variances of the friction ratio and of the torsion
             ratio [1/m^2].
         limit: Energy above which a cell is rejected.
+        rejection_factor: Factor of the predicted decrease that a cell above it may still fall by.
         may_step: False in the last iteration.
         cells: Those of the halves that are computed: from a multiple of `HALF` on to before another number.
         block: The block.
@@ -255,7 +264,7 @@ def _gauss_newton_steps(
                 active
                 & positive
                 & (predicted_decrease >= ENERGY_TOLERANCE)
-                & (energy - predicted_decrease <= limit)
+                & (energy - rejection_factor * predicted_decrease <= limit)
                 & may_step
             )
             half[ACTIVE + j] = 1.0 if continues else 0.0

@@ -7,8 +7,10 @@ from scipy.special import logsumexp
 
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.laplace_evidence import find_modes
+from contactsense.localization.surface_evidence import SUBDIVIDE_WITHIN
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A55, ENERGY, FX, FY, FZ, LENGTH, LOG_EVIDENCE, NX, PX, PY, PZ, SPREAD, T1X, T2X, VARIANCE, W0, W5, X,
@@ -152,3 +154,32 @@ def test_the_wrench_is_transformed_to_the_axes_of_each_cell() -> None:
         np.testing.assert_allclose(_read_block(block, W0, W5, j), transformed, atol=1e-12)
         upper = information[np.triu_indices(6)]
         np.testing.assert_allclose(_read_block(block, A00, A55, j), upper, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("rows", [4, 6])
+def test_a_limit_rejects_only_cells_whose_modes_are_above_it(rows: int) -> None:
+    """With four rows, as of four joint torques, the force is not measured, and the search starts far from the
+    mode."""
+    rng = np.random.default_rng(6)
+    lost, total = 0.0, 0.0
+    for truth in _draw_from_prior(rng, 100)[0]:
+        J = rng.standard_normal((rows, 6)) * ([1.0] * 3 + [5.0] * 3)
+        L = J.T @ J / 0.3**2 + 1e-6 * np.eye(6)
+        P = np.linalg.inv(L)
+        w = P @ (J.T @ (J @ truth + 0.3 * rng.standard_normal(rows))) / 0.3**2
+        deviation = float(np.sqrt(np.trace(P[:3, :3])))
+        cells: list[Cell] = []
+        for _ in range(LANES):
+            normal = NORMAL + 0.5 * rng.standard_normal(3)
+            place = PLACE + 0.05 * rng.standard_normal(3)
+            cells.append((*place, *(normal / np.linalg.norm(normal)), WIDTH))
+        energy = np.array([cell[0] for cell in _evaluate_block(w, L, cells, deviation)])
+        limit = energy.min() + ENERGY_CUTOFF
+        block = _fill_block(cells)
+        find_modes(LANES, w, L, PRIOR, deviation, limit, block)
+        found = block[ENERGY : ENERGY + LANES]
+        weight = np.exp(energy.min() - energy)
+        lost, total = lost + weight[np.isinf(found)].sum(), total + weight.sum()
+        assert (found[found < np.inf] <= limit).all()
+        assert (found < np.inf)[energy < energy.min() + SUBDIVIDE_WITHIN].all()
+    assert lost < 1e-3 * total
