@@ -37,8 +37,10 @@ Camera = tuple[tuple[float, float, float], tuple[float, float, float]]
 """Place of the camera, and what it looks at [m]."""
 ALL: Camera = ((0.59, -0.67, 0.6), (0.0, 0.0, 0.3))
 ASIDE: Camera = ((0.15, -1.05, 0.75), (0.15, 0.0, 0.32))
-STRIP = (slice(100, 370), slice(190, 575))
+STRIP = (slice(100, 370), slice(200, 585))
 """Rows and columns of a picture of the story."""
+AT_REST = 4
+"""Number of seconds without a change after which a picture counts as complete: software draws slowly."""
 PATIENCE = 240.0
 
 
@@ -61,13 +63,14 @@ class Screen:
         client.camera.position, client.camera.look_at = np.array(camera[0]), np.array(camera[1])
         self.shown[0] = time_shown
         self.page.wait_for(_note(time_shown))
-        before, last = np.empty(0), np.empty(0)
+        last, unchanged = np.empty(0), 0
         end = time.monotonic() + PATIENCE
-        while len(last) == 0 or not np.array_equal(before, last):
+        while unchanged < AT_REST:
             if time.monotonic() > end:
                 raise BrowserError("the picture does not come to rest")
             time.sleep(1.0)
             before, last = last, self.page.screenshot()
+            unchanged = unchanged + 1 if np.array_equal(before, last) else 0
         return last
 
 

@@ -20,6 +20,7 @@ from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, conta
 from contactsense.service.drawing.contact_shapes import ARROW_MEANING
 from contactsense.service.drawing.palette import CONTACT, NOWHERE, link_colour
 from contactsense.service.drawing.timeline_svg import Curve, panel
+from contactsense.service.percent import in_percent
 
 DETAILED = 40
 """Number of contacts shown individually: those with the largest force. The table lists all."""
@@ -87,16 +88,16 @@ def _contact(contact: ContactSummary, analysis: Analysis) -> dict[str, Any]:
     none = 1.0 - float(np.sum(contact.link_probability))
     explained = contact.link_index >= 0
     tangential = _place_deviation(contact) if explained else None
-    texts = [f"{name} ({_percent(p)})" for name, p in sorted(others, key=lambda item: -item[1])]
+    texts = [f"{name} ({in_percent(p)})" for name, p in sorted(others, key=lambda item: -item[1])]
     if none >= 0.01:
-        texts.append(f"no single push on a touchable link ({_percent(none)})")
+        texts.append(f"no single push on a touchable link ({in_percent(none)})")
     return {
         "number": contact.contact,
         "begin": f"{contact.begin:.3f}",
         "duration": f"{contact.duration:.2f}",
         "link": contact.link or "no single place",
         "colour": link_colour(contact.link_index),
-        "probability": _percent(contact.probability),
+        "probability": in_percent(contact.probability),
         "point": millimetres(contact.point) if explained else "",
         "point_base": millimetres(contact.point_base) if explained else "",
         "deviation": "" if tangential is None else f"{1e3 * tangential:.1f}",
@@ -226,7 +227,3 @@ def _views(analysis: Analysis, chosen: set[int]) -> dict[str, Any]:
                 contact.force_base,
             )
     return {"geometry": arm_geometry(scene) if views else [], "views": views}
-
-
-def _percent(probability: float) -> str:
-    return f"{100.0 * probability:.0f} %" if probability < 0.995 else "> 99 %"

@@ -14,6 +14,7 @@ import viser
 from contactsense.scene import Scene
 from contactsense.service.drawing.contact_shapes import arrow_ends, region_patch
 from contactsense.service.drawing.palette import CONTACT, rgb
+from contactsense.service.percent import in_percent
 from contactsense.service.viewer.arm_nodes import BASE, link_node
 from contactsense.types import Contact, Estimate
 
@@ -132,7 +133,7 @@ class ContactNodes:
 def label(contact: Contact) -> str:
     """Link, force and probability of an explanation, such as `forearm 20 N, 98 %`."""
     force = float(np.linalg.norm(contact.force_base))
-    return f"{contact.link} {force:.0f} N, {100.0 * contact.probability:.0f} %"
+    return f"{contact.link} {force:.0f} N, {in_percent(contact.probability)}"
 
 
 def _looks_like(contact: Contact, drawn: Contact) -> bool:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from contactsense.service.drawing.contact_shapes import REGION_90
+from contactsense.service.percent import in_percent
 from contactsense.types import Contact, Estimate
 
 
@@ -42,11 +43,11 @@ def _headline(estimate: Estimate) -> str:
 def _table(estimate: Estimate) -> list[str]:
     rows = ["| link | force | place within | probability |", "| --- | --- | --- | --- |"]
     rows += [
-        f"| {c.link} | {np.linalg.norm(c.force_base):.1f} N | {_within(c)} | {100.0 * c.probability:.1f} % |"
+        f"| {c.link} | {np.linalg.norm(c.force_base):.1f} N | {_within(c)} | {in_percent(c.probability)} |"
         for c in estimate.contacts
     ]
     if estimate.other >= 0.001:
-        rows.append(f"| none of these | | | {100.0 * estimate.other:.1f} % |")
+        rows.append(f"| none of these | | | {in_percent(estimate.other)} |")
     return rows
 
 

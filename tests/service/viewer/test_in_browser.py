@@ -38,7 +38,7 @@ def test_the_words_tell_all_explanations(shown: Shown) -> None:
     )
     shown.page.wait_for("Ambiguous: 2 explanations")
     text = shown.page.text()
-    for expected in ("60.0 %", "30.0 %", "none of these", "10.0 %", "upper_arm"):
+    for expected in ("60 %", "30 %", "none of these", "10 %", "upper_arm"):
         assert expected in text
 
 
