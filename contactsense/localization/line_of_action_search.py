@@ -56,6 +56,7 @@ def search_along_line_of_action(
     prior: Prior,
     buffers: SearchBuffers,
     candidates: Candidates,
+    competing_evidence: float = -math.inf,
 ) -> int:
     """Find the most probable contact on each primitive near the line of action, conditioned on being
     accessible; row p is for primitive p.
@@ -65,6 +66,8 @@ def search_along_line_of_action(
             `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled
             in.
         deviations: How far the surface is from the primitives, place by place.
+        competing_evidence: Log evidence of what else explains the measurement: primitives whose bound is
+            hopeless beside it are not searched.
 
     Returns:
         Number of rows in `order`. The `score` of rejected rows is -infinity.
@@ -73,7 +76,8 @@ def search_along_line_of_action(
     best = math.inf, -math.inf
     count, searched = 0, 0
     # First the primitives that the line may well enter: they set a limit that excludes most of the others.
-    for limit in (lowest_bound + ENERGY_CUTOFF, math.inf):
+    highest = ENERGY_CUTOFF - competing_evidence
+    for limit in (min(lowest_bound + ENERGY_CUTOFF, highest), highest):
         for p in range(surfaces.start[touchable.shape[0]]):
             bound = candidates.bound[p]
             # Each primitive once: then its bound is infinite.

@@ -98,11 +98,15 @@ def locate_contacts(
         )
         if line_of_action_known:
             count = search_along_line_of_action(
-                surfaces, scene.deviations, searched, with_prior, assumed, buffers, candidates
-            )
+                surfaces, scene.deviations, searched, with_prior, assumed, buffers, candidates,
+                none_evidence - log_share,
+            )  # fmt: skip
             cells.unassigned_evidence[:] = -math.inf
         else:
-            count = search_surface(scene, searched, motion, with_prior, wrench_measured, assumed, arrays)
+            count = search_surface(
+                scene, searched, motion, with_prior, wrench_measured, assumed, arrays,
+                none_evidence - log_share,
+            )  # fmt: skip
         if _add_log_prior(candidates, count, cells.unassigned_evidence, log_share) >= none_evidence:
             break
         # Explained by a touch on a link that is left out.

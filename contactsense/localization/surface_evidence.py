@@ -62,12 +62,15 @@ def evaluate_cells(
     wrench_measured: bool,
     prior: Prior,
     arrays: SearchArrays,
+    competing_energy: float,
 ) -> tuple[int, float, bool]:
     """Fill a row of `arrays.cells` for each sample or subsample that is not rejected.
 
     Args:
         scene, searched, motion, hypotheses, wrench_measured, prior, arrays: As in
             `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled in.
+        competing_energy: Energy of what else explains the measurement: cells whose bound is hopeless beside
+            it are not evaluated.
 
     Returns:
         Number of rows; the best log evidence (-infinity if there are none); and whether the best cells were
@@ -76,8 +79,8 @@ def evaluate_cells(
     surfaces, depth = scene.surfaces, scene.depth
     cells = arrays.cells
     rows, lowest_energy = _evaluate_samples(
-        scene.samples, scene.blocks, searched, depth, motion, hypotheses, wrench_measured, prior, cells,
-        arrays.candidates.spheres,
+        scene, searched, motion, hypotheses, wrench_measured, prior, cells, arrays.candidates.spheres,
+        competing_energy,
     )  # fmt: skip
     best = _best_score(cells, rows)
     divided = best > -math.inf and _count_above(cells, rows, best - SUBDIVIDE_WITHIN) <= MAX_SUBDIVIDED
@@ -91,32 +94,31 @@ def evaluate_cells(
 
 @fused_kernel
 def _evaluate_samples(
-    samples: SurfaceSamples,
-    blocks: SurfaceBlocks,
-    touchable: np.ndarray,
-    depth: np.ndarray,
+    scene: SearchedSurface,
+    searched: np.ndarray,
     motion: Motion,
     hypotheses: Hypotheses,
     wrench_measured: bool,
     prior: Prior,
     cells: SurfaceCells,
     spheres: np.ndarray,
+    competing_energy: float,
 ) -> tuple[int, float]:
     """Fill a row of `cells` for each sample that is not rejected; returns their number and the lowest
     energy. `spheres`: scratch block."""
-    rows = 0
-    lowest_energy = math.inf
-    links = touchable.shape[0]
+    samples, blocks, depth = scene.samples, scene.blocks, scene.depth
+    rows, lowest_energy = 0, math.inf
+    links = searched.shape[0]
     first = np.argmin(hypotheses.energy)
     for k in range(links):
         # The best link first, so that cells on the others are rejected early.
         link = (first + k) % links
         link_energy = hypotheses.energy[link]
-        if not touchable[link] or link_energy > lowest_energy + ENERGY_CUTOFF:
+        if not searched[link] or link_energy > lowest_energy + ENERGY_CUTOFF:
             continue
         R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
         w, P = hypotheses.wrench[link], hypotheses.covariance[link]
-        limit = lowest_energy + ENERGY_CUTOFF - link_energy
+        limit = min(lowest_energy, competing_energy) + ENERGY_CUTOFF - link_energy
         queued = _queue_cells(blocks, link, (R, o), (w, P), wrench_measured, prior, limit, cells, spheres)
         if queued == 0:
             continue

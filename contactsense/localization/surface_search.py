@@ -68,6 +68,7 @@ def search_surface(
     wrench_measured: bool,
     prior: Prior,
     arrays: SearchArrays,
+    competing_evidence: float,
 ) -> int:
     """Fill rows of `arrays.candidates`; `order` lists them.
 
@@ -77,6 +78,8 @@ def search_surface(
     Args:
         scene, searched, motion, hypotheses, wrench_measured, prior, arrays: As in
             `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled in.
+        competing_evidence: Log evidence of what else explains the measurement: cells whose bound is hopeless
+            beside it are not searched.
 
     Returns:
         Number of candidates.
@@ -85,8 +88,9 @@ def search_surface(
     _, cells, candidates = arrays
     cells.unassigned_evidence[:] = -math.inf
     rows, best, divided = evaluate_cells(
-        scene, searched, motion, hypotheses, wrench_measured, _with_tilt(prior, scene.deviations), arrays
-    )
+        scene, searched, motion, hypotheses, wrench_measured, _with_tilt(prior, scene.deviations), arrays,
+        -competing_evidence,
+    )  # fmt: skip
     if best == -math.inf:
         return 0
     _apply_accessibility(surfaces, scene.deviations, depth, motion, prior, cells, candidates, rows, best)
