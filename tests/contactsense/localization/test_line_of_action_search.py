@@ -14,6 +14,7 @@ from contactsense.localization.line_of_action_search import search_along_line_of
 from contactsense.localization.local_prior import tilt_in_cell
 from contactsense.robots.vectors import vector
 from contactsense.solvers.posterior import Contact, pushing_force
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 from contactsense.solvers.wrench import Wrench
 from tests.contactsense.solvers.one_lane import enter_surface, posterior_mode
 from tests.plain_arm import contacts, plain_ur5e
@@ -33,7 +34,7 @@ def localizer() -> Localizer:
     )
 
 
-def _search(localizer: Localizer) -> int:
+def _search(localizer: Localizer, competing_evidence: float = -math.inf) -> int:
     constants, state = localizer._buffers.constants, localizer._buffers.state
     found: int = search_along_line_of_action(
         constants.surfaces,
@@ -43,6 +44,7 @@ def _search(localizer: Localizer) -> int:
         constants.prior,
         state.search_buffers,
         state.candidates,
+        competing_evidence,
     )
     return found
 
@@ -104,3 +106,24 @@ def test_each_primitive_is_searched_once_if_none_can_be_touched(localizer: Local
         count = _search(localizer)
         order = state.candidates.order[:count].tolist()
         assert len(set(order)) == count <= len(constants.surfaces.kind)
+
+
+@pytest.mark.parametrize(("above", "fewer"), [(-20.0, False), (0.0, False), (40.0, True)])
+def test_only_what_is_hopeless_beside_something_else_is_not_searched(
+    localizer: Localizer, above: float, fewer: bool
+) -> None:
+    constants, state = localizer._buffers.constants, localizer._buffers.state
+    searched = np.zeros(2, dtype=int)
+    for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
+        localizer.locate(q, base_wrench=wrench, joint_torque=torque)
+        scores = np.full((2, len(constants.surfaces.kind)), -np.inf)
+        competing = -math.inf
+        for k in range(2):
+            count = _search(localizer, competing)
+            order = state.candidates.order[:count]
+            scores[k, order] = state.candidates.score[order]
+            searched[k] += count
+            competing = scores[0].max() + above
+        alone, beside = np.exp(scores - competing)
+        np.testing.assert_allclose(beside, alone, atol=np.exp(-ENERGY_CUTOFF))
+    assert (searched[1] < searched[0]) == fewer

@@ -1,11 +1,16 @@
 """The search over the surface returns points on the surface."""
 
+import math
+
 import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.surface.convex_primitives import pack
 from contactsense.robots.surface.union import distances
+from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
 from tests.plain_arm import contacts, plain_ur5e
 
 ARM = plain_ur5e()
@@ -42,3 +47,35 @@ def test_a_pure_moment_is_handled_without_warnings() -> None:
     )
     assert estimate.status in ("none", "ambiguous")
     assert np.isfinite(estimate.link_probability).all()
+
+
+@pytest.mark.parametrize(("above", "fewer"), [(0.0, False), (20.0, True)])
+def test_only_what_is_hopeless_beside_something_else_is_not_evaluated(above: float, fewer: bool) -> None:
+    scene = Scene(
+        robot=ARM,
+        base_wrench=WrenchSensor(force_noise=1.0, moment_noise=0.2),
+        joint_torque=JointTorqueSensor(noise=1.0),
+    )
+    localizer = Localizer(scene)
+    constants, state = localizer._buffers.constants, localizer._buffers.state
+    searched = SearchedSurface(
+        constants.surfaces, constants.samples, constants.surface_blocks, constants.subsamples,
+        constants.deviations, constants.touchable, constants.left_out, constants.sensors.depth,
+    )  # fmt: skip
+    arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates)
+    rows = np.zeros(2, dtype=int)
+    for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
+        localizer.locate(q, base_wrench=wrench, joint_torque=torque)
+        found: list[np.ndarray] = []
+        competing_energy = math.inf
+        for k in range(2):
+            count, best, _ = evaluate_cells(
+                searched, constants.touchable, state.motion, state.hypotheses, True, constants.prior, arrays,
+                competing_energy,
+            )  # fmt: skip
+            found.append(state.surface_cells.score[:count].copy())
+            rows[k] += count
+            competing_energy = -best - above
+        alone, beside = (np.exp(scores + competing_energy).sum() for scores in found)
+        np.testing.assert_allclose(beside, alone, atol=np.exp(-ENERGY_CUTOFF))
+    assert (rows[1] < rows[0]) == fewer
