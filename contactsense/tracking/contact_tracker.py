@@ -42,6 +42,9 @@ SHORT_WINDOWS = 3
 velocity of a sliding contact."""
 POSITION_TOLERANCE = 1e-4
 """A position may change by this much without counting as moved: skin deforms, contact patches roll [m]."""
+ENDING_SHARE = 0.25
+"""A contact does not count as moved while its force in the newest window is less than this share of that in
+the next one."""
 NEW_TIME_CONSTANTS = 9.0
 """A contact is new for this many time constants of the observer; then it holds or slides."""
 HOLD_TIME_CONSTANTS = 20.0
@@ -232,7 +235,7 @@ def choose_window(
             distance = _position_distance(track, i, j) if has_base else _torque_distance(sensors, track, i, j)
             max_distance = max(max_distance, distance)
         if max_distance > DISAGREE:
-            slid = slid or has_base
+            slid = slid or (has_base and not _is_ending(track))
             if i < SHORT_WINDOWS:
                 continue
             max_samples = WINDOW_GROWTH**longest / (2.0 * math.pi * bandwidth * max(dt, 1e-9))
@@ -246,6 +249,13 @@ def choose_window(
             longest = i
     status.window = _most_precise_window(track, longest) if has_base else longest
     return slid
+
+
+@kernel
+def _is_ending(track: ContactTrack) -> bool:
+    """Whether the force falls so fast that what the observers have not followed yet moves the position: in
+    the newest window it is much less than in the next one."""
+    return bool(track.window_point[0, 2] > ENDING_SHARE * track.window_point[1, 2])
 
 
 @kernel

@@ -126,6 +126,29 @@ def test_a_slide_is_followed_then_held(localizer: Localizer) -> None:
     assert {c.id for e in estimates for c in e.contacts} == {1}
 
 
+def test_the_end_of_a_push_is_no_slide(localizer: Localizer) -> None:
+    """While the force falls to nothing within 0.1 s, what is left of it is hardly more than the observers'
+    lag."""
+    pushed, _ = _noiseless(START + 0.6, _held, 1.0, 30.0)
+    free, _ = _noiseless(START + 0.6, _held, 1.0, 0.0)
+    for seed in range(30):
+        noise = np.random.default_rng(seed).standard_normal((len(pushed), 12))
+        noise[:, 6:] *= np.repeat([0.25, 0.05], 3)
+        samples = []
+        for s, without, n in zip(pushed, free, noise, strict=True):
+            share = np.clip((START + 0.5 - s.t) / 0.1, 0.0, 1.0)
+            torque, wrench = (
+                share * np.asarray(a) + (1.0 - share) * np.asarray(b) + own
+                for a, b, own in (
+                    (s.joint_torque, without.joint_torque, n[:6]),
+                    (s.base_wrench, without.base_wrench, n[6:]),
+                )
+            )
+            samples.append(Sample(s.t, s.q, s.qd, torque, wrench))
+        kinds = [event.kind for estimate in localizer.run(samples) for event in estimate.events]
+        assert kinds == ["onset", "hold", "release"]
+
+
 def test_force_and_wrench_are_the_newest(localizer: Localizer) -> None:
     samples, _ = _samples(START + 1.0, _held, 4)
     model, motion = build_model(ARM), empty_motion(6)
