@@ -37,7 +37,7 @@ Camera = tuple[tuple[float, float, float], tuple[float, float, float]]
 """Place of the camera, and what it looks at [m]."""
 ALL: Camera = ((0.59, -0.67, 0.6), (0.0, 0.0, 0.3))
 ASIDE: Camera = ((0.15, -1.05, 0.75), (0.15, 0.0, 0.32))
-STRIP = (slice(100, 370), slice(200, 585))
+STRIP = (slice(100, 370), slice(0, 385))
 """Rows and columns of a picture of the story."""
 AT_REST = 4
 """Number of seconds without a change after which a picture counts as complete: software draws slowly."""
