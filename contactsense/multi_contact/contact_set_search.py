@@ -28,7 +28,7 @@ from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
 from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Change
+from contactsense.multi_contact.known_rows import Change, KnownRows
 from contactsense.multi_contact.pooled_evidence import log_of_sum, pool_link_evidence
 from contactsense.multi_contact.pooled_places import pool_places, widen_places
 from contactsense.multi_contact.ranked_sets import (
@@ -41,7 +41,7 @@ from contactsense.multi_contact.sample_likelihood import initialize_seeding
 from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
 from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
 from contactsense.multi_contact.summed_pairs import store_summed_pairs
-from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior import Prior
 
@@ -68,6 +68,19 @@ class Sought(NamedTuple):
 
     In a stream the forces of known contacts hardly change between samples, so that a longer search where they
     are free gains nothing."""
+
+
+class Starts(NamedTuple):
+    """Starts of the joint search for some further contacts."""
+
+    candidates: int
+    """Number of candidates of the search for one contact; the known contacts alone count as one."""
+    seeds: int
+    """Number of sets of samples."""
+    is_broad: bool
+    """Whether the place of a candidate is uncertain: its probability and covariance are then kept."""
+    is_pooled: bool
+    """Whether the explanations are pooled with the sums over samples."""
 
 
 @fused_kernel
@@ -99,110 +112,175 @@ def search_contact_sets(
         Number of ranked explanations.
     """
     known_count, drift, max_contacts, at_rest = sought
-    seed_samples, rows, joint, seeding = buffers.seed_samples, buffers.rows, buffers.joint, buffers.seeding
-    candidates, explanations = buffers.candidates, buffers.explanations
-    surfaces, surface = scene.surfaces, PlacedSurface(scene.surfaces, scene.deviations, candidates)
+    rows, joint, explanations = buffers.rows, buffers.joint, buffers.explanations
+    surfaces, surface = scene.surfaces, PlacedSurface(scene.surfaces, scene.deviations, buffers.candidates)
     change = Change(drift, at_rest)
     known = fill_known_prior(
         surface, prior, rows, m, buffers.known, known_count, change, joint,
         buffers.known_prior,
     )  # fmt: skip
     initialize_seeding(surfaces.link, prior.friction_ratio, buffers, known_count, change, force_scale, m)
-    prior_log_evidence = known_evidence(surfaces, prior, rows, known, joint)
+    known_alone = known_evidence(surfaces, prior, rows, known, joint)
     stored = 0
-    best = math.inf
-    unlisted = -math.inf
+    best, unlisted = math.inf, -math.inf
     for further in range(0 if known_count > 0 else 1, max_contacts - known_count + 1):
         if best < MIN_ENERGY:
             break
-        # The known contacts alone have a single start, two or more further ones start at samples.
-        candidates_used, samples_used = 1 if further == 0 else 0, 0
-        is_broad, is_pooled = False, further == 2
-        if further == 1:
-            candidates_used = min(
-                locate_further_contact(
-                    scene, motion, wrench_measured, prior, arrays, rows, m, known_count, seeding
-                ),
-                MAX_SEEDS,
-            )
-            is_broad = candidates_used > 0 and is_any_broad(candidates, candidates_used)
-            # The search for one contact takes free forces for normally distributed, so that they may pull:
-            # with two of them its candidates are no reliable seeds, and their probabilities not those of
-            # the places.
-            is_pooled = is_broad and at_rest and known_count > 1 and drift == math.inf
-        if is_pooled or further > 1:
-            samples_used = find_seeds(
-                seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding
-            )
-        if further == 1:
-            samples_used = drop_seeds_at_candidates(
-                seed_samples.primitive, candidates, candidates_used, seeding, samples_used
-            )
-        lowest_energy = math.inf
+        starts = _find_starts(
+            scene, motion, wrench_measured, prior, arrays, buffers, m, force_scale, sought, further
+        )
         first = stored
-        starts = candidates_used + samples_used
-        for start in range(0, starts, LANES):
-            lanes = min(LANES, starts - start)
-            for j in range(lanes):
-                _initialize(
-                    surface, prior, buffers, m, change, force_scale,
-                    (known_count, further, candidates_used), start + j, j,
-                )  # fmt: skip
-            count = known_count + further
-            limit = lowest_energy + ENERGY_MARGIN
-            fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
-            if scene.deviations.mean_tilt > 0.0 and move_to_cells(
-                surface, prior, known_count, count, lanes, joint
-            ):
-                fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
-            add_accessibility(surface, prior, known_count, count, lanes, joint)
-            fill_covariances(count, joint)
-            for j in range(lanes):
-                if joint.lane[LOG_EVIDENCE, j] > -math.inf:
-                    lowest_energy = min(lowest_energy, joint.lane[ENERGY, j])
-            for j in range(lanes):
-                if not (
-                    joint.lane[LOG_EVIDENCE, j] > -math.inf
-                    and joint.lane[ENERGY, j] <= lowest_energy + ENERGY_MARGIN
-                ):
-                    continue
-                store_explanation(joint, j, count, prior_log_evidence, explanations, stored)
-                if is_broad and start + j < candidates_used:
-                    adopt_candidate(
-                        candidates, candidates.order[start + j], known_count, explanations, stored
-                    )
-                stored += 1
-        if is_pooled:
-            if further == 1:
-                _fill_link_evidence(seeding.link_probability, seeding.pair_evidence)
-            pool_link_evidence(
-                surfaces.link,
-                explanations,
-                first,
-                stored,
-                known_count,
-                further,
-                seeding.pair_evidence,
-                prior.surface_deviation,
-            )
-            if further == 2 and known_count == 0:
-                pool_places(
-                    surfaces.link, seed_samples, prior.surface_deviation, seeding, explanations, first, stored
-                )
-                stored = store_summed_pairs(
-                    seed_samples, prior.friction_ratio, force_scale, prior.surface_deviation, rows, m,
-                    seeding, explanations, stored,
-                )  # fmt: skip
-            else:
-                widen_places(explanations, first, stored, known_count, further, prior.surface_deviation)
-            unlisted = log_of_sum(seeding.pair_evidence, explanations.score, 0)
-        elif is_broad:
+        stored, lowest_energy = _search_from(
+            starts, surface, prior, buffers, m, known, change, (force_scale, known_alone), further, first
+        )
+        if starts.is_pooled:
+            stored = _pool(surface, prior, buffers, m, force_scale, (known_count, further), (first, stored))
+            unlisted = log_of_sum(buffers.seeding.pair_evidence, explanations.score, 0)
+        elif starts.is_broad:
             share_evidence(explanations, first, stored)
         best = min(best, lowest_energy)
     if at_rest and drift == math.inf and known_count > 0:
         divide_known_places(surface, prior, buffers, m, known, stored)
     ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
+
+
+@inlined_fused_kernel
+def _find_starts(
+    scene: SearchedSurface,
+    motion: Motion,
+    wrench_measured: bool,
+    prior: Prior,
+    arrays: SearchArrays,
+    buffers: MultiContactBuffers,
+    m: int,
+    force_scale: float,
+    sought: Sought,
+    further: int,
+) -> Starts:
+    """Where the joint search for that many further contacts starts: `buffers.candidates` are filled, and the
+    seeds of `buffers.seeding`. Arguments as for `search_contact_sets`."""
+    seed_samples, rows, seeding, candidates = (
+        buffers.seed_samples, buffers.rows, buffers.seeding, buffers.candidates
+    )  # fmt: skip
+    # The known contacts alone have a single start, two or more further ones start at samples.
+    found, seeds = 1 if further == 0 else 0, 0
+    is_broad, is_pooled = False, further == 2
+    if further == 1:
+        found = min(
+            locate_further_contact(
+                scene, motion, wrench_measured, prior, arrays, rows, m, sought.known, seeding
+            ),
+            MAX_SEEDS,
+        )
+        is_broad = found > 0 and is_any_broad(candidates, found)
+        # The search for one contact takes free forces for normally distributed, so that they may pull: with
+        # two of them its candidates are no reliable seeds, and their probabilities not those of the places.
+        is_pooled = is_broad and sought.at_rest and sought.known > 1 and sought.drift == math.inf
+    if is_pooled or further > 1:
+        seeds = find_seeds(seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding)
+    if further == 1:
+        seeds = drop_seeds_at_candidates(seed_samples.primitive, candidates, found, seeding, seeds)
+    return Starts(found, seeds, is_broad, is_pooled)
+
+
+@inlined_fused_kernel
+def _search_from(
+    starts: Starts,
+    surface: PlacedSurface,
+    prior: Prior,
+    buffers: MultiContactBuffers,
+    m: int,
+    known: KnownRows,
+    change: Change,
+    scales: tuple[float, float],
+    further: int,
+    stored: int,
+) -> tuple[int, float]:
+    """Search jointly from all starts, in blocks of lanes, and store the explanations that are found.
+
+    Args:
+        starts: The starts.
+        surface, prior, buffers, m, known, change: As in `search_contact_sets`.
+        scales: Approximate magnitude of the forces [N]; log evidence of the known contacts alone.
+        further: Number of further contacts.
+        stored: Number of explanations before.
+
+    Returns:
+        Number of explanations, and the lowest energy of a new one.
+    """
+    rows, joint, explanations, candidates = (
+        buffers.rows,
+        buffers.joint,
+        buffers.explanations,
+        buffers.candidates,
+    )
+    surfaces, count = surface.surfaces, known.contacts + further
+    force_scale, known_alone = scales
+    lowest_energy = math.inf
+    total = starts.candidates + starts.seeds
+    for start in range(0, total, LANES):
+        lanes = min(LANES, total - start)
+        for j in range(lanes):
+            _initialize(
+                surface, prior, buffers, m, change, force_scale,
+                (known.contacts, further, starts.candidates), start + j, j,
+            )  # fmt: skip
+        limit = lowest_energy + ENERGY_MARGIN
+        fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
+        if surface.deviations.mean_tilt > 0.0 and move_to_cells(
+            surface, prior, known.contacts, count, lanes, joint
+        ):
+            fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
+        add_accessibility(surface, prior, known.contacts, count, lanes, joint)
+        fill_covariances(count, joint)
+        for j in range(lanes):
+            if joint.lane[LOG_EVIDENCE, j] > -math.inf:
+                lowest_energy = min(lowest_energy, joint.lane[ENERGY, j])
+        for j in range(lanes):
+            is_found = joint.lane[LOG_EVIDENCE, j] > -math.inf
+            if not is_found or joint.lane[ENERGY, j] > lowest_energy + ENERGY_MARGIN:
+                continue
+            store_explanation(joint, j, count, known_alone, explanations, stored)
+            if starts.is_broad and start + j < starts.candidates:
+                row = candidates.order[start + j]
+                adopt_candidate(candidates, row, known.contacts, explanations, stored)
+            stored += 1
+    return stored, lowest_energy
+
+
+@inlined_fused_kernel
+def _pool(
+    surface: PlacedSurface,
+    prior: Prior,
+    buffers: MultiContactBuffers,
+    m: int,
+    force_scale: float,
+    counts: tuple[int, int],
+    new: tuple[int, int],
+) -> int:
+    """Pool the explanations found last with the sums over samples; returns the number of explanations.
+
+    `counts`: numbers of known and of further contacts. `new`: first of these explanations, and the one after
+    the last.
+    """
+    seed_samples, seeding, explanations = buffers.seed_samples, buffers.seeding, buffers.explanations
+    link_of, deviation = surface.surfaces.link, prior.surface_deviation
+    (known_count, further), (first, stored) = counts, new
+    if further == 1:
+        _fill_link_evidence(seeding.link_probability, seeding.pair_evidence)
+    pool_link_evidence(
+        link_of, explanations, first, stored, known_count, further, seeding.pair_evidence, deviation
+    )
+    if further == 2 and known_count == 0:
+        pool_places(link_of, seed_samples, deviation, seeding, explanations, first, stored)
+        stored = store_summed_pairs(
+            seed_samples, prior.friction_ratio, force_scale, deviation, buffers.rows, m, seeding,
+            explanations, stored,
+        )  # fmt: skip
+    else:
+        widen_places(explanations, first, stored, known_count, further, deviation)
+    return stored
 
 
 @fused_kernel
