@@ -57,9 +57,8 @@ def serve_page(host: str, port: int) -> PageServer:
     if page.get_port() != port:
         page.stop()
         raise OSError(f"port {port} is taken")
-    page.gui.configure_theme(
-        control_layout="collapsible", control_width="large", show_logo=False, show_share_button=False
-    )
+    page.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    page.gui.main_panel.dock_right()
     page.scene.set_up_direction("+z")
     page.scene.configure_default_lights(cast_shadow=False)  # they tell nothing here, and cost time
     return page
