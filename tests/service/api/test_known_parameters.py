@@ -1,4 +1,4 @@
-"""A misspelled parameter is named; it is not ignored."""
+"""A misspelled parameter, or one that is given twice, is named; it is not ignored."""
 
 from collections.abc import Iterator
 
@@ -30,12 +30,17 @@ def place() -> Iterator[str]:
         ),
         ("/v1/robot?name=ur5e", "name", "unknown parameter; there are none here"),
         ("/v1/health?token=abc", "token", "unknown parameter; there are none here"),
+        ("/v1/events?since=1&since=2", "since", "expected one value, got 2"),
     ],
 )
 def test_over_http(place: str, path: str, name: str, reason: str) -> None:
     answer: httpx.Response = http.get(f"http://{place}{path}")
     assert answer.status_code == 422
     assert ErrorOut.model_validate(answer.json()).errors == [FieldError(field=name, reason=reason)]
+
+
+def test_a_list_is_given_value_by_value(place: str) -> None:
+    assert http.get(f"http://{place}/v1/events?kind=onset&kind=release").status_code == 200
 
 
 def test_over_a_websocket(place: str) -> None:
