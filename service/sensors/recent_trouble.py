@@ -73,8 +73,9 @@ class RecentTrouble:
         events = {event for event in (*counts, *self._shares) if isinstance(event, SensorEvent)}
         for field in sorted({event.field for event in events}):
             said = [text for what, text in _OF_SENSOR.items() if counts[SensorEvent(field, what)] > 2]
-            share = held(SensorEvent(field, "lacking"), WITHOUT_WRENCH)
-            if not said and share:
+            # What is told by its cause must not be told again by its share when the cause is over.
+            share = 0.0 if said else held(SensorEvent(field, "lacking"), WITHOUT_WRENCH)
+            if share:
                 said = [_LACKING.format(share=share)]
             found += [f"{field}: {text}" for text in said]
         for name, text in _SHARES.items():
