@@ -25,6 +25,8 @@ _ALWAYS = {
     "torque not finite": "the robot sends joint torques that are not numbers; they are left out",
     "torque frozen": "the joint torques never change: is the arm switched off? They are left out (a "
     "simulator without noise needs --constant-readings)",
+    "torque zero": "the joint torques are exactly zero in all joints: is the arm switched off? They are left "
+    "out (a simulator that has none needs --constant-readings)",
     "torque too large": "the robot sends joint torques far beyond what its joints can apply; "
     "they are left out",
 }
