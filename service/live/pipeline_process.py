@@ -333,6 +333,7 @@ def _as_message(health: source_health.SourceHealth) -> SourceHealth:
         connected=health.robot.state == "streaming",
         trouble=health.trouble_while_running,
         without_wrench=health.without_wrench,
+        unusable=health.unusable,
         robot=sensor(health.robot),
         base_wrench=None if health.wrench is None else sensor(health.wrench),
     )
