@@ -152,13 +152,3 @@ def bodies_of(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
     square = np.einsum("ki,ki->k", c, c)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
     return m, c, about_origin - m[:, None, None] * square
-
-
-def inertia_of(parameters: np.ndarray) -> Inertia:
-    """The body with these ten inertial parameters, shape (10,).
-
-    Raises:
-        ValueError: the mass is negative.
-    """
-    mass, com, tensor = bodies_of(parameters[None])
-    return Inertia(float(mass[0]), com[0], tensor[0])
