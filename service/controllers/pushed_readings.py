@@ -35,7 +35,7 @@ _TEXTS = {
 
 
 class PushedReadings:
-    """Takes such readings out of the samples of one stream, and counts them.
+    """Removes such readings from the samples of one stream, and counts them.
 
     Args:
         scene: The arm and its sensors.
