@@ -18,6 +18,7 @@ from contactsense.service.recordings.clip_listener import RecordingSettings
 router = APIRouter(route_class=JsonRoute)
 log = logging.getLogger("contactsense")
 _MOST = 1000
+"""Clips that are listed; older ones are forgotten, their files stay."""
 _NO_FOLDER: Responses = {
     409: {"model": ErrorOut, "description": "The service has no folder for recordings."},
 }

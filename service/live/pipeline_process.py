@@ -43,8 +43,11 @@ HEARTBEAT = 0.25
 """Longest time between two health messages of a healthy process [s]."""
 
 _OUTBOX = 1000
+"""Messages that wait for the service at most: two seconds of estimates."""
 _TICK = 0.01
+"""Longest wait for samples before listeners and commands have their turn [s]."""
 _MAX_COMMAND = 1 << 20
+"""Largest command of the service [bytes]."""
 
 ListenerFactory = Callable[[Scene], Listener]
 """Creates a listener; called in the pipeline's process, so it must be picklable."""

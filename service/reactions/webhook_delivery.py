@@ -24,8 +24,11 @@ dropped."""
 JITTER = 0.2
 """Each delay is varied by up to this fraction, so that retries of many senders do not coincide."""
 MAX_BODY = 20_000
+"""Largest delivery [bytes]; Standard Webhooks recommends less than 20 kB."""
 _THROTTLED = (429, 502, 504)
+"""After these statuses the receiver gets twice the time."""
 _POLL = 1.0
+"""Time between two looks at the outbox [s]."""
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):

@@ -24,7 +24,9 @@ from contactsense.service.recordings.segment_writer import Rotation, SegmentWrit
 from contactsense.types import Estimate, Sample
 
 _HOST_TIME = 1
+"""Column of the host's time in a row."""
 _CHUNK = 250
+"""Rows that are handed to the writer at a time."""
 
 
 class RecordingSettings(BaseModel):

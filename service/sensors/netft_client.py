@@ -20,6 +20,7 @@ DEFAULT_PORT = 49152
 DEFAULT_HTTP_PORT = 80
 
 _QUEUE = 8192
+"""Readings that pynetft keeps until they are fetched."""
 _STUCK = 0.25
 """If all records are rejected for this long, the sensor has reset its counter [s]."""
 _STUCK_RECORDS = 20
