@@ -27,7 +27,7 @@ from contactsense.service.api.messages import PipelineHealth, SensorHealth, Sour
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.group_signals import leave_to_parent
 from contactsense.service.live.listener import Listener, Reporter
-from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry
+from contactsense.service.live.scheduling import PIPELINE, Scheduling, prefer_low_latency, prioritize
 from contactsense.service.live.step_times import StepTimes
 from contactsense.service.process_argument import receive
 from contactsense.service.sensors import source_health
@@ -213,12 +213,12 @@ def work(
         try:
             with _reported_loading(scene, outbox):
                 localizer = Localizer(scene, progress=False)
-            scheduling = hurry(PIPELINE)  # not before kernels are compiled, which may take minutes
+            scheduling = prioritize(PIPELINE)  # not before kernels are compiled, which may take minutes
             with (
                 contextlib.closing(open_source(scene)) as source,
                 contextlib.closing(Listeners([make(scene) for make in factories], outbox)) as listeners,
             ):
-                favour_latency()
+                prefer_low_latency()
                 run(source, localizer, outbox, listeners, Inbox(connection), scheduling)
         except (BrokenPipeError, ConnectionResetError):
             raise
