@@ -1,4 +1,4 @@
-"""Forward kinematics: link poses and joint screws (theory, section 1).
+"""Forward kinematics: link poses and joint screws.
 
 All quantities are in base axes, moments and angular momenta about the base origin. A wrench is (force,
 moment). The kernels fill arrays of the caller and allocate nothing. They do not check shapes; callers do.

@@ -1,5 +1,4 @@
-"""Twists, momenta and gravity wrenches of all links: one outward pass and one suffix sum (theory, sections 1,
-2).
+"""Twists, momenta and gravity wrenches of all links: one outward pass and one suffix sum.
 
 All quantities are in base axes, moments and angular momenta about the base origin. A wrench is (force,
 moment). The kernels fill arrays of the caller and allocate nothing. They do not check shapes; callers do.

@@ -3,8 +3,8 @@
 The momentum of a body and the wrench of gravity on it are linear in its ten inertial parameters `(m, m c_x, m
 c_y, m c_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz)`: mass, mass times centre of mass, and inertia tensor about
 the link frame's origin, in link axes (C. G. Atkeson, C. H. An, J. M. Hollerbach, "Estimation of inertial
-parameters of manipulator loads and links", IJRR 1986). So all model terms of the momentum observer (theory,
-section 2) are linear in them too, and no accelerations are needed.
+parameters of manipulator loads and links", IJRR 1986). So all model terms of the momentum observer
+(`contactsense.residuals.momentum_observer`) are linear in them too, and no accelerations are needed.
 """
 
 import numpy as np
@@ -152,13 +152,3 @@ def bodies_of(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
     square = np.einsum("ki,ki->k", c, c)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
     return m, c, about_origin - m[:, None, None] * square
-
-
-def inertia_of(parameters: np.ndarray) -> Inertia:
-    """The body with these ten inertial parameters, shape (10,).
-
-    Raises:
-        ValueError: the mass is negative.
-    """
-    mass, com, tensor = bodies_of(parameters[None])
-    return Inertia(float(mass[0]), com[0], tensor[0])

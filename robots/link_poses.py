@@ -1,4 +1,4 @@
-"""Poses of the links at given joint angles: simple and slow, for pictures and for fitting."""
+"""Poses of the links at given joint positions: simple and slow, for pictures and for fitting."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ def joint_pose(joint: Joint, angle: float | np.ndarray) -> np.ndarray:
 
     Args:
         joint: The joint.
-        angle: Its angles, shape (...) [rad].
+        angle: Its positions, shape (...) [rad].
     """
     cross, angles = cross_matrix(joint.axis), np.asarray(angle)[..., None, None]
     pose = np.zeros((*np.shape(angle), 4, 4))
@@ -25,14 +25,14 @@ def link_poses(robot: Robot, q: np.ndarray) -> np.ndarray:
 
     Args:
         robot: The arm.
-        q: Joint angles, shape (..., n) [rad].
+        q: Joint positions, shape (..., n) [rad].
 
     Raises:
         ValueError: the number of angles differs from the number of joints.
     """
     q = np.asarray(q)
     if q.shape[-1:] != (len(robot.joints),):
-        raise ValueError(f"{robot.name} has {len(robot.joints)} joints, got {np.size(q)} angles")
+        raise ValueError(f"{robot.name} has {len(robot.joints)} joints, got {np.size(q)} positions")
     poses = [np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))]
     for j, joint in enumerate(robot.joints):
         poses.append(poses[-1] @ joint_pose(joint, q[..., j]))

@@ -82,7 +82,7 @@ def neighbour_poses(
         robot: Provides the joints.
         meshes: Mesh of each link, by name; links without one are left out.
         link: Number of the link.
-        count: Number of poses, joint angles at random within their limits.
+        count: Number of poses, joint positions at random within their limits.
         seed: Seed of the angles.
 
     Returns:

@@ -5,7 +5,6 @@ of the link that carries them, and so do links behind other movable joints, such
 held at zero and named in `Robot.held`.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,8 +23,6 @@ _INERTIA_TOLERANCE = 0.01
 """Relative error of rounded inertia tensors."""
 _LIGHT = 1e-3
 """The inertia of a lighter link is a placeholder [kg]."""
-
-MeshReader = Callable[[Path, np.ndarray], trimesh.Trimesh]
 
 
 @dataclass(frozen=True, slots=True)

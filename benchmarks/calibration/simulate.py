@@ -151,6 +151,6 @@ def _link_reading(
     rotations, origins = link_poses(arm, state[0])
     readings = np.empty_like(wrench)
     for i, (R, o) in enumerate(zip(rotations[mount], origins[mount], strict=True)):
-        there = WrenchMap.make(R @ rotation, o + R @ place, sensor.sign, sensor.bias)
+        there = WrenchMap.make(R @ rotation, o + R @ place, sensor.sign_factor, sensor.bias)
         readings[i] = there.reading(wrench[i])
     return readings

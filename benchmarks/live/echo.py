@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from contactsense.service.live.scheduling import PIPELINE, Scheduling, hurry
+from contactsense.service.live.scheduling import PIPELINE, Scheduling, prioritize
 
 RATE = 500.0
 SIZE = 500
@@ -90,7 +90,7 @@ def set_apart(process: int | None = None) -> None:
 
 
 def _send_back(connection: socket.socket) -> None:
-    connection.send(hurry(PIPELINE).encode())
+    connection.send(prioritize(PIPELINE).encode())
     with connection, contextlib.suppress(OSError):
         while message := connection.recv(SIZE):
             connection.sendall(message)

@@ -1,8 +1,8 @@
 """The paper's methods without refinement: wrench axis and closed form on each primitive.
 
 Bicchi, Salisbury & Brock (1993) know the touched body. Here the link is unknown: the wrench is fused from
-base sensor and joint torques under each link's hypothesis (theory, section 3), and the most probable link
-with a contact is chosen. On that link: `contactsense.localization.intrinsic_contact`.
+base sensor and joint torques under each link's hypothesis (`contactsense.isolation.link_hypotheses`), and the
+most probable link with a contact is chosen. On that link: `contactsense.localization.intrinsic_contact`.
 """
 
 import numpy as np

@@ -100,12 +100,6 @@ class Toucher:
         """Postures free of collision, shape (count, n) [rad]."""
         return np.array([self._free() for _ in range(count)])
 
-    def reachable(self, q: np.ndarray, table: Table) -> np.ndarray:
-        """Whether there is room for a finger above each place of a table, shape (M,)."""
-        forward_kinematics(self._model, q, self._motion)
-        point, normal = in_base(self._motion, table)
-        return self._room(point, normal)
-
     def beside(self, q: np.ndarray, taken: int, contacts: int, force: float) -> Touches:
         """Further contacts in a posture with an existing contact, as `draw` with `even`; N is 1.
 

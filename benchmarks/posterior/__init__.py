@@ -1,2 +1,2 @@
-"""The dense posterior: it evaluates every place on the skin (theory, section 5), as the reference for
-accuracy."""
+"""The dense posterior: that of `contactsense.solvers.posterior` at every place on the skin, as the reference
+for accuracy."""

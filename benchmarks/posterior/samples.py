@@ -22,7 +22,7 @@ DENSITY = 16
 MESH_DENSITY = 5
 """The same for a mesh, where each point costs two hundred rays."""
 ANGLES = 120
-"""Number of joint angles at which the accessibility next to neighbouring links is tabulated."""
+"""Number of positions of a joint at which the accessibility next to neighbouring links is tabulated."""
 CLEARANCE = 0.005
 """Points with less clearance to a neighbouring link cannot be touched [m]."""
 

@@ -24,7 +24,7 @@ def cross(a: Vectors, b: Vectors) -> Any:
 
 
 def ellipsoid(f: Vectors, m: Vectors, a: Any, b: Any, c: Any) -> Vectors:
-    """Contact centroids on an ellipsoid (theory, section 4); not for wrenches that miss or touch."""
+    """Contact centroids on an ellipsoid (section 5 of the paper); not for wrenches that miss or touch."""
     u = np.stack((b * c * f[0], c * a * f[1], a * b * f[2]))
     v = np.stack((a * m[0], b * m[1], c * m[2]))
     uu, vv, tau = dot(u, u), dot(v, v), dot(u, v)

@@ -25,8 +25,8 @@ class Reference:
     cosine: float
     """Of the angle between force and inward normal."""
     condition: float
-    """|f| over the smallest singular value of M (theory, section 4): the shift of the contact for a small
-    shift of the force's line."""
+    """|f| over the smallest singular value of M (`contactsense.solvers.solution`): the shift of the contact
+    for a small shift of the force's line."""
     margin: float
     """Smallest change of the moment, relative to it, that makes f.m zero, where the twin contact begins."""
 

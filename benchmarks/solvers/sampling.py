@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from contactsense.robots.surface.convex_primitives import BOX, REVOLVED, project
-from contactsense.solvers import Box, Revolved, Solutions
+from contactsense.solvers import Box, Revolved
 
 
 @dataclass(frozen=True)
@@ -81,10 +81,3 @@ def points_on_packed(
     # Project again from far outside, where the normal is exact.
     _project(kind, size, out[:, :3] + sum(size) * out[:, 3:], out)
     return out[:, :3].copy(), out[:, 3:].copy()
-
-
-def relative_condition(contacts: Contacts, found: Solutions) -> np.ndarray:
-    """Maximum shift of the centroid by a small relative change of the wrench, relative to its distance, shape
-    (N,)."""
-    lever = np.linalg.norm(contacts.moment, axis=1) / np.linalg.norm(contacts.force, axis=1)
-    return np.asarray(1.0 + found.condition * (1.0 + lever / np.linalg.norm(contacts.centroid, axis=1)))

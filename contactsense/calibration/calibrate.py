@@ -15,7 +15,15 @@ from contactsense.calibration.equations import all_residuals, measured_channels
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.gauss_newton import FittedModel, fit_model, row_stride
 from contactsense.calibration.noise_estimation import JointResiduals, NoiseLevels, estimate_noise
-from contactsense.calibration.parameters import GROUPS, OF_LINK_SENSORS, Entry, Group, entries, value
+from contactsense.calibration.parameters import (
+    GROUPS,
+    INERTIA_ERROR,
+    OF_LINK_SENSORS,
+    Entry,
+    Group,
+    entries,
+    value,
+)
 from contactsense.calibration.recording_residuals import (
     friction,
     settled_samples,
@@ -29,6 +37,7 @@ from contactsense.runtime.constants import wrench_transform
 from contactsense.scene import Scene
 
 _MAX_REFITS = 6
+"""Fits after which contacts are left out as they are, even if they still change."""
 _UNCHANGED = 0.1
 """The contacts are final when the next fit moves their ends by less than this in all [s]."""
 _MIN_SECONDS = 2.0
@@ -50,7 +59,7 @@ class Settings:
 
     groups: tuple[Group, ...]
     """Groups of parameters to estimate."""
-    inertia_error: float = 0.1
+    inertia_error: float = INERTIA_ERROR
     """Relative standard deviation of the links' masses about the robot's data."""
     widths: bool = True
     """Whether the velocities of the smooth sign functions of friction are estimated too."""

@@ -143,9 +143,8 @@ class CalibrationModel:
         sensor = self.scene.base_wrench or WrenchSensor()
         reading = on_time(t, reading, self.delay)
         rotation = Rotation.from_rotvec(self.turn).as_matrix() @ sensor.rotation
-        sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
         transfer = wrench_transform(rotation, np.array(sensor.translation) + self.shift)
-        return np.asarray(sign * (reading - self.wrench_bias) @ transfer.T)
+        return np.asarray(sensor.sign_factor * (reading - self.wrench_bias) @ transfer.T)
 
     def with_values(self, **changes: Any) -> Self:
         """A copy with some fields changed."""

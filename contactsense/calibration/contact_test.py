@@ -23,11 +23,13 @@ from contactsense.calibration.equations import all_residuals, measured_channels
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.recording_residuals import recently_moved, settled_samples
 from contactsense.calibration.rest_test import changes_at_rest
+from contactsense.calibration.robust_least_squares import MAD_SCALE
 from contactsense.calibration.trimmed_fit import WINDOW
 
 _SLOW = 0.05
 """Below this velocity friction has hysteresis, and a spread of its own [rad/s]."""
 _MIN_SAMPLES = 50
+"""With fewer samples of slow or of fast motion, these have no spread of their own."""
 _CONTACT_PROBABILITY = 1e-6
 """Of a window without contact above the upper threshold, if model errors were Gaussian."""
 _ORDINARY_PROBABILITY = 0.01
@@ -123,11 +125,11 @@ def _spread(size: np.ndarray, slow: np.ndarray, known: np.ndarray) -> np.ndarray
     """Standard deviation of each averaged residual, at least that of the whole recording, shape (N, C)."""
     spread = np.empty_like(size)
     for c in range(size.shape[1]):
-        overall = max(1.4826 * float(np.median(size[known, c])), 1e-9)
+        overall = max(MAD_SCALE * float(np.median(size[known, c])), 1e-9)
         spread[:, c] = overall
         for part in (slow[:, c], ~slow[:, c]):
             if np.count_nonzero(part & known) >= _MIN_SAMPLES:
-                spread[part, c] = max(overall, 1.4826 * float(np.median(size[part & known, c])))
+                spread[part, c] = max(overall, MAD_SCALE * float(np.median(size[part & known, c])))
     return spread
 
 

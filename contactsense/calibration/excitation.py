@@ -24,14 +24,15 @@ from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor
 
 HARMONICS = 7
+"""Number of harmonics of the motion."""
 _HOME = (0.0, -1.3, 1.5, -1.0, 0.8, 0.0)
 """Default posture of a six-joint arm: elbow up in front of it."""
 _SEARCH_STEP = 0.04
 """Time step of collision checks during the search [s]."""
 _FINAL_STEP = 0.01
 """The same for the proposed motion [s]."""
-_SHRINK = 0.85
-_MAX_SHRINKS = 12
+_SHRINK, _MAX_SHRINKS = 0.85, 12
+"""A motion beyond a limit, or in collision, is made smaller by this factor, at most so often."""
 _LIMIT_MARGIN = 0.05
 """Distance from the joints' position limits [rad]."""
 _MUTATION = 0.35

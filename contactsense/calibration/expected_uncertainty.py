@@ -21,6 +21,7 @@ from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.runtime.constants import wrench_transform
+from contactsense.runtime.weight import reading_from_base_wrench
 from contactsense.scene import Scene
 from contactsense.sensors.settings import per_joint
 
@@ -53,7 +54,7 @@ def expected_uncertainty(
         rate: Sample rate [Hz].
     """
     arm = CalibrationModel.of(scene)
-    selected = entries(arm, groups, 0.1)
+    selected = entries(arm, groups)
     recording = simulated_free_motion(scene, motion, rate)
     stride = row_stride([recording], scene.bandwidth)
     size = np.array([entry.prior_std for entry in selected])
@@ -85,10 +86,7 @@ def simulated_free_motion(scene: Scene, motion: FourierTrajectory, rate: float) 
     torque += friction(arm, FreeMotion(t, q, qd)) + arm.bias
     reading = None
     if scene.base_wrench is not None:
-        sensor = scene.base_wrench
-        to_sensor = np.linalg.inv(wrench_transform(sensor.rotation, np.array(sensor.translation))).T
-        sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
-        reading = sign * wrench @ to_sensor + arm.wrench_bias
+        reading = reading_from_base_wrench(scene.base_wrench, wrench)
     return FreeMotion(
         t,
         q,

@@ -159,7 +159,7 @@ def _best_velocities(
     arm: CalibrationModel, recordings: list[FreeMotion], bandwidth: float
 ) -> CalibrationModel:
     """The arm with the velocities of the smooth sign functions for which friction explains most."""
-    selected = entries(arm, ("bias", "coulomb", "viscous", "rotor", "load", "lubricant"), 0.1)
+    selected = entries(arm, ("bias", "coulomb", "viscous", "rotor", "load", "lubricant"))
     prior = np.array([entry.prior_std for entry in selected])
     stride = row_stride(recordings, bandwidth)
     torque_only = [recording.with_readings({}) for recording in recordings if recording.torque is not None]

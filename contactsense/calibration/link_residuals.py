@@ -30,7 +30,7 @@ class _Poses(NamedTuple):
 
     @classmethod
     def of(cls, scene: Scene, q: np.ndarray, mount: Mount) -> Self:
-        """Those of the link that carries a sensor, at joint angles of shape (N, n) [rad]."""
+        """Those of the link that carries a sensor, at joint positions of shape (N, n) [rad]."""
         poses = link_poses(scene.robot, q)[:, mount.body]
         return cls(poses[:, :3, :3], poses[:, :3, 3])
 
@@ -67,7 +67,7 @@ def link_residuals(arm: CalibrationModel, recording: FreeMotion, field: str, ban
         recording.t,
         recording.q,
         recording.qd,
-        reading=_sign(sensor) * moved.to_base(reading - arm.link_bias[number]),
+        reading=sensor.sign_factor * moved.to_base(reading - arm.link_bias[number]),
         name=recording.name,
     )
     found = residuals(_carried(arm, mount), part, bandwidth)[:, recording.q.shape[1] :]
@@ -91,7 +91,7 @@ def link_readings(
         inverse_dynamics(load, q[i], qd[i], qdd[i], arm.gravity, state, torque, wrench[i])
     link = _Poses.of(arm.scene, q, mount)
     own = _mounted(link, arm, field).from_base(wrench)
-    return np.asarray(_sign(sensor) * own + arm.link_bias[number])
+    return np.asarray(sensor.sign_factor * own + arm.link_bias[number])
 
 
 def link_rows(
@@ -136,10 +136,6 @@ def link_rows(
 def _of(scene: Scene, field: str) -> tuple[int, Mount, WrenchSensor]:
     """Number, mount and settings of a sensor."""
     return list(scene.link_sensors).index(field), mounts(scene)[field], scene.link_sensors[field]
-
-
-def _sign(sensor: WrenchSensor) -> float:
-    return 1.0 if sensor.sign == "arm_on_sensor" else -1.0
 
 
 def _stated(link: _Poses, mount: Mount) -> _Poses:

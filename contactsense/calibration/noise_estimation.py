@@ -16,10 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from contactsense.calibration.robust_least_squares import MAD_SCALE
+
 _AVERAGING_TIME = 0.5
 """Averages over this time contain only the slow part [s]."""
-_TAIL = 0.999
-_TAIL_SIGMA = 3.29
+_TAIL, _TAIL_SIGMA = 0.999, 3.29
+"""Of a Gaussian variable, this share is within so many standard deviations."""
 _REST_VELOCITIES = (0.01, 0.02, 0.05, 0.1, 0.2)
 """Candidates for the velocity below which friction is uncertain [rad/s]."""
 _INERTIA_TORQUE_ERRORS = (0.0, *(float(e) for e in np.round(np.geomspace(0.01, 0.3, 18), 4)))
@@ -110,7 +112,7 @@ def estimate_noise(recordings: Sequence[JointResiduals], dt: float, variance_rat
     inertia_torque = [part.inertia_torque for part in recordings]
     speed = np.abs(np.vstack([part.qd for part in recordings]))
     residuals, slow = np.vstack(residual), _slow(residual, dt)
-    noise = np.maximum(1.4826 * np.median(np.abs(residuals - slow), axis=0), 1e-6) ** 2
+    noise = np.maximum(MAD_SCALE * np.median(np.abs(residuals - slow), axis=0), 1e-6) ** 2
     known = noise + np.vstack([part.timing_variance for part in recordings])
     square, slow_square = np.vstack(inertia_torque) ** 2, _slow(inertia_torque, dt) ** 2
     joints = [

@@ -42,6 +42,9 @@ OF_LINK_SENSORS: tuple[Group, ...] = ("link_bias", "link_turn", "link_shift", "l
 OPTIONAL: tuple[Group, ...] = ("load", "lubricant")
 """Groups that keep the scene's values if they are not significant."""
 
+INERTIA_ERROR = 0.1
+"""Usual relative standard deviation of the links' masses about the robot's data."""
+
 _AXES = ("x", "y", "z")
 _INERTIAL = ("mass", "mass x com x", "mass x com y", "mass x com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _BIASES = [(f"force {a}", "N", 50.0) for a in _AXES] + [(f"moment {a}", "Nm", 20.0) for a in _AXES]
@@ -70,7 +73,9 @@ class Entry:
         return self.group in ("wrench_bias", "turn", "shift", "delay")
 
 
-def entries(arm: CalibrationModel, groups: tuple[Group, ...], inertia_error: float) -> tuple[Entry, ...]:
+def entries(
+    arm: CalibrationModel, groups: tuple[Group, ...], inertia_error: float = INERTIA_ERROR
+) -> tuple[Entry, ...]:
     """All parameters of the groups.
 
     Args:

@@ -21,6 +21,7 @@ from contactsense.sensors.settings import (
 )
 
 _DIGITS = 6
+"""Significant digits of the numbers in a scene file."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,8 @@ from scipy.signal import fftconvolve
 
 from contactsense.calibration.residual_jacobian import Rows
 
+MAD_SCALE = 1.4826
+"""Standard deviation of a Gaussian variable over its median absolute deviation."""
 _HUBER = 2.5
 """Residuals beyond this many standard deviations are weighted down."""
 _ITERATIONS = 6
@@ -116,7 +118,7 @@ def _scale(
     for c in range(len(sigma)):
         parts = [np.abs(r[row.moving]) for r, row in zip(residuals, rows, strict=True) if row.channel == c]
         values = np.concatenate(parts) if parts else np.empty(0)
-        sigma[c] = max(1.4826 * np.median(values), 1e-9) if len(values) else np.nan
+        sigma[c] = max(MAD_SCALE * np.median(values), 1e-9) if len(values) else np.nan
 
 
 def _normal_equations(

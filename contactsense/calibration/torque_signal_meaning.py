@@ -34,7 +34,7 @@ def compare_meanings(
     for meaning in get_args(Meaning):
         sensor = scene.joint_torque.model_copy(update={"meaning": meaning})
         arm = CalibrationModel.of(scene.model_copy(update={"joint_torque": sensor}))
-        selected = entries(arm, _FRICTION, 0.1)
+        selected = entries(arm, _FRICTION)
         prior = np.array([entry.prior_std for entry in selected])
         for reversed_sign in (False, True):
             if reversed_sign and meaning == "external":

@@ -24,6 +24,7 @@ QUIET = 0.6
 WINDOW = 0.3
 """Residuals are averaged over this time [s]."""
 _STEPS = 10
+"""Steps after which the fit ends, even if the samples that it uses still change."""
 
 
 def trimmed_fit(

@@ -3,10 +3,10 @@
 Biases of the base sensor and of the joint torques drift; friction differs from day to day by a factor for
 each joint, mainly with the temperature of its oil; masses are known to a few per cent. All enter the
 residuals linearly: r = Phi e + noise, with e the error of the biases, factors and masses. The columns of Phi
-for the masses are residuals of the same first-order filter, driven by the momenta and weights of single links
-(theory, section 2); that of a friction factor is the low-passed friction of its joint. The filter is updated
-in free motion only. In a contact it is held, and the uncertainty that remains, Phi P Phi^T, is added to the
-covariance of the residuals.
+for the masses are residuals of the same first-order filter (`contactsense.residuals.momentum_observer`),
+driven by the momenta and weights of single links; that of a friction factor is the low-passed friction of its
+joint. The filter is updated in free motion only. In a contact it is held, and the uncertainty that remains,
+Phi P Phi^T, is added to the covariance of the residuals.
 
 Biases are random walks. Their variance is such that each estimate converges to the average of its residual
 over a time T: sigma^2 dt / T^2 per second for white noise sigma in samples dt apart. The variance of a

@@ -1,5 +1,5 @@
-"""Momentum observer: external joint torques and external base wrench without accelerations (theory, section
-2).
+"""Momentum observer: external joint torques and external base wrench without accelerations (A. De Luca, R.
+Mattone, "Sensorless robot collision detection and hybrid force/motion control", ICRA 2005).
 
 Joints and sensors obey equations of one form, dh/dt = drift + external, with h = s_j . H_j for a joint and h
 = H_0 for the base. One first-order observer serves all, with one gain K = 2 pi bandwidth:

@@ -9,7 +9,9 @@ from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import kernel
-from contactsense.runtime.result_rows import PROBABILITY, WIDTH
+from contactsense.runtime.result_rows import FIRST_POINT, PROBABILITY, TORSION, WIDTH
+from contactsense.runtime.result_rows import LINK as LINK_COLUMN
+from contactsense.runtime.result_rows import PRIMITIVE as PRIMITIVE_COLUMN
 
 COUNT, LINK, PRIMITIVE, PHASE, NUMBER, SENSORS = range(6)
 """Indices of `Answer.integers`: number of candidates; link and primitive (among the link's own) of the first.
@@ -51,16 +53,16 @@ def store_first(
     link = 0
     if count > 0:
         row = rows[0]
-        link = int(row[0])
+        link = int(row[LINK_COLUMN])
         answer.integers[LINK] = link
-        answer.integers[PRIMITIVE] = int(row[1]) - first_primitive[link]
+        answer.integers[PRIMITIVE] = int(row[PRIMITIVE_COLUMN]) - first_primitive[link]
         other = 1.0
         for k in range(count):
             other -= rows[k, PROBABILITY]
-        answer.numbers[0], answer.numbers[1], answer.numbers[2] = row[2], row[3], other
+        answer.numbers[0], answer.numbers[1], answer.numbers[2] = row[PROBABILITY], row[TORSION], other
         for k in range(7):
             for i in range(3):
-                answer.vectors[k, i] = row[4 + 3 * k + i]
+                answer.vectors[k, i] = row[FIRST_POINT + 3 * k + i]
     else:
         for k in range(hypotheses.energy.shape[0]):
             if hypotheses.energy[k] < hypotheses.energy[link]:

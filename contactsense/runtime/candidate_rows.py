@@ -8,7 +8,17 @@ from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin
 from contactsense.robots.vectors import add, rotate, rotate_back, subtract, vector
 from contactsense.runtime.constants import Constants
-from contactsense.runtime.result_rows import LINK, PRIMITIVE, PROBABILITY, TORSION
+from contactsense.runtime.result_rows import (
+    FIRST_COVARIANCE,
+    FIRST_FORCE,
+    FIRST_NORMAL,
+    FIRST_POINT,
+    FIRST_POINT_BASE,
+    LINK,
+    PRIMITIVE,
+    PROBABILITY,
+    TORSION,
+)
 from contactsense.runtime.state import State
 
 SKIN_STEPS = 5
@@ -77,6 +87,7 @@ def write_row(constants: Constants, state: State, skin: Grids, found: CandidateR
             c, n = point, rotate(R, normal)
     base = add(o, rotate(R, c))
     for i in range(3):
-        row[4 + i], row[7 + i], row[10 + i], row[13 + i] = c[i], base[i], n[i], found.force[i]
+        row[FIRST_POINT + i], row[FIRST_POINT_BASE + i] = c[i], base[i]
+        row[FIRST_NORMAL + i], row[FIRST_FORCE + i] = n[i], found.force[i]
         for j in range(3):
-            row[16 + 3 * i + j] = found.covariance[i, j]
+            row[FIRST_COVARIANCE + 3 * i + j] = found.covariance[i, j]

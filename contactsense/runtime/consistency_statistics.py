@@ -17,7 +17,7 @@ def consistency_statistics(constants: Constants, state: State, variance_ratio: f
 
     `BASE` and `TORQUE` are meaningful in free motion. `AGREEMENT` is meaningful in contact too: joints
     proximal to some link measure the wrench that the base sensor measures, the distal ones measure nothing
-    (theory, section 3); the statistic is that of the link that fits best.
+    (`contactsense.isolation.link_hypotheses`); the statistic is that of the link that fits best.
 
     Args:
         constants, state: After `contactsense.runtime.no_contact_hypothesis.energy_without_contact` for this

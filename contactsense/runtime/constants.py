@@ -184,9 +184,8 @@ def base_wrench_from_reading(sensor: WrenchSensor, reading: np.ndarray) -> np.nd
     Returns:
         Shape (..., 6) [N, Nm].
     """
-    sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
     return np.asarray(
-        sign
+        sensor.sign_factor
         * (reading - np.array(sensor.bias))
         @ wrench_transform(sensor.rotation, np.array(sensor.translation)).T
     )

@@ -1,5 +1,7 @@
 """Whether a contact is present in the newest sample, and what follows from it for filter and monitor."""
 
+from typing import NamedTuple
+
 from contactsense.detection.thresholds import sensor_set, threshold_index
 from contactsense.residuals.friction_at_rest import reset_friction_at_rest
 from contactsense.residuals.sensor_consistency import NO_CONTACT, exclude_inconsistent, update_consistency
@@ -26,20 +28,30 @@ from contactsense.tracking.contact_tracker import NONE, end_contact
 from contactsense.tracking.resumed_contact import release_contact
 
 
+class Decision(NamedTuple):
+    """What was decided for one sample."""
+
+    usable: bool
+    """Whether base wrench or torques can be used."""
+    touched: bool
+    """Whether a contact is present."""
+    onset: bool
+    """Whether the energy is above the onset threshold where no contact was present."""
+    base_settled: bool
+    """Whether the residual of the base wrench has settled, excluded or not."""
+    torque_settled: bool
+    """The same for the torques."""
+    variance_ratio: float
+    """Variance of the residuals over that of one sample's noise."""
+
+
 @inlined_kernel
-def decide(
-    constants: Constants, state: State, bandwidth: float
-) -> tuple[bool, bool, bool, bool, bool, float]:
+def decide(constants: Constants, state: State, bandwidth: float) -> Decision:
     """Decide by the energy of the no-contact hypothesis, which is stored in `State.statistics`.
 
     Args:
         constants, state: After the residuals were advanced by this sample.
         bandwidth: Cut-off frequency of the observers [Hz].
-
-    Returns:
-        Whether base wrench or torques can be used, whether a contact is present, whether the energy is above
-        the onset of one where none was present; whether base wrench and torques have settled, excluded or
-        not; and the variance of the residuals over that of one sample's noise.
     """
     track, stream = state.track, state.stream
     follow_noise_and_timing(constants, state, bandwidth)
@@ -47,7 +59,7 @@ def decide(
     exclude_inconsistent(state.consistency, stream.usable)
     has_base, has_torque, link_sensors = usable_sensors(stream)
     if not (has_base or has_torque):
-        return False, False, False, base_settled, torque_settled, 0.0
+        return Decision(False, False, False, base_settled, torque_settled, 0.0)
     variance_ratio = residual_variance_ratio(state, (has_base, has_torque, link_sensors))
     stream.clock[0].variance_ratio = variance_ratio
     used = sensor_set(has_base, has_torque, link_sensors)
@@ -66,44 +78,40 @@ def decide(
         above_threshold and track.status[0].above_onset if no_contact_yet else not energy <= thresholds[1]
     )
     onset = above_threshold and no_contact_yet
-    return True, touched, onset, base_settled, torque_settled, variance_ratio
+    return Decision(True, touched, onset, base_settled, torque_settled, variance_ratio)
 
 
 @inlined_kernel
-def conclude(
-    constants: Constants,
-    state: State,
-    flags: int,
-    decision: tuple[bool, bool, bool, bool, bool, float],
-    bandwidth: float,
-) -> int:
+def conclude(constants: Constants, state: State, flags: int, decision: Decision, bandwidth: float) -> int:
     """Update the monitor of the sensors, and without a contact the bias filter.
 
     Args:
         constants, state: After `decide` for this sample. Where a contact is present or one of the two updates
             is due, `State.motion` is read.
         flags: Flags of the sample so far.
-        decision: Result of `decide`.
+        decision: Of `decide`.
         bandwidth: Cut-off frequency of the observers [Hz].
 
     Returns:
         All flags of the sample.
     """
-    usable, touched, onset, base_settled, torque_settled, variance_ratio = decision
+    variance_ratio = decision.variance_ratio
     track, stream, consistency = state.track, state.stream, state.consistency
-    if not usable:
+    if not decision.usable:
         end_contact(track)
         reset_friction_at_rest(state.friction_at_rest)
         return flags | SETTLING
     dt = stream.clock[0].step
     if consistency_is_due(consistency, dt):
         consistency_statistics(constants, state, variance_ratio)
-    if update_consistency(consistency, state.statistics, touched, base_settled, torque_settled, dt):
+    if update_consistency(
+        consistency, state.statistics, decision.touched, decision.base_settled, decision.torque_settled, dt
+    ):
         flags |= INCONSISTENT
-    if touched:
+    if decision.touched:
         return flags | TOUCHED
     release_contact(track, dt)
-    if onset:
+    if decision.onset:
         track.status[0].above_onset = True
     else:
         has_base, has_torque, _ = usable_sensors(stream)

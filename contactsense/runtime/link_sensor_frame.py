@@ -16,7 +16,7 @@ class LinkSensorFrame:
         """Create the map for one sensor; `field`: its key in `Scene.link_sensors`."""
         self._model, self._motion = build_model(scene.robot), empty_motion(len(scene.robot.joints))
         self._mount = mounts(scene)[field]
-        self._sign = 1.0 if self._mount.settings.sign == "arm_on_sensor" else -1.0
+        self._sign = self._mount.settings.sign_factor
         self._bias = np.array(self._mount.settings.bias)
         load_kinematics(self._model, self._motion)
 

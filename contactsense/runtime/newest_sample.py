@@ -7,11 +7,21 @@ from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Skin
+from contactsense.robots.vectors import cross, dot, rotate_back, subtract, vector
 from contactsense.runtime.answer import NUMBER, PHASE, SENSORS, store_first
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import explain_sample
 from contactsense.runtime.residual_update import set_external, use_residuals
+from contactsense.runtime.result_rows import (
+    FIRST_COVARIANCE,
+    FIRST_FORCE,
+    FIRST_NORMAL,
+    FIRST_POINT,
+    FIRST_POINT_BASE,
+    LINK,
+    TORSION,
+)
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import usable_sensors, usable_sensors_code
 from contactsense.tracking.contact_tracker import NONE, average_windows, choose_window, update_phase
@@ -64,7 +74,7 @@ def localize(
     add_to_links(track, state.statistics[NO_CONTACT], state.link_probability)
     if listed > 0:
         if has_base:
-            extrapolate_sliding(track, state.motion, constants.sensors.depth[int(rows[0, 0])], rows[0])
+            _extrapolate_sliding(constants, state, rows[0])
             if window > 0:
                 _update_to_newest(constants, state, window, rows[:listed])
         _store_last_contact(constants, state, rows[0])
@@ -88,15 +98,27 @@ def _use_window_mean(state: State, window: int) -> None:
 
 
 @inlined_kernel
+def _extrapolate_sliding(constants: Constants, state: State, row: np.ndarray) -> None:
+    """Shift the best candidate to the present position of a sliding contact."""
+    body = constants.sensors.depth[int(row[LINK])]
+    point, point_base = block(row, FIRST_POINT, (3,)), block(row, FIRST_POINT_BASE, (3,))
+    extrapolate_sliding(
+        state.track, state.motion, body, point, point_base, block(row, FIRST_COVARIANCE, (3, 3))
+    )
+
+
+@inlined_kernel
 def _store_last_contact(constants: Constants, state: State, row: np.ndarray) -> None:
     """Store body, point and normal of the best candidate for the next sample."""
-    body = constants.sensors.depth[int(row[0])]
+    body = constants.sensors.depth[int(row[LINK])]
     R = state.motion.rotation[body]
     track = state.track
     track.status[0].last_body = body
     for i in range(3):
-        track.last_point[i] = row[4 + i]
-        track.last_normal[i] = R[0, i] * row[10] + R[1, i] * row[11] + R[2, i] * row[12]
+        track.last_point[i] = row[FIRST_POINT + i]
+    normal = rotate_back(R, vector(block(row, FIRST_NORMAL, (3,))))
+    for i in range(3):
+        track.last_normal[i] = normal[i]
 
 
 @inlined_kernel
@@ -107,19 +129,15 @@ def _update_to_newest(constants: Constants, state: State, window: int, rows: np.
     wrench_change = state.wrench_change
     for k in range(rows.shape[0]):
         row = rows[k]
-        link = int(row[0])
+        link = int(row[LINK])
         body = constants.sensors.depth[link]
         wrench_difference(state.motion, track.mean[0], track.mean[window], body, wrench_change)
-        fx, fy, fz = wrench_change[0], wrench_change[1], wrench_change[2]
-        cx, cy, cz = row[7], row[8], row[9]
-        row[13] += fx
-        row[14] += fy
-        row[15] += fz
-        row[3] += (
-            row[10] * (wrench_change[3] - cy * fz + cz * fy)
-            + row[11] * (wrench_change[4] - cz * fx + cx * fz)
-            + row[12] * (wrench_change[5] - cx * fy + cy * fx)
-        )
+        force, moment = vector(wrench_change), vector(block(wrench_change, 3, (3,)))
+        point = vector(block(row, FIRST_POINT_BASE, (3,)))
+        for i in range(3):
+            row[FIRST_FORCE + i] += force[i]
+        normal = vector(block(row, FIRST_NORMAL, (3,)))
+        row[TORSION] += dot(normal, subtract(moment, cross(point, force)))
         if k == 0:
             wrench, covariance = state.hypotheses.wrench[link], state.hypotheses.covariance[link]
             covariance_factor = track.variance_ratio[0] / track.variance_ratio[window]

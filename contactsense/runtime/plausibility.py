@@ -1,4 +1,4 @@
-"""Measurements that cannot be: units mistaken, values that no joint and no sensor reaches."""
+"""Implausible measurements: mistaken units, values that no joint and no sensor reaches."""
 
 from collections.abc import Mapping
 from math import dist
@@ -27,11 +27,11 @@ _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 class Implausible(NamedTuple):
-    """Why a measurement cannot be."""
+    """Why a measurement is implausible."""
 
     field: str
     reason: str
-    """What was expected, and what came."""
+    """What was expected, and what was received."""
 
 
 class _RangedSensor(NamedTuple):
@@ -141,7 +141,7 @@ class PlausibleLimits:
         links: Mapping[str, np.ndarray],
         external: bool,
     ) -> Implausible | None:
-        """The first of the arguments of `Localizer.locate` that cannot be; `links`: values of the link
+        """The first of the arguments of `Localizer.locate` that is implausible; `links`: values of the link
         sensors by field."""
         found = self.position(q)
         if found is None and joint_torque is not None:

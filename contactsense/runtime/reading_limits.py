@@ -56,12 +56,11 @@ def reading_limits(scene: Scene, to_base: np.ndarray) -> ReadingLimits:
     """
     joints, sensor = scene.robot.joints, scene.base_wrench or WrenchSensor()
     low, high = np.array([joint.position_limits for joint in joints]).reshape(-1, 2).T
-    sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
     return ReadingLimits(
         lowest=np.where(np.isfinite(low), low - ONE_TURN, -LARGEST_COUNT),
         highest=np.where(np.isfinite(high), high + ONE_TURN, LARGEST_COUNT),
         torque=np.array([joint.torque_limit for joint in joints]),
-        to_reading=sign * np.linalg.inv(to_base),
+        to_reading=sensor.sign_factor * np.linalg.inv(to_base),
         bias=np.array(sensor.bias, dtype=np.float64),
         range=(1.0 - ROUNDING) * sensor.limits,
     )

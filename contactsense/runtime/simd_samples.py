@@ -90,9 +90,8 @@ def detect_in_lane(
         _copy_motion(constants, state, lanes, lane)
     _update_residuals(constants, state, bandwidth, lanes, lane)
     decision = decide(constants, state, bandwidth)
-    touched = decision[1]
     if (
-        touched
+        decision.touched
         or consistency_is_due(state.consistency, stream.clock[0].step)
         or bias_update_is_due(state.bias_filter, bandwidth)
     ) and not copied:

@@ -1,4 +1,4 @@
-"""Screening of a stream's samples: values that cannot be are taken out, with the reason."""
+"""Screening of a stream's samples: implausible values are removed, with the reason."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,7 +25,7 @@ _SAMPLES = 10
 
 
 class StreamScreening:
-    """Takes implausible values out of the samples of one stream."""
+    """Removes implausible values from the samples of one stream."""
 
     def __init__(self, scene: Scene, limits: PlausibleLimits) -> None:
         """`limits`: those of `scene`."""
@@ -39,9 +39,9 @@ class StreamScreening:
         self._has_link_range = limits.has_link_range
         self._lowest, self._highest, self._largest_torque = limits.of_all_joints
         self.refused: dict[str, str] = {}
-        """Field -> why it was taken out of the newest sample."""
+        """Field -> why it was removed from the newest sample."""
         self.first: dict[str, str] = {}
-        """Field -> why it was taken out of a sample of this stream for the first time."""
+        """Field -> why it was removed from a sample of this stream for the first time."""
         self.by_kernel = False
         """Whether the kernel's own test of a sample is enough, see `contactsense.runtime.reading_limits`; at
         the start of a stream, while the weight is compared, it is not."""
@@ -195,7 +195,7 @@ class StreamScreening:
         found = np.zeros(len(base), dtype=bool)
         if not self._checks_weight:
             return found
-        # The square of a number that cannot be may overflow.
+        # The square of an implausible number may overflow.
         off = np.hypot.reduce(base[:, :3] - self._weight, axis=1).tolist()
         speed = np.abs(qd).max(axis=1).tolist()
         for i, skip in enumerate(skipped.tolist()):

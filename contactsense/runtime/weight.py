@@ -42,6 +42,5 @@ def reading_from_base_wrench(sensor: WrenchSensor, wrench: np.ndarray) -> np.nda
     Returns:
         Force and moment as the sensor reports them, shape (..., 6) [N, Nm].
     """
-    sign = 1.0 if sensor.sign == "arm_on_sensor" else -1.0
     to_base = wrench_transform(sensor.rotation, np.array(sensor.translation))
-    return np.asarray(sign * wrench @ np.linalg.inv(to_base).T + np.array(sensor.bias))
+    return np.asarray(sensor.sign_factor * wrench @ np.linalg.inv(to_base).T + np.array(sensor.bias))

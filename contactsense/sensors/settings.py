@@ -111,6 +111,11 @@ class WrenchSensor(Part):
         """Orientation of the sensor's frame in the base frame, shape (3, 3)."""
         return rotation_from_rpy(self.rpy)
 
+    @property
+    def sign_factor(self) -> float:
+        """1 where the sensor counts the wrench of the arm on it as positive, -1 where the reaction to it."""
+        return 1.0 if self.sign == "arm_on_sensor" else -1.0
+
 
 @with_attributes
 class LinkWrenchSensor(WrenchSensor):

@@ -72,7 +72,7 @@ class SensorSetup:
         return cls(
             sensor.rotation,
             np.array(sensor.translation),
-            1.0 if sensor.sign == "arm_on_sensor" else -1.0,
+            sensor.sign_factor,
             np.eye(6),
             np.array(sensor.bias),
             sensor.delay,

@@ -12,7 +12,7 @@ def sensor_response(scene: Scene, constants: Constants, motion: Motion) -> np.nd
     """Matrix S of each link: a wrench w on that link (base axes, about the base origin) changes the
     residuals, in units of their noise, by S w.
 
-    The rows are those of the scene's sensors: base wrench, joint torques, link sensors (theory as in
+    The rows are those of the scene's sensors: base wrench, joint torques, link sensors (as in
     `contactsense.isolation.link_hypotheses`). The noise is that of one sample; the joint torques' includes
     the errors of model and friction at rest. S^T S is the information about w under that link's hypothesis.
 

@@ -18,14 +18,23 @@ _MAX_SHIFT = 0.01
 
 
 @kernel
-def extrapolate_sliding(track: ContactTrack, motion: Motion, body: int, row: np.ndarray) -> None:
+def extrapolate_sliding(
+    track: ContactTrack,
+    motion: Motion,
+    body: int,
+    point: np.ndarray,
+    point_base: np.ndarray,
+    covariance: np.ndarray,
+) -> None:
     """Shift the point of a candidate to the present position of a sliding contact.
 
     Args:
         track: After `contactsense.tracking.contact_tracker.choose_window` and `update_phase` for this sample.
         motion: Poses.
         body: Index of the candidate's body; on another body than before the velocity is unknown.
-        row: The candidate, see `contactsense.runtime.result_rows`; its point is changed in place.
+        point, point_base: The candidate's point in the body's frame and in the base frame, shape (3,) [m];
+            changed in place.
+        covariance: Of the point, base axes, shape (3, 3) [m^2]; changed in place.
     """
     status = track.status[0]
     i = status.window
@@ -58,12 +67,12 @@ def extrapolate_sliding(track: ContactTrack, motion: Motion, body: int, row: np.
     t = tangents(normal[0], normal[1], normal[2])
     R = motion.rotation[body]
     for k in range(3):
-        row[4 + k] += weight * (a * t[k] + b * t[3 + k])
+        point[k] += weight * (a * t[k] + b * t[3 + k])
     for k in range(3):
         step = 0.0
         for m in range(3):
             step += R[k, m] * (a * t[m] + b * t[3 + m])
-        row[7 + k] += weight * step
+        point_base[k] += weight * step
     # The shift is as uncertain as the velocity.
     for k in range(3):
-        row[16 + 4 * k] += 0.5 * min(noise, squared_distance)
+        covariance[k, k] += 0.5 * min(noise, squared_distance)

@@ -27,6 +27,4 @@ def direct_call(compiled: Callable[..., R], *arguments: Any) -> Callable[..., R]
     if not hasattr(compiled, "compile"):
         return compiled
     types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
-    # Numba compiles nothing that is there already, but refuses it too where compilation is disabled.
-    there = compiled.overloads.get(types)  # type: ignore[attr-defined]
-    return cast(Callable[..., R], compiled.compile(types) if there is None else there.entry_point)
+    return cast(Callable[..., R], compiled.compile(types))

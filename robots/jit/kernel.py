@@ -131,13 +131,6 @@ def loaded(compiled: Any) -> bool:
     return bool(getattr(compiled, "signatures", True))
 
 
-def disable_compilation(compiled: Any) -> None:
-    """Compile no further signatures of a kernel. Calls with arguments of other types then raise a TypeError
-    instead of blocking a stream for a minute."""
-    if hasattr(compiled, "disable_compile") and loaded(compiled):
-        compiled.disable_compile()
-
-
 def _compile(function: F, compile_options: frozenset[str]) -> F:
     compiled = _jit(function, compile_options)
     if compiled is not function:

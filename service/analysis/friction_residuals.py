@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense import BlockEstimates, SampleBlock
+from contactsense.calibration.robust_least_squares import MAD_SCALE
 from contactsense.robots.jit.kernel import kernel
 from contactsense.scene import Scene
 from contactsense.sensors.stream_state import INVALID, MISSING, REPEATED, SETTLING, TOUCHED, UNUSABLE
@@ -103,8 +104,7 @@ def _fit(rows: np.ndarray, inflation: float) -> tuple[float, float, float, float
         weighted = regressors * weight[:, None]
         found = np.linalg.lstsq(weighted.T @ regressors, weighted.T @ torque, rcond=None)[0]
         error = torque - regressors @ found
-        # The median of absolute values is 0.6745 standard deviations of a Gaussian.
-        spread = max(float(np.median(np.abs(error))) / 0.6745, 1e-12)
+        spread = max(MAD_SCALE * float(np.median(np.abs(error))), 1e-12)
         weight = np.minimum(1.0, HUBER * spread / np.maximum(np.abs(error), 1e-300))
     covariance = spread**2 * inflation * np.linalg.pinv((regressors * weight[:, None]).T @ regressors)
     coulomb_std, viscous_std, _ = np.sqrt(np.diag(covariance))

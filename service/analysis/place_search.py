@@ -18,6 +18,7 @@ from contactsense.service.analysis.path_elimination import eliminate_forces, pro
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
 
 ITERATIONS = 25
+"""Maximum number of steps of a search."""
 FIRST_STEPS = 3
 """After this many steps, a search that is far from the best one is abandoned."""
 RESCALED = 8

@@ -2,6 +2,7 @@
 
 import itertools
 import logging
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends
@@ -17,6 +18,7 @@ from contactsense.service.recordings.clip_listener import RecordingSettings
 router = APIRouter(route_class=JsonRoute)
 log = logging.getLogger("contactsense")
 _MOST = 1000
+"""Clips that are listed; older ones are forgotten, their files stay."""
 _NO_FOLDER: Responses = {
     409: {"model": ErrorOut, "description": "The service has no folder for recordings."},
 }
@@ -72,11 +74,18 @@ class RecordingOut(BaseModel):
 
 
 class Clips:
-    """What the service knows about its clips and recording."""
+    """What the service knows about its clips and recording.
 
-    def __init__(self, settings: RecordingSettings) -> None:
+    Args:
+        settings: Where they are written, and how long clips are.
+        send: Sends a command to the pipeline's process; returns False if there is none.
+    """
+
+    def __init__(self, settings: RecordingSettings, send: Callable[[dict[str, Any]], bool]) -> None:
         self.settings = settings
+        self._send = send
         self._numbers = itertools.count(1)
+        self._rows_before = 0  # written by processes that have ended
         self.clips: dict[int, ClipOut] = {}
         self.recording = RecordingOut(folder=str(settings.folder), on=False)
 
@@ -93,6 +102,15 @@ class Clips:
             del self.clips[next(iter(self.clips))]
         return {"type": "clip", "number": number, "before": before, "after": after, "reason": reason}
 
+    def record(self, on: bool) -> bool:
+        """Start or stop the recording; returns False if no pipeline runs."""
+        if not self._send({"type": "record", "on": on}):
+            return False
+        if on and not self.recording.on:
+            self._rows_before = self.recording.rows = 0
+        self.recording.on, self.recording.error = on, ""
+        return True
+
     def _check_length(self, before: float | None, after: float | None) -> None:
         if before is None and after is None:
             return
@@ -108,14 +126,26 @@ class Clips:
 
     def handle_report(self, report: dict[str, Any]) -> None:
         """Process a report of the pipeline."""
-        if report["type"] == "clip" and report["number"] in self.clips:
+        if report["type"] == "recorder started":
+            self._go_on()
+        elif report["type"] == "clip" and report["number"] in self.clips:
             clip = self.clips[report["number"]]
             clip.file, clip.samples, clip.error = report["file"], report["samples"], report["error"]
             if clip.error:
                 log.error("clip %d (%s) was not written: %s", clip.number, clip.reason, clip.error)
         elif report["type"] == "recording":
             self.recording.on, self.recording.error = report["on"], report["error"]
-            self.recording.rows = report["rows"] or self.recording.rows
+            self.recording.rows = max(self._rows_before + report["rows"], self.recording.rows)
+
+    def _go_on(self) -> None:
+        """The process that wrote clips and recording has been replaced: the new one has forgotten them."""
+        for clip in self.clips.values():
+            if clip.file is None and not clip.error:
+                clip.error = "the pipeline was started again before the clip was complete"
+        self._rows_before = self.recording.rows
+        if self.recording.on:
+            log.warning("the recording goes on in a new file: the pipeline was started again")
+            self._send({"type": "record", "on": True})
 
 
 def _service(connection: HTTPConnection) -> Any:
@@ -128,9 +158,8 @@ def _service(connection: HTTPConnection) -> Any:
 Shared = Annotated[Any, Depends(_service)]
 
 
-def _send(service: Any, command: dict[str, Any]) -> None:
-    if not service.runner.send(command):
-        raise HTTPException(503, f"no samples to record: {service.runner.message}")
+def _no_samples(service: Any) -> HTTPException:
+    return HTTPException(503, f"no samples to record: {service.runner.message}")
 
 
 @router.post("/v1/clip", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
@@ -138,7 +167,8 @@ async def clip(service: Shared, request: ClipIn) -> ClipOut:
     """Save the samples, as they were used, and their estimates in a time span around this moment to a
     file."""
     command = service.clips.request(request.before, request.after, request.reason)
-    _send(service, command)
+    if not service.runner.send(command):
+        raise _no_samples(service)
     found: ClipOut = service.clips.clips[command["number"]]
     return found
 
@@ -152,8 +182,8 @@ async def clips(service: Shared) -> ClipsOut:
 @router.post("/v1/recording", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
 async def record(service: Shared, request: RecordingIn) -> RecordingOut:
     """Start or stop writing every sample to the service's folder."""
-    _send(service, {"type": "record", "on": request.on})
-    service.clips.recording.on = request.on
+    if not service.clips.record(request.on):
+        raise _no_samples(service)
     found: RecordingOut = service.clips.recording
     return found
 

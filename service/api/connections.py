@@ -52,128 +52,126 @@ class _Guard:
         self.transport.abort()
 
 
+class LimitedHttp(_Guard, HttpToolsProtocol):
+    """HTTP/1.1 with limits; see `http_protocol`."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._head: asyncio.TimerHandle | None = None
+        self._head_size = 0
+        self._in_body = False
+        self._answered = False
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Refuse the connection if there are too many."""
+        super().connection_made(transport)
+        self.limits.opened = len(self.connections)
+        if self.limits.opened > self.limits.connections:
+            self.limits.refused += 1
+            self._answer(b"503 Service Unavailable", b"too many connections")
+            return
+        self._expect_head()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Cancel the timers."""
+        self._head_has_come()
+        self._resume()
+        super().connection_lost(exc)
+        self.limits.opened = len(self.connections)
+
+    def data_received(self, data: bytes) -> None:
+        """Count the bytes of the head."""
+        if self._answered or self.transport.is_closing():
+            return
+        if not self._in_body:
+            if self._head is None:
+                self._expect_head()
+            self._head_size += len(data)
+        super().data_received(data)
+        if self._head is not None and self._head_size > self.limits.head_size:
+            self.limits.late += 1
+            self._answer(b"431 Request Header Fields Too Large", b"the head of the request is too large")
+
+    def on_headers_complete(self) -> None:
+        """The head is complete: stop its timer."""
+        self._head_has_come()
+        self._in_body = True
+        super().on_headers_complete()
+
+    def on_message_complete(self) -> None:
+        """The body is complete: the next bytes are the head of another request."""
+        self._in_body = False
+        super().on_message_complete()
+
+    def pause_writing(self) -> None:
+        """The client reads nothing."""
+        self._stall()
+        self.flow.pause_writing()
+
+    def resume_writing(self) -> None:
+        """The client reads again."""
+        self._resume()
+        self.flow.resume_writing()
+
+    def _expect_head(self) -> None:
+        self._head_size = 0
+        self._head = self.loop.call_later(self.limits.head_time, self._late)
+
+    def _head_has_come(self) -> None:
+        if self._head is not None:
+            self._head.cancel()
+            self._head = None
+
+    def _late(self) -> None:
+        self.limits.late += 1
+        self._answer(b"408 Request Timeout", b"the head of the request took too long")
+
+    def _answer(self, status: bytes, reason: bytes) -> None:
+        self._head_has_come()
+        if not self.transport.is_closing():
+            body = b'{"errors":[{"field":"","reason":"' + reason + b'"}]}'
+            self.transport.write(
+                b"HTTP/1.1 "
+                + status
+                + b"\r\ncontent-type: application/json\r\nconnection: close\r\ncontent-length: "
+                + str(len(body)).encode()
+                + b"\r\n\r\n"
+                + body
+            )
+            self._answered = True
+            # Closing with unread bytes would reset the connection; the client would lose the answer.
+            if self.transport.can_write_eof():
+                self.transport.write_eof()
+            else:
+                self.transport.close()
+            self.loop.call_later(1.0, self.transport.abort)
+
+
+class LimitedWebSocket(_Guard, WebSocketsSansIOProtocol):
+    """WebSockets with limits; see `websocket_protocol`."""
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Cancel the timer."""
+        self._resume()
+        super().connection_lost(exc)
+        self.limits.opened = len(self.connections)
+
+    def pause_writing(self) -> None:
+        """The client reads nothing."""
+        self._stall()
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """The client reads again."""
+        self._resume()
+        super().resume_writing()
+
+
 def http_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
-    """Create the protocol class for HTTP/1.1 with these limits."""
-    shared = limits
-
-    class Http(_Guard, HttpToolsProtocol):
-        limits = shared
-
-        def __init__(self, *args: Any, **options: Any) -> None:
-            super().__init__(*args, **options)
-            self._head: asyncio.TimerHandle | None = None
-            self._head_size = 0
-            self._in_body = False
-            self._answered = False
-
-        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-            """Refuse the connection if there are too many."""
-            super().connection_made(transport)
-            shared.opened = len(self.connections)
-            if shared.opened > shared.connections:
-                shared.refused += 1
-                self._answer(b"503 Service Unavailable", b"too many connections")
-                return
-            self._expect_head()
-
-        def connection_lost(self, exc: Exception | None) -> None:
-            """Cancel the timers."""
-            self._head_has_come()
-            self._resume()
-            super().connection_lost(exc)
-            shared.opened = len(self.connections)
-
-        def data_received(self, data: bytes) -> None:
-            """Count the bytes of the head."""
-            if self._answered or self.transport.is_closing():
-                return
-            if not self._in_body:
-                if self._head is None:
-                    self._expect_head()
-                self._head_size += len(data)
-            super().data_received(data)
-            if self._head is not None and self._head_size > shared.head_size:
-                shared.late += 1
-                self._answer(b"431 Request Header Fields Too Large", b"the head of the request is too large")
-
-        def on_headers_complete(self) -> None:
-            """The head is complete: stop its timer."""
-            self._head_has_come()
-            self._in_body = True
-            super().on_headers_complete()
-
-        def on_message_complete(self) -> None:
-            """The body is complete: the next bytes are the head of another request."""
-            self._in_body = False
-            super().on_message_complete()
-
-        def pause_writing(self) -> None:
-            """The client reads nothing."""
-            self._stall()
-            self.flow.pause_writing()
-
-        def resume_writing(self) -> None:
-            """The client reads again."""
-            self._resume()
-            self.flow.resume_writing()
-
-        def _expect_head(self) -> None:
-            self._head_size = 0
-            self._head = self.loop.call_later(shared.head_time, self._late)
-
-        def _head_has_come(self) -> None:
-            if self._head is not None:
-                self._head.cancel()
-                self._head = None
-
-        def _late(self) -> None:
-            shared.late += 1
-            self._answer(b"408 Request Timeout", b"the head of the request took too long")
-
-        def _answer(self, status: bytes, reason: bytes) -> None:
-            self._head_has_come()
-            if not self.transport.is_closing():
-                body = b'{"errors":[{"field":"","reason":"' + reason + b'"}]}'
-                self.transport.write(
-                    b"HTTP/1.1 "
-                    + status
-                    + b"\r\ncontent-type: application/json\r\nconnection: close\r\ncontent-length: "
-                    + str(len(body)).encode()
-                    + b"\r\n\r\n"
-                    + body
-                )
-                self._answered = True
-                # Closing with unread bytes would reset the connection; the client would lose the answer.
-                if self.transport.can_write_eof():
-                    self.transport.write_eof()
-                else:
-                    self.transport.close()
-                self.loop.call_later(1.0, self.transport.abort)
-
-    return Http
+    """The protocol class for HTTP/1.1 with these limits: uvicorn creates the objects itself."""
+    return type("Http", (LimitedHttp,), {"limits": limits})
 
 
 def websocket_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
-    """Create the protocol class for WebSockets with these limits."""
-    shared = limits
-
-    class WebSocket(_Guard, WebSocketsSansIOProtocol):
-        limits = shared
-
-        def connection_lost(self, exc: Exception | None) -> None:
-            """Cancel the timer."""
-            self._resume()
-            super().connection_lost(exc)
-            shared.opened = len(self.connections)
-
-        def pause_writing(self) -> None:
-            """The client reads nothing."""
-            self._stall()
-            super().pause_writing()
-
-        def resume_writing(self) -> None:
-            """The client reads again."""
-            self._resume()
-            super().resume_writing()
-
-    return WebSocket
+    """The same for WebSockets."""
+    return type("WebSocket", (LimitedWebSocket,), {"limits": limits})

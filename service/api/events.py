@@ -14,6 +14,7 @@ from contactsense.service.events.model import ContactEvent, Kind
 
 router = APIRouter()
 _BATCH = 200
+"""Events that are read from the journal at a time."""
 
 
 class EventsOut(BaseModel):

@@ -226,6 +226,9 @@ class SourceHealth(BaseModel):
     rate: float = Field(0.0, description="Samples a second over the last second [Hz].")
     age: float | None = Field(None, description="Time since the last sample [s]; null before the first.")
     without_wrench: int = Field(0, description="Samples without the base sensor's reading.")
+    unusable: int = Field(
+        0, description="Samples left out, as their positions or velocities could not be used."
+    )
     robot: SensorHealth = Field(SensorHealth(), description="The robot's controller.")
     base_wrench: SensorHealth | None = Field(
         None, description="The force/torque sensor under the base; null where none is read over the network."

@@ -70,6 +70,7 @@ class ServiceCollector(Collector):
             ("estimates_dropped", "Estimates that could not be handed over.", pipeline.dropped),
             ("stream_lost", "Estimates lost by slow readers.", health.stream.lost),
             ("samples_without_wrench", "Samples without the base sensor's reading.", source.without_wrench),
+            ("samples_unusable", "Samples that were left out.", source.unusable),
             ("connections_refused", "Connections refused because there were too many.", clients.refused),
             ("connections_late", "Connections closed because of a slow or large head.", clients.late),
             ("connections_dropped", "Connections closed as nothing was taken.", clients.dropped),

@@ -58,7 +58,7 @@ class Service:
                 Journal(settings.events).close()
             except JournalError as error:
                 raise SettingsError(str(error)) from None
-        self.clips = clips.Clips(settings.recording)
+        self.clips = clips.Clips(settings.recording, lambda command: self.runner.send(command))
         self.journal: Journal
         """Events; open while the service runs."""
         self.webhooks: WebhookDelivery
@@ -150,6 +150,8 @@ class Service:
     def _troubles(self) -> list[str]:
         """Problems outside the pipeline: current estimates alone do not make the service healthy."""
         found = [f"action {n} does not work: {a.error}" for n, a in self.reactions.actions.items() if a.error]
+        if self.clips.recording.error:
+            found.append(f"the recording ended: {self.clips.recording.error}")
         if self.journal.error:
             found.append(f"{self.journal.error}: events are in memory only; is the disk full?")
         return found

@@ -15,7 +15,7 @@ from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.controllers.track_process import MessageChannel, TrackProcess
 from contactsense.service.controllers.track_session import error_message
 from contactsense.service.live.hub import Hub
-from contactsense.service.live.scheduling import WEB, hurry, relax
+from contactsense.service.live.scheduling import WEB, deprioritize, prioritize
 
 router = APIRouter()
 TRY_AGAIN, RESTARTED, REFUSED, NORMAL = 1013, 1012, 1008, 1000
@@ -52,7 +52,7 @@ class Tracks:
         self.opened += 1
         # Each sample now passes through this event loop. Without a controller it gets no real time: a flood
         # of requests to the service would take processor time from all other programs on this computer.
-        hurry(WEB, alone=True)
+        prioritize(WEB, reset_on_fork=True)
         try:
             if push:
                 await self._push(websocket)
@@ -68,7 +68,7 @@ class Tracks:
         finally:
             self.opened -= 1
             if self.opened == 0:
-                relax()
+                deprioritize()
 
     async def _push(self, websocket: WebSocket) -> None:
         try:

@@ -22,7 +22,7 @@ from contactsense.service.api.variables import GROUPED, misspelled
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.controllers.robot_program_servers import PortError
-from contactsense.service.live.scheduling import favour_latency, hurry
+from contactsense.service.live.scheduling import prefer_low_latency, prioritize
 from contactsense.service.scene.summary import scene_warnings
 
 READY = "serving at "
@@ -140,8 +140,8 @@ def serve(**options: Any) -> int:
         )
         # uvicorn shuts down in order on either signal, and then raises it again.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
-        hurry()
-        favour_latency()
+        prioritize()
+        prefer_low_latency()
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(config).run([listener])
     return 0

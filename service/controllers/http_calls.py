@@ -7,6 +7,7 @@ import httptools
 from contactsense.service.controllers.xmlrpc import MAX_BODY
 
 _MAX_HEAD = 8192
+"""Largest head of a request [bytes]."""
 
 
 class HttpError(ValueError):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from contactsense.scene import Scene
 from contactsense.service.controllers.framing import Unframer, frame
+from contactsense.service.controllers.pushed_readings import PushedReadings
 from contactsense.service.controllers.sample_message import MessageError, SampleDecoder, decode
 from contactsense.service.controllers.track_session import error_message
 from contactsense.service.sensors.robot_stream import StreamHealth
@@ -31,6 +32,7 @@ class PushSource:
 
     def __init__(self, scene: Scene, path: Path) -> None:
         self._decoder = SampleDecoder(scene)
+        self._readings = PushedReadings(scene)
         path.unlink(missing_ok=True)  # left by an earlier process
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(str(path))
@@ -72,7 +74,15 @@ class PushSource:
             health.error = f"the controller at WS /v1/track has sent no sample for {_SILENT:g} s"
         else:
             health.state = "streaming"
-        return SourceHealth(health, None, self._unusable, self._without_wrench, 0.0, reconnects=False)
+        return SourceHealth(
+            health,
+            None,
+            self._unusable,
+            self._without_wrench,
+            0.0,
+            recent=self._readings.trouble,
+            reconnects=False,
+        )
 
     def close(self) -> None:
         """Close all sockets."""
@@ -110,7 +120,7 @@ class PushSource:
                 content = decode(message, binary)
                 if "scene" in content:
                     raise MessageError("scene", "expected none: samples are for the service's own scene")
-                sample = self._decoder.sample(content, len(message))
+                sample = self._readings.checked(self._decoder.sample(content, len(message)))
             except MessageError as error:
                 self._unusable += 1
                 self._refuse(error, binary)

@@ -13,6 +13,7 @@ from contactsense.service.controllers.track_session import work
 from contactsense.service.process_argument import packed
 
 _PATIENCE = 2.0
+"""Time that the process has to end by itself [s]."""
 _CHUNK = 1 << 16
 
 

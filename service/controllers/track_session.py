@@ -17,7 +17,7 @@ from contactsense.service.controllers.sample_message import (
 from contactsense.service.controllers.scene_message import make_scene
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.live.hub import with_events
-from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry
+from contactsense.service.live.scheduling import PIPELINE, Scheduling, prefer_low_latency, prioritize
 from contactsense.service.process_argument import receive
 
 _CHUNK = 1 << 16
@@ -98,5 +98,5 @@ def work(connection: socket.socket) -> None:
             for message, binary in unframer.feed(chunk):
                 connection.sendall(frame(session.answer(message, binary), binary))
             if session.loaded and not in_time:  # not before the kernels are compiled, which may take minutes
-                in_time = hurry(PIPELINE)
-                favour_latency()
+                in_time = prioritize(PIPELINE)
+                prefer_low_latency()

@@ -20,7 +20,9 @@ from contactsense.service.events.model import ContactEvent
 COMMIT_EVERY = 0.5
 """Longest time between an event and its commit [s]."""
 _PRUNE_EVERY = 60.0
+"""Time between two checks of the limits of age and size [s]."""
 _BLOCK = 1000
+"""Numbers that are reserved at a time."""
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS events
     (id INTEGER PRIMARY KEY, kind TEXT NOT NULL, stored REAL NOT NULL, body TEXT NOT NULL);

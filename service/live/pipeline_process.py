@@ -27,7 +27,7 @@ from contactsense.service.api.messages import PipelineHealth, SensorHealth, Sour
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.group_signals import leave_to_parent
 from contactsense.service.live.listener import Listener, Reporter
-from contactsense.service.live.scheduling import PIPELINE, Scheduling, favour_latency, hurry
+from contactsense.service.live.scheduling import PIPELINE, Scheduling, prefer_low_latency, prioritize
 from contactsense.service.live.step_times import StepTimes
 from contactsense.service.process_argument import receive
 from contactsense.service.sensors import source_health
@@ -43,8 +43,11 @@ HEARTBEAT = 0.25
 """Longest time between two health messages of a healthy process [s]."""
 
 _OUTBOX = 1000
+"""Messages that wait for the service at most: two seconds of estimates."""
 _TICK = 0.01
+"""Longest wait for samples before listeners and commands have their turn [s]."""
 _MAX_COMMAND = 1 << 20
+"""Largest command of the service [bytes]."""
 
 ListenerFactory = Callable[[Scene], Listener]
 """Creates a listener; called in the pipeline's process, so it must be picklable."""
@@ -210,12 +213,12 @@ def work(
         try:
             with _reported_loading(scene, outbox):
                 localizer = Localizer(scene, progress=False)
-            scheduling = hurry(PIPELINE)  # not before kernels are compiled, which may take minutes
+            scheduling = prioritize(PIPELINE)  # not before kernels are compiled, which may take minutes
             with (
                 contextlib.closing(open_source(scene)) as source,
                 contextlib.closing(Listeners([make(scene) for make in factories], outbox)) as listeners,
             ):
-                favour_latency()
+                prefer_low_latency()
                 run(source, localizer, outbox, listeners, Inbox(connection), scheduling)
         except (BrokenPipeError, ConnectionResetError):
             raise
@@ -333,6 +336,7 @@ def _as_message(health: source_health.SourceHealth) -> SourceHealth:
         connected=health.robot.state == "streaming",
         trouble=health.trouble_while_running,
         without_wrench=health.without_wrench,
+        unusable=health.unusable,
         robot=sensor(health.robot),
         base_wrench=None if health.wrench is None else sensor(health.wrench),
     )

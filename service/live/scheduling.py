@@ -29,17 +29,17 @@ _ATTRIBUTES = struct.Struct("=IIQiIQQQ")
 """Size of this structure, policy, flags, nice value, priority, time slice [ns], and two unused fields."""
 
 
-def hurry(priority: int = 0, alone: bool = False) -> Scheduling:
+def prioritize(priority: int = 0, reset_on_fork: bool = False) -> Scheduling:
     """Give the calling thread the most urgent scheduling that is permitted.
 
     Args:
         priority: Real-time priority; 0: short time slices only. The kernel still reserves a share for other
             processes (sched_rt_runtime_us).
-        alone: Whether threads and processes that the thread starts later are scheduled normally.
+        reset_on_fork: Whether threads and processes that the thread starts later are scheduled normally.
     """
     if sys.platform != "linux":
         return "normal"
-    reset = os.SCHED_RESET_ON_FORK if alone else 0
+    reset = os.SCHED_RESET_ON_FORK if reset_on_fork else 0
     for found in range(priority, 0, -1):  # LimitRTPRIO may permit a lower one
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_FIFO | reset, os.sched_param(found))
@@ -47,8 +47,8 @@ def hurry(priority: int = 0, alone: bool = False) -> Scheduling:
     return "short slices" if _shorten_slices() else "normal"
 
 
-def relax() -> None:
-    """Undo `hurry`: no real-time scheduling, but short time slices where they are available."""
+def deprioritize() -> None:
+    """Undo `prioritize`: no real-time scheduling, but short time slices where they are available."""
     if sys.platform == "linux":
         # Only a privileged process may clear the flag that schedules its children normally.
         kept = os.sched_getscheduler(0) & os.SCHED_RESET_ON_FORK
@@ -56,7 +56,7 @@ def relax() -> None:
         _shorten_slices()
 
 
-def favour_latency() -> None:
+def prefer_low_latency() -> None:
     """Reduce delays that are caused by the Python interpreter.
 
     Objects that exist now are excluded from garbage collection, because traversing all modules takes tens of

@@ -14,6 +14,7 @@ MODULE = "contactsense.service.reactions.executor"
 RESTART = 1.0
 """Shortest time between two starts [s]."""
 _GRACE = 1.0
+"""Time beyond an action's own timeout after which it counts as hanging [s]."""
 _MAX_LINE = 1 << 16
 
 

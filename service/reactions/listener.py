@@ -24,6 +24,7 @@ from contactsense.types import Estimate, Sample
 
 _A = TypeVar("_A")
 _REPORT_EVERY = 0.25
+"""Time between two reports of the state to the service [s]."""
 _BLIND = 0.1
 """Time without an estimate after which the degraded bit is set [s]."""
 _RESTORE = 1.0

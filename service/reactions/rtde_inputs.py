@@ -13,8 +13,11 @@ from collections.abc import Mapping, Sequence
 from contactsense.service.wire import rtde as wire
 
 _RETRY = 1.0
+"""Time between two attempts to connect, and to get inputs that another client holds [s]."""
 _ANSWER = 2.0
+"""Longest wait for the connection and for the answers during setup [s]."""
 _SILENCE = 2.0
+"""Longest silence of the controller afterwards [s]."""
 _CHUNK = 1 << 16
 
 

@@ -22,6 +22,7 @@ from contactsense.service.reactions.rules import ReactionRules, RulesError
 FILE = "reactions.yaml"
 """Name of the rules file if it is in the folder of the scene file."""
 _ANSWER = 1.0
+"""Longest wait for the pipeline to confirm a command [s]."""
 log = logging.getLogger("contactsense")
 
 

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 import random
+import sqlite3
 import time
 import urllib.error
 import urllib.request
@@ -23,8 +24,11 @@ dropped."""
 JITTER = 0.2
 """Each delay is varied by up to this fraction, so that retries of many senders do not coincide."""
 MAX_BODY = 20_000
+"""Largest delivery [bytes]; Standard Webhooks recommends less than 20 kB."""
 _THROTTLED = (429, 502, 504)
+"""After these statuses the receiver gets twice the time."""
 _POLL = 1.0
+"""Time between two looks at the outbox [s]."""
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
@@ -81,11 +85,15 @@ class WebhookDelivery:
         }
         text = json.dumps(body)
         assert len(text) < MAX_BODY
-        with self._journal.lock:
-            self._journal.database.execute(
-                "INSERT INTO deliveries (action, webhook_id, body, due) VALUES (?, ?, ?, ?)",
-                (name, f"msg_{uuid.uuid4().hex}", text, time.time() + self._delays[0]),
-            )
+        try:
+            with self._journal.lock:
+                self._journal.database.execute(
+                    "INSERT INTO deliveries (action, webhook_id, body, due) VALUES (?, ?, ?, ?)",
+                    (name, f"msg_{uuid.uuid4().hex}", text, time.time() + self._delays[0]),
+                )
+        except sqlite3.Error as error:  # such as a full disk
+            self._on_result(name, False, f"lost, as the journal cannot be written: {error}")
+            return
         if name in self._news:  # a reload may have removed it
             self._news[name].set()
 
@@ -115,7 +123,9 @@ class WebhookDelivery:
                 continue
             number, webhook_id, body, attempts = row
             ok, status, reason = await asyncio.to_thread(self._post, name, webhook_id, body)
-            self._settle(name, number, attempts + 1, ok, status)
+            # Where the journal cannot be written, as on a full disk, the delivery must not be repeated.
+            while not self._settle(name, number, attempts + 1, ok, status):
+                await asyncio.sleep(_POLL)
             self._on_result(name, ok, self._words(reason, ok, status, attempts + 1))
 
     def _next(self, name: str) -> tuple[int, str, str, int] | None:
@@ -153,24 +163,32 @@ class WebhookDelivery:
             reason = error.reason if isinstance(error, urllib.error.URLError) else error
             return False, 0, f"{webhook.url}: {reason}"
 
-    def _settle(self, name: str, number: int, attempts: int, ok: bool, status: int) -> None:
+    def _settle(self, name: str, number: int, attempts: int, ok: bool, status: int) -> bool:
+        """Write down the result of an attempt; returns False if the journal cannot be written now."""
+        try:
+            with self._journal.lock:
+                self._write_result(name, number, attempts, ok, status)
+        except sqlite3.Error:  # the journal reports it
+            return False
+        return True
+
+    def _write_result(self, name: str, number: int, attempts: int, ok: bool, status: int) -> None:
         database = self._journal.database
-        with self._journal.lock:
-            if ok or attempts >= len(self._delays) or status == 410:
-                database.execute("DELETE FROM deliveries WHERE id = ?", (number,))
-            else:
-                pause = self._delays[attempts] * random.uniform(1.0 - JITTER, 1.0 + JITTER)
-                if status in _THROTTLED:
-                    pause *= 2.0
-                due = time.time() + pause
-                database.execute(
-                    "UPDATE deliveries SET attempts = ?, due = ? WHERE id = ?", (attempts, due, number)
-                )
-            if status == 410:
-                database.execute(
-                    "INSERT OR REPLACE INTO disabled VALUES (?, ?, ?)",
-                    (name, self._webhooks[name].url, "it answered 410 Gone"),
-                )
+        if status == 410:
+            database.execute(
+                "INSERT OR REPLACE INTO disabled VALUES (?, ?, ?)",
+                (name, self._webhooks[name].url, "it answered 410 Gone"),
+            )
+        if ok or attempts >= len(self._delays) or status == 410:
+            database.execute("DELETE FROM deliveries WHERE id = ?", (number,))
+            return
+        pause = self._delays[attempts] * random.uniform(1.0 - JITTER, 1.0 + JITTER)
+        if status in _THROTTLED:
+            pause *= 2.0
+        database.execute(
+            "UPDATE deliveries SET attempts = ?, due = ? WHERE id = ?",
+            (attempts, time.time() + pause, number),
+        )
 
     def _words(self, reason: str, ok: bool, status: int, attempts: int) -> str:
         if ok:

@@ -17,7 +17,6 @@ from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.table_files import Columns
 
 _JOINT_STATE = "JointState"
-_WRENCH = "WrenchStamped"
 
 
 def is_bag(path: Path) -> bool:

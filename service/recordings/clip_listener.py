@@ -24,7 +24,9 @@ from contactsense.service.recordings.segment_writer import Rotation, SegmentWrit
 from contactsense.types import Estimate, Sample
 
 _HOST_TIME = 1
+"""Column of the host's time in a row."""
 _CHUNK = 250
+"""Rows that are handed to the writer at a time."""
 
 
 class RecordingSettings(BaseModel):
@@ -56,8 +58,8 @@ class ClipListener:
     """A listener of the pipeline that writes clips and recordings.
 
     Commands: `{"type": "clip", "number", "before", "after", "reason"}` and
-    `{"type": "record", "on": true}`. Reports: `{"type": "clip", "number", "file", "samples", "error"}` and
-    `{"type": "recording", "on", "rows", "error"}`.
+    `{"type": "record", "on": true}`. Reports: `{"type": "clip", "number", "file", "samples", "error"}`,
+    `{"type": "recording", "on", "rows", "error"}`, and first of all `{"type": "recorder started"}`.
     """
 
     def __init__(self, scene: Scene, settings: RecordingSettings, rate: float) -> None:
@@ -67,7 +69,7 @@ class ClipListener:
         self._ring = Ring(max(_CHUNK, int(60.0 * settings.minutes * rate)), len(self._rows.names))
         self._rate = rate
         self._wanted: list[_Wanted] = []
-        self._reports: list[dict[str, Any]] = []
+        self._reports: list[dict[str, Any]] = [{"type": "recorder started"}]
         self._work: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
         self._recording = False
         self._chunk = np.zeros((_CHUNK, len(self._rows.names)))

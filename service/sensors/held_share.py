@@ -1,15 +1,23 @@
 """A share that is told while it is large, without flapping around its limit."""
 
 from collections import deque
+from math import inf
 
-HOLD = 3.0
-"""A share must have been clearly below its limit for this time before it is told no more [s]."""
+HOLD = 0.5
+"""A share must have been clearly below its limit for this time before it is told no more [s]: little, so
+that a fault that is over does not look like one that lasts."""
+LONGEST = 4.0
+"""Longest hold of a share that keeps returning, as on a busy computer [s]."""
+SOON = 2.0
+"""A share that is told again within this time returns: it is held twice as long as before [s]."""
 CLEARLY = 0.5
 """Part of the limit that counts as clearly below it."""
 
 
 class HeldShare:
-    """Tells a share from the moment it exceeds its limit until it has been clearly below it for `HOLD`.
+    """Tells a share from the moment it exceeds its limit until it has been clearly below it for a while.
+
+    The while doubles each time the share returns, as retries are damped by exponential backoff.
 
     Args:
         limit: A larger share is told.
@@ -18,21 +26,28 @@ class HeldShare:
     def __init__(self, limit: float) -> None:
         self._limit = limit
         self._told = False
+        self._hold = HOLD
+        self._ended = -inf
         self._recent: deque[tuple[float, float]] = deque()
 
     def update(self, now: float, share: float) -> float:
-        """Largest share within the last `HOLD` while it is told; 0 otherwise.
+        """Largest share within the hold while it is told; 0 otherwise.
 
         Args:
             now: Time [s], on any monotonic clock.
             share: The present one.
         """
-        while self._recent and self._recent[0][0] < now - HOLD:
+        while self._recent and self._recent[0][0] < now - self._hold:
             self._recent.popleft()
         # Of earlier shares only those that are larger than all later ones can still be the largest.
         while self._recent and self._recent[-1][1] <= share:
             self._recent.pop()
         self._recent.append((now, share))
         largest = self._recent[0][1]
-        self._told = largest > (CLEARLY * self._limit if self._told else self._limit)
-        return largest if self._told else 0.0
+        told = largest > (CLEARLY * self._limit if self._told else self._limit)
+        if told and not self._told:
+            self._hold = min(2.0 * self._hold, LONGEST) if now - self._ended < SOON else HOLD
+        elif self._told and not told:
+            self._ended = now
+        self._told = told
+        return largest if told else 0.0

@@ -252,9 +252,10 @@ class LiveSource:
                 self._unusable += 1
                 return None, _NO_READING
             repeated = self._robot_check.torque_repeats(record.timestamp, raw) if raw else 0.0
-            if repeated > REPEAT_LIMIT:
-                self._recent.add(time.monotonic(), "torque frozen")
-            if repeated > 0.0:
+            silent = bool(raw) and not any(raw)
+            if repeated > REPEAT_LIMIT or silent:
+                self._recent.add(time.monotonic(), "torque zero" if silent else "torque frozen")
+            if repeated > 0.0 or silent:
                 torque = None
             elif torque is not None and (np.abs(torque) > self._torque_limit).any():
                 self._recent.add(time.monotonic(), "torque too large")

@@ -20,10 +20,13 @@ DEFAULT_PORT = 49152
 DEFAULT_HTTP_PORT = 80
 
 _QUEUE = 8192
+"""Readings that pynetft keeps until they are fetched."""
 _STUCK = 0.25
 """If all records are rejected for this long, the sensor has reset its counter [s]."""
 _STUCK_RECORDS = 20
 """The same, as a number of records."""
+_RETRY = 0.5
+"""Longest pause between two attempts to connect [s]: a sensor that is back is read soon."""
 _NEWTON = {
     pynetft.ForceUnit.NEWTON: 1.0,
     pynetft.ForceUnit.KILO_NEWTON: 1e3,
@@ -124,7 +127,7 @@ class NetFtStream:
                 http_port=http_port,
                 receive_timeout=timeout,
                 reconnect_initial_delay=0.05,
-                reconnect_max_delay=2.0,
+                reconnect_max_delay=_RETRY,
                 calibration_override=calibration,
             )
         except (pynetft.NetFTError, ValueError) as error:

@@ -81,6 +81,11 @@ class NetworkWrench:
         self._aligned = False
         self._without_since = time.monotonic()
 
+    @property
+    def is_streaming(self) -> bool:
+        """Whether the sensor sends; otherwise the health of `stream` says why not."""
+        return self.stream.health.state == "streaming"
+
     def poll(self) -> None:
         """Take in the readings that have arrived."""
         self._take(self.stream.poll())

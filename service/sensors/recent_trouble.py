@@ -25,6 +25,8 @@ _ALWAYS = {
     "torque not finite": "the robot sends joint torques that are not numbers; they are left out",
     "torque frozen": "the joint torques never change: is the arm switched off? They are left out (a "
     "simulator without noise needs --constant-readings)",
+    "torque zero": "the joint torques are exactly zero in all joints: is the arm switched off? They are left "
+    "out (a simulator that has none needs --constant-readings)",
     "torque too large": "the robot sends joint torques far beyond what its joints can apply; "
     "they are left out",
 }
@@ -73,8 +75,9 @@ class RecentTrouble:
         events = {event for event in (*counts, *self._shares) if isinstance(event, SensorEvent)}
         for field in sorted({event.field for event in events}):
             said = [text for what, text in _OF_SENSOR.items() if counts[SensorEvent(field, what)] > 2]
-            share = held(SensorEvent(field, "lacking"), WITHOUT_WRENCH)
-            if not said and share:
+            # What is told by its cause must not be told again by its share when the cause is over.
+            share = 0.0 if said else held(SensorEvent(field, "lacking"), WITHOUT_WRENCH)
+            if share:
                 said = [_LACKING.format(share=share)]
             found += [f"{field}: {text}" for text in said]
         for name, text in _SHARES.items():

@@ -3,10 +3,10 @@ settings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from contactsense.runtime.constants import wrench_transform
 from contactsense.scene import Scene, WrenchSensor
 from contactsense.service.sensors.robot_stream import SensorError
 
@@ -103,7 +103,7 @@ class WrenchMap:
         cls,
         rotation: np.ndarray,
         translation: np.ndarray,
-        sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor",
+        sign: float = 1.0,
         bias: Sequence[float] = (0.0,) * 6,
     ) -> "WrenchMap":
         """The map for a sensor with a given mounting.
@@ -111,18 +111,13 @@ class WrenchMap:
         Args:
             rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
             translation: Origin of the sensor's frame in the base frame [m], shape (3,).
-            sign: Sign convention: which side's push the sensor counts as positive.
+            sign: As `contactsense.sensors.settings.WrenchSensor.sign_factor`.
             bias: Its reading without load [N, Nm], 6 values.
         """
-        x, y, z = np.asarray(translation, dtype=float)
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        zero = np.zeros((3, 3))
-        s = 1.0 if sign == "arm_on_sensor" else -1.0
-        forth = s * np.block([[rotation, zero], [cross @ rotation, rotation]])
-        back = s * np.block([[rotation.T, zero], [-rotation.T @ cross, rotation.T]])
-        return cls(forth, back, np.array(bias, dtype=float))
+        to_base = sign * wrench_transform(rotation, np.asarray(translation, dtype=float))
+        return cls(to_base, np.linalg.inv(to_base), np.array(bias, dtype=float))
 
     @classmethod
     def of(cls, sensor: WrenchSensor) -> "WrenchMap":
         """The map for a scene's sensor under the base."""
-        return cls.make(sensor.rotation, np.asarray(sensor.translation), sensor.sign, sensor.bias)
+        return cls.make(sensor.rotation, np.asarray(sensor.translation), sensor.sign_factor, sensor.bias)

@@ -28,8 +28,11 @@ from contactsense.service.wire.recipe import Recipe
 from contactsense.service.wire.rtde_fields import OUTPUTS
 
 _DATAGRAM = 1 << 14
+"""Largest message of the child [bytes]."""
 _LAST_WORDS = 4096
+"""End of the child's error output that is kept [bytes]."""
 _BATCH = 64
+"""Records that are read in one poll at most."""
 
 
 class UrRtdeStream:

@@ -61,7 +61,8 @@ class WrenchReader:
         wrench = None if raw is None else self._to_base(q, raw)
         if self.network is not None:
             self.network.note(wrench is not None)
-        if wrench is None:
+        # While the box is away, its state says so, and says nothing as soon as it is back.
+        if wrench is None and (self.network is None or self.network.is_streaming):
             self._check.note("lacking")
         return WrenchReading(wrench, raw, age)
 

@@ -114,7 +114,8 @@ ROWS = [
     Row("doubled", "sensor", "ok", ""),
     Row("30 % lost", "sensor", "ok", ""),
     Row("saturated", "sensor", "degraded", "beyond its range|lack the force/torque reading"),
-    Row("junk", "sensor", "degraded", "lack the force/torque reading|mute"),
+    # Random bytes may look like any state of the sensor.
+    Row("junk", "sensor", "degraded", "lack the force/torque reading|mute|readings as bad|malformed"),
     Row("bursts of 50 ms", "sensor", "degraded", "lack the force/torque reading"),
 ]
 

@@ -64,7 +64,7 @@ class Ten:
 
     @property
     def health(self) -> SourceHealth:
-        return SourceHealth(StreamHealth(state="streaming", received=10, lost=2), None, 0, 4, 0.0)
+        return SourceHealth(StreamHealth(state="streaming", received=10, lost=2), None, 3, 4, 0.0)
 
     def poll(self, timeout: float) -> list[Sample]:
         self.calls += 1
@@ -99,5 +99,5 @@ def test_samples_become_messages() -> None:
     report = json.loads(source.arrived[10][2])
     assert report["source"]["connected"]
     assert report["source"]["robot"] == {"state": "streaming", "received": 10, "lost": 2, "last_error": ""}
-    assert report["source"]["without_wrench"] == 4
+    assert (report["source"]["without_wrench"], report["source"]["unusable"]) == (4, 3)
     assert report["pipeline"]["alive"]

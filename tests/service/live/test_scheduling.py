@@ -34,10 +34,10 @@ def permitted() -> bool:
 @pytest.mark.skipif(not permitted(), reason="this user may not run anything in real time")
 def test_real_time_is_taken_and_given_back() -> None:
     def policies() -> list[object]:
-        told = scheduling.hurry(scheduling.PIPELINE, alone=True)
+        told = scheduling.prioritize(scheduling.PIPELINE, reset_on_fork=True)
         policy, priority = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
         inherited = in_a_thread(lambda: os.sched_getscheduler(0))
-        scheduling.relax()
+        scheduling.deprioritize()
         after = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
         return [told, policy & ~os.SCHED_RESET_ON_FORK, priority, inherited, after]
 
@@ -55,6 +55,6 @@ def test_what_is_refused_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    assert in_a_thread(lambda: scheduling.hurry(scheduling.PIPELINE)) in ("short slices", "normal")
+    assert in_a_thread(lambda: scheduling.prioritize(scheduling.PIPELINE)) in ("short slices", "normal")
     monkeypatch.setattr(scheduling, "_SCHED_SETATTR", {})
-    assert in_a_thread(lambda: scheduling.hurry(scheduling.PIPELINE)) == "normal"
+    assert in_a_thread(lambda: scheduling.prioritize(scheduling.PIPELINE)) == "normal"

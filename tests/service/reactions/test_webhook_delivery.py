@@ -9,7 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from contactsense.service.events.journal import Journal, JournalSettings
+from contactsense.service.reactions import webhook_delivery
 from contactsense.service.reactions.actions.webhook import WebhookAction, decode_secret, sign
 from contactsense.service.reactions.webhook_delivery import WebhookDelivery
 
@@ -140,3 +143,42 @@ def test_what_waits_survives_a_restart(tmp_path: Path) -> None:
         told = deliver(journal, hook(server.server_port), 0, lambda d, t: len(t) == 1)
         assert told == [(True, "answered 200")]
         assert json.loads(server.heard[0][1])["data"] == DECISION
+
+
+def test_on_a_full_disk_a_webhook_is_told_to_be_lost(tmp_path: Path) -> None:
+    told: list[tuple[bool, str]] = []
+    with Journal(JournalSettings(path=tmp_path / "j.db")) as journal:
+        (pages,) = journal.database.execute("PRAGMA page_count").fetchone()
+        journal.database.execute(f"PRAGMA max_page_count = {pages}")
+        delivery = WebhookDelivery(
+            journal, {"hook": hook(1)}, lambda _, ok, reason: told.append((ok, reason)), (0.0,)
+        )
+        for _ in range(10):
+            delivery.enqueue("hook", {**DECISION, "link": "x" * 2000})
+        assert delivery.waiting("hook") < 10
+    assert (False, "lost, as the journal cannot be written: database or disk is full") in told
+
+
+def test_on_a_full_disk_nothing_is_posted_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(webhook_delivery, "_POLL", 0.01)
+    told: list[bool] = []
+    with receiver(200) as server, Journal(JournalSettings(path=tmp_path / "j.db")) as journal:
+
+        async def scenario() -> None:
+            webhooks = {"hook": hook(server.server_port)}
+            delivery = WebhookDelivery(journal, webhooks, lambda _, ok, reason: told.append(ok), (0.0, 0.0))
+            delivery.enqueue("hook", DECISION)
+            journal.database.execute("PRAGMA query_only = ON")
+            delivery.start()
+            async with asyncio.timeout(20):
+                while not server.heard:
+                    await asyncio.sleep(0.01)
+                await asyncio.sleep(0.2)
+                assert (len(server.heard), told) == (1, [])
+                journal.database.execute("PRAGMA query_only = OFF")
+                while not told:
+                    await asyncio.sleep(0.01)
+            await delivery.stop()
+
+        asyncio.run(scenario())
+        assert (len(server.heard), told) == (1, [True])

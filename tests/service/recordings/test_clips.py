@@ -1,5 +1,6 @@
 """Clips and recordings of a running service."""
 
+import multiprocessing
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -65,7 +66,7 @@ def test_a_clip_that_cannot_be_written_is_reported_and_ends_no_recording(tmp_pat
     listener.close()
     *_, ended = listener.take_reports()
     assert (ended["on"], ended["rows"], ended["error"]) == (False, 1000, "")
-    clips = Clips(RecordingSettings(folder=tmp_path))
+    clips = Clips(RecordingSettings(folder=tmp_path), lambda _: True)
     clips.request(None, None, "test")
     clips.handle_report({**report, "number": 1})
     assert "File exists" in clips.clips[1].error
@@ -81,8 +82,9 @@ def test_a_clip_reaches_back_and_goes_on(tmp_path: Path) -> None:
             time.sleep(0.001)
         listener.tick(time.monotonic())
     assert until(lambda: list(tmp_path.glob("clip-*-000007.parquet")))
-    assert until(lambda: listener._reports)
-    (report,) = listener.take_reports()
+    assert until(lambda: len(listener._reports) > 1)
+    started, report = listener.take_reports()
+    assert started == {"type": "recorder started"}
     assert (report["type"], report["number"]) == ("clip", 7)
     clip = read(tmp_path / report["file"])
     assert report["samples"] == len(clip) > 101
@@ -101,6 +103,33 @@ def test_a_recording_holds_every_row_until_it_is_ended(tmp_path: Path) -> None:
     listener.close()
     (path,) = tmp_path.glob("service-*.parquet")
     np.testing.assert_array_equal(read(path).q[:, 0], np.arange(777))
+
+
+def test_a_recording_goes_on_in_a_new_process_and_a_lost_clip_is_told(tmp_path: Path) -> None:
+    sent: list[dict[str, Any]] = []
+
+    def send(command: dict[str, Any]) -> bool:
+        sent.append(command)
+        return True
+
+    clips, started = Clips(RecordingSettings(folder=tmp_path), send), {"type": "recorder started"}
+    clips.handle_report(started)
+    assert sent == []
+    assert clips.record(True)
+    clips.handle_report({"type": "recording", "on": True, "rows": 500, "error": ""})
+    clips.request(None, None, "door")
+    clips.handle_report(started)  # the process was killed, another one has started
+    assert sent == [{"type": "record", "on": True}] * 2
+    assert "started again" in clips.clips[1].error
+    clips.handle_report({"type": "recording", "on": True, "rows": 250, "error": ""})
+    assert (clips.recording.on, clips.recording.rows) == (True, 750)
+    clips.handle_report({"type": "recording", "on": False, "rows": 0, "error": "the disk is full"})
+    assert clips.recording.error == "the disk is full"
+    assert clips.record(False)
+    clips.handle_report(started)
+    assert len(sent) == 3
+    assert clips.record(True)
+    assert (clips.recording.rows, clips.recording.error) == (0, "")
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +189,23 @@ def test_a_service_records_while_the_command_runs(service: tuple[str, Path]) -> 
     recording = read(path)
     assert recording.seconds > 1.5
     np.testing.assert_allclose(np.diff(recording.t), 0.002, atol=1e-6)
+
+
+def test_a_killed_pipeline_goes_on_recording(service: tuple[str, Path]) -> None:
+    url, folder = service
+    files = len(list(folder.glob("service-*")))
+    assert http.post(f"{url}/v1/recording", json={"on": True}).status_code == 202
+
+    def recorded() -> int:
+        return int(http.get(f"{url}/v1/recording").json()["rows"])
+
+    assert until(lambda: recorded() > 250)
+    (pipeline,) = [child for child in multiprocessing.active_children() if "pipeline" in child.name]
+    before = recorded()
+    pipeline.kill()
+    assert until(lambda: recorded() > before + 1000, 280.0, step=0.05)
+    assert http.post(f"{url}/v1/recording", json={"on": False}).status_code == 202
+    assert until(lambda: len([*folder.glob("service-*.parquet"), *folder.glob("service-*.arrows")]) > files)
 
 
 def test_bad_requests_name_the_field(service: tuple[str, Path]) -> None:

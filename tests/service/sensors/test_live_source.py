@@ -295,6 +295,19 @@ def test_each_value_of_the_torques_is_used_once():
     assert "torques" not in source.health.trouble
 
 
+def test_torques_that_are_exactly_zero_are_left_out_at_once():
+    torque = FEED.joint_torque.copy()
+    torque[::10] = 0.0
+    with (
+        MockServers(FEED, MOCK, fields={"actual_current_as_torque": torque}) as servers,
+        LiveSource(SCENE, settings_for(servers)) as source,
+    ):
+        samples = collect(source, 100)
+        assert "torques are exactly zero" in source.health.trouble
+    for sample in samples:
+        assert (sample.joint_torque is None) == (round(sample.t * 500) % 10 == 0)
+
+
 def test_velocities_that_no_joint_reaches():
     fields = {"actual_qd": np.full(6, 1e300)}
     with (

@@ -5,14 +5,16 @@ from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pynetft
 import pytest
 
 from contactsense.service.sensors import netft_client, network_wrench
 from contactsense.service.sensors.netft_client import NetFtStream, WrenchRecord
 from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
-from contactsense.service.sensors.plausibility import ReadingCheck, RecentCounts
+from contactsense.service.sensors.plausibility import ReadingCheck, RecentCounts, SensorEvent
 from contactsense.service.sensors.robot_stream import RobotRecord
+from contactsense.service.sensors.wrench_reader import WrenchReader
 
 NS = 1_000_000_000
 
@@ -69,6 +71,7 @@ class Box:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.ns, self.tick, self.stamp = 50 * NS, 1000, 7.0
         self.waited = 0
+        self.health = SimpleNamespace(state="streaming")
         self.queue: list[WrenchRecord] = []
         monkeypatch.setattr(network_wrench, "NetFtStream", lambda *_, **__: self)
         clock = SimpleNamespace(monotonic=lambda: self.now / NS, monotonic_ns=lambda: self.now)
@@ -131,3 +134,16 @@ def test_damaged_numbers_while_the_clocks_are_learned_are_forgotten(monkeypatch:
         box.run(0.002)
     box.run(25.0)
     assert box.run(1.0) == 1.0
+
+
+@pytest.mark.parametrize(("state", "lacking"), [("waiting", 0), ("streaming", 1)])
+def test_a_sample_lacks_a_reading_only_while_the_sensor_sends(
+    monkeypatch: pytest.MonkeyPatch, state: str, lacking: int
+) -> None:
+    """Of a sensor that is away its state tells; shares would tell of it long after it is back."""
+    box, recent = Box(monkeypatch), RecentCounts()
+    box.health = SimpleNamespace(state=state)
+    check = ReadingCheck("base_wrench", False, recent)
+    reader = WrenchReader(lambda _, reading: reading, check, box.reader, 0.005)
+    assert reader.at(RobotRecord(7.0, box.ns, ()), {}, np.zeros(6)).wrench is None
+    assert recent.totals(time.monotonic())[SensorEvent("base_wrench", "lacking")] == lacking

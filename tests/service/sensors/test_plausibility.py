@@ -104,6 +104,23 @@ def test_what_was_wrong_is_told_in_words():
     assert "lost" in last  # and the samples without a reading of the wrist are explained already
 
 
+@pytest.mark.parametrize("cause", ["", "unaligned", "frozen"])
+def test_an_outage_that_is_over_is_told_no_longer_than_two_seconds(cause: str) -> None:
+    recent, trouble, period, told = RecentCounts(), RecentTrouble(), 0.002, {}
+    for t in np.arange(10.0, 20.0, period):
+        recent.add(t, "packets")
+        if 11.0 <= t < 13.5:
+            recent.add(t, SensorEvent("base_wrench", "lacking"))
+            if cause:
+                recent.add(t, SensorEvent("base_wrench", cause))
+        if round(t / period) % 125 == 0:  # as often as the pipeline reports
+            told[t] = trouble.describe(t, recent.totals(t), period)
+    told_at = [t for t, text in told.items() if text]
+    assert told_at[0] < 11.5
+    assert told_at[-1] < 13.5 + 1.8  # and the next report, 0.25 s later, is without it
+    assert len(told_at) == round((told_at[-1] - told_at[0]) / 0.25) + 1  # without a break
+
+
 @pytest.mark.parametrize(
     ("reading", "what"), [((math.nan, 1.0), "not finite"), ((0.0, -0.0), "zero"), ((1.0, 2.0), "frozen")]
 )

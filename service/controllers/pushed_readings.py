@@ -1,0 +1,102 @@
+"""Readings in pushed samples that cannot be measurements: those of a controller that repeats an old state, or
+of a sensor that is off.
+
+A robot's own packets are checked more strictly (`service/sensors/plausibility.py`). At rest pushed samples
+may repeat: simulators without noise push theirs, too.
+"""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.sensors.link_values import as_fields, by_field
+from contactsense.service.controllers.sample_message import MessageError
+from contactsense.service.sensors.plausibility import (
+    REPEAT_LIMIT,
+    REST_SPEED,
+    RecentCounts,
+    RepeatCheck,
+    RobotCheck,
+    SensorEvent,
+)
+from contactsense.types import Sample
+
+HELD = 0.01
+"""A reading of an arm that moves may be repeated for this time [s]: sensors may be slower than the
+controller, but in motion older readings look like a contact."""
+_TEXTS = {
+    "stale": "{field}: the controller repeats the same joint positions while qd says that the arm moves: its "
+    "state is stale; such samples are not used",
+    "frozen": "{field}: the controller repeats the same reading while the arm moves; it is left out",
+    "zero": "{field}: the reading is exactly zero in all components; it is left out: is the sensor on?",
+}
+
+
+class PushedReadings:
+    """Removes such readings from the samples of one stream, and counts them.
+
+    Args:
+        scene: The arm and its sensors.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._recent = RecentCounts()
+        self._robot = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
+        self._repeats = {name: RepeatCheck() for name in ("joint_torque", "base_wrench", *scene.link_sensors)}
+        torque = scene.joint_torque
+        # A torque without model is zero where nothing touches, and where there is no noise. So is the wrench
+        # on a sensor within the arm that carries nothing.
+        self._never_zero = {"base_wrench"}
+        if torque is not None and torque.contains == "motor":
+            self._never_zero.add("joint_torque")
+        self._q: tuple[float, ...] = ()
+
+    def checked(self, sample: Sample) -> Sample:
+        """The sample without readings that cannot be measurements.
+
+        Raises:
+            MessageError: Its positions are stale, so that nothing of it can be used.
+        """
+        if self._robot.positions_stale(sample.t, sample.q, sample.qd):
+            self._note("q", "stale")
+            raise MessageError("q", "expected positions that change where qd says that the arm moves")
+        q = tuple(sample.q.tolist())
+        moves = q != self._q and float(np.abs(sample.qd).max()) > REST_SPEED
+        self._q = q
+        links = by_field(sample.wrist_wrench, sample.link_wrenches)
+        kept = {field: self._measured(field, wrench, sample.t, moves) for field, wrench in links.items()}
+        return replace(
+            sample,
+            joint_torque=self._measured("joint_torque", sample.joint_torque, sample.t, moves),
+            base_wrench=self._measured("base_wrench", sample.base_wrench, sample.t, moves),
+            **as_fields(kept),
+        )
+
+    @property
+    def trouble(self) -> tuple[str, ...]:
+        """What was wrong within the last second, one readable line each."""
+        counts = self._recent.totals(time.monotonic())
+        return tuple(
+            _TEXTS[event.what].format(field=event.field)
+            for event, count in counts.items()
+            if isinstance(event, SensorEvent) and count > 2
+        )
+
+    def _measured(self, field: str, values: np.ndarray | None, t: float, moves: bool) -> np.ndarray | None:
+        """The reading of a sensor, None if it cannot be a measurement."""
+        if values is None:
+            return None
+        repeated = self._repeats[field].update(t, tuple(values.tolist()))
+        if field in self._never_zero and not values.any():
+            self._note(field, "zero")
+            return None
+        if not moves or repeated <= HELD or not values.any():
+            return values
+        if repeated > REPEAT_LIMIT:
+            self._note(field, "frozen")
+        return None
+
+    def _note(self, field: str, what: str) -> None:
+        self._recent.add(time.monotonic(), SensorEvent(field, what))

@@ -1,0 +1,113 @@
+"""What a controller repeats while the arm moves is told and not used; at rest it may repeat."""
+
+import json
+import socket
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contactsense import Sample, Scene
+from contactsense.robots.tool import Tool
+from contactsense.scene import JointTorqueSensor, WrenchSensor
+from contactsense.service.controllers.framing import frame
+from contactsense.service.controllers.push_source import PushSource
+from contactsense.service.controllers.pushed_readings import HELD, PushedReadings
+from contactsense.service.controllers.sample_message import MessageError
+
+STEP = 0.002
+SCENE = Scene(robot="ur5e", wrist_wrench=WrenchSensor(), tool=Tool(mass=1.0))
+
+
+def moving(i: int) -> Sample:
+    """Sample number i of an arm that moves; every number differs from those of other samples."""
+    speed = np.linspace(0.1, 0.6, 6)
+    return Sample(
+        t=STEP * i,
+        q=STEP * i * speed,
+        qd=speed,
+        joint_torque=10.0 + 0.01 * i + np.arange(6),
+        base_wrench=20.0 + 0.01 * i + np.arange(6),
+        wrist_wrench=30.0 + 0.01 * i + np.arange(6),
+    )
+
+
+def test_an_arm_that_moves_is_believed() -> None:
+    readings = PushedReadings(SCENE)
+    for i in range(100):
+        sample = moving(i)
+        checked = readings.checked(sample)
+        assert checked.joint_torque is sample.joint_torque
+        assert checked.base_wrench is sample.base_wrench
+        assert checked.wrist_wrench is sample.wrist_wrench
+    assert readings.trouble == ()
+
+
+@pytest.mark.parametrize("field", ["joint_torque", "base_wrench", "wrist_wrench"])
+def test_a_reading_that_repeats_in_motion_is_left_out(field: str) -> None:
+    readings, first = PushedReadings(SCENE), getattr(moving(0), field)
+    for i in range(100):
+        checked = readings.checked(replace(moving(i), **{field: first}))
+        assert (getattr(checked, field) is None) == (STEP * i > HELD)
+        others = {"joint_torque", "base_wrench", "wrist_wrench"} - {field}
+        assert all(getattr(checked, other) is not None for other in others)
+    (text,) = readings.trouble
+    assert text.startswith(f"{field}: the controller repeats the same reading")
+
+
+def test_a_sensor_slower_than_the_controller_is_believed() -> None:
+    readings = PushedReadings(SCENE)
+    for i in range(100):
+        sample = replace(moving(i), base_wrench=moving(i // 5 * 5).base_wrench)
+        assert readings.checked(sample).base_wrench is not None
+    assert readings.trouble == ()
+
+
+def test_samples_with_stale_positions_are_refused() -> None:
+    readings, first = PushedReadings(SCENE), moving(0)
+    readings.checked(first)
+    for i in range(1, 50):
+        with pytest.raises(MessageError, match="q: expected positions that change"):
+            readings.checked(replace(moving(i), q=first.q))
+    assert "its state is stale" in readings.trouble[0]
+    assert readings.checked(moving(50)).t == moving(50).t
+
+
+def test_a_simulator_at_rest_may_repeat_itself() -> None:
+    readings, sample = PushedReadings(SCENE), replace(moving(0), qd=np.zeros(6))
+    for i in range(100):
+        checked = readings.checked(replace(sample, t=STEP * i))
+        assert checked.joint_torque is not None
+        assert checked.base_wrench is not None
+    assert readings.trouble == ()
+
+
+@pytest.mark.parametrize(
+    ("meaning", "torque_is_used"), [("motor", False), ("gravity_free", True), ("external", True)]
+)
+def test_a_reading_that_carries_the_arm_is_never_exactly_zero(meaning: str, torque_is_used: bool) -> None:
+    scene = Scene(robot="ur5e", joint_torque=JointTorqueSensor.model_validate({"meaning": meaning}))
+    readings, zero = PushedReadings(scene), np.zeros(6)
+    for i in range(10):
+        checked = readings.checked(replace(moving(i), joint_torque=zero, base_wrench=zero, wrist_wrench=None))
+        assert checked.base_wrench is None
+        assert (checked.joint_torque is not None) == torque_is_used
+    assert any(text.startswith("base_wrench: the reading is exactly zero") for text in readings.trouble)
+
+
+def test_the_source_tells_what_it_leaves_out(tmp_path: Path) -> None:
+    source = PushSource(SCENE, tmp_path / "source")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as controller:
+        controller.connect(str(tmp_path / "source"))
+        source.poll(0.1)
+        samples = []
+        for i in range(100):
+            content = {"t": STEP * i, "q": moving(i).q.tolist(), "qd": moving(i).qd.tolist()}
+            content["base_wrench"] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+            controller.sendall(frame(json.dumps(content).encode(), False))
+            samples += source.poll(0.1)
+        assert [sample.base_wrench is None for sample in samples] == [STEP * i > HELD for i in range(100)]
+        assert source.health.trouble.startswith("base_wrench: the controller repeats the same reading")
+        assert source.health.without_wrench == sum(sample.base_wrench is None for sample in samples)
+    source.close()
