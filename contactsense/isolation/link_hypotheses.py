@@ -1,4 +1,4 @@
-"""Link hypotheses: for every link the fused contact wrench and its evidence (theory, section 3).
+"""Link hypotheses: for every link the fused contact wrench and its evidence.
 
 Under the hypothesis "contact on link k", the base sensor measures the contact wrench w, and so does every
 row of a sensor that sees the link:

@@ -84,8 +84,8 @@ def store_candidate(
     """Store a contact found on primitive p in row `row`, in the base frame.
 
     The covariance of the point is that of the posterior plus the effect of the real surface's tilt: a
-    tilt d of the normal turns the torsion xi, changes the moment by xi d and so moves the point by xi d /
-    F (theory, section 4).
+    tilt d of the normal turns the torsion xi, changes the moment by xi d and so moves the point by
+    xi d / F.
 
     Args:
         candidates: Arrays to write to.

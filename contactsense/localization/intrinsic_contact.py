@@ -93,7 +93,7 @@ def centroid_covariance(
     """Covariance of a contact centroid from that of the wrench, to first order, without the curvature's part.
 
     An error of the moment about the centroid, dm - c x df, shifts it in its tangent plane by n x (dm - c x
-    df) / (f . n) (theory, section 4, with W = 0: exact on flat surfaces and without torsion).
+    df) / (f . n): exact on flat surfaces and without torsion.
 
     Args:
         point, normal, force: Contact, all in one frame [m, N].

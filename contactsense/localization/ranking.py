@@ -3,9 +3,10 @@
 If the fused wrench determines a line of action, the search on each primitive starts where the line enters
 it (`contactsense.localization.line_of_action_search`). Otherwise the whole surface is searched
 (`contactsense.localization.surface_search`). The candidates on all links compete by log evidence: fit of
-the torques and of the base wrench, prior of force and torsion, and the width of the posterior (theory,
-sections 3 to 5). So does "none of these": a wrench that is not caused by a single push on a touchable
-link, but by a pull, a couple, several contacts, or a touch on a link that the scene leaves out.
+the torques and of the base wrench, prior of force and torsion, and the width of the posterior
+(`contactsense.solvers.posterior_equations`). So does "none of these": a wrench that is not caused by a
+single push on a touchable link, but by a pull, a couple, several contacts, or a touch on a link that the
+scene leaves out.
 """
 
 import math

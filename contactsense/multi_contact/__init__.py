@@ -1,4 +1,4 @@
-"""Several simultaneous contacts (theory, sections 3 to 5, with stacked contacts).
+"""Several simultaneous contacts.
 
 Every sensor value is a sum over the contacts that it measures: the base sensor measures all of them,
 joint j those on links distal to it, a sensor within the arm those distal to it. Given the points of

@@ -1,5 +1,4 @@
-"""Sensitivity of the contact centroid to the wrench (theory, section 4), and its covariance, in closed
-form."""
+"""Sensitivity of the contact centroid to the wrench, and its covariance, in closed form."""
 
 from dataclasses import dataclass
 

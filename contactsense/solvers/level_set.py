@@ -51,7 +51,7 @@ class SurfacePoint(NamedTuple):
 
 
 class Tangential(NamedTuple):
-    """Quantities of a Newton step at a surface point (theory, section 4)."""
+    """Quantities of a Newton step at a surface point, see `contactsense.solvers.newton`."""
 
     normal: Vector
     t1: Vector

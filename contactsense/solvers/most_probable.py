@@ -1,5 +1,5 @@
-"""The most probable contact of a noisy wrench on any surface that has an exact solver: mode of the posterior,
-its covariance and its evidence (theory, section 5)."""
+"""The most probable contact of a noisy wrench on any surface that has an exact solver: mode of the posterior
+(`contactsense.solvers.posterior_equations`), its covariance and its evidence."""
 
 import math
 from dataclasses import dataclass, replace

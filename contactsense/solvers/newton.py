@@ -1,4 +1,4 @@
-"""Newton's method on any smooth convex body: two unknowns in the tangent plane (theory, section 4).
+"""Newton's method on any smooth convex body: two unknowns in the tangent plane.
 
 At a surface point c, with the moment r = m - c x f about it, the tangential part F = T^T r must vanish. A
 step T v changes it by M v, M = fn J - xi W, whose determinant fn^2 + xi^2 det W is positive wherever the

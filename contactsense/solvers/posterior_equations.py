@@ -1,4 +1,4 @@
-"""Equations of the posterior of one contact on one primitive (theory, section 5): energy, gradient and
+"""Equations of the posterior of one contact on one primitive: energy, gradient and
 Gauss-Newton matrix, in numbers instead of arrays.
 
 The unknowns are the force f (3), the torsion xi and the contact centroid c on the surface (2). With the

@@ -77,7 +77,7 @@ def _grazing(ff: float, fn: float, xi: float, trace: float, det: float) -> float
     """Condition number: largest shift on the surface per lever of a moment error, |f| times the norm of
     M^-1.
 
-    M = fn J - xi W with the shape operator W, trace and determinant given (theory, section 4). It is 1
+    M = fn J - xi W with the shape operator W, trace and determinant given. The condition number is 1
     for a contact perpendicular to a flat surface, 1 / cos(angle between force and normal) without
     torsion, and it diverges if the force grazes.
 

@@ -8,8 +8,8 @@ the components
 
 Two equations in two angles, without a closed form (the polynomial has degree eight): Newton's method with
 a line search, which has no local minima, because the Jacobian is regular wherever the force pushes
-(theory, section 4). If only a part of the torus is a patch of a body, there is still at most one contact,
-because the whole outer half belongs to a convex body, the disc plus the ball.
+(`contactsense.solvers.newton`). If only a part of the torus is a patch of a body, there is still at most one
+contact, because the whole outer half belongs to a convex body, the disc plus the ball.
 """
 
 from math import cos, inf, pi, sin, sqrt
