@@ -77,11 +77,9 @@ def _as_robot(value: object) -> object:
 
 
 def _reference(robot: Robot) -> str:
-    """What loads the robot again: its name in the library, or else its file; a name alone could be that of
-    another arm."""
-    if robot.file is None or in_library(robot):
-        return robot.name
-    return str(robot.file.absolute())
+    """What loads the robot again. Without a file nothing does: its name could be that of another arm."""
+    own = f"{robot.name} (built in Python)" if robot.file is None else str(robot.file.absolute())
+    return robot.name if in_library(robot) else own
 
 
 @with_attributes
@@ -227,6 +225,8 @@ class Scene(BaseModel):
         if self.base_wrench is None and self.joint_torque is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two sensors, got none")
         if self.tool is not None:
+            if self.tool.primitives and self.tool.name in self.robot.link_names:
+                raise ValueError(f"tool.name: expected a name that no link has, got {self.tool.name!r}")
             self._can_carry(self.tool)
         for name in self.touchable or ():
             if name not in self.link_names:
