@@ -4,6 +4,7 @@ import contextlib
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from math import pi
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -17,6 +18,11 @@ TURNING = ("revolute", "continuous")
 _UNBOUND_PREFIX = errors.codes[errors.XML_ERROR_UNBOUND_PREFIX]
 """URDFs of simulators have elements such as drake:acceleration without the namespace of the prefix."""
 _KNOWN = (*TURNING, "fixed", "prismatic")
+_TRIPLES = (
+    ("xyz", 5.0, "x, y, z in m", "; are these mm?"),
+    ("rpy", 2.0 * pi, "roll, pitch, yaw in rad", "; are these degrees?"),
+)
+"""Attributes of an origin: name, largest number, what is expected, and what larger ones may be."""
 
 
 def read_document(path: Path) -> Any:
@@ -80,6 +86,25 @@ def _check_kind(path: Path) -> None:
         raise RobotError(f"{path}: expected URDF, got xacro; expand it first: xacro {path.name} > {expanded}")
     if root.tag != "robot":
         raise RobotError(f"{path}: expected URDF with the root element robot, got {root.tag}")
+    for body in root:
+        if body.tag in ("link", "joint"):
+            _check_numbers(path, body)
+
+
+def _check_numbers(path: Path, body: ElementTree.Element) -> None:
+    """Refuse places and directions of a link or joint that cannot be: in other units than m and rad."""
+    for element in body.iter():
+        for name, most, unit, other in _TRIPLES:
+            text = element.get(name) if element.tag in ("origin", "axis") else None
+            if text is None:
+                continue
+            where = f"{path}: {body.tag} {body.get('name')}: {element.tag}: {name}"
+            try:
+                x, y, z = map(float, text.split())
+            except ValueError:
+                raise RobotError(f"{where}: expected three numbers, got {text!r}") from None
+            if element.tag == "origin" and not (abs(x) <= most and abs(y) <= most and abs(z) <= most):
+                raise RobotError(f"{where}: expected {unit}, none above {most:.4g}, got {text!r}{other}")
 
 
 def _is_xacro(root: ElementTree.Element) -> bool:
