@@ -29,15 +29,14 @@ from contactsense.robots.robot import NO_MASS, Inertia
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
+from contactsense.robots.units import in_metres, within_one_turn
 from contactsense.robots.yaml_fields import read_fields
 from contactsense.sensors.field_checks import (
     carried_by,
     has_no_former_field,
     has_one_per_joint,
-    in_metres,
     in_the_cell,
     touchable_in_metres,
-    within_one_turn,
 )
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 

@@ -3,8 +3,7 @@
 import contextlib
 import logging
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from math import pi
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -12,17 +11,16 @@ from xml.parsers.expat import errors
 
 import yourdfpy
 
+from contactsense.robots.primitives import Vector
+from contactsense.robots.units import in_metres, within_one_turn
 from contactsense.robots.yaml_schema import RobotError
 
 TURNING = ("revolute", "continuous")
 _UNBOUND_PREFIX = errors.codes[errors.XML_ERROR_UNBOUND_PREFIX]
 """URDFs of simulators have elements such as drake:acceleration without the namespace of the prefix."""
 _KNOWN = (*TURNING, "fixed", "prismatic")
-_TRIPLES = (
-    ("xyz", 5.0, "x, y, z in m", "; are these mm?"),
-    ("rpy", 2.0 * pi, "roll, pitch, yaw in rad", "; are these degrees?"),
-)
-"""Attributes of an origin: name, largest number, what is expected, and what larger ones may be."""
+_TRIPLES: dict[str, Callable[[Vector], Vector]] = {"xyz": in_metres, "rpy": within_one_turn}
+"""Attributes of an origin, and what refuses those that cannot be."""
 
 
 def read_document(path: Path) -> Any:
@@ -94,7 +92,7 @@ def _check_kind(path: Path) -> None:
 def _check_numbers(path: Path, body: ElementTree.Element) -> None:
     """Refuse places and directions of a link or joint that cannot be: in other units than m and rad."""
     for element in body.iter():
-        for name, most, unit, other in _TRIPLES:
+        for name, possible in _TRIPLES.items():
             text = element.get(name) if element.tag in ("origin", "axis") else None
             if text is None:
                 continue
@@ -103,8 +101,11 @@ def _check_numbers(path: Path, body: ElementTree.Element) -> None:
                 x, y, z = map(float, text.split())
             except ValueError:
                 raise RobotError(f"{where}: expected three numbers, got {text!r}") from None
-            if element.tag == "origin" and not (abs(x) <= most and abs(y) <= most and abs(z) <= most):
-                raise RobotError(f"{where}: expected {unit}, none above {most:.4g}, got {text!r}{other}")
+            try:
+                if element.tag == "origin":
+                    possible((x, y, z))
+            except ValueError as error:
+                raise RobotError(f"{where}: {error}") from None
 
 
 def _is_xacro(root: ElementTree.Element) -> bool:

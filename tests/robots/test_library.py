@@ -120,6 +120,11 @@ def test_reads_a_file_of_ones_own(tmp_path: Path) -> None:
         ("  - {name: bar",
          "  - {name: more, mass: 1.0, com: [0, 0, 0], tensor: [1, 0, 0, 1, 0, 1]}\n  - {name: bar",
          r"1 joints need one link more, got 3"),
+        ("com: [0.1, 0, 0]", "com: [100, 0, 0]", r"links\[1\].com: .* in m, .*mm: \[0.1, 0, 0\]"),
+        ("[0, 0, 0.5]", "[0, 0, 500]", r"joints\[0\].xyz: .* in m, .*if these are mm: \[0, 0, 0.5\]"),
+        ("[0, 0, 0.5]", "[0, 0, .nan]", r"joints\[0\].xyz: "),
+        ("rpy: [0, 0, 0],", "rpy: [0, 90, 0],", r"joints\[0\].rpy: .* in rad, .*degrees: \[0, 1.571, 0\]"),
+        ("axis: [0, 2, 0]", "axis: [0, 0, 0]", r"joints\[0\]: axis: expected a direction"),
         ("name: two_bars", "name: [", r"two_bars.yaml: not YAML"),
         ("name: two_bars", "name: two_bars\nname: bars", r"two_bars.yaml: name: expected once, got in line"),
     ],
@@ -154,6 +159,11 @@ def test_surface_of_a_link_that_is_not_there(tmp_path: Path) -> None:
         f"robot: two_bars\nlinks: {{bar: {{fine: {sphere.replace('1}', '-1}')}, coarse: {sphere}}}}}"
     )
     with pytest.raises(robots.RobotError, match=r"links.bar.fine.0.*radius"):
+        robots.load(path)
+    surface.write_text(
+        f"robot: two_bars\nlinks: {{bar: {{fine: {sphere}, coarse: {sphere.replace('1}', '40}')}}}}}"
+    )
+    with pytest.raises(robots.RobotError, match=r"links.bar: coarse\[0\]: .* a size of 80 m; are these mm\?"):
         robots.load(path)
 
 
