@@ -1,12 +1,13 @@
 """The robots that come with the package, and what the loader says about files that are wrong."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from contactsense import robots
+from contactsense import Scene, SceneError, robots
 from contactsense.robots import library
 from tests.shared import truth
 
@@ -137,6 +138,15 @@ def test_wrong_files_are_refused_with_place_and_reason(
     path.write_text(GOOD.replace(old, new, 1))
     with pytest.raises(robots.RobotError, match=message):
         robots.load(path)
+
+
+def test_a_urdf_without_the_packages_that_read_it_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(robots, "urdf", raising=False)
+    monkeypatch.setitem(sys.modules, "contactsense.robots.urdf", None)
+    with pytest.raises(SceneError, match=r"robot: .*arm.urdf: a URDF needs .*contactsense\[geometry\]"):
+        Scene(robot=str(tmp_path / "arm.urdf"))
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
