@@ -29,15 +29,14 @@ from contactsense.robots.robot import NO_MASS, Inertia
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
+from contactsense.robots.units import in_metres, within_one_turn
 from contactsense.robots.yaml_fields import read_fields
 from contactsense.sensors.field_checks import (
     carried_by,
     has_no_former_field,
     has_one_per_joint,
-    in_metres,
     in_the_cell,
     touchable_in_metres,
-    within_one_turn,
 )
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
@@ -77,11 +76,9 @@ def _as_robot(value: object) -> object:
 
 
 def _reference(robot: Robot) -> str:
-    """What loads the robot again: its name in the library, or else its file; a name alone could be that of
-    another arm."""
-    if robot.file is None or in_library(robot):
-        return robot.name
-    return str(robot.file.absolute())
+    """What loads the robot again. Without a file nothing does: its name could be that of another arm."""
+    own = f"{robot.name} (built in Python)" if robot.file is None else str(robot.file.absolute())
+    return robot.name if in_library(robot) else own
 
 
 @with_attributes
@@ -227,6 +224,8 @@ class Scene(BaseModel):
         if self.base_wrench is None and self.joint_torque is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two sensors, got none")
         if self.tool is not None:
+            if self.tool.primitives and self.tool.name in self.robot.link_names:
+                raise ValueError(f"tool.name: expected a name that no link has, got {self.tool.name!r}")
             self._can_carry(self.tool)
         for name in self.touchable or ():
             if name not in self.link_names:

@@ -70,11 +70,15 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
         name: Name of the robot; by default, the one in the URDF.
 
     Raises:
-        RobotError: the file or an element in it cannot be used; the message names both.
-        ImportError: the packages of the `geometry` extra are missing.
+        RobotError: the file or an element in it cannot be used, or the packages of the `geometry` extra are
+            missing; the message names what.
     """
-    from contactsense.robots import urdf
-
+    try:
+        from contactsense.robots import urdf
+    except ImportError as error:
+        raise RobotError(
+            f"{path}: a URDF needs the extra packages: pip install contactsense[geometry] ({error})"
+        ) from error
     surface = Path(path).with_suffix(".surface.yaml")
     if not surface.exists():
         return urdf.from_urdf(path, tip, name)

@@ -236,11 +236,16 @@ def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint
     limit = joint.limit
     if joint.type == "revolute" and (limit is None or limit.lower is None or limit.upper is None):
         raise RobotError(f"{path}: joint {joint.name}: a revolute joint needs lower and upper limits")
-    if joint.type == "revolute" and limit.lower > limit.upper:
+    if joint.type == "revolute" and not limit.lower <= limit.upper:
         raise RobotError(
             f"{path}: joint {joint.name}: limits: expected lower <= upper, got {limit.lower:g} and "
             f"{limit.upper:g} rad"
         )
+    for name in ("effort", "velocity") if limit is not None else ():
+        # Zero is a placeholder of exporters.
+        given = getattr(limit, name)
+        if given is not None and not given >= 0.0:
+            raise RobotError(f"{path}: joint {joint.name}: {name}: expected a number above 0, got {given:g}")
     bounds = (float(limit.lower), float(limit.upper)) if joint.type == "revolute" else (-np.inf, np.inf)
     return Joint(
         name=joint.name,

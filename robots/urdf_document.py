@@ -3,7 +3,7 @@
 import contextlib
 import logging
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,12 +11,16 @@ from xml.parsers.expat import errors
 
 import yourdfpy
 
+from contactsense.robots.primitives import Vector
+from contactsense.robots.units import in_metres, within_one_turn
 from contactsense.robots.yaml_schema import RobotError
 
 TURNING = ("revolute", "continuous")
 _UNBOUND_PREFIX = errors.codes[errors.XML_ERROR_UNBOUND_PREFIX]
 """URDFs of simulators have elements such as drake:acceleration without the namespace of the prefix."""
 _KNOWN = (*TURNING, "fixed", "prismatic")
+_TRIPLES: dict[str, Callable[[Vector], Vector]] = {"xyz": in_metres, "rpy": within_one_turn}
+"""Attributes of an origin, and what refuses those that cannot be."""
 
 
 def read_document(path: Path) -> Any:
@@ -80,6 +84,28 @@ def _check_kind(path: Path) -> None:
         raise RobotError(f"{path}: expected URDF, got xacro; expand it first: xacro {path.name} > {expanded}")
     if root.tag != "robot":
         raise RobotError(f"{path}: expected URDF with the root element robot, got {root.tag}")
+    for body in root:
+        if body.tag in ("link", "joint"):
+            _check_numbers(path, body)
+
+
+def _check_numbers(path: Path, body: ElementTree.Element) -> None:
+    """Refuse places and directions of a link or joint that cannot be: in other units than m and rad."""
+    for element in body.iter():
+        for name, possible in _TRIPLES.items():
+            text = element.get(name) if element.tag in ("origin", "axis") else None
+            if text is None:
+                continue
+            where = f"{path}: {body.tag} {body.get('name')}: {element.tag}: {name}"
+            try:
+                x, y, z = map(float, text.split())
+            except ValueError:
+                raise RobotError(f"{where}: expected three numbers, got {text!r}") from None
+            try:
+                if element.tag == "origin":
+                    possible((x, y, z))
+            except ValueError as error:
+                raise RobotError(f"{where}: {error}") from None
 
 
 def _is_xacro(root: ElementTree.Element) -> bool:

@@ -11,14 +11,26 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    ValidationError,
+    model_validator,
+)
 
 from contactsense.robots import yaml_fields
 from contactsense.robots.field_errors import joined, reasons
+from contactsense.robots.primitive_extent import beyond
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import Inertia, Joint, Link, LocalDeviation, Robot
 from contactsense.robots.rotations import rotation_from_rpy, symmetric
+from contactsense.robots.units import FURTHEST, in_metres, within_one_turn
 
+Place = Annotated[Vector, AfterValidator(in_metres)]
+Angles = Annotated[Vector, AfterValidator(within_one_turn)]
 Tensor = tuple[float, float, float, float, float, float]
 Entry = TypeVar("Entry", bound=BaseModel)
 Rotor = Annotated[float, Field(ge=0.0)]
@@ -39,8 +51,8 @@ class LinkEntry(_Entry):
 
     name: str
     mass: PositiveFloat
-    com: Vector
-    rpy: Vector = (0.0, 0.0, 0.0)
+    com: Place
+    rpy: Angles = (0.0, 0.0, 0.0)
     tensor: Tensor
 
     @model_validator(mode="after")
@@ -63,8 +75,8 @@ class JointEntry(_Entry):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=True)
 
     name: str
-    xyz: Vector
-    rpy: Vector
+    xyz: Place
+    rpy: Angles
     axis: Vector = (0.0, 0.0, 1.0)
     position_limits: tuple[float, float] = (-inf, inf)
     velocity_limit: PositiveFloat
@@ -73,10 +85,12 @@ class JointEntry(_Entry):
     torque_constant: PositiveFloat | None = None
 
     @model_validator(mode="after")
-    def _has_range(self) -> "JointEntry":
+    def _has_range_and_axis(self) -> "JointEntry":
         low, high = self.position_limits
         if not low < high:
             raise ValueError(f"position_limits: expected the lower first, got {low}, {high}")
+        if not hypot(*self.axis) > 0.0:
+            raise ValueError(f"axis: expected a direction, got {list(self.axis)}")
         return self
 
     def joint(self) -> Joint:
@@ -98,8 +112,8 @@ class JointEntry(_Entry):
 class FrameEntry(_Entry):
     """A frame in another: origin and roll, pitch, yaw about fixed axes."""
 
-    xyz: Vector = (0.0, 0.0, 0.0)
-    rpy: Vector = (0.0, 0.0, 0.0)
+    xyz: Place = (0.0, 0.0, 0.0)
+    rpy: Angles = (0.0, 0.0, 0.0)
 
 
 class RobotEntry(_Entry):
@@ -133,6 +147,13 @@ class LinkSurface(_Entry):
     coarse_deviation: str = ""
     """The same for the coarse primitives; each line goes on with the mean shift [mm] and the mean rotation
     vector [degrees] of the surface."""
+
+    @model_validator(mode="after")
+    def _is_in_metres(self) -> "LinkSurface":
+        for name, level in (("fine", self.fine), ("coarse", self.coarse)):
+            for index, text in beyond(level, FURTHEST):
+                raise ValueError(f"{name}[{index}]: {text}")
+        return self
 
     @model_validator(mode="after")
     def _deviations_are_of_primitives(self) -> "LinkSurface":

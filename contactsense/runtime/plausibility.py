@@ -22,6 +22,7 @@ from contactsense.sensors.settings import WrenchSensor
 
 _WEIGHT_LEVER = 0.5
 """Moments are compared with the arm's weight at this lever [m]."""
+_TURNED = " with the opposite sign (base_wrench.sign)"
 _NO_FORCE = [0.0, 0.0, 0.0]
 _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -179,7 +180,7 @@ class PlausibleLimits:
                 found |= _rows_beyond(wrench, -largest, largest)
         if base_wrench is not None:
             weight = self.weight.force
-            for other in (weight,) if external else (np.zeros(3), -weight):
+            for other in (weight if external else np.zeros(3), -weight):
                 # By column: sums over rows of three take several times as long.
                 x, y, z = (base_wrench[:, i] - other[i] for i in range(3))
                 found |= x * x + y * y + z * z < (SAME * self._weight) ** 2
@@ -217,12 +218,13 @@ class PlausibleLimits:
             return found
         force, weight = wrench[:3].tolist(), self._weight_force
         if external:
-            if self._is_near(force, weight) and self._is_own_weight(q, wrench):
-                return Implausible(
-                    "base_wrench",
-                    f"expected the contact's share alone (external=True), got the arm's own weight of "
-                    f"{self._weight:.0f} N; raw readings need external=False",
-                )
+            for sign, other, turned in ((1.0, weight, ""), (-1.0, self._opposite_force, _TURNED)):
+                if self._is_near(force, other) and self._is_own_weight(q, sign * wrench):
+                    return Implausible(
+                        "base_wrench",
+                        f"expected the contact's share alone (external=True), got the arm's own weight of "
+                        f"{self._weight:.0f} N{turned}; raw readings need external=False",
+                    )
             return None
         if self._is_near(force, _NO_FORCE):
             advice = "is the sensor tared (base_wrench.bias), or is the weight subtracted (external=True)?"

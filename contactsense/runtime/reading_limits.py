@@ -133,7 +133,8 @@ def is_base_plausible(
     limits: ReadingLimits, wrench: np.ndarray, weight: np.ndarray, external: bool, scratch: np.ndarray
 ) -> bool:
     """Whether the base wrench of a single measurement is surely plausible: within the sensor's range, and not
-    the arm's own weight where that should be subtracted, nor without it or its opposite where it should not.
+    the arm's own weight where that should be subtracted, nor without it where it should not, nor the opposite
+    of its weight.
 
     Args:
         limits: Of the scene.
@@ -155,5 +156,5 @@ def is_base_plausible(
         same += (wrench[i] - weight[i]) ** 2
         opposite += (wrench[i] + weight[i]) ** 2
     size = math.sqrt(weight[0] ** 2 + weight[1] ** 2 + weight[2] ** 2)
-    nearest = same if external else min(zero, opposite)
+    nearest = min(same if external else zero, opposite)
     return bool(nearest >= (SAME * size) ** 2)

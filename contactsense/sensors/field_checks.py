@@ -1,17 +1,14 @@
 """Checks of the fields of a scene."""
 
 from collections.abc import Container, Sequence
-from math import pi, radians
 
 from pydantic import BaseModel
 
 from contactsense.robots.primitive_extent import beyond
-from contactsense.robots.primitives import Primitive, Vector
+from contactsense.robots.primitives import Primitive
 from contactsense.robots.surroundings import Body
+from contactsense.robots.units import FURTHEST, in_metres, within_one_turn
 
-FURTHEST = 5.0
-"""Largest coordinate of a sensor's origin or of a tool's centre of mass, and largest size of a primitive that
-can be touched [m]."""
 FURTHEST_BODY = 50.0
 """Largest coordinate of the frame of a body of the cell [m]."""
 LIGHTEST_ARM = 1.0
@@ -24,35 +21,6 @@ FORMER_FIELDS = {
     "room": "this field is now named clearance [m]",
 }
 """Fields that scenes had before -> what takes their place."""
-
-
-def within_one_turn(rpy: Vector) -> Vector:
-    """Roll, pitch, yaw [rad] as they are.
-
-    Raises:
-        ValueError: an angle is larger than one turn, as angles in degrees are.
-    """
-    if max(map(abs, rpy)) > 2.0 * pi:
-        in_radians = ", ".join(f"{radians(angle):.4g}" for angle in rpy)
-        raise ValueError(
-            "expected roll, pitch, yaw in rad, none above one turn (6.283), got "
-            f"{list(rpy)}; if these are degrees: [{in_radians}]"
-        )
-    return rpy
-
-
-def in_metres(place: Vector, furthest: float = FURTHEST) -> Vector:
-    """A place [m] as it is; by default one on the arm.
-
-    Raises:
-        ValueError: a coordinate is above `furthest` [m], as coordinates in mm are.
-    """
-    if max(map(abs, place)) > furthest:
-        raise ValueError(
-            f"expected x, y, z in m, none above {furthest:g}, got {list(place)}; "
-            f"if these are mm: [{', '.join(f'{1e-3 * x:.4g}' for x in place)}]"
-        )
-    return place
 
 
 def in_seconds(delay: float) -> float:

@@ -18,7 +18,8 @@ from contactsense.robots import Inertia
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.primitives import Vector
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.sensors.field_checks import in_metres, in_seconds, within_one_turn
+from contactsense.robots.units import in_metres, within_one_turn
+from contactsense.sensors.field_checks import in_seconds
 
 JointTorqueSignal = Literal[
     "actual_current_as_torque",

@@ -27,6 +27,7 @@ from contactsense.solvers.solution import (
     placed,
     with_status,
 )
+from contactsense.solvers.units import is_pure_force
 from contactsense.solvers.wrench import Wrench, in_frame
 from contactsense.solvers.wrench_axis import (
     wrench_axis_cone,
@@ -121,11 +122,15 @@ def solve_compound(wrench: Wrench, parts: Parts) -> Answer:
     if status != OK:
         return no_contact(status)
     seam = PATCH_TOLERANCE * parts.reach
-    outside, solution = _best_part(True, parts, wrench)
-    if outside <= seam:
-        return solution
+    twisted = not is_pure_force(wrench)
+    if twisted:
+        outside, solution = _best_part(True, parts, wrench)
+        if outside <= seam:
+            return solution
     outside, solution = _best_part(False, parts, wrench)
-    return with_status(solution, SHARP) if outside <= seam else no_contact(MISS)
+    if outside > seam:
+        return no_contact(MISS)
+    return with_status(solution, SHARP) if twisted else solution
 
 
 @kernel

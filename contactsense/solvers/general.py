@@ -77,17 +77,19 @@ def solve_smooth_counted(wrench: Wrench, body: SmoothBody) -> tuple[Answer, int]
         scaled = units_for(wrench, ldexp(lever, k))
         units = Units(scaled.force, scaled.moment, k)
         wrench = to_units(wrench, units)
+    pure, start = invariant(wrench) == 0.0, body.inner
+    if pure:
+        # Where it grazes a flat, the iterations would take any point of the flat for its contact.
+        entered, start = enter_level(body, wrench)
+        if entered == MISS:
+            return from_units(_miss_at(body, wrench, start), units), 0
     found = osculating_iteration(body, wrench)
     steps = found.steps
     if not found.converged:
         found = newton_iteration(body, lever, wrench, found.point)
         steps += found.steps
     if not found.converged:
-        if invariant(wrench) == 0.0:
-            entered, start = enter_level(body, wrench)
-            if entered == MISS:
-                return from_units(_miss_at(body, wrench, start), units), steps
-        else:
+        if not pure:
             cuts, start = bracket_contact(body, wrench)
             steps += cuts
         found = newton_iteration(body, lever, wrench, start)

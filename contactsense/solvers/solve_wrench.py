@@ -10,9 +10,12 @@ from contactsense.solvers.paper_surfaces import Placed
 from contactsense.solvers.solution import Status
 from contactsense.solvers.solver_batch import solve_rows
 from contactsense.solvers.surface import EqualByFields, Problem, Surface, vectors
+from contactsense.solvers.units import is_pure_force
 from contactsense.solvers.wrench import wrench_of
 
 Method = Literal["exact", "wrench_axis", "newton", "descent"]
+_CANCELLED = 1e-15
+"""A sum of three products that is larger than this, relative to its terms, is not zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,8 +118,10 @@ def solve_wrench(surface: Surface, force: ArrayLike, moment: ArrayLike, method: 
     f, m = vectors("force", force, 1), vectors("moment", moment, 1)
     if isinstance(surface, Placed):
         R, p = surface.rotation, surface.origin
-        local = solve_wrench(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), method)
-        return replace(local, centroid=p + R @ local.centroid, normal=R @ local.normal, force=f, moment=m)
+        own = "wrench_axis" if method == "exact" and is_pure_force(wrench_of(f, m)) else method
+        local = solve_wrench(surface.surface, R.T @ f, R.T @ (m - np.cross(p, f)), own)
+        centroid, normal = p + R @ local.centroid, R @ local.normal
+        return replace(local, centroid=centroid, normal=normal, force=f, moment=m, method=method)
     solver, size = problem_of(surface, method)
     answer = solver(wrench_of(f, m), *size)
     return Solution(
@@ -152,7 +157,12 @@ def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: M
         raise ValueError(f"moment: expected {len(f)} rows, as many as of force, not {len(m)}")
     if isinstance(surface, Placed):
         R, p = surface.rotation, surface.origin
-        local = solve_batch(surface.surface, f @ R, (m - np.cross(p, f)) @ R, method)
+        own_f, own_m = f @ R, (m - np.cross(p, f)) @ R
+        local = solve_batch(surface.surface, own_f, own_m, method)
+        if method == "exact" and len(pure := _pure_forces(f, m)) > 0:
+            axis = solve_batch(surface.surface, own_f[pure], own_m[pure], "wrench_axis")
+            for name in ("status", "centroid", "normal", "torsion", "residual", "condition"):
+                getattr(local, name)[pure] = getattr(axis, name)
         return replace(local, centroid=p + local.centroid @ R.T, normal=local.normal @ R.T, force=f, moment=m)
     solver, size = problem_of(surface, method)
     wrenches = np.concatenate((f, m), axis=1)
@@ -160,3 +170,12 @@ def solve_batch(surface: Surface, force: ArrayLike, moment: ArrayLike, method: M
     out = np.empty((len(wrenches), 9))
     solve_rows(solver, wrenches, size, status, out)
     return Solutions(status, out[:, :3], out[:, 3:6], f, m, out[:, 6], out[:, 7], out[:, 8], method)
+
+
+def _pure_forces(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Rows that `is_pure_force` holds for, shape (K,); arguments of shape (N, 3)."""
+    with np.errstate(all="ignore"):
+        terms = force * moment
+        near = np.abs(terms.sum(axis=1)) <= _CANCELLED * np.abs(terms).sum(axis=1)
+    rows = [i for i in np.flatnonzero(near).tolist() if is_pure_force(wrench_of(force[i], moment[i]))]
+    return np.array(rows, dtype=np.int64)

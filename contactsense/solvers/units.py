@@ -6,7 +6,7 @@ from typing import NamedTuple
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.solution import OK, Answer, input_status
-from contactsense.solvers.wrench import Wrench
+from contactsense.solvers.wrench import Wrench, invariant
 
 SMALL, LARGE = 1e-120, 1e120
 """Squares between these can be squared again without leaving the range of floats."""
@@ -58,6 +58,16 @@ def to_units(wrench: Wrench, units: Units) -> Wrench:
         scale_by_power(wrench.force, -units.force),
         scale_by_power(wrench.moment, -(units.moment + units.length)),
     )
+
+
+@kernel
+def is_pure_force(wrench: Wrench) -> bool:
+    """Whether f.m is exactly zero, whatever the units. In another frame, rounding would make it a torsion,
+    for which a line of action that passes by has a contact (`contactsense.solvers.wrench.invariant`)."""
+    f, m = wrench
+    force = exponent(max(abs(f[0]), abs(f[1]), abs(f[2])))
+    moment = exponent(max(abs(m[0]), abs(m[1]), abs(m[2])))
+    return bool(invariant(Wrench(scale_by_power(f, -force), scale_by_power(m, -moment))) == 0.0)
 
 
 @kernel

@@ -132,7 +132,7 @@ def decompose(
     chosen = dict(zip(names, choose([fits[name] for name in names], options.tolerance, most), strict=True))
     best = {name: fits[name][chosen[name]] for name in names}
     _report(best)
-    command = _command(arm, options, tip, rigid, scale)
+    command = _command(arm, options, most, tip, rigid, scale)
     if as_tool:
         text = _tool_yaml(robot, best["tool"], command, source or Path(arm).name)
     elif as_body:
@@ -203,9 +203,15 @@ def _draw(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", best: "dict[str, F
         draw_fits(robot, meshes, bodies, path, drawn=lambda: progress.advance(task))
 
 
-def _command(arm: str, options: "Options", tip: str | None, rigid: str, scale: float) -> str:
-    """The command that makes the file again."""
+def _command(
+    arm: str, options: "Options", most: int | None, tip: str | None, rigid: str, scale: float
+) -> str:
+    """The command that makes the file again, apart from a folder of meshes."""
     asked = f"--tolerance {options.tolerance * 1e3:g}mm --link-max {options.most} --seed {options.seed}"
+    if most is not None:
+        asked += f" --max {most}"
+    if not options.boxes:
+        asked += " --no-boxes"
     if tip:
         asked += f" --tip {tip}"
     if rigid:

@@ -15,8 +15,8 @@ from rich.table import Table
 from contactsense.calibration import CalibrationError
 from contactsense.calibration.excitation import ExcitationSettings, Proposal, propose_excitation
 from contactsense.robots import RobotError, load
+from contactsense.robots.units import FURTHEST
 from contactsense.scene import Scene, SceneError
-from contactsense.sensors.field_checks import FURTHEST
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.recordings.export import write_columns

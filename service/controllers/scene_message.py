@@ -75,7 +75,5 @@ def _robot(urdf: str, surface: str, tip: Any) -> Robot:
         path.with_suffix(".surface.yaml").write_text(surface, encoding="utf-8")
         try:
             return robots.from_urdf(path, tip)
-        except ImportError as error:
-            raise MessageError("scene.urdf", f"needs the packages of the extra `geometry`: {error}") from None
         except RobotError as error:
             raise MessageError("scene.urdf", str(error).replace(f"{path.parent}/", "")) from None

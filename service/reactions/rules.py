@@ -13,10 +13,10 @@ from pydantic import (
     model_validator,
 )
 
+from contactsense.robots.units import in_metres
 from contactsense.robots.yaml_fields import read_fields
 from contactsense.runtime.reading_limits import LARGEST_FORCE
 from contactsense.scene import Scene, describe
-from contactsense.sensors.field_checks import in_metres
 from contactsense.service.reactions.actions import Action
 
 ANY, TOOL = "any", "tool"

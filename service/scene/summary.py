@@ -10,12 +10,12 @@ from contactsense.localization.surface_samples import sample_surface
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.primitive_extent import beyond, extent
 from contactsense.robots.primitives import Primitive
+from contactsense.robots.units import FURTHEST
 from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_at_rest, largest_reading_in_motion
 from contactsense.runtime.link_prior import area_share, link_probability
 from contactsense.runtime.scene_surfaces import scene_surfaces
 from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
 from contactsense.scene import Scene
-from contactsense.sensors.field_checks import FURTHEST
 from contactsense.sensors.settings import WrenchSensor
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor
+from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor, robots
 from contactsense.benchmarks.accuracy.calibration import judge, summarize
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.accuracy.static_points import read
+from contactsense.robots.decomposition.mesh_sources import skin_meshes
 from contactsense.runtime.constants import build_constants
 from tests.plain_arm import plain_ur5e
 from tests.shared import shared, truth
@@ -84,3 +85,18 @@ def test_skin_without_meshes_is_refused_where_no_package_has_them() -> None:
 def test_a_missing_mesh_is_named(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"meshes: .*base"):
         Localizer(Scene(robot="ur5e", detail="skin", meshes=tmp_path))
+
+
+@pytest.mark.parametrize("other", ["ur3e", "ur10e"])
+def test_the_meshes_of_another_arm_are_refused(other: str) -> None:
+    """Its links have the same names, and contacts were moved onto its skin."""
+    meshes = shared(f"ur_visual/{other}")
+    with pytest.raises(SceneError, match=r"meshes: \w+: expected the mesh .*is it that of another arm\?"):
+        Localizer(Scene(robot="ur5e", detail="skin", meshes=meshes))
+
+
+def test_arms_that_differ_in_two_links_are_told_apart_by_their_meshes() -> None:
+    meshes = shared("ur_visual/ur10e")
+    assert set(skin_meshes(robots.load("ur10e"), meshes)) == set(robots.load("ur10e").link_names)
+    with pytest.raises(robots.RobotError, match="is it that of another arm"):
+        skin_meshes(robots.load("ur16e"), meshes)

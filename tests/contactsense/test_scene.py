@@ -128,6 +128,15 @@ def test_an_arm_with_placeholders_for_its_masses_carries_any_tool() -> None:
     assert Scene(robot=replace(arm, links=light), tool=Tool(mass=1.0)).tool.mass == 1.0
 
 
+def test_an_arm_built_in_python_is_not_loaded_again_as_the_library_arm_of_its_name() -> None:
+    arm = robots.load("ur10e")
+    built = replace(arm, name="ur5e", file=None)
+    fields = Scene(robot=built).model_dump(mode="json")
+    with pytest.raises(SceneError, match=r"robot: unknown robot 'ur5e \(built in Python\)'"):
+        Scene(**fields)
+    assert Scene(**Scene(robot=arm).model_dump(mode="json")).robot == arm
+
+
 def test_a_name_is_no_scene() -> None:
     with pytest.raises(
         TypeError, match=r"expected a Scene, as in Localizer\(Scene\(robot='ur5e'\)\), got 'ur5e'"
@@ -148,6 +157,10 @@ def test_a_name_is_no_scene() -> None:
         ("robot: ur5e\njoint_torque: {noise: [1, 1]}", "joint_torque.noise: expected 6 numbers, got 2"),
         ("robot: ur5e\nbase_wrench: null\njoint_torque: null", "expected at least one of the two sensors"),
         ("robot: ur5e\nwrist_wrench: {}", "expected a tool beyond the wrist sensor"),
+        (
+            "robot: ur5e\ntool: {name: forearm, primitives: [{kind: sphere, center: [0, 0, 0], radius: 1}]}",
+            "tool.name: expected a name that no link has, got 'forearm'",
+        ),
         ("robot: ur5e\nbase_wrench: {force_noise: .nan}", "base_wrench.force_noise: .*got nan"),
         ("- ur5e", r"expected fields such as `robot: ur5e`, got \['ur5e'\]"),
         ("", "expected fields such as `robot: ur5e`, got nothing"),

@@ -1,12 +1,13 @@
 """The robots that come with the package, and what the loader says about files that are wrong."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from contactsense import robots
+from contactsense import Scene, SceneError, robots
 from contactsense.robots import library
 from tests.shared import truth
 
@@ -120,6 +121,11 @@ def test_reads_a_file_of_ones_own(tmp_path: Path) -> None:
         ("  - {name: bar",
          "  - {name: more, mass: 1.0, com: [0, 0, 0], tensor: [1, 0, 0, 1, 0, 1]}\n  - {name: bar",
          r"1 joints need one link more, got 3"),
+        ("com: [0.1, 0, 0]", "com: [100, 0, 0]", r"links\[1\].com: .* in m, .*mm: \[0.1, 0, 0\]"),
+        ("[0, 0, 0.5]", "[0, 0, 500]", r"joints\[0\].xyz: .* in m, .*if these are mm: \[0, 0, 0.5\]"),
+        ("[0, 0, 0.5]", "[0, 0, .nan]", r"joints\[0\].xyz: "),
+        ("rpy: [0, 0, 0],", "rpy: [0, 90, 0],", r"joints\[0\].rpy: .* in rad, .*degrees: \[0, 1.571, 0\]"),
+        ("axis: [0, 2, 0]", "axis: [0, 0, 0]", r"joints\[0\]: axis: expected a direction"),
         ("name: two_bars", "name: [", r"two_bars.yaml: not YAML"),
         ("name: two_bars", "name: two_bars\nname: bars", r"two_bars.yaml: name: expected once, got in line"),
     ],
@@ -132,6 +138,15 @@ def test_wrong_files_are_refused_with_place_and_reason(
     path.write_text(GOOD.replace(old, new, 1))
     with pytest.raises(robots.RobotError, match=message):
         robots.load(path)
+
+
+def test_a_urdf_without_the_packages_that_read_it_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(robots, "urdf", raising=False)
+    monkeypatch.setitem(sys.modules, "contactsense.robots.urdf", None)
+    with pytest.raises(SceneError, match=r"robot: .*arm.urdf: a URDF needs .*contactsense\[geometry\]"):
+        Scene(robot=str(tmp_path / "arm.urdf"))
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
@@ -154,6 +169,11 @@ def test_surface_of_a_link_that_is_not_there(tmp_path: Path) -> None:
         f"robot: two_bars\nlinks: {{bar: {{fine: {sphere.replace('1}', '-1}')}, coarse: {sphere}}}}}"
     )
     with pytest.raises(robots.RobotError, match=r"links.bar.fine.0.*radius"):
+        robots.load(path)
+    surface.write_text(
+        f"robot: two_bars\nlinks: {{bar: {{fine: {sphere}, coarse: {sphere.replace('1}', '40}')}}}}}"
+    )
+    with pytest.raises(robots.RobotError, match=r"links.bar: coarse\[0\]: .* a size of 80 m; are these mm\?"):
         robots.load(path)
 
 

@@ -108,8 +108,11 @@ def test_decompose_a_urdf_and_load_what_it_made(tmp_path: Path) -> None:
 def test_decompose_a_body_for_a_scene(tmp_path: Path) -> None:
     two_meshes()["base"].export(tmp_path / "post.stl")
     out = tmp_path / "post.yaml"
-    result = call("decompose", str(tmp_path / "post.stl"), "--as-body", "--jobs", "1", "--out", str(out))
+    asked = ["--max", "2", "--no-boxes", "--as-body"]
+    result = call("decompose", str(tmp_path / "post.stl"), *asked, "--jobs", "1", "--out", str(out))
     assert result.exit_code == 0, result.output
+    made = next(line for line in out.read_text().splitlines() if line.startswith("# Made by: "))
+    assert made.endswith(f"--seed 0 {' '.join(asked)}"), "the command that makes the file again"
     scene = tmp_path / "scene.yaml"
     scene.write_text("robot: ur5e\n" + out.read_text())
     body = Scene.load(scene).bodies[0]

@@ -48,6 +48,10 @@ def test_the_weight_is_that_of_inverse_dynamics() -> None:
             r"^base_wrench: .*\(external=True\), got the arm's own weight of 213 N",
         ),
         (
+            {"base_wrench": -RAW.base_wrench},
+            r"^base_wrench: .*\(external=True\), got .* weight of 213 N with the opposite sign",
+        ),
+        (
             {"external": False},
             r"^base_wrench: expected a raw reading .*, got \(0.0, 0.0, -20.0\) N; is the sensor",
         ),

@@ -8,10 +8,13 @@ import pytest
 from contactsense.solvers import (
     Box,
     Capsule,
+    Compound,
     Cone,
     Cylinder,
     Ellipsoid,
     Paraboloid,
+    Part,
+    Placed,
     Plane,
     Polytope,
     Revolved,
@@ -60,6 +63,55 @@ def test_a_pure_force_that_passes_by_misses(name: str) -> None:
     force, moment, _ = passing_by(300)
     found = solve_batch(BODIES[name], force, moment)
     assert set(found.status.tolist()) == {Status.MISS}
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [Superquadric(1.0, 0.7, 0.5, 64.0, 64.0), BODIES["box"], BODIES["polytope"]],
+    ids=["nearly a box", "box", "polytope"],
+)
+def test_a_pure_force_along_a_flat_that_passes_by_misses(surface: Surface) -> None:
+    """Where the flat is plane to the last digit, any torsion there balances a force along it."""
+    rng = np.random.default_rng(3)
+    for axis in range(3):
+        force = np.zeros((1000, 3))
+        force[:, axis] = rng.choice((-3.0, 3.0), size=len(force))
+        point = rng.uniform(-4.0, 4.0, force.shape)
+        point = point[np.delete(np.abs(point), axis, axis=1).max(axis=1) > 1.2]
+        moment = np.cross(point, force[: len(point)])
+        found = solve_batch(surface, force[: len(point)], moment)
+        assert set(found.status.tolist()) == {Status.MISS}
+
+
+def turned() -> tuple[np.ndarray, np.ndarray]:
+    """A pose in which no number is exact."""
+    axes, _ = np.linalg.qr(np.random.default_rng(6).normal(size=(3, 3)))
+    return np.array((0.03, -0.02, 0.05)), axes * np.linalg.det(axes)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_pure_force_that_passes_by_a_placed_body_misses(name: str) -> None:
+    """Rounding in the body's frame makes no torsion of it."""
+    body = Placed(BODIES[name], *turned())
+    force, moment, _ = passing_by(300)
+    found = solve_batch(body, force, moment)
+    assert set(found.status.tolist()) == {Status.MISS}
+    one = solve(body, force[0], moment[0])
+    assert (one.status, one.method) == (Status.MISS, "exact")
+    # In any unit: the product of these forces and moments is below the range of floats.
+    small = 2.0**-600
+    assert np.all(solve_batch(body, small * force, small * (moment + 1e-3 * force)).ok)
+
+
+def test_a_pure_force_that_passes_by_placed_parts_misses() -> None:
+    origin, axes = turned()
+    cylinder = Placed(Cylinder(0.5), origin, axes)
+    ends = [Placed(Plane((0.0, 0.0, sign), 0.8), origin, axes) for sign in (1.0, -1.0)]
+    tip = Part(Placed(Sphere(0.5), origin, axes), (Placed(Plane((0.0, 0.0, -1.0), 0.0), origin, axes),))
+    shaft = Part(cylinder, (Placed(Plane((0.0, 0.0, 1.0), 0.0), origin, axes), ends[1]))
+    force, moment, _ = passing_by(300)
+    for body in (Compound.common([cylinder, *ends], 1.0), Compound([tip, shaft], 1.0)):
+        assert set(solve_batch(body, force, moment).status.tolist()) == {Status.MISS}
 
 
 @pytest.mark.parametrize("name", BODIES)

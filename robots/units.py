@@ -1,0 +1,38 @@
+"""Whether places and angles can be in m and rad."""
+
+from math import pi, radians
+
+from contactsense.robots.primitives import Vector
+
+FURTHEST = 5.0
+"""Largest coordinate of a place on an arm in the frame of its link, and largest size of a primitive that can
+be touched [m]."""
+
+
+def within_one_turn(rpy: Vector) -> Vector:
+    """Roll, pitch, yaw [rad] as they are.
+
+    Raises:
+        ValueError: an angle is larger than one turn, as angles in degrees are.
+    """
+    if not all(abs(angle) <= 2.0 * pi for angle in rpy):
+        in_radians = ", ".join(f"{radians(angle):.4g}" for angle in rpy)
+        raise ValueError(
+            "expected roll, pitch, yaw in rad, none above one turn (6.283), got "
+            f"{list(rpy)}; if these are degrees: [{in_radians}]"
+        )
+    return rpy
+
+
+def in_metres(place: Vector, furthest: float = FURTHEST) -> Vector:
+    """A place [m] as it is; by default one on the arm.
+
+    Raises:
+        ValueError: a coordinate is above `furthest` [m], as coordinates in mm are.
+    """
+    if not all(abs(x) <= furthest for x in place):
+        raise ValueError(
+            f"expected x, y, z in m, none above {furthest:g}, got {list(place)}; "
+            f"if these are mm: [{', '.join(f'{1e-3 * x:.4g}' for x in place)}]"
+        )
+    return place
