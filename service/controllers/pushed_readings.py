@@ -29,6 +29,8 @@ controller, but in motion older readings look like a contact."""
 _TEXTS = {
     "stale": "{field}: the controller repeats the same joint positions while qd says that the arm moves: its "
     "state is stale; such samples are not used",
+    "wrong": "{field}: the joint velocities are not those with which the joint positions change; such "
+    "samples are not used: are they frozen, of another sign or unit, or are the times not in seconds?",
     "frozen": "{field}: the controller repeats the same reading while the arm moves; it is left out",
     "zero": "{field}: the reading is exactly zero in all components; it is left out: is the sensor on?",
 }
@@ -57,11 +59,14 @@ class PushedReadings:
         """The sample without readings that cannot be measurements.
 
         Raises:
-            MessageError: Its positions are stale, so that nothing of it can be used.
+            MessageError: Its positions are stale or its velocities wrong, so that nothing of it can be used.
         """
         if self._robot.positions_stale(sample.t, sample.q, sample.qd):
             self._note("q", "stale")
             raise MessageError("q", "expected positions that change where qd says that the arm moves")
+        if self._robot.velocities_contradict(sample.t, sample.q, sample.qd):
+            self._note("qd", "wrong")
+            raise MessageError("qd", "expected the velocities with which q changes [rad/s]")
         q = tuple(sample.q.tolist())
         moves = q != self._q and float(np.abs(sample.qd).max()) > REST_SPEED
         self._q = q

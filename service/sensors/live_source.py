@@ -248,7 +248,7 @@ class LiveSource:
             if torque is None:
                 self._recent.add(time.monotonic(), "torque not finite")
         if self._checked:
-            if self._frozen(record.timestamp, q, qd, raw):
+            if self._frozen(record.timestamp, q, qd, raw) or self._contradicts(record.timestamp, q, qd):
                 self._unusable += 1
                 return None, _NO_READING
             repeated = self._robot_check.torque_repeats(record.timestamp, raw) if raw else 0.0
@@ -277,6 +277,13 @@ class LiveSource:
         elif repeated > REPEAT_LIMIT:
             self._recent.add(time.monotonic(), "all frozen")
         return stale or repeated > 0.0
+
+    def _contradicts(self, t: float, q: np.ndarray, qd: np.ndarray) -> bool:
+        """Whether the velocities are not those of the positions."""
+        wrong = self._robot_check.velocities_contradict(t, q, qd)
+        if wrong:
+            self._recent.add(time.monotonic(), "velocities wrong")
+        return wrong
 
 
 def _finite(array: np.ndarray) -> np.ndarray | None:

@@ -22,6 +22,9 @@ _ALWAYS = {
     "its packets are stale; restart RTDE on the controller",
     "all frozen": "the robot repeats the same positions, velocities and torques in every packet: its packets "
     "are stale, or the arm is switched off (a simulator without noise needs --constant-readings)",
+    "velocities wrong": "the robot's joint velocities are not those with which its joint positions change; "
+    "such samples are left out: are they frozen, of another sign or unit, or does the robot's clock run at "
+    "another speed?",
     "torque not finite": "the robot sends joint torques that are not numbers; they are left out",
     "torque frozen": "the joint torques never change: is the arm switched off? They are left out (a "
     "simulator without noise needs --constant-readings)",

@@ -249,6 +249,7 @@ ROBOT_FAULTS: dict[str, RobotFault] = {
     "stamp is frozen": _frozen(("timestamp",)),
     "all but the stamp is frozen": _frozen(("actual_q", "actual_qd", TORQUE)),
     "torque is frozen": _frozen((TORQUE,)),
+    "velocities are zero": _set("actual_qd", 0.0),
     "pairs are swapped": _swapped,
     "10 % are missing": _missing,
     "doubled": _doubled,
