@@ -128,7 +128,7 @@ class Clips:
     def handle_report(self, report: dict[str, Any]) -> None:
         """Process a report of the pipeline."""
         if report["type"] == "recorder started":
-            self._go_on()
+            self._resume()
         elif report["type"] == "clip" and report["number"] in self.clips:
             clip = self.clips[report["number"]]
             clip.file, clip.samples, clip.error = report["file"], report["samples"], report["error"]
@@ -141,7 +141,7 @@ class Clips:
             else:
                 self.recording.rows = self._rows_before + report["rows"]
 
-    def _go_on(self) -> None:
+    def _resume(self) -> None:
         """A process has started that writes clips and recording; it has forgotten those of the one before.
 
         Commands that came while the first one was loading are yet to be read by it.
