@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from xml.parsers.expat import errors
+from xml.parsers import expat
 
 import yourdfpy
 
@@ -15,8 +15,6 @@ from contactsense.robots.units import FURTHEST, FURTHEST_BODY, in_metres, within
 from contactsense.robots.yaml_schema import RobotError
 
 TURNING = ("revolute", "continuous")
-_UNBOUND_PREFIX = errors.codes[errors.XML_ERROR_UNBOUND_PREFIX]
-"""URDFs of simulators have elements such as drake:acceleration without the namespace of the prefix."""
 _KNOWN = (*TURNING, "fixed", "prismatic")
 
 
@@ -66,14 +64,12 @@ def _without_log() -> Iterator[None]:
 def _check_kind(path: Path) -> None:
     """Refuse xacro and SDF with a hint."""
     try:
-        root = ElementTree.parse(path).getroot()
+        root = _root_element(path)
     except OSError as error:
         raise RobotError(f"{path}: {error.strerror}") from error
-    except ElementTree.ParseError as error:
+    except expat.ExpatError as error:
         # The reader of URDFs recovers what it can: of a file that is cut short, a shorter arm.
-        if error.code != _UNBOUND_PREFIX:
-            raise RobotError(f"{path}: no valid URDF: {error}") from error
-        return
+        raise RobotError(f"{path}: no valid URDF: {error}") from error
     if root.tag == "sdf":
         raise RobotError(f"{path}: expected URDF, got SDF; convert it first, for example with sdf2urdf")
     if _is_xacro(root):
@@ -84,6 +80,16 @@ def _check_kind(path: Path) -> None:
     for body in root:
         if body.tag in ("link", "joint"):
             _check_numbers(path, body)
+
+
+def _root_element(path: Path) -> ElementTree.Element:
+    """The root of the XML, read without namespaces: URDFs of simulators have elements such as
+    drake:acceleration without that of the prefix."""
+    tree, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
+    with path.open("rb") as file:
+        parser.ParseFile(file)
+    return tree.close()
 
 
 def _check_numbers(path: Path, body: ElementTree.Element) -> None:

@@ -244,3 +244,5 @@ def test_a_prefix_without_a_namespace_is_tolerated_without_a_word(
         == robots.from_urdf(write(tmp_path, arm())).link_names
     )
     assert caplog.text == ""
+    with pytest.raises(robots.RobotError, match=r"joint joint2: origin: xyz: expected x, y, z in m"):
+        robots.from_urdf(write(tmp_path, text.replace('xyz="0.02 0.1 0.3"', 'xyz="20 100 300"')))
