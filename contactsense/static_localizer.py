@@ -122,8 +122,8 @@ class StaticLocalizer:
                 forces are free. The smaller, the better a new contact is distinguished from them.
 
         Raises:
-            ValueError: an argument has the wrong shape, is not finite or cannot be (units mistaken, values
-                beyond the joints' or the sensor's limits, `external` mistaken), or the scene has no such
+            ValueError: an argument has the wrong shape, is not finite or is implausible (mistaken units,
+                values beyond the limits of joints or sensor, a mistaken `external`), or the scene has no such
                 sensor.
         """
         links = by_field(wrist_wrench, link_wrenches) if wrist_wrench is not None or link_wrenches else {}
@@ -178,7 +178,7 @@ class StaticLocalizer:
         links: Mapping[str, np.ndarray],
         external: bool,
     ) -> None:
-        """Raise a ValueError if a measurement cannot be; `row` is added to the name of its field."""
+        """Raise a ValueError if a measurement is implausible; `row` is added to the name of its field."""
         base = None if sensors[0] is None else np.asarray(sensors[0])
         torque = None if sensors[1] is None else np.asarray(sensors[1])
         given = {name: np.asarray(value) for name, value in links.items()}

@@ -11,7 +11,7 @@ def joint_pose(joint: Joint, angle: float | np.ndarray) -> np.ndarray:
 
     Args:
         joint: The joint.
-        angle: Its positions, shape (...) [rad].
+        angle: Its positions as angles, shape (...) [rad].
     """
     cross, angles = cross_matrix(joint.axis), np.asarray(angle)[..., None, None]
     pose = np.zeros((*np.shape(angle), 4, 4))
@@ -28,11 +28,11 @@ def link_poses(robot: Robot, q: np.ndarray) -> np.ndarray:
         q: Joint positions, shape (..., n) [rad].
 
     Raises:
-        ValueError: the number of angles differs from the number of joints.
+        ValueError: the number of positions differs from the number of joints.
     """
     q = np.asarray(q)
     if q.shape[-1:] != (len(robot.joints),):
-        raise ValueError(f"{robot.name} has {len(robot.joints)} joints, got {np.size(q)} positions")
+        raise ValueError(f"{robot.name} has {len(robot.joints)} joints, got positions of shape {q.shape}")
     poses = [np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))]
     for j, joint in enumerate(robot.joints):
         poses.append(poses[-1] @ joint_pose(joint, q[..., j]))

@@ -7,6 +7,11 @@ from contactsense.robots.primitives import Vector
 FURTHEST = 5.0
 """Largest coordinate of a place on an arm in the frame of its link, and largest size of a primitive that can
 be touched [m]."""
+FURTHEST_BODY = 50.0
+"""Largest coordinate of the frame of a body of the cell, and of what is fixed in a URDF, such as an arm in a
+hall [m]."""
+_ONE_TURN = 2.0 * pi + 0.01
+"""One turn that was rounded, such as 6.2832, is still one turn [rad]."""
 
 
 def within_one_turn(rpy: Vector) -> Vector:
@@ -15,7 +20,7 @@ def within_one_turn(rpy: Vector) -> Vector:
     Raises:
         ValueError: an angle is larger than one turn, as angles in degrees are.
     """
-    if not all(abs(angle) <= 2.0 * pi for angle in rpy):
+    if not all(abs(angle) <= _ONE_TURN for angle in rpy):
         in_radians = ", ".join(f"{radians(angle):.4g}" for angle in rpy)
         raise ValueError(
             "expected roll, pitch, yaw in rad, none above one turn (6.283), got "

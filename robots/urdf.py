@@ -245,7 +245,9 @@ def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint
         # Zero is a placeholder of exporters.
         given = getattr(limit, name)
         if given is not None and not given >= 0.0:
-            raise RobotError(f"{path}: joint {joint.name}: {name}: expected a number above 0, got {given:g}")
+            raise RobotError(
+                f"{path}: joint {joint.name}: {name}: expected no negative number, got {given:g}"
+            )
     bounds = (float(limit.lower), float(limit.upper)) if joint.type == "revolute" else (-np.inf, np.inf)
     return Joint(
         name=joint.name,

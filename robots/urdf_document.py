@@ -3,24 +3,19 @@
 import contextlib
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from xml.parsers.expat import errors
+from xml.parsers import expat
 
 import yourdfpy
 
-from contactsense.robots.primitives import Vector
-from contactsense.robots.units import in_metres, within_one_turn
+from contactsense.robots.units import FURTHEST, FURTHEST_BODY, in_metres, within_one_turn
 from contactsense.robots.yaml_schema import RobotError
 
 TURNING = ("revolute", "continuous")
-_UNBOUND_PREFIX = errors.codes[errors.XML_ERROR_UNBOUND_PREFIX]
-"""URDFs of simulators have elements such as drake:acceleration without the namespace of the prefix."""
 _KNOWN = (*TURNING, "fixed", "prismatic")
-_TRIPLES: dict[str, Callable[[Vector], Vector]] = {"xyz": in_metres, "rpy": within_one_turn}
-"""Attributes of an origin, and what refuses those that cannot be."""
 
 
 def read_document(path: Path) -> Any:
@@ -69,14 +64,12 @@ def _without_log() -> Iterator[None]:
 def _check_kind(path: Path) -> None:
     """Refuse xacro and SDF with a hint."""
     try:
-        root = ElementTree.parse(path).getroot()
+        root = _root_element(path)
     except OSError as error:
         raise RobotError(f"{path}: {error.strerror}") from error
-    except ElementTree.ParseError as error:
+    except expat.ExpatError as error:
         # The reader of URDFs recovers what it can: of a file that is cut short, a shorter arm.
-        if error.code != _UNBOUND_PREFIX:
-            raise RobotError(f"{path}: no valid URDF: {error}") from error
-        return
+        raise RobotError(f"{path}: no valid URDF: {error}") from error
     if root.tag == "sdf":
         raise RobotError(f"{path}: expected URDF, got SDF; convert it first, for example with sdf2urdf")
     if _is_xacro(root):
@@ -89,23 +82,49 @@ def _check_kind(path: Path) -> None:
             _check_numbers(path, body)
 
 
+def _root_element(path: Path) -> ElementTree.Element:
+    """The root of the XML, read without namespaces: URDFs of simulators have elements such as
+    drake:acceleration without that of the prefix."""
+    tree, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
+    with path.open("rb") as file:
+        parser.ParseFile(file)
+    return tree.close()
+
+
 def _check_numbers(path: Path, body: ElementTree.Element) -> None:
-    """Refuse places and directions of a link or joint that cannot be: in other units than m and rad."""
-    for element in body.iter():
-        for name, possible in _TRIPLES.items():
-            text = element.get(name) if element.tag in ("origin", "axis") else None
-            if text is None:
-                continue
-            where = f"{path}: {body.tag} {body.get('name')}: {element.tag}: {name}"
-            try:
-                x, y, z = map(float, text.split())
-            except ValueError:
-                raise RobotError(f"{where}: expected three numbers, got {text!r}") from None
-            try:
-                if element.tag == "origin":
-                    possible((x, y, z))
-            except ValueError as error:
-                raise RobotError(f"{where}: {error}") from None
+    """Refuse places and directions of a link or joint that are in other units than m and rad.
+
+    Shapes and fixed joints may be far away: an arm in a hall, or a mesh in the coordinates of its assembly.
+    """
+    for parent in body.iter():
+        is_near = parent.tag == "inertial" or (parent.tag == "joint" and parent.get("type") != "fixed")
+        furthest = FURTHEST if is_near else FURTHEST_BODY
+        for element in parent:
+            for name in ("xyz", "rpy"):
+                if element.tag in ("origin", "axis") and name in element.attrib:
+                    _check_triple(path, body, element, name, furthest)
+
+
+def _check_triple(
+    path: Path, body: ElementTree.Element, element: ElementTree.Element, name: str, furthest: float
+) -> None:
+    """Refuse an attribute that is not three numbers, or an origin beyond `furthest` [m] or one turn."""
+    text = element.attrib[name]
+    where = f"{path}: {body.tag} {body.get('name')}: {element.tag}: {name}"
+    try:
+        x, y, z = map(float, text.split())
+    except ValueError:
+        raise RobotError(f"{where}: expected three numbers, got {text!r}") from None
+    if element.tag == "axis":
+        return
+    try:
+        if name == "xyz":
+            in_metres((x, y, z), furthest)
+        else:
+            within_one_turn((x, y, z))
+    except ValueError as error:
+        raise RobotError(f"{where}: {error}") from None
 
 
 def _is_xacro(root: ElementTree.Element) -> bool:

@@ -89,7 +89,7 @@ class JointEntry(_Entry):
         low, high = self.position_limits
         if not low < high:
             raise ValueError(f"position_limits: expected the lower first, got {low}, {high}")
-        if not hypot(*self.axis) > 0.0:
+        if not 0.0 < hypot(*self.axis) < inf:
             raise ValueError(f"axis: expected a direction, got {list(self.axis)}")
         return self
 

@@ -7,10 +7,8 @@ from pydantic import BaseModel
 from contactsense.robots.primitive_extent import beyond
 from contactsense.robots.primitives import Primitive
 from contactsense.robots.surroundings import Body
-from contactsense.robots.units import FURTHEST, in_metres, within_one_turn
+from contactsense.robots.units import FURTHEST, FURTHEST_BODY, in_metres, within_one_turn
 
-FURTHEST_BODY = 50.0
-"""Largest coordinate of the frame of a body of the cell [m]."""
 LIGHTEST_ARM = 1.0
 """Mass [kg]: the links of a lighter arm have placeholders for their masses."""
 LATEST = 0.5

@@ -1,5 +1,5 @@
-"""Equations of the posterior of one contact on one primitive: energy, gradient and
-Gauss-Newton matrix, in numbers instead of arrays.
+"""Equations of the posterior of one contact on one primitive: energy, gradient and Gauss-Newton matrix, in
+numbers instead of arrays.
 
 The unknowns are the force f (3), the torsion xi and the contact centroid c on the surface (2). With the
 fused wrench w_k of the link hypothesis, its information matrix L, and the residual d = (f, c x f + xi n)

@@ -23,8 +23,8 @@ _FAR = 0.01
 """Nine in ten places of a link's surface are nearer to its mesh than this and twice their own deviation [m].
 They are means over cells of 40 mm, so up to 5 mm below a curved surface."""
 
-_SAMPLES = 20000
-"""Samples on a mesh that are compared with them: some 4 mm apart."""
+_SPACING = 0.004
+"""The samples on a mesh that are compared with them are about so far apart [m]."""
 
 
 def read_arm(
@@ -132,7 +132,8 @@ def skin_meshes(robot: Robot, folder: Path | None = None) -> dict[str, trimesh.T
     for link in robot.links:
         if link.name not in meshes or not link.deviation:
             continue
-        points, _ = trimesh.sample.sample_surface(meshes[link.name], _SAMPLES, seed=0)
+        mesh = meshes[link.name]
+        points, _ = trimesh.sample.sample_surface(mesh, 1 + int(mesh.area / _SPACING**2), seed=0)
         distance, _ = cKDTree(points).query(np.array([place.point for place in link.deviation]))
         off = float(np.quantile(distance, 0.9))
         stated = float(np.quantile([place.offset for place in link.deviation], 0.9))

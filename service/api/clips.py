@@ -85,7 +85,8 @@ class Clips:
         self.settings = settings
         self._send = send
         self._numbers = itertools.count(1)
-        self._rows_before = 0  # written by processes that have ended
+        self._started = False  # whether any process has written clips and recording
+        self._rows_before = 0  # in files that are complete or broken off
         self.clips: dict[int, ClipOut] = {}
         self.recording = RecordingOut(folder=str(settings.folder), on=False)
 
@@ -127,7 +128,7 @@ class Clips:
     def handle_report(self, report: dict[str, Any]) -> None:
         """Process a report of the pipeline."""
         if report["type"] == "recorder started":
-            self._go_on()
+            self._resume()
         elif report["type"] == "clip" and report["number"] in self.clips:
             clip = self.clips[report["number"]]
             clip.file, clip.samples, clip.error = report["file"], report["samples"], report["error"]
@@ -135,17 +136,25 @@ class Clips:
                 log.error("clip %d (%s) was not written: %s", clip.number, clip.reason, clip.error)
         elif report["type"] == "recording":
             self.recording.on, self.recording.error = report["on"], report["error"]
-            self.recording.rows = max(self._rows_before + report["rows"], self.recording.rows)
+            if report["error"]:  # what was written before stays; a later file is counted from 0
+                self._rows_before = self.recording.rows
+            else:
+                self.recording.rows = self._rows_before + report["rows"]
 
-    def _go_on(self) -> None:
-        """The process that wrote clips and recording has been replaced: the new one has forgotten them."""
+    def _resume(self) -> None:
+        """A process has started that writes clips and recording; it has forgotten those of the one before.
+
+        Commands that came while the first one was loading are yet to be read by it.
+        """
         for clip in self.clips.values():
-            if clip.file is None and not clip.error:
+            if self._started and clip.file is None and not clip.error:
                 clip.error = "the pipeline was started again before the clip was complete"
         self._rows_before = self.recording.rows
         if self.recording.on:
-            log.warning("the recording goes on in a new file: the pipeline was started again")
+            if self._started:
+                log.warning("the recording goes on in a new file: the pipeline was started again")
             self._send({"type": "record", "on": True})
+        self._started = True
 
 
 def _service(connection: HTTPConnection) -> Any:

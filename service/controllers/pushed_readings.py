@@ -14,24 +14,26 @@ from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields, by_field
 from contactsense.service.controllers.sample_message import MessageError
 from contactsense.service.sensors.plausibility import (
-    REPEAT_LIMIT,
     REST_SPEED,
     RecentCounts,
     RepeatCheck,
     RobotCheck,
     SensorEvent,
 )
+from contactsense.service.sensors.recent_trouble import WITHOUT_WRENCH
 from contactsense.types import Sample
 
-HELD = 0.01
+HELD = 0.0105
 """A reading of an arm that moves may be repeated for this time [s]: sensors may be slower than the
-controller, but in motion older readings look like a contact."""
+controller, but in motion older readings look like a contact. It is 10 ms, and what rounding makes of them."""
+_SAMPLES = "samples"
 _TEXTS = {
     "stale": "{field}: the controller repeats the same joint positions while qd says that the arm moves: its "
     "state is stale; such samples are not used",
     "wrong": "{field}: the joint velocities are not those with which the joint positions change; such "
     "samples are not used: are they frozen, of another sign or unit, or are the times not in seconds?",
-    "frozen": "{field}: the controller repeats the same reading while the arm moves; it is left out",
+    "frozen": "{field}: the controller repeats the same reading while the arm moves; it is left out: is the "
+    "sensor stuck, or slower than 100 Hz?",
     "zero": "{field}: the reading is exactly zero in all components; it is left out: is the sensor on?",
 }
 
@@ -61,6 +63,7 @@ class PushedReadings:
         Raises:
             MessageError: Its positions are stale or its velocities wrong, so that nothing of it can be used.
         """
+        self._recent.add(time.monotonic(), _SAMPLES)
         if self._robot.positions_stale(sample.t, sample.q, sample.qd):
             self._note("q", "stale")
             raise MessageError("q", "expected positions that change where qd says that the arm moves")
@@ -83,10 +86,11 @@ class PushedReadings:
     def trouble(self) -> tuple[str, ...]:
         """What was wrong within the last second, one readable line each."""
         counts = self._recent.totals(time.monotonic())
+        few = WITHOUT_WRENCH * counts[_SAMPLES]  # readings of a sensor that is now and then late
         return tuple(
             _TEXTS[event.what].format(field=event.field)
             for event, count in counts.items()
-            if isinstance(event, SensorEvent) and count > 2
+            if isinstance(event, SensorEvent) and count > max(2, few if event.what == "frozen" else 0.0)
         )
 
     def _measured(self, field: str, values: np.ndarray | None, t: float, moves: bool) -> np.ndarray | None:
@@ -99,8 +103,7 @@ class PushedReadings:
             return None
         if not moves or repeated <= HELD or not values.any():
             return values
-        if repeated > REPEAT_LIMIT:
-            self._note(field, "frozen")
+        self._note(field, "frozen")
         return None
 
     def _note(self, field: str, what: str) -> None:

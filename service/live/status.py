@@ -70,7 +70,7 @@ def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
         )
     estimate = (f"the latest estimate is degraded: {facts.estimate}",) if facts.estimate else ()
     if facts.trouble or facts.others:
-        # Most degraded estimates follow from the trouble; a value that cannot be has a cause of its own.
+        # Most degraded estimates follow from the trouble; an implausible value has a cause of its own.
         own = estimate if ": expected " in facts.estimate else ()
         doubt = (facts.doubt,) if facts.doubt and not own else ()
         return "degraded", (*facts.trouble, *facts.others, *own, *doubt)

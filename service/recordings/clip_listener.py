@@ -113,7 +113,8 @@ class ClipListener:
 
     def take_reports(self) -> list[dict[str, Any]]:
         """Reports since the last call."""
-        taken, self._reports = self._reports, []
+        taken = self._reports[:]
+        del self._reports[: len(taken)]  # the writer may add one at any moment
         return taken
 
     def close(self) -> None:

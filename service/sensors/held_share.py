@@ -4,7 +4,7 @@ from collections import deque
 from math import inf
 
 HOLD = 0.5
-"""A share must have been clearly below its limit for this time before it is told no more [s]: little, so
+"""A share must have been clearly below its limit for this time before it is no longer told [s]: short, so
 that a fault that is over does not look like one that lasts."""
 LONGEST = 4.0
 """Longest hold of a share that keeps returning, as on a busy computer [s]."""
@@ -15,9 +15,9 @@ CLEARLY = 0.5
 
 
 class HeldShare:
-    """Tells a share from the moment it exceeds its limit until it has been clearly below it for a while.
+    """Tells a share from the moment it exceeds its limit until it has been clearly below it for some time.
 
-    The while doubles each time the share returns, as retries are damped by exponential backoff.
+    That time doubles whenever the share returns soon, as pauses do in exponential backoff.
 
     Args:
         limit: A larger share is told.

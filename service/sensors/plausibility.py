@@ -128,8 +128,12 @@ class RobotCheck:
         change = q - before[1]
         # A joint that turns on and on is counted from -pi again.
         change -= 2.0 * np.pi * np.round(change / (2.0 * np.pi))
+        difference = change - 0.5 * step * (qd + before[2])
+        # Between two samples the velocity may have been anything between theirs: a hard stop while packets
+        # are lost is no contradiction.
+        unknown = 0.5 * step * np.abs(qd - before[2])
         self._drift *= math.exp(-step / DRIFT_TIME)
-        self._drift += change - 0.5 * step * (qd + before[2])
+        self._drift += np.sign(difference) * np.maximum(np.abs(difference) - unknown, 0.0)
         # So that it is soon forgotten, however large it was.
         np.clip(self._drift, -LARGEST_DRIFT, LARGEST_DRIFT, out=self._drift)
         if (np.abs(self._drift) > DRIFT_LIMIT).any():

@@ -126,6 +126,7 @@ def test_reads_a_file_of_ones_own(tmp_path: Path) -> None:
         ("[0, 0, 0.5]", "[0, 0, .nan]", r"joints\[0\].xyz: "),
         ("rpy: [0, 0, 0],", "rpy: [0, 90, 0],", r"joints\[0\].rpy: .* in rad, .*degrees: \[0, 1.571, 0\]"),
         ("axis: [0, 2, 0]", "axis: [0, 0, 0]", r"joints\[0\]: axis: expected a direction"),
+        ("axis: [0, 2, 0]", "axis: [0, .inf, 0]", r"joints\[0\]: axis: expected a direction"),
         ("name: two_bars", "name: [", r"two_bars.yaml: not YAML"),
         ("name: two_bars", "name: two_bars\nname: bars", r"two_bars.yaml: name: expected once, got in line"),
     ],

@@ -137,7 +137,7 @@ def test_meshes_are_scaled_placed_and_joined(tmp_path: Path) -> None:
          r"joint joint1: limits: expected lower <= upper, got 2\.5 and -2 rad"),
         ({'lower="-2" upper="2.5"': 'lower="nan" upper="2.5"'},
          r"joint joint1: limits: expected lower <= upper, got nan and 2\.5 rad"),
-        ({'effort="40"': 'effort="-40"'}, r"joint joint1: effort: expected a number above 0, got -40"),
+        ({'effort="40"': 'effort="-40"'}, r"joint joint1: effort: expected no negative number, got -40"),
         ({'axis xyz="0.6 0 0.8"': 'axis xyz="0.6 0.8"'},
          r"joint joint3: axis: xyz: expected three numbers, got '0\.6 0\.8'"),
         ({'xyz="0.02 0.1 0.3"': 'xyz="20 100 300"'},
@@ -160,6 +160,19 @@ def test_unusable_urdfs_are_refused_with_the_element(
 ) -> None:
     with pytest.raises(robots.RobotError, match=message):
         robots.from_urdf(write(tmp_path, arm(**changes)))
+
+
+def test_an_arm_far_from_the_root_and_angles_of_one_turn_are_no_mistake_of_units(tmp_path: Path) -> None:
+    text = arm(**{'rpy="0.4 -0.3 0.1"': 'rpy="6.2832 -6.28319 0"'}).replace("<robot name=\"seven\">", (
+        '<robot name="seven"><link name="world"><visual><origin xyz="6 0 -6"/><geometry>'
+        '<box size="1 1 1"/></geometry></visual></link><joint name="base" type="fixed">'
+        '<parent link="world"/><child link="link0"/><origin xyz="0 12 0"/></joint>'
+    ))  # fmt: skip
+    robot = robots.from_urdf(write(tmp_path, text))
+    assert robot.joints[0].translation[1] == pytest.approx(12.0)
+    far = text.replace('xyz="0 12 0"', 'xyz="0 1200 0"')
+    with pytest.raises(robots.RobotError, match=r"joint base: origin: xyz: .* none above 50, got"):
+        robots.from_urdf(write(tmp_path, far))
 
 
 def test_unusable_files_and_tips_are_refused(tmp_path: Path) -> None:
@@ -231,3 +244,5 @@ def test_a_prefix_without_a_namespace_is_tolerated_without_a_word(
         == robots.from_urdf(write(tmp_path, arm())).link_names
     )
     assert caplog.text == ""
+    with pytest.raises(robots.RobotError, match=r"joint joint2: origin: xyz: expected x, y, z in m"):
+        robots.from_urdf(write(tmp_path, text.replace('xyz="0.02 0.1 0.3"', 'xyz="20 100 300"')))

@@ -1,4 +1,4 @@
-"""Measurements that cannot be are refused with the field, what was expected and what came."""
+"""Implausible measurements are refused with the field, what was expected and what was received."""
 
 import numpy as np
 import pytest

@@ -64,6 +64,25 @@ def test_a_sensor_slower_than_the_controller_is_believed() -> None:
     assert readings.trouble == ()
 
 
+def test_a_sensor_that_is_too_slow_is_told() -> None:
+    """At 50 Hz, four in ten samples lack it: its estimates need a reason."""
+    readings = PushedReadings(SCENE)
+    for i in range(100):
+        readings.checked(replace(moving(i), base_wrench=moving(i // 10 * 10).base_wrench))
+    (text,) = readings.trouble
+    assert "slower than 100 Hz?" in text
+
+
+def test_a_sensor_that_is_late_now_and_then_is_no_trouble() -> None:
+    readings, lacking = PushedReadings(SCENE), 0
+    for i in range(400):
+        newest = i // 100 * 100 if i % 100 < 7 else i  # 14 ms late four times
+        checked = readings.checked(replace(moving(i), base_wrench=moving(newest).base_wrench))
+        lacking += checked.base_wrench is None
+    assert lacking == 4
+    assert readings.trouble == ()
+
+
 def test_samples_with_stale_positions_are_refused() -> None:
     readings, first = PushedReadings(SCENE), moving(0)
     readings.checked(first)

@@ -132,6 +132,30 @@ def test_a_recording_goes_on_in_a_new_process_and_a_lost_clip_is_told(tmp_path: 
     assert (clips.recording.rows, clips.recording.error) == (0, "")
 
 
+def test_rows_are_those_since_the_recording_began(tmp_path: Path) -> None:
+    clips = Clips(RecordingSettings(folder=tmp_path), lambda _: True)
+
+    def rows(on: bool, rows: int, error: str = "") -> int:
+        clips.handle_report({"type": "recording", "on": on, "rows": rows, "error": error})
+        return clips.recording.rows
+
+    clips.record(True)
+    assert rows(True, 5000) == 5000
+    assert rows(False, 0, "the disk is full") == rows(False, 0, "the disk is full") == 5000
+    assert rows(True, 250) == 5250  # there is room again: a new file
+    clips.record(False)
+    clips.record(True)  # before the end of the one before is reported
+    assert rows(False, 500) == 500
+    assert (rows(True, 250), clips.recording.on) == (250, True)
+
+
+def test_a_clip_that_is_requested_while_the_pipeline_loads_is_not_lost(tmp_path: Path) -> None:
+    clips = Clips(RecordingSettings(folder=tmp_path), lambda _: True)
+    clips.request(None, None, "door")
+    clips.handle_report({"type": "recorder started"})
+    assert clips.clips[1].error == ""
+
+
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
     folder = tmp_path_factory.mktemp("recordings")

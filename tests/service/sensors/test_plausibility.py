@@ -92,6 +92,14 @@ def test_velocities_of_the_same_motion_are_believed(step: float) -> None:
             )
 
 
+def test_a_hard_stop_while_packets_are_lost_is_believed() -> None:
+    check, speed = RobotCheck(LIMITS), np.full(6, 2.0)
+    for t in np.arange(0.0, 0.5, 0.002):
+        assert not check.velocities_contradict(t, t * speed, speed)
+    for t in np.arange(0.59, 1.0, 0.002):
+        assert not check.velocities_contradict(t, 0.5 * speed, np.zeros(6))
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
