@@ -15,6 +15,7 @@ from contactsense.service.sensors.plausibility import (
     SensorEvent,
 )
 from contactsense.service.sensors.recent_trouble import RecentTrouble
+from tests.shared import shared
 
 TIMES = np.arange(0.0, 0.2, 0.002)
 LIMITS = np.full(6, np.pi)
@@ -90,6 +91,18 @@ def test_velocities_of_the_same_motion_are_believed(step: float) -> None:
             assert not check.velocities_contradict(
                 t, turned, noisy + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
             )
+
+
+def test_no_velocity_of_a_real_arm_contradicts_its_positions() -> None:
+    count = 0
+    for path in sorted(shared("ur10e_recordings").glob("*.csv.gz")):
+        check = RobotCheck(LIMITS)
+        for t, *numbers in np.loadtxt(path, delimiter=",", usecols=range(13)):
+            q, qd = np.split(np.array(numbers), 2)
+            if not check.velocities_impossible(qd):
+                count += 1
+                assert not check.velocities_contradict(t, q, qd)
+    assert count > 50_000
 
 
 def test_a_hard_stop_while_packets_are_lost_is_believed() -> None:
