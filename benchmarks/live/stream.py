@@ -91,8 +91,9 @@ class StreamResult:
 def waves(seconds: float = 10.0) -> _Waves:
     """A motion of six joints for the mock."""
     t = np.arange(round(seconds * RATE)) / RATE
-    phase = 2.0 * np.pi * np.outer(t, np.arange(1, 7)) / seconds
-    return _Waves(RATE, t, np.sin(phase), np.cos(phase), 10.0 * np.sin(phase), 20.0 * np.cos(phase))
+    rates = 2.0 * np.pi / seconds * np.arange(1, 7)
+    sin, cos = np.sin(np.outer(t, rates)), np.cos(np.outer(t, rates))
+    return _Waves(RATE, t, sin, rates * cos, 10.0 * sin, 20.0 * cos)
 
 
 def free_address(port: int = DEFAULT_PORT) -> str:

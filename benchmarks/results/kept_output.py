@@ -41,7 +41,11 @@ def printed_by(command: str, version: str, folder: Path = PRINTED) -> str:
         return kept.read_text(encoding="utf-8")
     print(command, end=": ", flush=True)
     begin = time.monotonic()
-    done = subprocess.run(shlex.split(command), cwd=ROOT, capture_output=True, text=True, check=True)
+    try:
+        done = subprocess.run(shlex.split(command), cwd=ROOT, capture_output=True, text=True, check=True)
+    except subprocess.CalledProcessError as error:
+        print(f"failed\n{error.stderr}", flush=True)
+        raise
     print(f"{time.monotonic() - begin:.0f} s", flush=True)
     if version:
         folder.mkdir(parents=True, exist_ok=True)
