@@ -21,8 +21,8 @@ REST_SPEED = 1e-3
 """No joint of an arm at rest is faster than this; its positions may repeat [rad/s]."""
 DRIFT_LIMIT = 0.03
 """Velocities contradict the positions if their integral differs by more than this [rad]. In the recordings
-named above the difference is at most 0.0022 rad; a velocity that is 30 ms late makes this after a jump of
-1 rad/s."""
+named above the difference is at most 0.0022 rad; velocities that are 30 ms late differ by this much when they
+change by 1 rad/s."""
 DRIFT_TIME = 0.25
 """Time constant with which that difference is forgotten [s]."""
 DRIFT_HOLD = 0.3
@@ -58,7 +58,7 @@ class RepeatCheck:
 
 
 class RobotCheck:
-    """Detects a robot that repeats old values with new time stamps.
+    """Detects positions and velocities that cannot be used, such as old values with new time stamps.
 
     Each value counts once: repeated noise does not average out, and the observers take it for a contact.
 

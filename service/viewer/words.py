@@ -46,7 +46,7 @@ def _table(estimate: Estimate) -> list[str]:
         f"| {c.link} | {np.linalg.norm(c.force_base):.1f} N | {_within(c)} | {in_percent(c.probability)} |"
         for c in estimate.contacts
     ]
-    if estimate.other >= 0.001:
+    if estimate.other >= 0.005:  # less would read 0 %
         rows.append(f"| none of these | | | {in_percent(estimate.other)} |")
     return rows
 

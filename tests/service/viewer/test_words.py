@@ -45,6 +45,11 @@ def test_all_explanations_and_none_of_them_add_up() -> None:
     assert shares == [60.0, 30.0, 10.0]
 
 
+def test_nothing_is_listed_with_zero_percent() -> None:
+    nearly = [contact(SCENE, POSTURE, link, POINT, probability=p) for link, p in ((3, 0.6), (2, 0.397))]
+    assert "none of these" not in in_words(estimate(SCENE, *nearly, status="ambiguous"))
+
+
 def test_lines_of_the_scene_make_the_scene_that_is_drawn() -> None:
     rpy, translation = np.array([0.0, 0.1, 1.0]), np.array([0.0, 0.01, -0.02])
     text = scene_lines(np.array([np.pi / 2, 0.0, 0.25]), rpy, translation, sensor=True)
